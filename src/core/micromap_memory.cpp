@@ -85,7 +85,7 @@ Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
     Triangle t;
     t.owner = i;
     if (i >= input.readable) {
-        t.problem = kComplaintUnreadable;
+        t.problem = kFindingUnreadable;
         return t;
     }
     MicromapTriangle source;
@@ -95,13 +95,13 @@ Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
     t.level = source.subdivisionLevel;
     t.bits = format;
     if (format != 1 && format != 2)
-        t.problem = kComplaintFormat;
+        t.problem = kFindingFormat;
     else if (t.level > kMaxSubdivisionLevel)
-        t.problem = kComplaintLevel;
+        t.problem = kFindingLevel;
     else if (t.level > input.maxLevel)
-        t.problem = kComplaintUndeclared;
+        t.problem = kFindingUndeclared;
     else if (uint64_t{t.dataOffset} + t.bytes() > std::min<uint64_t>(input.dataBytes, kUnknown))
-        t.problem = kComplaintData;
+        t.problem = kFindingData;
     if (t.problem == 0)
         t.mask = maskOf(t, input.data + t.dataOffset);
     return t;
@@ -157,7 +157,7 @@ void writeRecord(uint8_t *memory, uint64_t i, Record record)
 
 } // namespace
 
-void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const MicromapComplaint &complain)
+void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const MicromapFinding &reportFinding)
 {
     const uint32_t count = input.triangleCount;
     uint8_t *units = out + micromapMemoryBytes(count, 0);
@@ -185,12 +185,12 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const Mi
         // Without sharing a folded triangle's units stay, since their places are fixed before the data is looked at.
         const uint64_t own = t.owner != i || (input.share && fold) ? 0 : t.units();
         if (own > 0 && !stays && own > input.capacityUnits - std::min<uint64_t>(next, input.capacityUnits))
-            t.problem = kComplaintNoRoom;
+            t.problem = kFindingNoCapacity;
         if (t.problem != 0) {
-            if (complain)
-                complain(t.problem, i, t.dataOffset, t.level | t.bits << 16);
+            if (reportFinding)
+                reportFinding(t.problem, i, t.dataOffset, t.level | t.bits << 16);
             writeRecord(out, i, {kKindInline | ~kKindMask, kUnknown});
-            if (t.problem == kComplaintNoRoom)
+            if (t.problem == kFindingNoCapacity)
                 next += own;
             continue;
         }

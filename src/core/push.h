@@ -22,7 +22,7 @@ struct MicromapPush {
     VELLUM_ADDRESS triangleArray; // VkMicromapTriangleEXT, each triangleArrayStride bytes
     VELLUM_ADDRESS data;
     VELLUM_ADDRESS scratch;
-    VELLUM_ADDRESS log;    // where wrong input is told of (complaints.glsl); 0: nowhere
+    VELLUM_ADDRESS log;    // where wrong input is told of (validation_log.glsl); 0: nowhere
     VELLUM_ADDRESS object; // VkMicromapEXT handle, for the log
     uint triangleArrayStride;
     uint triangleCount; // records in the destination
@@ -52,7 +52,7 @@ struct MicromapMovePush {
     uint invocations;
 };
 
-// queries/query_value.comp
+// query_pool/query_value.comp
 struct QueryValuePush {
     VELLUM_ADDRESS target; // 64-bit value
     VELLUM_ADDRESS micromap;
@@ -63,14 +63,14 @@ struct QueryValuePush {
 
 // structures/blas_records.comp
 struct BlasRecordsPush {
-    VELLUM_ADDRESS tail;     // where the records go: geometry records, names, triangle records
-    VELLUM_ADDRESS micromap; // 0: special indices only
-    VELLUM_ADDRESS indices;  // 0: the index is the triangle's number
-    VELLUM_ADDRESS cell;     // to be written; 0: not with this dispatch
-    VELLUM_ADDRESS log;      // 0: nothing is validated
-    VELLUM_ADDRESS range;    // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
-    VELLUM_ADDRESS object;   // the micromap's handle
-    VELLUM_ADDRESS source;   // of an update, the cell of what is updated; 0: it is none
+    VELLUM_ADDRESS tail;       // where the records go: geometry records, names, triangle records
+    VELLUM_ADDRESS micromap;   // 0: special indices only
+    VELLUM_ADDRESS indices;    // 0: the index is the triangle's number
+    VELLUM_ADDRESS descriptor; // to be written; 0: not with this dispatch
+    VELLUM_ADDRESS log;        // 0: nothing is validated
+    VELLUM_ADDRESS range;  // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
+    VELLUM_ADDRESS object; // the micromap's handle
+    VELLUM_ADDRESS source; // of an update, the descriptor of what is updated; 0: it is none
     VELLUM_ADDRESS sourceBegin;
     VELLUM_ADDRESS begin; // of the structure
     uint triangleCount;
@@ -94,11 +94,11 @@ VELLUM_CONST uint kFromPointers = 1u;
 VELLUM_CONST uint kFromStructure = 2u;  // a copy: the instances are those of another structure
 VELLUM_CONST uint kFromSerialized = 3u; // with the references in an array of their own
 struct TlasInstancesPush {
-    VELLUM_ADDRESS source; // instances, pointers to them, or a cell that leads to them
+    VELLUM_ADDRESS source; // instances, pointers to them, or a descriptor that leads to them
     VELLUM_ADDRESS target; // instances for the driver
     VELLUM_ADDRESS root;
-    VELLUM_ADDRESS tail;  // where the instances are kept for copies of the structure
-    VELLUM_ADDRESS cell;  // of the structure that is built
+    VELLUM_ADDRESS tail;       // where the instances are kept for copies of the structure
+    VELLUM_ADDRESS descriptor; // of the structure that is built
     VELLUM_ADDRESS range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
     uint count;           // the driver builds so many
     uint firstSlot;
@@ -108,8 +108,8 @@ struct TlasInstancesPush {
 
 // structures/structure_copy.comp
 struct StructureCopyPush {
-    VELLUM_ADDRESS sourceCell;
-    VELLUM_ADDRESS targetCell;
+    VELLUM_ADDRESS sourceDescriptor;
+    VELLUM_ADDRESS targetDescriptor;
     VELLUM_ADDRESS sourceBegin;
     VELLUM_ADDRESS targetBegin;
     VELLUM_ADDRESS root;
@@ -121,7 +121,7 @@ struct StructureCopyPush {
 
 // structures/structure_save.comp
 struct StructureSavePush {
-    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS descriptor;
     VELLUM_ADDRESS begin;   // of the structure
     VELLUM_ADDRESS staging; // plan (kPlanUnits), then what the driver has serialized
     VELLUM_ADDRESS blob;    // destination
@@ -148,21 +148,21 @@ VELLUM_CONST uint kPassGiveBackLast = 7u; // after the driver's deserialization
 struct StructureRestorePush {
     VELLUM_ADDRESS blob;
     VELLUM_ADDRESS staging; // plan (kPlanUnits), then the driver's data
-    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS descriptor;
     VELLUM_ADDRESS begin; // of the structure
     VELLUM_ADDRESS root;
-    VELLUM_ADDRESS blank; // serialized by the driver; its first 32 bytes are the driver's UUIDs
-    VELLUM_ADDRESS kept;  // what is overwritten
-    uint blankUnits;
-    uint capacity;        // units in the source's buffer
-    uint stagingUnits;    // of the driver's data
-    uint targetUnits;     // of the structure
-    uint kind;            // kCellBottom or kCellTop: what is expected; kCellUnbuilt: what the data holds
-    uint keptUnits;       // room for what is overwritten
-    uint blankBuiltUnits; // of a structure that a blank one was deserialized to
-    uint topWay;          // 1: a top-level structure is built before the driver deserializes
-    uint pass;            // kPass*
-    uint serial;          // of this command
+    VELLUM_ADDRESS fallback; // serialized by the driver; its first 32 bytes are the driver's UUIDs
+    VELLUM_ADDRESS kept;     // what is overwritten
+    uint fallbackUnits;
+    uint capacity;     // units in the source's buffer
+    uint stagingUnits; // of the driver's data
+    uint targetUnits;  // of the structure
+    uint kind;         // kDescriptorBottom or kDescriptorTop: what is expected; kDescriptorUnbuilt: what the data holds
+    uint keptUnits;    // room for what is overwritten
+    uint fallbackBuiltUnits; // of a structure that a blank one was deserialized to
+    uint topPath;            // 1: a top-level structure is built before the driver deserializes
+    uint pass;               // kPass*
+    uint serial;             // of this command
 };
 
 // structures/structure_size.comp
@@ -171,7 +171,7 @@ VELLUM_CONST uint kPropertySerializationSize = 1u;
 VELLUM_CONST uint kPropertySize = 2u;
 VELLUM_CONST uint kPropertyPointers = 3u;
 struct StructureSizePush {
-    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS descriptor;
     VELLUM_ADDRESS begin;
     VELLUM_ADDRESS value;
     uint structureUnits;
@@ -181,11 +181,11 @@ struct StructureSizePush {
 
 // structures/top_save.comp
 struct TopSavePush {
-    VELLUM_ADDRESS cell;
+    VELLUM_ADDRESS descriptor;
     VELLUM_ADDRESS begin;
     VELLUM_ADDRESS blob;
     VELLUM_ADDRESS root;
-    VELLUM_ADDRESS blank; // serialized by the driver: its first 32 bytes are the driver's UUIDs
+    VELLUM_ADDRESS fallback; // serialized by the driver: its first 32 bytes are the driver's UUIDs
     uint structureUnits;
     uint leastUnits; // of any top-level structure
     uint capacity;   // units in the destination's buffer
@@ -207,7 +207,7 @@ struct HitRecordsPush {
     uint oneForAll;              // 1: a table of one record may have it for all indices; for the table of a command
 };
 
-// translation/micromap_triangles.comp
+// khr_over_ext/micromap_triangles.comp
 struct MicromapTrianglesPush {
     VELLUM_ADDRESS source; // VkMicromapTriangleKHR, each `stride` bytes
     VELLUM_ADDRESS target;
@@ -217,21 +217,21 @@ struct MicromapTrianglesPush {
     uint shift;    // bytes that the data begins later than the driver is told
 };
 
-// translation/marked_size.comp
+// khr_over_ext/marked_size.comp
 struct MarkedSizePush {
     VELLUM_ADDRESS value; // a 64-bit number
     uint trailer;         // bytes to add to it, instead of rounding it up; 0: none
     uint unused;
 };
 
-// translation/serialized_header.comp
+// khr_over_ext/serialized_header.comp
 struct SerializedHeaderPush {
     VELLUM_ADDRESS data;
     uint readable; // bytes from there to the end of the buffer, or of what 32 bits can count
     uint mode;     // kSerialized*
 };
 
-// translation/wide_indices.comp
+// khr_over_ext/wide_indices.comp
 struct WideIndicesPush {
     VELLUM_ADDRESS source; // bytes, each `stride` bytes from the next
     VELLUM_ADDRESS target;

@@ -130,7 +130,7 @@ VELLUM_CONST uint kMicromapNameWords = 4u;
 //         stands between this one and the triangle's; 0 where it has none. Of several geometries: kManyGeometries, and
 //         a mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
 // word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. Of instances of boxes:
-//         word 2: which geometries are opaque, see word 7 of the cell
+//         word 2: which geometries are opaque, see word 7 of the descriptor
 // What an update of the BLAS may change, such as where the data is, is not repeated: the TLAS need not be built again.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceRecordLog2 = 4u; // bytes
@@ -151,56 +151,55 @@ VELLUM_CONST uint kFirstSlots = 65536u; // in the first page
 VELLUM_CONST uint kRootHeaderWords = 16u;
 VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash table
 
-VELLUM_CONST uint kRootNotices = 2u; // words 2, 3: address of the counters of notices that the GPU has for the host
+VELLUM_CONST uint kRootGpuErrors = 2u; // words 2, 3: address of the counters of notices that the GPU has for the host
 
 // Notices: what only the GPU can find out about a copy. Numbers of counters, one word each, which only the GPU writes.
-VELLUM_CONST uint kNoticeForeignData = 0u;      // UUIDs of another driver or layer version
-VELLUM_CONST uint kNoticeDamagedData = 1u;      // serialized data that is no such data, or not all of it
-VELLUM_CONST uint kNoticeWrongType = 2u;        // serialized data of the other type of structure
-VELLUM_CONST uint kNoticeTargetTooSmall = 3u;   // acceleration structure that is too small for the data
-VELLUM_CONST uint kNoticeMemoryTooSmall = 4u;   // buffer that is too small for the serialized data
-VELLUM_CONST uint kNoticeUnknownReference = 5u; // instance of a bottom-level structure that does not exist
-VELLUM_CONST uint kNoticeUnbuiltReference = 6u; // instance of a bottom-level structure that was never built
-VELLUM_CONST uint kNoticeCopyTooSmall = 7u;     // acceleration structure that is too small for a copy of another
-VELLUM_CONST uint kNoticeUnknownMicromap = 8u; // serialized data that names a micromap that does not exist, or fits not
-VELLUM_CONST uint kNoticeMicromapTooSmall = 9u;  // micromap, or buffer, that is too small for a copy of a micromap
-VELLUM_CONST uint kNoticeMicromapNotBuilt = 10u; // copy of a micromap that was never built
-VELLUM_CONST uint kNoticeMicromapData = 11u;     // serialized data of a micromap that is no such data, or not all of it
-VELLUM_CONST uint kNoticeMicromapOverlap = 12u;  // source and target of a copy of a micromap overlap
-VELLUM_CONST uint kNotices = 13u;
-VELLUM_CONST uint kNoticeTotal = kNotices; // counts all of them, after the one's own counter
-VELLUM_CONST uint kNoticeCounters = kNotices + 1u;
+VELLUM_CONST uint kGpuErrorForeignData = 0u;      // UUIDs of another driver or layer version
+VELLUM_CONST uint kGpuErrorDamagedData = 1u;      // serialized data that is no such data, or not all of it
+VELLUM_CONST uint kGpuErrorWrongType = 2u;        // serialized data of the other type of structure
+VELLUM_CONST uint kGpuErrorTargetTooSmall = 3u;   // acceleration structure that is too small for the data
+VELLUM_CONST uint kGpuErrorMemoryTooSmall = 4u;   // buffer that is too small for the serialized data
+VELLUM_CONST uint kGpuErrorUnknownReference = 5u; // instance of a bottom-level structure that does not exist
+VELLUM_CONST uint kGpuErrorUnbuiltReference = 6u; // instance of a bottom-level structure that was never built
+VELLUM_CONST uint kGpuErrorCopyTooSmall = 7u;     // acceleration structure that is too small for a copy of another
+VELLUM_CONST uint kGpuErrorUnknownMicromap =
+    8u; // serialized data that names a micromap that does not exist, or fits not
+VELLUM_CONST uint kGpuErrorMicromapTooSmall = 9u;  // micromap, or buffer, that is too small for a copy of a micromap
+VELLUM_CONST uint kGpuErrorMicromapNotBuilt = 10u; // copy of a micromap that was never built
+VELLUM_CONST uint kGpuErrorMicromapData = 11u; // serialized data of a micromap that is no such data, or not all of it
+VELLUM_CONST uint kGpuErrorMicromapOverlap = 12u; // source and target of a copy of a micromap overlap
+VELLUM_CONST uint kGpuErrors = 13u;
+VELLUM_CONST uint kGpuErrorTotal = kGpuErrors; // counts all of them, after the one's own counter
+VELLUM_CONST uint kGpuErrorCounters = kGpuErrors + 1u;
 // The word after the counters: the greatest instanceShaderBindingTableRecordOffset of all instances that were built.
-VELLUM_CONST uint kGreatestRecordOffset = kNoticeCounters;
+VELLUM_CONST uint kGreatestRecordOffset = kGpuErrorCounters;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
-// bucket word 2, 3: address of a cell
+// bucket word 2, 3: address of a descriptor
 VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
-// --- cell: what is at an acceleration structure's address; written by the GPU when a build or a copy executes ---
-// word 0, 1: address of the tail; of a BLAS without records, where the driver's part ends, if that is known
-// word 2: kCell*
-// word 3: 16-byte units of the tail
-// word 4: number of geometry records or of instances
-// word 5: of a BLAS: 16-byte units of the tail without data units, which come last
-// word 6: of a BLAS: 16-byte units of the driver's part of a compacted copy; 0: nobody has asked
-// word 7: of a kCellBoxes: which geometries are opaque: bit (geometry % 32), which says it for any number of geometries
+// --- descriptor: what is at an acceleration structure's address; written by the GPU when a build or a copy executes
+// --- word 0, 1: address of the tail; of a BLAS without records, where the driver's part ends, if that is known word 2:
+// kDescriptor* word 3: 16-byte units of the tail word 4: number of geometry records or of instances word 5: of a BLAS:
+// 16-byte units of the tail without data units, which come last word 6: of a BLAS: 16-byte units of the driver's part
+// of a compacted copy; 0: nobody has asked word 7: of a kDescriptorBoxes: which geometries are opaque: bit (geometry %
+// 32), which says it for any number of geometries
 //         if they are all alike
-//         of others, and of kCellBoxes in word 6: number of the deserialization that wrote the cell; 0: none did
-//         in the place of a cell that describes serialized data: address (words 6, 7) of the handles
-VELLUM_CONST uint kCellWords = 8u;
-VELLUM_CONST uint kCellUnbuilt = 0u; // nothing was built there
-VELLUM_CONST uint kCellBottom = 1u;  // a BLAS with geometry records
-VELLUM_CONST uint kCellTop = 2u;     // a TLAS
-VELLUM_CONST uint kCellBroken = 3u;  // a copy that was not carried out: not to be instanced
-VELLUM_CONST uint kCellPlain = 4u;   // a BLAS without geometry records
+//         of others, and of kDescriptorBoxes in word 6: number of the deserialization that wrote the descriptor; 0:
+//         none did in the place of a descriptor that describes serialized data: address (words 6, 7) of the handles
+VELLUM_CONST uint kDescriptorWords = 8u;
+VELLUM_CONST uint kDescriptorUnbuilt = 0u; // nothing was built there
+VELLUM_CONST uint kDescriptorBottom = 1u;  // a BLAS with geometry records
+VELLUM_CONST uint kDescriptorTop = 2u;     // a TLAS
+VELLUM_CONST uint kDescriptorBroken = 3u;  // a copy that was not carried out: not to be instanced
+VELLUM_CONST uint kDescriptorPlain = 4u;   // a BLAS without geometry records
 // At the address of a micromap + kMicromapKey: word 3: units of its memory. At an address, only the kind: serialized
 // data that was deserialized there held a micromap.
-VELLUM_CONST uint kCellMicromap = 6u;
+VELLUM_CONST uint kDescriptorMicromap = 6u;
 VELLUM_CONST uint kMicromapKey = 1u;
-VELLUM_CONST uint kCellBoxes = 5u; // the same, of boxes of which it is known which geometries are opaque
+VELLUM_CONST uint kDescriptorBoxes = 5u; // the same, of boxes of which it is known which geometries are opaque
 
 // --- serialized acceleration structures: the header of the specification, padded to 16 bytes; for a BLAS the driver's
 // serialized data; the layer's block: header (16 words), then the tail, with places of data units as units from the
@@ -221,7 +220,7 @@ VELLUM_CONST uint kBlockHeaderRecordUnits = 4u;
 VELLUM_CONST uint kBlockHeaderTailUnits = 5u;
 VELLUM_CONST uint kBlockHeaderTailOffset = 6u;  // 16-byte units from the beginning of the structure
 VELLUM_CONST uint kBlockHeaderChecksum = 7u;    // of the driver's data and the tail
-VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the cell
+VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the descriptor
 // The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
 // indices, and the layer finds no block in the driver's own data.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
@@ -232,9 +231,9 @@ VELLUM_CONST uint kMicromapSizeMark = 64u;
 
 VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStructureInstanceKHR
 
-// --- micromaps that the driver has serialized (shaders/translation/serialized_header.comp) ---
-// After the driver's data: its deserialized size (2 words), then these words. The header has the size that applications see
-// instead, and a total size with this trailer.
+// --- micromaps that the driver has serialized (shaders/khr_over_ext/serialized_header.comp) ---
+// After the driver's data: its deserialized size (2 words), then these words. The header has the size that applications
+// see instead, and a total size with this trailer.
 VELLUM_CONST uint kSerializedTrailerBytes = 16u;
 VELLUM_CONST uint kSerializedTrailerMagic0 = 0x564d4f54u;
 VELLUM_CONST uint kSerializedTrailerMagic1 = 0x31a78c05u;
@@ -262,19 +261,19 @@ VELLUM_CONST uint kLogHeaderWords = 4u;
 VELLUM_CONST uint kLogCount = 0u;
 VELLUM_CONST uint kLogEntryWords = 8u;
 VELLUM_CONST uint kLogCapacity = 4096u;
-VELLUM_CONST uint kComplaintUnreadable = 1u; // the triangle lies outside triangleArray's buffer
-VELLUM_CONST uint kComplaintFormat = 2u; // value 0: data offset, value 1: level | format << 16; so for the next ones
-VELLUM_CONST uint kComplaintLevel = 3u;  // above 12
-VELLUM_CONST uint kComplaintUndeclared = 4u;   // above the highest level of the usage counts
-VELLUM_CONST uint kComplaintData = 5u;         // outside the buffer
-VELLUM_CONST uint kComplaintNoRoom = 6u;       // more data than the usage counts
-VELLUM_CONST uint kComplaintCounts = 7u;       // not about a triangle; value 0, 1: data units declared, found
-VELLUM_CONST uint kComplaintIndex = 8u;        // of a geometry; value 0: the index, value 1: triangles of the micromap
-VELLUM_CONST uint kComplaintNotBuilt = 9u;     // a micromap that was never built, not about a triangle
-VELLUM_CONST uint kComplaintTooLarge = 10u;    // a copy into a micromap that is too small, not about a triangle
-VELLUM_CONST uint kComplaintSerialized = 11u;  // not a serialized micromap of this layout
-VELLUM_CONST uint kComplaintIndexBuffer = 12u; // the index lies outside its buffer
-VELLUM_CONST uint kComplaintOverlap = 13u;     // a copy of a micromap onto itself, in part or whole
+VELLUM_CONST uint kFindingUnreadable = 1u;  // the triangle lies outside triangleArray's buffer
+VELLUM_CONST uint kFindingFormat = 2u;      // value 0: data offset, value 1: level | format << 16; so for the next ones
+VELLUM_CONST uint kFindingLevel = 3u;       // above 12
+VELLUM_CONST uint kFindingUndeclared = 4u;  // above the highest level of the usage counts
+VELLUM_CONST uint kFindingData = 5u;        // outside the buffer
+VELLUM_CONST uint kFindingNoCapacity = 6u;  // more data than the usage counts
+VELLUM_CONST uint kFindingCounts = 7u;      // not about a triangle; value 0, 1: data units declared, found
+VELLUM_CONST uint kFindingIndex = 8u;       // of a geometry; value 0: the index, value 1: triangles of the micromap
+VELLUM_CONST uint kFindingNotBuilt = 9u;    // a micromap that was never built, not about a triangle
+VELLUM_CONST uint kFindingTooLarge = 10u;   // a copy into a micromap that is too small, not about a triangle
+VELLUM_CONST uint kFindingSerialized = 11u; // not a serialized micromap of this layout
+VELLUM_CONST uint kFindingIndexBuffer = 12u; // the index lies outside its buffer
+VELLUM_CONST uint kFindingOverlap = 13u;     // a copy of a micromap onto itself, in part or whole
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

@@ -63,7 +63,7 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     // Where CullNoOpaque may be in the payload, the any-hit shader of the box, which sees it, decides instead.
     if (decides == Decides::BoxCulling && hidden_.inPayload() && (hidden_.constant & shared::kRayCullNoOpaque) == 0)
         decides = Decides::Nothing;
-    if (decides == Decides::Nothing && prefix_.keptFlagsIfAsked() == 0)
+    if (decides == Decides::Nothing && prefix_.keptFlagsIfRequested() == 0)
         return true;
     const Id wrapper = module_.newId();
     for (Instruction &in : module_.section(Section::ExecutionModes)) {
@@ -182,7 +182,7 @@ Id EntryWrapper::incomingPrefix()
 // For code of the application that reads them later.
 void EntryWrapper::keepFlags()
 {
-    const Id kept = prefix_.keptFlagsIfAsked();
+    const Id kept = prefix_.keptFlagsIfRequested();
     if (kept == 0)
         return;
     if (module_.version() >= kVersion14)

@@ -42,7 +42,7 @@ public:
     // the next ray, and its prefix with it, so the first thing an entry point does is to fill this, if it was asked
     // for.
     Id keptFlags();
-    [[nodiscard]] Id keptFlagsIfAsked() const { return kept_; }
+    [[nodiscard]] Id keptFlagsIfRequested() const { return kept_; }
 
     static bool isPayload(uint32_t storageClass);
 

@@ -7,7 +7,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "check.h"
-#include "layer/door/instance.h"
+#include "layer/entry/instance.h"
 
 namespace vellum::fuzz
 {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "layer/door/device.h"
+#include "layer/entry/device.h"
 
 namespace vellum::fuzz
 {

@@ -51,14 +51,14 @@ uint32_t problemOf(const BuildModel &model, uint32_t i)
 {
     const SourceTriangle &t = model.triangles[i];
     if (i >= model.readable)
-        return kComplaintUnreadable;
+        return kFindingUnreadable;
     if (t.format != 1 && t.format != 2)
-        return kComplaintFormat;
+        return kFindingFormat;
     if (t.level > 12)
-        return kComplaintLevel;
+        return kFindingLevel;
     if (t.level > model.maxLevel)
-        return kComplaintUndeclared;
-    return t.dataOffset + dataBytes(t) > model.data.size() ? kComplaintData : 0;
+        return kFindingUndeclared;
+    return t.dataOffset + dataBytes(t) > model.data.size() ? kFindingData : 0;
 }
 
 uint32_t wordAt(std::span<const uint8_t> bytes, uint64_t at)
@@ -142,7 +142,7 @@ std::vector<Expected> expectedOf(const BuildModel &model)
             }
         }
         if (next + units > model.capacityUnits)
-            expected[i].complaint = kComplaintNoRoom;
+            expected[i].complaint = kFindingNoCapacity;
         next += units;
     }
     for (Expected &e : expected)

@@ -20,10 +20,10 @@ const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kRecords{
     // boxes
     kBoxFull, kBoxFull, kBoxNoAnyHit, kBoxFull, std::nullopt, kBoxFull, kBoxNoAnyHit, kBoxFull};
 
-class Judge
+class InputCheck
 {
 public:
-    Judge(const Scene &scene, const vt::Ray &ray, const std::vector<Hit> &hits, const vt::PipelineResult &result)
+    InputCheck(const Scene &scene, const vt::Ray &ray, const std::vector<Hit> &hits, const vt::PipelineResult &result)
         : scene_(scene), ray_(ray), hits_(hits), result_(result)
     {
     }
@@ -35,8 +35,8 @@ public:
             return "payload changed";
         if (result_.candidateCount > kCapacity || result_.visitCount > kCapacity)
             return "too many shader invocations";
-        for (const auto &check :
-             {&Judge::visitFault, &Judge::candidateFault, &Judge::committedFault, &Judge::leftOut}) {
+        for (const auto &check : {&InputCheck::visitFault, &InputCheck::candidateFault, &InputCheck::committedFault,
+                                  &InputCheck::leftOut}) {
             const std::string what = (this->*check)();
             if (!what.empty())
                 return what;
@@ -214,7 +214,7 @@ void compare(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minim
         const std::vector<vt::PipelineResult> results = tracer.trace(*built.scene, scene.rays, kCapacity);
         std::vector<Traced> traced;
         for (size_t i = 0; i < results.size(); ++i) {
-            const std::string fault = Judge(scene, scene.rays[i], hits[i].hits, results[i]).fault();
+            const std::string fault = InputCheck(scene, scene.rays[i], hits[i].hits, results[i]).fault();
             traced.push_back({fault, results[i].candidateCount, results[i].committed != vt::kNone});
         }
         return traced;

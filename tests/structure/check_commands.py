@@ -13,9 +13,9 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 REGISTRY = "/usr/share/vulkan/registry/vk.xml"
-ROWS = "src/layer/door/entry.cpp"
-MANIFEST = "src/layer/door/VkLayer_vellum_opacity_micromap.json.in"
-RETURNED = "src/layer/door/instance.cpp"
+ROWS = "src/layer/entry/entry.cpp"
+MANIFEST = "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in"
+RETURNED = "src/layer/entry/instance.cpp"
 # Of VK_NV_ray_tracing, whose pipelines the layer leaves alone.
 OTHERS = {"vkGetRayTracingShaderGroupHandlesNV"}
 

@@ -20,12 +20,12 @@ REGISTRY = """<registry><commands>
 def run(*names, returned="1, 4, 300"):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
-        (root / "src/layer/door").mkdir(parents=True)
+        (root / "src/layer/entry").mkdir(parents=True)
         rows = "".join(f'    row<function>("{name}", Scope::Device),\n' for name in names)
-        (root / "src/layer/door/entry.cpp").write_text(rows, encoding="utf-8")
-        (root / "src/layer/door/VkLayer_vellum_opacity_micromap.json.in").write_text(
+        (root / "src/layer/entry/entry.cpp").write_text(rows, encoding="utf-8")
+        (root / "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in").write_text(
             '{"layer": {"api_version": "1.4.300"}}', encoding="utf-8")
-        (root / "src/layer/door/instance.cpp").write_text(f"specVersion = VK_MAKE_API_VERSION(0, {returned});",
+        (root / "src/layer/entry/instance.cpp").write_text(f"specVersion = VK_MAKE_API_VERSION(0, {returned});",
                                                           encoding="utf-8")
         (root / "vk.xml").write_text(REGISTRY, encoding="utf-8")
         result = subprocess.run([sys.executable, str(CHECK), str(root / "vk.xml"), folder], stdout=subprocess.PIPE,

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Checks how the source tree is put together, and prints what breaks a rule:
 
-- an include goes from a part of src/ only to a part that it may use, or to files of it, and from a room only to rooms
-  below it;
-- a part with rooms has its sources in them;
+- an include goes from a part of src/ only to a part that it may use, or to files of it, and from a subsystem only to those
+  that it may use;
+- a part with subsystems has its sources in them;
 - no folder has more source files than MOST_FILES, and no source file has more lines than MOST_LINES.
 
 usage: check_includes.py [ROOT]
@@ -30,15 +30,31 @@ PARTS = {
 ONLY = {
     ("verify", "bake"): ("texture/texture.h",),
 }
-# Parts with rooms: the rooms, from the lowest to the highest. "" is the folder of the part itself.
-ROOMS = {
-    "layer": ("ground", "memory", "objects", "commands", "micromaps", "structures", "queries", "pipelines", "translation",
-              "address", "door"),
-    "spirv": ("module", "translation", ""),
-    "shaders": ("ground", "micromaps", "structures", "queries", "pipelines", "translation", "gpubake"),
-    "bake": ("numbers", "texture", ""),
-    "gltf": ("file", "data", "", "micromaps"),
-    "cli": ("base", "picture", "scene", "vulkan", "renderer", "info", "inspect", "", "reference"),
+# Parts with subsystems: each subsystem and those that it may include. "" is the folder of the part itself.
+def below(*subsystems):
+    """Each may include all that stand before it."""
+    return {name: subsystems[:i] for i, name in enumerate(subsystems)}
+
+
+LOW = ("base", "memory", "state", "command_buffer")
+SUBSYSTEMS = {
+    "layer": below(*LOW) | {
+        "micromaps": LOW,
+        "structures": LOW + ("micromaps",),
+        "query_pool": LOW + ("micromaps", "structures"),
+        "pipelines": LOW,
+        "khr_over_ext": LOW + ("micromaps", "structures", "query_pool", "pipelines"),
+        "device_address": LOW + ("micromaps", "structures", "query_pool"),
+        "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address"),
+    },
+    "spirv": below("module", ""),
+    "shaders": {
+        "base": (), "micromaps": ("base",), "structures": ("base",), "query_pool": ("base",), "pipelines": ("base",),
+        "khr_over_ext": ("base",), "gpubake": ("base",),
+    },
+    "bake": below("numbers", "texture", ""),
+    "gltf": below("file", "data", "", "micromaps"),
+    "cli": below("base", "picture", "scene", "vulkan", "renderer", "info", "inspect", "", "manual"),
 }
 
 MOST_FILES = 24
@@ -54,7 +70,7 @@ def sources(root, folder):
 
 
 def place(path):
-    """Part and room of a path below src/."""
+    """Part and subsystem of a path below src/."""
     part, *rest = path.parts
     return part, rest[0] if len(rest) > 1 else ""
 
@@ -66,14 +82,14 @@ def included(root, path, name):
         target = (folder / name).resolve()
         if target.is_file():
             return target.relative_to(src) if target.is_relative_to(src) else None
-    # Headers that the build writes: "layer/<room>/<name>.h". Those of shaders are nobody's.
+    # Headers that the build writes: "layer/<subsystem>/<name>.h". Those of shaders are nobody's.
     target = pathlib.PurePath(name)
     return target if target.parts[0] in PARTS and target.parts[0] != "shaders" else None
 
 
-def complaint_about_include(here, there):
-    part, room = place(here)
-    other, other_room = place(there)
+def finding_of_include(here, there):
+    part, subsystem = place(here)
+    other, other_subsystem = place(there)
     if part != other:
         if part in PARTS and other not in PARTS[part]:
             return f"src/{part} does not use src/{other}"
@@ -81,46 +97,46 @@ def complaint_about_include(here, there):
         if only and there.relative_to(other).as_posix() not in only:
             return f"src/{part} uses nothing of src/{other} but {', '.join(only)}"
         return None
-    rooms = ROOMS.get(part, ())
-    if room in rooms and other_room in rooms and rooms.index(other_room) > rooms.index(room):
-        return f"up from room {room} to {'room ' + other_room if other_room else 'the top'}"
+    subsystems = SUBSYSTEMS.get(part, {})
+    if subsystem in subsystems and other_subsystem != subsystem and other_subsystem not in subsystems[subsystem]:
+        return f"{subsystem or 'the top'} does not use {other_subsystem or 'the top'}"
     return None
 
 
 def check(root):
     root = root.resolve()
-    complaints = []
+    findings = []
     for path in sources(root, "src"):
         here = path.relative_to(root / "src")
-        part, room = place(here)
+        part, subsystem = place(here)
         if part not in PARTS:
-            complaints.append(f"src/{here}: in no part that {pathlib.Path(__file__).name} knows")
-        elif part in ROOMS and room not in ROOMS[part]:
-            complaints.append(f"src/{here}: in no room of src/{part} that {pathlib.Path(__file__).name} knows")
+            findings.append(f"src/{here}: in no part that {pathlib.Path(__file__).name} knows")
+        elif part in SUBSYSTEMS and subsystem not in SUBSYSTEMS[part]:
+            findings.append(f"src/{here}: in no subsystem of src/{part} that {pathlib.Path(__file__).name} knows")
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             if match := INCLUDE.match(line):
                 there = included(root, path, match[1])
-                if there and (wrong := complaint_about_include(here, there)):
-                    complaints.append(f'src/{here}:{number}: "{match[1]}": {wrong}')
+                if there and (wrong := finding_of_include(here, there)):
+                    findings.append(f'src/{here}:{number}: "{match[1]}": {wrong}')
     for folder in FOLDERS:
         counts = {}
         for path in sources(root, folder):
             counts[path.parent] = counts.get(path.parent, 0) + 1
             lines = len(path.read_text(encoding="utf-8").splitlines())
             if lines > MOST_LINES:
-                complaints.append(f"{path.relative_to(root)}: {lines} lines, more than {MOST_LINES}")
+                findings.append(f"{path.relative_to(root)}: {lines} lines, more than {MOST_LINES}")
         for parent, count in counts.items():
             if count > MOST_FILES:
-                complaints.append(f"{parent.relative_to(root)}: {count} source files, more than {MOST_FILES}")
-    return complaints
+                findings.append(f"{parent.relative_to(root)}: {count} source files, more than {MOST_FILES}")
+    return findings
 
 
 def main():
     root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parents[2])
-    complaints = check(root)
-    print(*complaints, sep="\n")
-    print(f"{len(complaints)} complaints about {sum(len(sources(root, folder)) for folder in FOLDERS)} files")
-    return 1 if complaints else 0
+    findings = check(root)
+    print(*findings, sep="\n")
+    print(f"{len(findings)} findings about {sum(len(sources(root, folder)) for folder in FOLDERS)} files")
+    return 1 if findings else 0
 
 
 if __name__ == "__main__":

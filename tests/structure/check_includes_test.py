@@ -12,20 +12,20 @@ SOUND = {
     "src/core/states.h": "",
     "src/core/curve.cpp": '#include "core/states.h"\n#include <vector>\n',
     "src/spirv/link.cpp": '#include "core/states.h"\n',
-    "src/shaders/ground/words.h": '#include "states.h"\n',
-    "src/shaders/structures/copy.comp": '#include "ground/words.h"\n',
+    "src/shaders/base/words.h": '#include "states.h"\n',
+    "src/shaders/structures/copy.comp": '#include "base/words.h"\n',
     "src/gltf/reader.cpp": '#include "bake/bake.h"\n',
     "src/bake/bake.h": '#include "core/states.h"\n',
     "src/bake/texture/texture.h": "",
     "src/verify/verify.h": '#include "bake/texture/texture.h"\n',
-    "src/layer/ground/report.h": '#include "shaders/copy.h"\n#include "layer/ground/written_by_the_build.h"\n',
-    "src/layer/memory/memory.h": '#include "layer/ground/report.h"\n#include "core/states.h"\n',
-    "src/layer/door/device.h": '#include "layer/memory/memory.h"\n',
+    "src/layer/base/report.h": '#include "shaders/copy.h"\n#include "layer/base/written_by_the_build.h"\n',
+    "src/layer/memory/memory.h": '#include "layer/base/report.h"\n#include "core/states.h"\n',
+    "src/layer/entry/device.h": '#include "layer/memory/memory.h"\n',
     "src/cli/main.cpp": '#include "gltf/reader.h"\n#include "options.h"\n#include "cli/base/error.h"\n',
     "src/cli/base/error.h": "",
     "src/cli/options.h": "",
     "include/vellum/header.h": "",
-    "tests/layer/some_test.cpp": '#include "layer/door/device.h"\n',
+    "tests/layer/some_test.cpp": '#include "layer/entry/device.h"\n',
 }
 
 
@@ -40,7 +40,7 @@ def run(files):
 
 
 class CheckIncludes(unittest.TestCase):
-    def expect_complaint(self, files, *words):
+    def expect_finding(self, files, *words):
         status, output = run(SOUND | files)
         self.assertEqual(status, 1, output)
         self.assertEqual(len(output.splitlines()), 2, output)
@@ -51,49 +51,54 @@ class CheckIncludes(unittest.TestCase):
         self.assertEqual(run(SOUND)[0], 0, run(SOUND)[1])
 
     def test_up_between_parts(self):
-        self.expect_complaint({"src/core/up.h": '\n#include "bake/bake.h"\n'}, "src/core/up.h:2", "does not use src/bake")
+        self.expect_finding({"src/core/up.h": '\n#include "bake/bake.h"\n'}, "src/core/up.h:2", "does not use src/bake")
 
     def test_command_and_layer(self):
-        self.expect_complaint({"src/cli/up.h": '#include "layer/ground/report.h"\n'}, "does not use src/layer")
+        self.expect_finding({"src/cli/up.h": '#include "layer/base/report.h"\n'}, "does not use src/layer")
 
     def test_part_of_a_part(self):
-        self.expect_complaint({"src/verify/near.h": '#include "bake/bake.h"\n'},
+        self.expect_finding({"src/verify/near.h": '#include "bake/bake.h"\n'},
                               "src/verify uses nothing of src/bake but texture/texture.h")
 
-    def test_up_between_rooms(self):
-        self.expect_complaint({"src/layer/ground/up.h": '#include "layer/memory/memory.h"\n'},
-                              "up from room ground to room memory")
+    def test_edge_between_subsystems(self):
+        self.expect_finding({"src/layer/base/up.h": '#include "layer/memory/memory.h"\n'},
+                              "base does not use memory")
 
     def test_up_by_a_relative_path(self):
-        self.expect_complaint({"src/layer/ground/up.h": '  #  include "../memory/memory.h" // why\n'},
-                              "up from room ground to room memory")
+        self.expect_finding({"src/layer/base/up.h": '  #  include "../memory/memory.h" // why\n'},
+                              "base does not use memory")
 
     def test_up_to_a_header_of_the_build(self):
-        self.expect_complaint({"src/layer/ground/up.h": '#include "layer/memory/written_by_the_build.h"\n'},
-                              "up from room ground to room memory")
+        self.expect_finding({"src/layer/base/up.h": '#include "layer/memory/written_by_the_build.h"\n'},
+                              "base does not use memory")
 
-    def test_up_between_rooms_of_shaders(self):
-        self.expect_complaint({"src/shaders/ground/up.glsl": '#include "structures/copy.comp"\n'},
-                              "up from room ground to room structures")
+    def test_edge_between_subsystems_of_shaders(self):
+        self.expect_finding({"src/shaders/base/up.glsl": '#include "structures/copy.comp"\n'},
+                              "base does not use structures")
+
+    def test_edge_that_is_not_listed(self):
+        self.expect_finding({"src/layer/structures/build.h": "",
+                             "src/layer/pipelines/side.h": '#include "layer/structures/build.h"\n'},
+                            "pipelines does not use structures")
 
     def test_up_to_the_top(self):
-        self.expect_complaint({"src/cli/base/up.h": '#include "cli/options.h"\n'}, "up from room base to the top")
+        self.expect_finding({"src/cli/base/up.h": '#include "cli/options.h"\n'}, "base does not use the top")
 
-    def test_no_room(self):
-        self.expect_complaint({"src/layer/lost.cpp": ""}, "src/layer/lost.cpp: in no room")
-        self.expect_complaint({"src/layer/attic/lost.cpp": ""}, "src/layer/attic/lost.cpp: in no room")
+    def test_no_subsystem(self):
+        self.expect_finding({"src/layer/lost.cpp": ""}, "src/layer/lost.cpp: in no subsystem")
+        self.expect_finding({"src/layer/attic/lost.cpp": ""}, "src/layer/attic/lost.cpp: in no subsystem")
 
     def test_no_part(self):
-        self.expect_complaint({"src/extra/new.cpp": ""}, "src/extra/new.cpp: in no part")
+        self.expect_finding({"src/extra/new.cpp": ""}, "src/extra/new.cpp: in no part")
 
     def test_too_many_files(self):
         many = {f"tests/unit/number_{i}.cpp": "" for i in range(24)}
         self.assertEqual(run(SOUND | many)[0], 0)
-        self.expect_complaint(many | {"tests/unit/one_more.cpp": ""}, "tests/unit: 25 source files")
+        self.expect_finding(many | {"tests/unit/one_more.cpp": ""}, "tests/unit: 25 source files")
 
     def test_too_many_lines(self):
         self.assertEqual(run(SOUND | {"src/core/long.cpp": "\n" * 599})[0], 0)
-        self.expect_complaint({"src/core/long.cpp": "\n" * 600}, "src/core/long.cpp: 600 lines")
+        self.expect_finding({"src/core/long.cpp": "\n" * 600}, "src/core/long.cpp: 600 lines")
 
 
 if __name__ == "__main__":

@@ -11,9 +11,9 @@ import pathlib
 import re
 import sys
 
-CODE = "src/layer/ground/settings.cpp"
-HEADER = "src/layer/ground/settings.h"
-MANIFEST = "src/layer/door/VkLayer_vellum_opacity_micromap.json.in"
+CODE = "src/layer/base/settings.cpp"
+HEADER = "src/layer/base/settings.h"
+MANIFEST = "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in"
 PAGE = "docs/using.md"
 TYPES = {"bool": "BOOL", "ReportLevel": "ENUM", "std::string": "SAVE_FOLDER"}
 DEFAULTS = {"true": True, "false": False, "ReportLevel::None": "none", None: ""}

@@ -47,41 +47,41 @@ public:
             if (k.begin <= address && address < k.end())
                 furthest = std::max(furthest, k.end() - address);
         }
-        const AddressMap::Place place = map_.find(address);
-        ASSERT_EQ(place.bytes, furthest);
-        ASSERT_EQ(place.buffer != VK_NULL_HANDLE, furthest != 0);
+        const AddressMap::Location location = map_.find(address);
+        ASSERT_EQ(location.bytes, furthest);
+        ASSERT_EQ(location.buffer != VK_NULL_HANDLE, furthest != 0);
         ASSERT_EQ(map_.bytesFrom(address), furthest == 0 ? UINT64_MAX : furthest);
         if (furthest != 0) {
-            expectIn(place, address);
+            expectIn(location, address);
         }
     }
     void expectCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
     {
         const bool any =
             std::any_of(all_.begin(), all_.end(), [&](const Known &k) { return fits(k, address, size, usage); });
-        const AddressMap::Place place = map_.covering(address, size, usage);
-        ASSERT_EQ(place.buffer != VK_NULL_HANDLE, any);
+        const AddressMap::Location location = map_.covering(address, size, usage);
+        ASSERT_EQ(location.buffer != VK_NULL_HANDLE, any);
         if (any) {
-            const Known &k = expectIn(place, address);
+            const Known &k = expectIn(location, address);
             ASSERT_TRUE(fits(k, address, size, usage));
         }
     }
     void expectWithin(VkDeviceAddress address, VkDeviceSize size) const
     {
-        std::vector<AddressMap::Place> places = map_.within(address, size);
+        std::vector<AddressMap::Location> locations = map_.within(address, size);
         for (const Known &k : all_) {
             const VkDeviceAddress begin = std::max(k.begin, address);
             const VkDeviceAddress end = std::min(k.end(), address + size);
             const auto it =
-                std::find_if(places.begin(), places.end(), [&](const auto &p) { return p.buffer == k.buffer; });
-            ASSERT_EQ(it != places.end(), begin < end);
+                std::find_if(locations.begin(), locations.end(), [&](const auto &p) { return p.buffer == k.buffer; });
+            ASSERT_EQ(it != locations.end(), begin < end);
             if (begin >= end)
                 continue;
             ASSERT_EQ(it->offset, begin - k.begin);
             ASSERT_EQ(it->bytes, end - begin);
-            places.erase(it);
+            locations.erase(it);
         }
-        ASSERT_TRUE(places.empty());
+        ASSERT_TRUE(locations.empty());
     }
 
 private:
@@ -89,13 +89,13 @@ private:
     {
         return k.begin <= address && address < k.end() && address + size <= k.end() && (k.usage & usage) == usage;
     }
-    const Known &expectIn(const AddressMap::Place &place, VkDeviceAddress address) const
+    const Known &expectIn(const AddressMap::Location &location, VkDeviceAddress address) const
     {
         const auto it =
-            std::find_if(all_.begin(), all_.end(), [&](const Known &k) { return k.buffer == place.buffer; });
+            std::find_if(all_.begin(), all_.end(), [&](const Known &k) { return k.buffer == location.buffer; });
         EXPECT_NE(it, all_.end());
-        EXPECT_EQ(it->begin + place.offset, address);
-        EXPECT_EQ(it->end() - address, place.bytes);
+        EXPECT_EQ(it->begin + location.offset, address);
+        EXPECT_EQ(it->end() - address, location.bytes);
         return *it;
     }
 

@@ -1,5 +1,5 @@
 // Chain copies what it must of an application's const pNext chain, and nothing of the application's changes.
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "layer/objects/root_table.h"
+#include "layer/state/root_table.h"
 #include "memory_device.h"
 
 namespace

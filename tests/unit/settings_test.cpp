@@ -1,5 +1,5 @@
 // Settings come from a file, a structure in the instance's chain, and the environment, each stronger than those before.
-#include "layer/ground/settings.h"
+#include "layer/base/settings.h"
 
 #include <cstdlib>
 #include <filesystem>
@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "layer/ground/report.h"
-#include "layer/ground/vulkan_newer.h"
+#include "layer/base/report.h"
+#include "layer/base/vulkan_newer.h"
 
 namespace vellum::layer
 {

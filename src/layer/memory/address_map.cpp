@@ -53,16 +53,16 @@ void AddressMap::remove(VkBuffer buffer)
     addresses_.erase(known);
 }
 
-AddressMap::Place AddressMap::find(VkDeviceAddress address) const
+AddressMap::Location AddressMap::find(VkDeviceAddress address) const
 {
     std::shared_lock lock(mutex_);
-    Place place;
+    Location location;
     visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
-        if (range.end - address > place.bytes)
-            place = {range.buffer, address - begin, range.end - address};
+        if (range.end - address > location.bytes)
+            location = {range.buffer, address - begin, range.end - address};
         return false;
     });
-    return place;
+    return location;
 }
 
 VkDeviceAddress AddressMap::addressOf(VkBuffer buffer) const
@@ -74,8 +74,8 @@ VkDeviceAddress AddressMap::addressOf(VkBuffer buffer) const
 
 VkDeviceSize AddressMap::bytesFrom(VkDeviceAddress address) const
 {
-    const Place place = find(address);
-    return place.buffer ? place.bytes : UINT64_MAX;
+    const Location location = find(address);
+    return location.buffer ? location.bytes : UINT64_MAX;
 }
 
 uint32_t AddressMap::elementsFrom(VkDeviceAddress address, VkDeviceSize bytes, VkDeviceSize stride) const
@@ -87,23 +87,23 @@ uint32_t AddressMap::elementsFrom(VkDeviceAddress address, VkDeviceSize bytes, V
                        : static_cast<uint32_t>(std::min<VkDeviceSize>((readable - bytes) / stride, UINT32_MAX - 1)) + 1;
 }
 
-AddressMap::Place AddressMap::covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
+AddressMap::Location AddressMap::covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
 {
     std::shared_lock lock(mutex_);
-    Place place;
+    Location location;
     visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
         if (range.end - address < size || (range.usage & usage) != usage)
             return false;
-        place = {range.buffer, address - begin, range.end - address};
+        location = {range.buffer, address - begin, range.end - address};
         return true;
     });
-    return place;
+    return location;
 }
 
-std::vector<AddressMap::Place> AddressMap::within(VkDeviceAddress address, VkDeviceSize size) const
+std::vector<AddressMap::Location> AddressMap::within(VkDeviceAddress address, VkDeviceSize size) const
 {
     std::shared_lock lock(mutex_);
-    std::vector<Place> places;
+    std::vector<Location> locations;
     const VkDeviceAddress end = size > UINT64_MAX - address ? UINT64_MAX : address + size;
     for (auto it = ranges_.lower_bound(end); it != ranges_.begin();) {
         --it;
@@ -112,9 +112,9 @@ std::vector<AddressMap::Place> AddressMap::within(VkDeviceAddress address, VkDev
         const VkDeviceAddress begin = std::max(it->first, address);
         const VkDeviceAddress last = std::min(it->second.end, end);
         if (begin < last)
-            places.push_back({it->second.buffer, begin - it->first, last - begin});
+            locations.push_back({it->second.buffer, begin - it->first, last - begin});
     }
-    return places;
+    return locations;
 }
 
 } // namespace vellum::layer

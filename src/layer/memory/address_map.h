@@ -18,14 +18,14 @@ public:
     // `usage`: as the driver knows it. Address 0 and a buffer that is known already are left out.
     void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage);
     void remove(VkBuffer buffer);
-    struct Place {
+    struct Location {
         VkBuffer buffer = VK_NULL_HANDLE; // null where there is none
         VkDeviceSize offset = 0;
         VkDeviceSize bytes = 0; // to the end of the buffer
     };
     // The buffer that an address lies in, of several the one that reaches furthest: its end bounds what the GPU may
     // read from there.
-    [[nodiscard]] Place find(VkDeviceAddress address) const;
+    [[nodiscard]] Location find(VkDeviceAddress address) const;
     // Where a buffer lies; 0 where that is not known, as of one without memory.
     [[nodiscard]] VkDeviceAddress addressOf(VkBuffer buffer) const;
     // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
@@ -35,9 +35,9 @@ public:
     [[nodiscard]] uint32_t elementsFrom(VkDeviceAddress address, VkDeviceSize bytes, VkDeviceSize stride) const;
     // A buffer that all of a range lies in and that has all of the usage flags. Buffers may alias each other in
     // memory, and so in addresses: the one that an address came from cannot be told, any that may be used will do.
-    [[nodiscard]] Place covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
+    [[nodiscard]] Location covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
     // What every buffer has of a range: offset, and bytes from there that lie in the range.
-    [[nodiscard]] std::vector<Place> within(VkDeviceAddress address, VkDeviceSize size) const;
+    [[nodiscard]] std::vector<Location> within(VkDeviceAddress address, VkDeviceSize size) const;
 
 private:
     struct Range {

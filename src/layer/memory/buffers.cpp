@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "layer/ground/pnext.h"
-#include "layer/ground/undo.h"
+#include "layer/base/pnext.h"
+#include "layer/base/undo.h"
 #include "layer/memory/device_buffers.h"
 
 namespace vellum::layer
@@ -25,7 +25,7 @@ VkFlags64 (*usageOn(const Driver &driver))(VkFlags64, VkBufferCreateFlags)
 {
     if (driver.emulated)
         return emulatedUsage;
-    return driver.translated && driver.asked.khr ? translatedUsage : sameUsage;
+    return driver.translated && driver.enabled.khr ? translatedUsage : sameUsage;
 }
 
 // The application's create info as the driver is to see it.
@@ -168,7 +168,7 @@ VkResult allocateMemory(DeviceBuffers &device, VkDevice handle, const VkMemoryAl
 void rememberAddress(DeviceBuffers &device, VkBuffer buffer)
 {
     const BufferInfo info = device.infos.get(buffer);
-    if (device.driver.asked.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
+    if (device.driver.enabled.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
         device.addresses.add(device.driver.bufferAddress(buffer), buffer, info.size, info.usage);
     device.onAddress(buffer);
 }

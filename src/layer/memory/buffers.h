@@ -3,7 +3,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
 
 namespace vellum::layer
 {

@@ -5,8 +5,8 @@
 #include <atomic>
 #include <functional>
 
-#include "layer/ground/driver.h"
-#include "layer/ground/handle_map.h"
+#include "layer/base/driver.h"
+#include "layer/base/handle_map.h"
 #include "layer/memory/address_map.h"
 #include "layer/memory/gpu_memory.h"
 #include "layer/memory/host_memory.h"

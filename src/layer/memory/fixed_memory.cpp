@@ -31,8 +31,8 @@ bool FixedMemory::reserve(size_t bytes)
 {
     if (data_ || bytes == 0 || bytes > kMostBytes)
         return false;
-    for (uintptr_t place = 0; place < kPlaces; ++place) {
-        void *wanted = reinterpret_cast<void *>(kFirst + place * kMostBytes);
+    for (uintptr_t location = 0; location < kPlaces; ++location) {
+        void *wanted = reinterpret_cast<void *>(kFirst + location * kMostBytes);
         void *got = mmap(wanted, bytes, PROT_READ | PROT_WRITE,
                          MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE | MAP_FIXED_NOREPLACE, -1, 0);
         if (got == wanted) {

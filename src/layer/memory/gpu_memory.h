@@ -7,7 +7,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/dispatch.h"
+#include "layer/base/dispatch.h"
 
 namespace vellum::layer
 {

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
 #include "layer/memory/buffers.h"
 #include "layer/memory/device_buffers.h"
 
@@ -188,7 +188,7 @@ VkResult bindBufferMemory2(DeviceBuffers &device, VkDevice handle, uint32_t coun
 VkResult mapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, VkDeviceSize offset,
                    VkDeviceSize size, VkMemoryMapFlags flags, void **data)
 {
-    if (!device.driver.asked.hostCommands) {
+    if (!device.driver.enabled.hostCommands) {
         const VkResult result = device.driver.next.MapMemory(handle, memory, offset, size, flags, data);
         if (result == VK_SUCCESS)
             device.host.mappedByDriver(memory, offset, size, *data);
@@ -199,7 +199,7 @@ VkResult mapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory
 
 void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
 {
-    if (!device.driver.asked.hostCommands) {
+    if (!device.driver.enabled.hostCommands) {
         device.host.unmappedByDriver(memory);
         return device.driver.next.UnmapMemory(handle, memory);
     }
@@ -209,7 +209,7 @@ void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
 VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryMapInfo *info, void **data)
 {
     // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
-    if (info->pNext || !device.driver.asked.hostCommands) {
+    if (info->pNext || !device.driver.enabled.hostCommands) {
         const VkResult result = device.driver.next.MapMemory2(handle, info, data);
         if (result == VK_SUCCESS)
             device.host.mappedByDriver(info->memory, info->offset, info->size, *data);
@@ -220,7 +220,7 @@ VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryM
 
 VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryUnmapInfo *info)
 {
-    if (info->pNext || info->flags != 0 || !device.driver.asked.hostCommands) {
+    if (info->pNext || info->flags != 0 || !device.driver.enabled.hostCommands) {
         const VkResult result = device.driver.next.UnmapMemory2(handle, info);
         if (result == VK_SUCCESS)
             device.host.unmappedByDriver(info->memory);

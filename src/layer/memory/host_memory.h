@@ -10,7 +10,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/vulkan_newer.h"
+#include "layer/base/vulkan_newer.h"
 
 namespace vellum::layer
 {

@@ -23,19 +23,19 @@ struct Places {
     std::set<std::pair<std::string, int>> taken;
 };
 
-Places &places()
+Places &locations()
 {
     static auto &all = *new Places;
     return all;
 }
 
-int takePlace(const std::string &stem)
+int enterLocation(const std::string &stem)
 {
-    std::lock_guard lock(places().mutex);
-    int place = 0;
-    while (!places().taken.emplace(stem, place).second)
-        ++place;
-    return place;
+    std::lock_guard lock(locations().mutex);
+    int location = 0;
+    while (!locations().taken.emplace(stem, location).second)
+        ++location;
+    return location;
 }
 
 } // namespace
@@ -44,21 +44,21 @@ KeptAddresses::~KeptAddresses()
 {
     if (!isOpen())
         return;
-    std::lock_guard lock(places().mutex);
-    places().taken.erase({stem_, place_});
+    std::lock_guard lock(locations().mutex);
+    locations().taken.erase({stem_, location_});
 }
 
 void KeptAddresses::open(const std::string &stem, const std::array<uint64_t, kTables> &tableBytes)
 {
     stem_ = stem;
     tableBytes_ = tableBytes;
-    place_ = takePlace(stem);
+    location_ = enterLocation(stem);
     read();
 }
 
 std::string KeptAddresses::path() const
 {
-    return stem_ + "-" + std::to_string(place_) + ".addresses";
+    return stem_ + "-" + std::to_string(location_) + ".addresses";
 }
 
 // A driver may trust what it is given.

@@ -26,7 +26,7 @@ public:
     // `stem`: begin of the path of files about this physical device and driver. Devices that exist at the same time
     // have different addresses, and files: the first device has the first.
     void open(const std::string &stem, const std::array<uint64_t, kTables> &tableBytes);
-    [[nodiscard]] bool isOpen() const { return place_ >= 0; }
+    [[nodiscard]] bool isOpen() const { return location_ >= 0; }
     // What is known of a table; zeros where nothing is.
     [[nodiscard]] ReplayAddress known(size_t table) const { return addresses_[table]; }
     // The table is there now.
@@ -40,7 +40,7 @@ private:
     void read();
 
     std::string stem_;
-    int place_ = -1;
+    int location_ = -1;
     std::array<uint64_t, kTables> tableBytes_{};
     std::array<ReplayAddress, kTables> addresses_{};
     bool changed_ = false;

@@ -4,7 +4,7 @@
 #include <iterator>
 #include <new>
 
-#include "layer/ground/undo.h"
+#include "layer/base/undo.h"
 
 namespace vellum::layer
 {
@@ -27,9 +27,9 @@ MemoryPool::Piece MemoryPool::take(VkDeviceSize bytes)
             return {};
         found = freeBySize_.lower_bound({needed, 0});
     }
-    const auto [room, address] = *found;
-    if (room > needed)
-        resizeFree(free_.find(address), address + needed, room - needed);
+    const auto [capacity, address] = *found;
+    if (capacity > needed)
+        resizeFree(free_.find(address), address + needed, capacity - needed);
     else
         removeFree(free_.find(address));
     Block &block = std::prev(blocks_.upper_bound(address))->second;

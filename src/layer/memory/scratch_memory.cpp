@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "layer/ground/align.h"
+#include "layer/base/align.h"
 
 namespace vellum::layer
 {

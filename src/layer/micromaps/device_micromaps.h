@@ -2,7 +2,7 @@
 // VK_EXT_opacity_micromap and VK_KHR_opacity_micromap.
 #pragma once
 
-#include "layer/commands/device_commands.h"
+#include "layer/command_buffer/device_command_buffers.h"
 
 namespace vellum::layer
 {
@@ -10,8 +10,8 @@ namespace vellum::layer
 struct DeviceMicromaps {
     Driver &driver;
     DeviceBuffers &buffers;
-    DeviceObjects &objects;
-    DeviceCommands &commands;
+    DeviceState &objects;
+    DeviceCommandBuffers &commands;
 };
 
 } // namespace vellum::layer

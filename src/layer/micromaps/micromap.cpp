@@ -4,7 +4,7 @@
 #include <new>
 #include <string>
 
-#include "layer/ground/judge.h"
+#include "layer/base/input_check.h"
 #include "layer/micromaps/device_micromaps.h"
 
 namespace vellum::layer
@@ -13,35 +13,35 @@ namespace vellum::layer
 VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreateInfoEXT *info,
                         const VkAllocationCallbacks *, VkMicromapEXT *micromap)
 {
-    const Judge judge(device.driver.report(), "vkCreateMicromapEXT");
+    const InputCheck check(device.driver.report(), "vkCreateMicromapEXT");
     // What is built there decides.
     if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-type-parameter",
+        !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-type-parameter",
                         "type is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const bool flagged = (info->createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
-    const bool replayable = flagged && device.driver.asked.captureReplay;
+    const bool replayable = flagged && device.driver.enabled.captureReplay;
     if (flagged && !replayable &&
-        !judge.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
+        !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
                         "DEVICE_ADDRESS_CAPTURE_REPLAY without the feature micromapCaptureReplay"))
         return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
     // Drivers ignore the address then, and NVRHI always gives one.
     if (info->deviceAddress != 0 && !flagged &&
-        !judge.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
+        !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
                         "deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const VkDeviceSize bufferSize = device.buffers.infos.get(info->buffer).size;
-    const VkDeviceSize room = bufferSize - std::min(info->offset, bufferSize);
+    const VkDeviceSize capacity = bufferSize - std::min(info->offset, bufferSize);
     // What lies in the buffer may be enough for what is built there.
-    if (info->size > room &&
-        !judge.weigh(room > 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07437",
-                     "offset " + std::to_string(info->offset) + " + size " + std::to_string(info->size) +
-                         " is beyond the buffer's " + std::to_string(bufferSize) + " bytes"))
+    if (info->size > capacity &&
+        !check.tolerateIf(capacity > 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07437",
+                          "offset " + std::to_string(info->offset) + " + size " + std::to_string(info->size) +
+                              " is beyond the buffer's " + std::to_string(bufferSize) + " bytes"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     // Shaders read and write 16 bytes at once.
     if (info->offset % 256 != 0 &&
-        !judge.weigh(info->offset % 16 == 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07438",
-                     "offset " + std::to_string(info->offset) + " is not a multiple of 256"))
+        !check.tolerateIf(info->offset % 16 == 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07438",
+                          "offset " + std::to_string(info->offset) + " is not a multiple of 256"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     // A micromap is where its buffer is, which the driver was told to put where it was.
     if (replayable && info->deviceAddress != 0 &&
@@ -51,7 +51,7 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
             "vkCreateMicromapEXT: the buffer is not at the address that it had at the time of capture");
         return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
     }
-    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, std::min(info->size, room), {}};
+    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, std::min(info->size, capacity), {}};
     if (!object)
         return VK_ERROR_OUT_OF_HOST_MEMORY;
     *micromap = reinterpret_cast<VkMicromapEXT>(object);

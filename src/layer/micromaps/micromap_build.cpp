@@ -7,7 +7,7 @@
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/records.h"
-#include "layer/ground/align.h"
+#include "layer/base/align.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap_input.h"
 
@@ -21,24 +21,24 @@ using namespace shared;
 // So that the numbers of the triangles that come after the last one fit 32 bits, too.
 constexpr uint32_t kMostStaying = uint32_t{1} << 31;
 
-bool checkBuildOnDevice(const DeviceMicromaps &device, const Judge &judge, const VkMicromapBuildInfoEXT &info,
+bool checkBuildOnDevice(const DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info,
                         MicromapBuild &build)
 {
-    if (!checkMicromapBuild(judge, info, build))
+    if (!checkMicromapBuild(check, info, build))
         return false;
     if (build.extent.triangles == 0)
         return true;
     if (build.triangles.deviceAddress == 0 || build.data.deviceAddress == 0)
-        return judge.refuse(build.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
+        return check.reject(build.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
                                                           : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10897",
                             "data or triangleArray is a null address");
     if (build.scratch == 0)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address");
+        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address");
     if (build.scratch % kLeastScratchAlignment != 0)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned");
+        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned");
     const uint64_t scratch = device.buffers.addresses.bytesFrom(build.scratch);
     return scratch >= build.extent.scratchBytes() ||
-           judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509",
+           check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509",
                         "scratchData has " + std::to_string(scratch) + " bytes in its buffer, the build needs " +
                             std::to_string(build.extent.scratchBytes()));
 }
@@ -65,8 +65,8 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
     push.triangleArray = build.triangles.deviceAddress;
     push.data = build.data.deviceAddress;
     push.scratch = alignUp(build.scratch, kBuildScratchAlignment);
-    push.log = device.commands.complaints.address();
-    push.object = complaintObject(build.target.object.type, build.target.object.handle);
+    push.log = device.commands.validationLog.address();
+    push.object = findingObject(build.target.object.type, build.target.object.handle);
     push.triangleArrayStride = static_cast<uint32_t>(build.triangleStride);
     push.triangleCount = static_cast<uint32_t>(extent.triangles);
     push.capacityUnits = static_cast<uint32_t>(extent.units);
@@ -117,7 +117,7 @@ DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
     if (extent.share || extent.lossy || extent.units == 0)
         return {};
     const VkDeviceAddress from = build.data.deviceAddress;
-    const AddressMap::Place source = device.buffers.addresses.find(from);
+    const AddressMap::Location source = device.buffers.addresses.find(from);
     if (!source.buffer || (device.buffers.infos.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
         return {};
     const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
@@ -173,10 +173,10 @@ uint32_t staysPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
 void letStay(const DeviceMicromaps &device, VkDeviceSize micromapOffset, OneBuild &build)
 {
     MicromapPush &push = build.push;
-    const AddressMap::Place place = device.buffers.addresses.find(push.scratch);
+    const AddressMap::Location location = device.buffers.addresses.find(push.scratch);
     const VkFlags64 wanted = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-    if (!build.verbatim() || !place.buffer || place.offset % 4 != 0 || push.triangleCount > kMostStaying ||
-        (device.buffers.infos.get(place.buffer).usage & wanted) != wanted)
+    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostStaying ||
+        (device.buffers.infos.get(location.buffer).usage & wanted) != wanted)
         return;
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
     const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
@@ -190,8 +190,8 @@ void letStay(const DeviceMicromaps &device, VkDeviceSize micromapOffset, OneBuil
     push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
     push.staysPerInvocation = staysPerInvocation(device, push.triangleCount);
     build.stays = true;
-    build.scratch = place.buffer;
-    build.scratchOffset = place.offset;
+    build.scratch = location.buffer;
+    build.scratchOffset = location.offset;
     build.micromapOffset = micromapOffset;
 }
 
@@ -397,10 +397,10 @@ void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, u
         return;
     std::vector<MicromapBuild> builds;
     for (uint32_t i = 0; i < count; ++i) {
-        const Judge judge(device.driver.report(), "vkCmdBuildMicromapsEXT", VK_OBJECT_TYPE_MICROMAP_EXT,
-                          reinterpret_cast<uint64_t>(infos[i].dstMicromap), i);
-        auto build = parseMicromapBuild(judge, infos[i]);
-        if (build && checkBuildOnDevice(device, judge, infos[i], *build))
+        const InputCheck check(device.driver.report(), "vkCmdBuildMicromapsEXT", VK_OBJECT_TYPE_MICROMAP_EXT,
+                               reinterpret_cast<uint64_t>(infos[i].dstMicromap), i);
+        auto build = parseMicromapBuild(check, infos[i]);
+        if (build && checkBuildOnDevice(device, check, infos[i], *build))
             builds.push_back(*std::move(build));
     }
     recordMicromapBuilds(device, commandBuffer, builds);

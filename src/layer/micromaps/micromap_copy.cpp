@@ -6,7 +6,7 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/ground/judge.h"
+#include "layer/base/input_check.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_serialized.h"
@@ -18,7 +18,7 @@ namespace
 
 using namespace shared;
 
-Judge judgeOf(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap)
+InputCheck inputCheck(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap)
 {
     return {device.driver.report(), command, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap)};
 }
@@ -28,8 +28,8 @@ MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &microma
     MicromapMovePush push{};
     push.micromap = micromapAddress(device.driver, micromap);
     push.micromapBytes = micromap.size;
-    push.log = device.commands.complaints.address();
-    push.object = complaintObject(micromap.object.type, micromap.object.handle);
+    push.log = device.commands.validationLog.address();
+    push.object = findingObject(micromap.object.type, micromap.object.handle);
     push.root = device.objects.root.address();
     push.mode = mode;
     return push;
@@ -135,12 +135,12 @@ void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, con
 {
     const Micromap *source = micromapOf(info->src);
     const Micromap *target = micromapOf(info->dst);
-    const Judge judge = judgeOf(device, "vkCmdCopyMicromapEXT", info->dst);
+    const InputCheck check = inputCheck(device, "vkCmdCopyMicromapEXT", info->dst);
     if ((!source || !target) &&
-        !judge.refuse("VELLUM-VUID-VkCopyMicromapInfoEXT-src-parameter", "src or dst is VK_NULL_HANDLE"))
+        !check.reject("VELLUM-VUID-VkCopyMicromapInfoEXT-src-parameter", "src or dst is VK_NULL_HANDLE"))
         return;
     if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
+        !check.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
         return;
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapEXT"))
         return;
@@ -150,15 +150,16 @@ void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, con
 void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    const Judge judge = judgeOf(device, "vkCmdCopyMicromapToMemoryEXT", info->src);
+    const InputCheck check = inputCheck(device, "vkCmdCopyMicromapToMemoryEXT", info->src);
     if (!micromapOf(info->src) &&
-        !judge.refuse("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-src-parameter", "src is VK_NULL_HANDLE"))
+        !check.reject("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-src-parameter", "src is VK_NULL_HANDLE"))
         return;
     if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "mode is not SERIALIZE"))
+        !check.tolerate("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "mode is not SERIALIZE"))
         return;
-    if (!judge.mayHoldSerialized(info->dst.deviceAddress, 256, "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
-                                 "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537"))
+    if (!check.checkSerializedAddress(info->dst.deviceAddress, 256,
+                                      "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
+                                      "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537"))
         return;
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
         return;
@@ -168,15 +169,16 @@ void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuf
 void cmdCopyMemoryToMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    const Judge judge = judgeOf(device, "vkCmdCopyMemoryToMicromapEXT", info->dst);
+    const InputCheck check = inputCheck(device, "vkCmdCopyMemoryToMicromapEXT", info->dst);
     if (!micromapOf(info->dst) &&
-        !judge.refuse("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-dst-parameter", "dst is VK_NULL_HANDLE"))
+        !check.reject("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-dst-parameter", "dst is VK_NULL_HANDLE"))
         return;
     if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "mode is not DESERIALIZE"))
+        !check.tolerate("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "mode is not DESERIALIZE"))
         return;
-    if (!judge.mayHoldSerialized(info->src.deviceAddress, 256, "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
-                                 "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544"))
+    if (!check.checkSerializedAddress(info->src.deviceAddress, 256,
+                                      "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
+                                      "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544"))
         return;
     if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
         return;

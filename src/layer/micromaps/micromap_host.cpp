@@ -22,29 +22,29 @@ VkResult done(VkDeferredOperationKHR operation)
     return operation ? VK_OPERATION_NOT_DEFERRED_KHR : VK_SUCCESS;
 }
 
-Judge judgeOf(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap,
-              std::optional<uint32_t> element = std::nullopt)
+InputCheck inputCheck(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap,
+                      std::optional<uint32_t> element = std::nullopt)
 {
     return {device.driver.report(), command, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap),
             element};
 }
 
-VkResult refuse(const Judge &judge, const char *id, const std::string &text)
+VkResult reject(const InputCheck &check, const char *id, const std::string &text)
 {
-    judge.refuse(id, text);
+    check.reject(id, text);
     return VK_ERROR_VALIDATION_FAILED_EXT;
 }
 
 // Without the feature, the application's mappings are not known.
-bool enabled(const DeviceMicromaps &device, const Judge &judge, const char *id)
+bool enabled(const DeviceMicromaps &device, const InputCheck &check, const char *id)
 {
-    return device.driver.asked.hostCommands || judge.refuse(id, "the feature micromapHostCommands is not enabled");
+    return device.driver.enabled.hostCommands || check.reject(id, "the feature micromapHostCommands is not enabled");
 }
 
 // Of copies that cannot be carried out, on the device as well, more is told than of the triangles of a build.
-void complainAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT micromap)
+void reportFindingAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT micromap)
 {
-    complain(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
+    reportFinding(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
 }
 
 constexpr uint64_t kHeaderBytes = kMicromapHeaderWords * 4;
@@ -106,26 +106,26 @@ void write(const DeviceMicromaps &device, const MicromapBuild &build, uint8_t *o
     input.maxLevel = build.extent.maxLevel;
     input.buildFlags = build.flags;
     input.share = build.extent.share;
-    MicromapComplaint tell;
-    if (device.commands.complaints.address() != 0) {
+    MicromapFinding tell;
+    if (device.commands.validationLog.address() != 0) {
         tell = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
-            complain(device.driver.report(), what, triangle, value0, value1, build.target.object.handle);
+            reportFinding(device.driver.report(), what, triangle, value0, value1, build.target.object.handle);
         };
     }
     writeMicromapMemory(input, out, tell);
 }
 
-VkResult buildOne(DeviceMicromaps &device, const Judge &judge, const VkMicromapBuildInfoEXT &info)
+VkResult buildOne(DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info)
 {
-    auto build = parseMicromapBuild(judge, info);
-    if (!build || !checkMicromapBuild(judge, info, *build))
+    auto build = parseMicromapBuild(check, info);
+    if (!build || !checkMicromapBuild(check, info, *build))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const View view(device, info.dstMicromap, build->extent.bytes(), HostView::For::Writing);
     if (!view.bytes())
-        return refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
+        return reject(check, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
                       "dstMicromap is not bound to host-visible memory");
     if (build->extent.triangles > 0 && (!build->data.hostAddress || !build->triangles.hostAddress))
-        return refuse(judge, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553", "data or triangleArray is null");
+        return reject(check, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553", "data or triangleArray is null");
     write(device, *build, view.bytes());
     return VK_SUCCESS;
 }
@@ -135,13 +135,13 @@ VkResult buildOne(DeviceMicromaps &device, const Judge &judge, const VkMicromapB
 VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation, uint32_t count,
                         const VkMicromapBuildInfoEXT *infos)
 {
-    if (!enabled(device, judgeOf(device, "vkBuildMicromapsEXT", VK_NULL_HANDLE),
+    if (!enabled(device, inputCheck(device, "vkBuildMicromapsEXT", VK_NULL_HANDLE),
                  "VELLUM-VUID-vkBuildMicromapsEXT-micromapHostCommands-07555"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     VkResult result = VK_SUCCESS;
     for (uint32_t i = 0; i < count; ++i) {
-        const Judge judge = judgeOf(device, "vkBuildMicromapsEXT", infos[i].dstMicromap, i);
-        if (const VkResult built = buildOne(device, judge, infos[i]); built != VK_SUCCESS)
+        const InputCheck check = inputCheck(device, "vkBuildMicromapsEXT", infos[i].dstMicromap, i);
+        if (const VkResult built = buildOne(device, check, infos[i]); built != VK_SUCCESS)
             result = built;
     }
     return result == VK_SUCCESS ? done(operation) : result;
@@ -150,28 +150,28 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
 VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                       const VkCopyMicromapInfoEXT *info)
 {
-    const Judge judge = judgeOf(device, "vkCopyMicromapEXT", info->dst);
-    if (!enabled(device, judge, "VELLUM-VUID-vkCopyMicromapEXT-micromapHostCommands-07560"))
+    const InputCheck check = inputCheck(device, "vkCopyMicromapEXT", info->dst);
+    if (!enabled(device, check, "VELLUM-VUID-vkCopyMicromapEXT-micromapHostCommands-07560"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
+        !check.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const uint64_t used = usedBytes(device, info->src);
-    const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
+    const uint64_t capacity = info->dst ? micromapOf(info->dst)->size : 0;
     const View source = viewOf(device, info->src, used);
     const View target(device, info->dst, std::max(used, kHeaderBytes), HostView::For::Writing);
     if (!source.bytes() || !target.bytes())
-        return refuse(judge,
+        return reject(check,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapEXT-buffer-07559"
                                      : "VELLUM-VUID-vkCopyMicromapEXT-buffer-07558",
                       "src or dst is not bound to host-visible memory");
     // As the device does it (shaders/micromaps/micromap_move.comp).
-    const uint64_t written = std::min(used, room);
+    const uint64_t written = std::min(used, capacity);
     if (target.bytes() < source.bytes() + written && source.bytes() < target.bytes() + written) {
-        complainAbout(device, kComplaintOverlap, info->dst);
-    } else if (used == 0 || used > room) {
+        reportFindingAbout(device, kFindingOverlap, info->dst);
+    } else if (used == 0 || used > capacity) {
         target.invalidate();
-        complainAbout(device, used == 0 ? kComplaintNotBuilt : kComplaintTooLarge, info->dst);
+        reportFindingAbout(device, used == 0 ? kFindingNotBuilt : kFindingTooLarge, info->dst);
     } else {
         std::memcpy(target.bytes(), source.bytes(), used);
     }
@@ -181,21 +181,21 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
 VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    const Judge judge = judgeOf(device, "vkCopyMicromapToMemoryEXT", info->src);
-    if (!enabled(device, judge, "VELLUM-VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571"))
+    const InputCheck check = inputCheck(device, "vkCopyMicromapToMemoryEXT", info->src);
+    if (!enabled(device, check, "VELLUM-VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "mode is not SERIALIZE"))
+        !check.tolerate("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "mode is not SERIALIZE"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const uint64_t used = usedBytes(device, info->src);
     const View source = viewOf(device, info->src, used);
     if (!source.bytes() || !info->dst.hostAddress)
-        return refuse(judge,
+        return reject(check,
                       source.bytes() ? "VELLUM-VUID-vkCopyMicromapToMemoryEXT-pInfo-07569"
                                      : "VELLUM-VUID-vkCopyMicromapToMemoryEXT-buffer-07568",
                       "src is not bound to host-visible memory, or dst is null");
     if (used == 0) {
-        complainAbout(device, kComplaintNotBuilt, info->src);
+        reportFindingAbout(device, kFindingNotBuilt, info->src);
         return done(operation);
     }
     const SerializedMicromapHeader header = serializedHeader(device.driver.driverUuid, used);
@@ -208,11 +208,11 @@ VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOpera
 VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    const Judge judge = judgeOf(device, "vkCopyMemoryToMicromapEXT", info->dst);
-    if (!enabled(device, judge, "VELLUM-VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566"))
+    const InputCheck check = inputCheck(device, "vkCopyMemoryToMicromapEXT", info->dst);
+    if (!enabled(device, check, "VELLUM-VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "mode is not DESERIALIZE"))
+        !check.tolerate("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "mode is not DESERIALIZE"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const auto *in = static_cast<const uint8_t *>(info->src.hostAddress);
     SerializedMicromapHeader header{};
@@ -222,17 +222,18 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
     const bool known = in && header.layoutUuid == own.layoutUuid && header.bytes == own.bytes &&
                        header.bytes >= sizeof header + kHeaderBytes &&
                        micromapMemoryInUse(in + sizeof header) == header.micromapBytes;
-    const uint64_t room = info->dst ? micromapOf(info->dst)->size : 0;
-    const View target(device, info->dst, known && header.micromapBytes <= room ? header.micromapBytes : kHeaderBytes,
+    const uint64_t capacity = info->dst ? micromapOf(info->dst)->size : 0;
+    const View target(device, info->dst,
+                      known && header.micromapBytes <= capacity ? header.micromapBytes : kHeaderBytes,
                       HostView::For::Writing);
     if (!target.bytes() || !in)
-        return refuse(judge,
+        return reject(check,
                       target.bytes() ? "VELLUM-VUID-vkCopyMemoryToMicromapEXT-pInfo-07563"
                                      : "VELLUM-VUID-vkCopyMemoryToMicromapEXT-buffer-07565",
                       "dst is not bound to host-visible memory, or src is null");
-    if (!known || header.micromapBytes > room) {
+    if (!known || header.micromapBytes > capacity) {
         target.invalidate();
-        complainAbout(device, known ? kComplaintTooLarge : kComplaintSerialized, info->dst);
+        reportFindingAbout(device, known ? kFindingTooLarge : kFindingSerialized, info->dst);
         return done(operation);
     }
     std::memcpy(target.bytes(), in + sizeof header, header.micromapBytes);
@@ -244,21 +245,21 @@ VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t co
                                   VkQueryType type, size_t size, void *data, size_t stride)
 {
     constexpr const char *kCommand = "vkWriteMicromapsPropertiesEXT";
-    if (!enabled(device, judgeOf(device, kCommand, VK_NULL_HANDLE),
+    if (!enabled(device, inputCheck(device, kCommand, VK_NULL_HANDLE),
                  "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     const bool serialized = type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
     if (!serialized && type != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
-        return refuse(judgeOf(device, kCommand, VK_NULL_HANDLE),
+        return reject(inputCheck(device, kCommand, VK_NULL_HANDLE),
                       "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-queryType-07503",
                       "queryType is not a type of micromap queries");
     for (uint32_t i = 0; i < count; ++i) {
-        const Judge judge = judgeOf(device, kCommand, micromaps[i]);
+        const InputCheck check = inputCheck(device, kCommand, micromaps[i]);
         if (i * stride + sizeof(VkDeviceSize) > size)
-            return refuse(judge, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576", "dataSize is too small");
+            return reject(check, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576", "dataSize is too small");
         const std::optional<uint64_t> used = readUsedBytes(device, micromaps[i]);
         if (!used)
-            return refuse(judge, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-buffer-07577",
+            return reject(check, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-buffer-07577",
                           "a micromap is not bound to host-visible memory");
         VkDeviceSize value = std::max(*used, kHeaderBytes);
         if (serialized)

@@ -4,8 +4,8 @@
 
 #include "core/curve.h"
 #include "core/records.h"
-#include "layer/ground/pnext.h"
-#include "layer/objects/device_objects.h"
+#include "layer/base/pnext.h"
+#include "layer/state/device_state.h"
 
 namespace vellum::layer
 {
@@ -30,39 +30,39 @@ struct UsageRules {
     const char *twoStateId, *fourStateId;
 };
 
-bool checkLevel(const Judge &judge, uint32_t i, const VkMicromapUsageEXT &usage, uint32_t most, const char *id)
+bool checkLevel(const InputCheck &check, uint32_t i, const VkMicromapUsageEXT &usage, uint32_t most, const char *id)
 {
     // The size of a micromap with such triangles is unknowable.
     return usage.subdivisionLevel <= most ||
-           judge.weigh(usage.count == 0, id,
-                       "usage count " + std::to_string(i) + ": subdivision level " +
-                           std::to_string(usage.subdivisionLevel) + " is above " + std::to_string(most));
+           check.tolerateIf(usage.count == 0, id,
+                            "usage count " + std::to_string(i) + ": subdivision level " +
+                                std::to_string(usage.subdivisionLevel) + " is above " + std::to_string(most));
 }
 
-// Calls `check(i, usage)` for each usage count, and adds it to the build.
-template <typename Counts, typename Check>
-bool parseUsages(const Judge &judge, const UsageRules &rules, uint32_t count, const Counts *counts,
-                 const Counts *const *pointers, MicromapBuild &build, Check check)
+// Calls `checkUsage(i, usage)` for each usage count, and adds it to the build.
+template <typename Counts, typename CheckUsage>
+bool parseUsages(const InputCheck &check, const UsageRules &rules, uint32_t count, const Counts *counts,
+                 const Counts *const *pointers, MicromapBuild &build, CheckUsage checkUsage)
 {
     if (count > 0 && !counts && !pointers)
-        return judge.refuse(rules.countsId,
+        return check.reject(rules.countsId,
                             "usageCountsCount is not 0, but neither pUsageCounts nor ppUsageCounts is given");
     if (count > 0 && counts && pointers &&
-        !judge.tolerate(rules.countsId, "both pUsageCounts and ppUsageCounts are given"))
+        !check.tolerate(rules.countsId, "both pUsageCounts and ppUsageCounts are given"))
         return false;
     for (uint32_t i = 0; i < count; ++i) {
         const Counts &given = counts ? counts[i] : *pointers[i];
         VkMicromapUsageEXT usage{given.count, given.subdivisionLevel, static_cast<uint32_t>(given.format)};
         const bool twoState = usage.format == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT;
         if (!twoState && usage.format != VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) {
-            if (!judge.weigh(rules.takesUnknownFormats, rules.formatId,
-                             "usage count " + std::to_string(i) + ": format " + std::to_string(usage.format) +
-                                 " is neither 2-state nor 4-state"))
+            if (!check.tolerateIf(rules.takesUnknownFormats, rules.formatId,
+                                  "usage count " + std::to_string(i) + ": format " + std::to_string(usage.format) +
+                                      " is neither 2-state nor 4-state"))
                 return false;
             usage.format = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT; // takes most
         }
-        if (!check(i, usage) || !checkLevel(judge, i, usage, twoState ? rules.twoStateLevel : rules.fourStateLevel,
-                                            twoState ? rules.twoStateId : rules.fourStateId))
+        if (!checkUsage(i, usage) || !checkLevel(check, i, usage, twoState ? rules.twoStateLevel : rules.fourStateLevel,
+                                                 twoState ? rules.twoStateId : rules.fourStateId))
             return false;
         if (usage.count > 0) // otherwise of any level and format
             build.usages.push_back(usage);
@@ -71,19 +71,19 @@ bool parseUsages(const Judge &judge, const UsageRules &rules, uint32_t count, co
     return true;
 }
 
-bool checkExtent(const Judge &judge, const MicromapExtent &extent)
+bool checkExtent(const InputCheck &check, const MicromapExtent &extent)
 {
-    return extent.countable() || judge.refuse("VELLUM-micromap-too-large",
+    return extent.countable() || check.reject("VELLUM-micromap-too-large",
                                               "the usage counts add up to more than 2^32 triangles or data units");
 }
 
-bool checkStride(const Judge &judge, const MicromapBuild &build, const char *id)
+bool checkStride(const InputCheck &check, const MicromapBuild &build, const char *id)
 {
     if (build.triangleStride > UINT32_MAX && build.extent.triangles > 1)
-        return judge.refuse("VELLUM-micromap-stride", "triangleArrayStride does not fit 32 bits");
+        return check.reject("VELLUM-micromap-stride", "triangleArrayStride does not fit 32 bits");
     // Triangles that overlap are read as they lie.
     return build.triangleStride >= sizeof(VkMicromapTriangleEXT) ||
-           judge.tolerate(id, "triangleArrayStride " + std::to_string(build.triangleStride) +
+           check.tolerate(id, "triangleArrayStride " + std::to_string(build.triangleStride) +
                                   " is less than the 8 bytes of a VkMicromapTriangleEXT");
 }
 
@@ -113,31 +113,31 @@ VkBuildMicromapFlagsEXT flagsOf(VkBuildAccelerationStructureFlagsKHR flags)
 }
 
 // The data of the one geometry that a micromap has; null, after a message, if it is missing.
-const MicromapData *parseGeometry(const Judge &judge, const BuildInfo &info)
+const MicromapData *parseGeometry(const InputCheck &check, const BuildInfo &info)
 {
     if (info.geometryCount != 1 &&
-        !judge.weigh(info.geometryCount > 1,
-                     "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560",
-                     "a micromap has one geometry, not " + std::to_string(info.geometryCount)))
+        !check.tolerateIf(info.geometryCount > 1,
+                          "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560",
+                          "a micromap has one geometry, not " + std::to_string(info.geometryCount)))
         return nullptr;
     const auto *geometry = geometryOf(info);
     if ((!geometry || (info.pGeometries && info.ppGeometries)) &&
-        !judge.weigh(geometry, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788",
-                     "not exactly one of pGeometries and ppGeometries is given"))
+        !check.tolerateIf(geometry, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788",
+                          "not exactly one of pGeometries and ppGeometries is given"))
         return nullptr;
     const auto *data =
         findInChain<MicromapData>(geometry->pNext, VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR);
     if (geometry->geometryType != VK_GEOMETRY_TYPE_MICROMAP_KHR &&
-        !judge.weigh(data, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11561",
-                     "the geometry of a micromap is not of type VK_GEOMETRY_TYPE_MICROMAP_KHR"))
+        !check.tolerateIf(data, "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11561",
+                          "the geometry of a micromap is not of type VK_GEOMETRY_TYPE_MICROMAP_KHR"))
         return nullptr;
     if (!data)
-        judge.refuse("VELLUM-VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
+        check.reject("VELLUM-VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
                      "the geometry has no VkAccelerationStructureGeometryMicromapDataKHR");
     return data;
 }
 
-bool parseUsages(const Judge &judge, const MicromapData &data, const MicromapLimits &limits, MicromapBuild &build)
+bool parseUsages(const InputCheck &check, const MicromapData &data, const MicromapLimits &limits, MicromapBuild &build)
 {
     const bool lossy = (build.flags & kLossyBuild) != 0;
     const char *lossyId = "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11565";
@@ -149,38 +149,38 @@ bool parseUsages(const Judge &judge, const MicromapData &data, const MicromapLim
         lossy ? limits.lossyLevel : limits.fourStateLevel,
         lossy ? lossyId : "VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-subdivisionLevel-11645",
         lossy ? lossyId : "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11564"};
-    const auto check = [&](uint32_t i, const VkMicromapUsageEXT &usage) {
+    const auto checkUsage = [&](uint32_t i, const VkMicromapUsageEXT &usage) {
         // Such triangles stay as they are.
         return !lossy || usage.format != VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT ||
-               judge.tolerate("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712",
+               check.tolerate("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712",
                               "usage count " + std::to_string(i) + ": the format of a lossy micromap is not 4-state");
     };
-    return parseUsages(judge, rules, data.usageCountsCount, data.pUsageCounts, data.ppUsageCounts, build, check) &&
+    return parseUsages(check, rules, data.usageCountsCount, data.pUsageCounts, data.ppUsageCounts, build, checkUsage) &&
            (build.extent.triangles <= kMaxMicromapTriangles ||
-            judge.tolerate("VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-count-11643",
+            check.tolerate("VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-count-11643",
                            "the usage counts add up to " + std::to_string(build.extent.triangles) +
                                " triangles, more than maxMicromapTriangles"));
 }
 
-bool checkAddresses(const AddressMap &addresses, const Judge &judge, const MicromapBuild &build,
+bool checkAddresses(const AddressMap &addresses, const InputCheck &check, const MicromapBuild &build,
                     VkDeviceSize scratchBytes)
 {
     const VkDeviceAddress data = build.data.deviceAddress, triangles = build.triangles.deviceAddress;
     if (data == 0 || triangles == 0)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550",
+        return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550",
                             "data or triangleArray is a null address");
     if ((data % 128 != 0 || triangles % 128 != 0) &&
-        !judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552",
+        !check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552",
                         "data or triangleArray is not a multiple of 128"))
         return false;
     if (scratchBytes == 0)
         return true;
     if (build.scratch == 0 || build.scratch % kLeastScratchAlignment != 0)
-        return judge.refuse(build.scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
+        return check.reject(build.scratch == 0 ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261"
                                                : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710",
                             "scratchData is a null address or not aligned");
     if (addresses.bytesFrom(build.scratch) < scratchBytes)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258",
+        return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258",
                             "scratchData has " + std::to_string(addresses.bytesFrom(build.scratch)) +
                                 " bytes in its buffer, the build needs " + std::to_string(scratchBytes));
     return true;
@@ -188,16 +188,16 @@ bool checkAddresses(const AddressMap &addresses, const Judge &judge, const Micro
 
 } // namespace
 
-std::optional<MicromapBuild> parseMicromapBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info)
+std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info)
 {
     if (info.type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT) {
-        judge.refuse("VELLUM-VUID-VkMicromapBuildInfoEXT-type-parameter",
+        check.reject("VELLUM-VUID-VkMicromapBuildInfoEXT-type-parameter",
                      "type " + std::to_string(info.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
         return std::nullopt;
     }
     // There is only one thing to do.
     if (info.mode != VK_BUILD_MICROMAP_MODE_BUILD_EXT &&
-        !judge.tolerate("VELLUM-VUID-VkMicromapBuildInfoEXT-mode-parameter",
+        !check.tolerate("VELLUM-VUID-VkMicromapBuildInfoEXT-mode-parameter",
                         "mode " + std::to_string(info.mode) + " is not VK_BUILD_MICROMAP_MODE_BUILD_EXT"))
         return std::nullopt;
     MicromapBuild build;
@@ -213,41 +213,41 @@ std::optional<MicromapBuild> parseMicromapBuild(const Judge &judge, const VkMicr
                                 kMaxSubdivisionLevel,
                                 "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11654",
                                 "VELLUM-VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11655"};
-    if (!parseUsages(judge, kRules, info.usageCountsCount, info.pUsageCounts, info.ppUsageCounts, build,
+    if (!parseUsages(check, kRules, info.usageCountsCount, info.pUsageCounts, info.ppUsageCounts, build,
                      [](uint32_t, const VkMicromapUsageEXT &) { return true; }) ||
-        !checkExtent(judge, build.extent))
+        !checkExtent(check, build.extent))
         return std::nullopt;
     return build;
 }
 
-bool checkMicromapBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info, MicromapBuild &build)
+bool checkMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info, MicromapBuild &build)
 {
     if (!info.dstMicromap)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstMicromap is VK_NULL_HANDLE");
+        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstMicromap is VK_NULL_HANDLE");
     build.target = *micromapOf(info.dstMicromap);
     if (build.target.size < build.extent.bytes())
-        return judge.refuse("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
+        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
                             "dstMicromap has " + std::to_string(build.target.size) + " bytes, the build needs " +
                                 std::to_string(build.extent.bytes()));
-    return build.extent.triangles <= 1 || checkStride(judge, build, "VELLUM-micromap-stride");
+    return build.extent.triangles <= 1 || checkStride(check, build, "VELLUM-micromap-stride");
 }
 
-std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const Judge &judge, const BuildInfo &info,
+std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const InputCheck &check, const BuildInfo &info,
                                                 const MicromapLimits *limits)
 {
     constexpr const char *kFeature = "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559";
     if (!limits) {
-        judge.refuse(kFeature, "VK_KHR_opacity_micromap is not enabled");
+        check.reject(kFeature, "VK_KHR_opacity_micromap is not enabled");
         return std::nullopt;
     }
-    if (!driver.asked.khrFeature &&
-        !judge.tolerate(kFeature, "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled"))
+    if (!driver.enabled.khrFeature &&
+        !check.tolerate(kFeature, "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled"))
         return std::nullopt;
-    const MicromapData *data = parseGeometry(judge, info);
+    const MicromapData *data = parseGeometry(check, info);
     if (!data)
         return std::nullopt;
     if ((info.flags & ~kMicromapBuildFlags) != 0 &&
-        !judge.tolerate("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11562",
+        !check.tolerate("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11562",
                         "flags " + std::to_string(info.flags) + " holds some that are not for micromaps"))
         return std::nullopt;
     MicromapBuild build;
@@ -256,31 +256,31 @@ std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const Judg
     build.triangles.deviceAddress = data->triangleArray;
     build.triangleStride = data->triangleArrayStride;
     build.scratch = info.scratchData.deviceAddress;
-    if (!parseUsages(judge, *data, *limits, build) || !checkExtent(judge, build.extent))
+    if (!parseUsages(check, *data, *limits, build) || !checkExtent(check, build.extent))
         return std::nullopt;
     return build;
 }
 
-bool checkMicromapBuild(const DeviceObjects &objects, const Judge &judge, const BuildInfo &info,
+bool checkMicromapBuild(const DeviceState &objects, const InputCheck &check, const BuildInfo &info,
                         const MicromapBuildSizes &sizes, MicromapBuild &build)
 {
     // It is built.
     if (info.mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR &&
-        !judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", "a micromap cannot be updated"))
+        !check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", "a micromap cannot be updated"))
         return false;
     build.structure = objects.accelerationStructures.get(info.dstAccelerationStructure);
     if (!build.structure || !canHoldMicromap(*build.structure))
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547",
+        return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547",
                             "dstAccelerationStructure was created as neither OPACITY_MICROMAP nor GENERIC");
     build.target = micromapIn(*build.structure);
     if (build.target.size < sizes.micromap)
-        return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
+        return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
                             "dstAccelerationStructure has " + std::to_string(build.target.size) +
                                 " bytes, the build needs " + std::to_string(sizes.micromap));
     if (build.extent.triangles == 0)
         return true;
-    return checkAddresses(objects.buffers.addresses, judge, build, sizes.scratch) &&
-           checkStride(judge, build,
+    return checkAddresses(objects.buffers.addresses, check, build, sizes.scratch) &&
+           checkStride(check, build,
                        "VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646");
 }
 

@@ -7,16 +7,16 @@
 #include <optional>
 #include <vector>
 
-#include "layer/ground/judge.h"
-#include "layer/ground/vulkan_newer.h"
+#include "layer/base/input_check.h"
+#include "layer/base/vulkan_newer.h"
 #include "layer/micromaps/micromap_extent.h"
-#include "layer/objects/micromap_object.h"
+#include "layer/state/micromap_object.h"
 
 namespace vellum::layer
 {
 
 struct AccelerationStructure;
-struct DeviceObjects;
+struct DeviceState;
 struct Driver;
 
 struct MicromapBuild {
@@ -46,20 +46,20 @@ struct MicromapBuildSizes {
 };
 
 // The build of a VkMicromapBuildInfoEXT. Nothing, after a message, if even its sizes are unknowable.
-std::optional<MicromapBuild> parseMicromapBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info);
+std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info);
 // Finds the target, and checks what device and host builds have in common.
-bool checkMicromapBuild(const Judge &judge, const VkMicromapBuildInfoEXT &info, MicromapBuild &build);
+bool checkMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info, MicromapBuild &build);
 
 inline bool isMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &info)
 {
     return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
 // The same of VK_KHR_opacity_micromap. `limits`: null if the device has no such micromaps.
-std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const Judge &judge,
+std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const InputCheck &check,
                                                 const VkAccelerationStructureBuildGeometryInfoKHR &info,
                                                 const MicromapLimits *limits);
 // Finds the target, and checks it and the input.
-bool checkMicromapBuild(const DeviceObjects &objects, const Judge &judge,
+bool checkMicromapBuild(const DeviceState &objects, const InputCheck &check,
                         const VkAccelerationStructureBuildGeometryInfoKHR &info, const MicromapBuildSizes &sizes,
                         MicromapBuild &build);
 

@@ -1,6 +1,6 @@
 #include "layer/pipelines/any_hit_modules.h"
 
-#include "layer/ground/undo.h"
+#include "layer/base/undo.h"
 #include "shaders/any_hit.h"
 #include "spirv/module/opcodes.h"
 

@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "layer/commands/device_commands.h"
-#include "layer/ground/vulkan_newer.h"
+#include "layer/base/vulkan_newer.h"
+#include "layer/command_buffer/device_command_buffers.h"
 #include "layer/pipelines/any_hit_modules.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
@@ -53,8 +53,8 @@ private:
 struct DevicePipelines {
     Driver &driver;
     DeviceBuffers &buffers;
-    DeviceObjects &objects;
-    DeviceCommands &commands;
+    DeviceState &objects;
+    DeviceCommandBuffers &commands;
     HandleMap<VkShaderModule, std::shared_ptr<const RayTracingModule>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
     HandleMap<VkShaderModule, bool> tracingModules{};                                 // true: shaders that trace rays

@@ -28,7 +28,7 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
 {
     return {.rootAddress = device.objects.root.address(),
             .firstSlots = device.objects.root.firstSlots(),
-            .queriesConsume = device.driver.asked.everyQueryUsesMicromaps() || device.driver.settings->assumeMicromaps
+            .queriesConsume = device.driver.enabled.everyQueryUsesMicromaps() || device.driver.settings->assumeMicromaps
                                   ? spirv::QueriesConsume::Always
                                   : spirv::QueriesConsume::WhereDeclared,
             .constantQueryFlags = device.driver.settings->constantRayFlags,
@@ -46,7 +46,7 @@ void warnOf(DevicePipelines &device, const spirv::RewriteResult &result, std::sp
             device.driver.report().warning(id, text);
     };
     // Harmless where they meet no micromaps. Applications forget it all the same, like the Vulkan tutorial's engine.
-    warn(result.queriesForget && device.driver.asked.khrFeature, "VELLUM-queries-without-micromaps",
+    warn(result.queriesForget && device.driver.enabled.khrFeature, "VELLUM-queries-without-micromaps",
          "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every hit on "
          "their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
     warn(result.lacksHiddenFlags, "VELLUM-intersection-ray-flags",

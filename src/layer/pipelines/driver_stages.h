@@ -8,7 +8,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::layer

@@ -13,10 +13,10 @@ namespace
 using Region = VkStridedDeviceAddressRegionKHR;
 
 // Room for the hit records of an indirect command, which only the GPU knows the number of.
-constexpr uint32_t kIndirectRoom = 16 * 1024 * 1024;
+constexpr uint32_t kIndirectCapacity = 16 * 1024 * 1024;
 constexpr uint32_t kIndirectThreads = 4096;
-constexpr VkDeviceSize kCommandRoom = 256;
-static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandRoom);
+constexpr VkDeviceSize kCommandBytes = 256;
+static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandBytes);
 
 // Bytes for stand-ins behind a table's own records: at least, since builds that the device has not carried out yet may
 // have greater record offsets than the known ones; and at most.
@@ -133,9 +133,9 @@ void cmdTraceRaysIndirect2(DevicePipelines &device, VkCommandBuffer commandBuffe
     if (pipeline && !state->inheritsConditionalRendering) {
         shared::HitRecordsPush push = pushOf(device, *pipeline);
         push.command = command;
-        push.commandCopy = allocate(device, *state, kCommandRoom + kIndirectRoom);
-        push.target = push.commandCopy + kCommandRoom;
-        push.capacity = kIndirectRoom;
+        push.commandCopy = allocate(device, *state, kCommandBytes + kIndirectCapacity);
+        push.target = push.commandCopy + kCommandBytes;
+        push.capacity = kIndirectCapacity;
         if (push.commandCopy && run(device, commandBuffer, push, kIndirectThreads))
             command = push.commandCopy;
     }

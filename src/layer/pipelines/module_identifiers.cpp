@@ -70,7 +70,7 @@ Mask maskOf(std::span<const std::byte> bytes)
 uint64_t rewriteSettings(const DevicePipelines &device)
 {
     const Settings &settings = *device.driver.settings;
-    const bool assumes = settings.assumeMicromaps && device.driver.asked.anyFeature();
+    const bool assumes = settings.assumeMicromaps && device.driver.enabled.anyFeature();
     return uint64_t{settings.constantRayFlags} | uint64_t{assumes} << 1;
 }
 
@@ -124,7 +124,7 @@ void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uin
         }
         std::vector<uint8_t> &bytes = bytes_.emplace_back(own->pIdentifier, own->pIdentifier + own->identifierSize);
         const bool traces = tracing || device_.givenIdentifiers.contains(*own);
-        if (!traces && device_.driver.asked.rayQueries && open_.size() < kMostOpen)
+        if (!traces && device_.driver.enabled.rayQueries && open_.size() < kMostOpen)
             open_.push_back({&bytes, bytes});
         mix(bytes.data(), own->identifierSize, traces ? tracingMask(device_) : layerMask());
         own->pIdentifier = bytes.data();

@@ -9,7 +9,7 @@
 
 #include "core/hash.h"
 #include "core/ray_flags.h"
-#include "layer/ground/undo.h"
+#include "layer/base/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
@@ -155,7 +155,7 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
     std::vector<newer::PipelineBinaryKey> keys;
     std::vector<newer::PipelineBinaryData> data;
     std::vector<HiddenInBinary> hidden;
-    std::vector<uint32_t> places;
+    std::vector<uint32_t> locations;
     for (uint32_t i = 0; i < count; ++i) {
         const HiddenInBinary known = hiddenFlagsOf(device, given.pPipelineBinaryData[i]);
         if (!known.known) {
@@ -172,12 +172,12 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
         own.pData = static_cast<std::byte *>(own.pData) + sizeof(BinaryHeader);
         own.dataSize -= sizeof(BinaryHeader);
         hidden.push_back(known);
-        places.push_back(i);
+        locations.push_back(i);
     }
     binaries.pipelineBinaryCount = count;
-    if (places.empty())
+    if (locations.empty())
         return result;
-    std::vector<newer::PipelineBinary> made(places.size());
+    std::vector<newer::PipelineBinary> made(locations.size());
     newer::PipelineBinaryHandlesInfo handles = binaries;
     handles.pipelineBinaryCount = static_cast<uint32_t>(made.size());
     handles.pPipelineBinaries = made.data();
@@ -187,7 +187,7 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
     const VkResult drivers = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, &handles);
     addBinaries(device, handle, allocator, made, [&](size_t i) { return hidden[i]; });
     for (size_t i = 0; i < made.size(); ++i)
-        binaries.pPipelineBinaries[places[i]] = made[i];
+        binaries.pPipelineBinaries[locations[i]] = made[i];
     return result < 0 || drivers == VK_SUCCESS ? result : drivers;
 }
 
@@ -259,8 +259,8 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
 {
     const bool emulated = device.driver.emulated;
     const uint32_t count = binaries->pipelineBinaryCount; // of the array, which the driver may be given again
-    const uint32_t room = binaries->pPipelineBinaries ? count : 0;
-    std::fill_n(binaries->pPipelineBinaries, room, nullptr);
+    const uint32_t capacity = binaries->pPipelineBinaries ? count : 0;
+    std::fill_n(binaries->pPipelineBinaries, capacity, nullptr);
     if (emulated && info->pKeysAndDataInfo && binaries->pPipelineBinaries)
         return createFromData(device, handle, *info, allocator, *binaries);
     binaries->pipelineBinaryCount = 0; // unless the driver is asked
@@ -268,7 +268,8 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
         binaries->pipelineBinaryCount = count;
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
         if (emulated) // also where some failed
-            addBinaries(device, handle, allocator, {binaries->pPipelineBinaries, room}, [&](size_t) { return hidden; });
+            addBinaries(device, handle, allocator, {binaries->pPipelineBinaries, capacity},
+                        [&](size_t) { return hidden; });
         return result;
     };
     if (info->pPipelineCreateInfo && !info->pKeysAndDataInfo) {

@@ -6,7 +6,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/vulkan_newer.h"
+#include "layer/base/vulkan_newer.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
 
 namespace vellum::layer

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "layer/commands/deferred.h"
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
+#include "layer/command_buffer/deferred_operation.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
@@ -73,14 +73,14 @@ public:
         groupsOfOurs_.emplace_back();
         if (!device_.driver.emulated)
             return takeIdentifiers(own);
-        const bool available = device_.driver.asked.anyFeature();
+        const bool available = device_.driver.enabled.anyFeature();
         bool asked =
             (flagsOf(info) & kMicromapPipelineFlag) != 0 || (available && device_.driver.settings->assumeMicromaps);
         if (asked && !available &&
-            !weigh(true, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
-                   "uses opacity micromaps, but the feature micromap is not enabled"))
+            !tolerateIf(true, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+                        "uses opacity micromaps, but the feature micromap is not enabled"))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        if ((!asked || !device_.driver.asked.khrFeature) &&
+        if ((!asked || !device_.driver.enabled.khrFeature) &&
             (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0 &&
             !toleratesMixedSpecialIndex(device_.driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
                                         "vkCreateRayTracingPipelinesKHR"))
@@ -96,9 +96,9 @@ public:
         }
         if (asked && without) {
             // Where all were, the pipeline can be one without micromaps.
-            if (!weigh(with == 0, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
-                       "uses opacity micromaps, but library " + std::to_string(*without) +
-                           " was created without the bit"))
+            if (!tolerateIf(with == 0, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
+                            "uses opacity micromaps, but library " + std::to_string(*without) +
+                                " was created without the bit"))
                 return VK_ERROR_VALIDATION_FAILED_EXT;
             asked = false;
         }
@@ -169,19 +169,19 @@ private:
     }
 
     // Reports about the pipeline that is being added.
-    void refuse(const char *id, const std::string &text)
+    void reject(const char *id, const std::string &text)
     {
         device_.driver.report().error(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
                                               std::to_string(infos_.size() - 1) + " " + text);
     }
 
     // Whether it may be made all the same, as where the fault is harmless and nobody is strict.
-    bool weigh(bool harmless, const char *id, const std::string &text)
+    bool tolerateIf(bool harmless, const char *id, const std::string &text)
     {
         if (harmless)
             return device_.driver.report().tolerates(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
                                                              std::to_string(infos_.size() - 1) + " " + text);
-        refuse(id, text);
+        reject(id, text);
         return false;
     }
 
@@ -281,12 +281,12 @@ private:
         info.pStages = ownStages.data();
         info.groupCount = static_cast<uint32_t>(ownGroups.size());
         info.pGroups = ownGroups.data();
-        return makeRoomForFeedback(info);
+        return reserveFeedback(info);
     }
 
     // The driver writes feedback for each of its stages (VUID-...-pipelineStageCreationFeedbackCount-06652), of which
     // there may be more than the application knows.
-    VkResult makeRoomForFeedback(VkRayTracingPipelineCreateInfoKHR &info)
+    VkResult reserveFeedback(VkRayTracingPipelineCreateInfoKHR &info)
     {
         constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
         const auto *application = findInChain<VkPipelineCreationFeedbackCreateInfo>(info.pNext, type);
@@ -295,7 +295,7 @@ private:
         Chain &chain = chains_.emplace_back(info.pNext);
         auto *own = chain.edit<VkPipelineCreationFeedbackCreateInfo>(type);
         if (!own) {
-            refuse("VELLUM-pipeline-feedback",
+            reject("VELLUM-pipeline-feedback",
                    "has VkPipelineCreationFeedbackCreateInfo behind a structure of unknown size");
             return VK_ERROR_INITIALIZATION_FAILED;
         }
@@ -317,7 +317,7 @@ private:
         Chain &chain = chains_.emplace_back(info.pNext);
         auto *flags = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
         if (!flags) {
-            refuse("VELLUM-pipeline-flags", "has VkPipelineCreateFlags2CreateInfo behind a structure of unknown size");
+            reject("VELLUM-pipeline-flags", "has VkPipelineCreateFlags2CreateInfo behind a structure of unknown size");
             return false;
         }
         flags->flags &= ~kHiddenPipelineFlags;

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "layer/ground/driver.h"
+#include "layer/base/driver.h"
 
 namespace vellum::layer
 {
@@ -28,7 +28,7 @@ bool takeMixedSpecialIndex(const Driver &driver, newer::ShaderCreateInfo &info)
         static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
     const bool asked = (info.flags & kDisallowMixedShader) != 0;
     info.flags &= ~kDisallowMixedShader;
-    return !asked || driver.asked.khrFeature ||
+    return !asked || driver.enabled.khrFeature ||
            toleratesMixedSpecialIndex(driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
 }
 
@@ -47,7 +47,7 @@ bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags
 {
     return (pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) ==
                0 ||
-           driver.asked.khrFeature || toleratesMixedSpecialIndex(driver, id, command);
+           driver.enabled.khrFeature || toleratesMixedSpecialIndex(driver, id, command);
 }
 
 bool hideMicromapFlags(const Driver &driver, const void *&pNext, std::deque<Chain> &chains, const char *command)

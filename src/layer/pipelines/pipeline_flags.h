@@ -5,8 +5,8 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/ground/pnext.h"
-#include "layer/ground/vulkan_newer.h"
+#include "layer/base/pnext.h"
+#include "layer/base/vulkan_newer.h"
 
 namespace vellum::layer
 {

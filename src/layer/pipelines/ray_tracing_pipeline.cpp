@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 
-#include "layer/ground/atomic_max.h"
-#include "layer/ground/pnext.h"
+#include "layer/base/atomic_max.h"
+#include "layer/base/pnext.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/pipeline_flags.h"
 

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "layer/ground/pnext.h"
-#include "layer/ground/undo.h"
+#include "layer/base/pnext.h"
+#include "layer/base/undo.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"

@@ -1,5 +1,5 @@
 // Who carries out what the commands of structure_commands.h have checked. There are two back ends: the layer's own
-// micromaps (emulated_backend.h), and a driver's VK_EXT_opacity_micromap (translation/ext_backend.h).
+// micromaps (emulated_backend.h), and a driver's VK_EXT_opacity_micromap (khr_over_ext/ext_backend.h).
 #pragma once
 
 #include <memory>
@@ -31,7 +31,7 @@ public:
     // What the addresses of micromaps are multiples of.
     [[nodiscard]] virtual uint32_t micromapAlignment() const = 0;
     // Whether a micromap can be at `range`; reports why not.
-    [[nodiscard]] virtual bool checkMicromap(const Judge &judge, const BufferRange &range) const = 0;
+    [[nodiscard]] virtual bool checkMicromap(const InputCheck &check, const BufferRange &range) const = 0;
     // Makes what a micromap needs of the driver. False: out of memory.
     virtual bool createMicromap(AccelerationStructure &micromap) = 0;
 

@@ -6,7 +6,7 @@
 
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/structures/backend.h"
-#include "layer/structures/blank_structure.h"
+#include "layer/structures/fallback_structure.h"
 
 namespace vellum::layer
 {
@@ -14,10 +14,10 @@ namespace vellum::layer
 struct DeviceStructures {
     Driver &driver;
     DeviceBuffers &buffers;
-    DeviceObjects &objects;
-    DeviceCommands &commands;
+    DeviceState &objects;
+    DeviceCommandBuffers &commands;
     DeviceMicromaps &micromaps;
-    BlankStructure blank{};
+    FallbackStructure fallback{};
     std::unique_ptr<Backend> backend{}; // set while the device is made, if micromaps are the layer's business
 };
 

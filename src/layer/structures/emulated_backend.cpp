@@ -5,7 +5,7 @@
 #include "core/curve.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
-#include "layer/structures/fitted_handle.h"
+#include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -15,7 +15,7 @@ using namespace shared;
 
 bool EmulatedBackend::begin(VkCommandBuffer commandBuffer, const char *command)
 {
-    reportNotices(device_.objects);
+    reportGpuErrors(device_.objects);
     return !InjectedWork::refusedIn(device_.commands, commandBuffer, command);
 }
 
@@ -46,7 +46,7 @@ void EmulatedBackend::addressTaken(AccelerationStructure &structure)
 {
     // Whoever names a structure to an instance asks for its address: from now on copies of top-level structures know
     // that it exists.
-    cellOf(device_.objects, structure);
+    descriptorOf(device_.objects, structure);
 }
 
 void EmulatedBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, StructureBuild &build,
@@ -69,7 +69,7 @@ void EmulatedBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, Structu
 
 VkAccelerationStructureKHR EmulatedBackend::driverHandle(AccelerationStructure &structure)
 {
-    return fittedHandle(device_, structure);
+    return exactSizeHandle(device_, structure);
 }
 
 uint64_t copyInvocations(VkDeviceSize bytes)

@@ -7,7 +7,7 @@
 // executes: commands may be recorded in any order.
 #pragma once
 
-#include "layer/commands/injected_work.h"
+#include "layer/command_buffer/injected_work.h"
 #include "layer/structures/backend.h"
 
 namespace vellum::layer
@@ -27,7 +27,7 @@ public:
     [[nodiscard]] MicromapBuildSizes sizes(const MicromapBuild &build) const override;
     void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) override;
     [[nodiscard]] uint32_t micromapAlignment() const override { return 16; } // shaders read and write 16 bytes at once
-    [[nodiscard]] bool checkMicromap(const Judge &, const BufferRange &) const override { return true; }
+    [[nodiscard]] bool checkMicromap(const InputCheck &, const BufferRange &) const override { return true; }
     bool createMicromap(AccelerationStructure &) override { return true; }
 
     void created(const std::shared_ptr<AccelerationStructure> &structure) override;
@@ -59,7 +59,7 @@ private:
 // Invocations of injected work that runs over a whole structure: enough to keep a GPU busy, few for a small one.
 uint64_t copyInvocations(VkDeviceSize bytes);
 
-// Builds `target` from the instances that the cell at `source` leads to, of which there are at most `most`.
+// Builds `target` from the instances that the descriptor at `source` leads to, of which there are at most `most`.
 // `from`: kFromStructure or kFromSerialized (core/push.h). False, after a message: nothing was recorded.
 bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
                         const char *command, AccelerationStructure &target, VkDeviceAddress source,

@@ -4,11 +4,11 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/ground/atomic_max.h"
+#include "layer/base/atomic_max.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
-#include "layer/structures/fitted_handle.h"
+#include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -23,8 +23,8 @@ using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
 constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
 
-// An intersection shader cannot know whether its geometry is opaque: the cell says it.
-void setBoxes(uint32_t (&cell)[kCellWords], const StructureBuild &build)
+// An intersection shader cannot know whether its geometry is opaque: the descriptor says it.
+void setBoxes(uint32_t (&descriptor)[kDescriptorWords], const StructureBuild &build)
 {
     bool alike = true;
     uint32_t opaque = 0;
@@ -35,8 +35,8 @@ void setBoxes(uint32_t (&cell)[kCellWords], const StructureBuild &build)
     }
     if (!build.hasBoxes || (!alike && build.geometryCount() > 32))
         return;
-    cell[2] = kCellBoxes;
-    cell[7] = alike ? (build.inputs[0].opaque ? ~0u : 0) : opaque;
+    descriptor[2] = kDescriptorBoxes;
+    descriptor[7] = alike ? (build.inputs[0].opaque ? ~0u : 0) : opaque;
 }
 
 // The builds of one command, and the work around the driver's builds.
@@ -58,9 +58,9 @@ public:
             prepare(part);
         InjectedWork work(device_.commands, commandBuffer_);
         patchInstances(work);
-        letCellsWait();
+        letDescriptorsWait();
         runDriver();
-        writeCells();
+        writeDescriptors();
         writeTails(work);
     }
 
@@ -68,11 +68,11 @@ private:
     struct Part {
         explicit Part(StructureBuild &&given) : build(std::move(given)) {}
         StructureBuild build;
-        VkDeviceAddress sourceCell = 0;
+        VkDeviceAddress sourceDescriptor = 0;
         VkDeviceAddress tail = 0; // where the records go; 0: there are none
         VkDeviceSize tailBytes = 0;
         VkDeviceSize driverBytes = 0; // that the driver needs; of a build without records, where that matters only
-        CellPlace cell;
+        StructureDescriptor descriptor;
         RangeInfo instanceRange{}; // of the patched instances
         TlasInstancesPush instances{};
         bool skipped = false;
@@ -80,9 +80,9 @@ private:
         [[nodiscard]] AccelerationStructure &target() const { return *build.target; }
     };
 
-    void refuse(Part &part, const char *id, const std::string &text)
+    void reject(Part &part, const char *id, const std::string &text)
     {
-        judgeOf(device_.driver, command_, part.target().handle, part.build.element).refuse(id, text);
+        inputCheck(device_.driver, command_, part.target().handle, part.build.element).reject(id, text);
         part.skipped = true;
     }
 
@@ -90,17 +90,17 @@ private:
     {
         hideMicromaps(part.build);
         if (part.build.source)
-            part.sourceCell = cellOf(device_.objects, *part.build.source).address;
-        part.cell = cellOf(device_.objects, part.target());
-        if (!part.cell.address)
-            refuse(part, "VELLUM-out-of-memory", "no memory for the layer's tables");
+            part.sourceDescriptor = descriptorOf(device_.objects, *part.build.source).address;
+        part.descriptor = descriptorOf(device_.objects, part.target());
+        if (!part.descriptor.address)
+            reject(part, "VELLUM-out-of-memory", "no memory for the layer's tables");
         else if (!part.build.topLevel)
             prepareBottomLevel(part);
     }
 
     void refuseSmall(Part &part)
     {
-        refuse(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
+        reject(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
                "dstAccelerationStructure has " + std::to_string(part.target().size) +
                    " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
     }
@@ -153,10 +153,10 @@ private:
     void fit(Part &part, VkDeviceSize bytes)
     {
         VkAccelerationStructureBuildGeometryInfoKHR &info = part.build.info;
-        const VkAccelerationStructureKHR fitted = fittedHandle(device_, part.target(), bytes);
+        const VkAccelerationStructureKHR exactSizeHandles = exactSizeHandle(device_, part.target(), bytes);
         if (info.srcAccelerationStructure == info.dstAccelerationStructure)
-            info.srcAccelerationStructure = fitted;
-        info.dstAccelerationStructure = fitted;
+            info.srcAccelerationStructure = exactSizeHandles;
+        info.dstAccelerationStructure = exactSizeHandles;
     }
 
     // False: the part is skipped.
@@ -172,7 +172,7 @@ private:
         }
         const auto slots = slotsFor(device_.objects, target, count);
         if (!slots) {
-            refuse(part, "VELLUM-out-of-slots",
+            reject(part, "VELLUM-out-of-slots",
                    "more than 2^24 instances in all acceleration structures together, or no "
                    "memory for the layer's tables");
             return false;
@@ -189,7 +189,7 @@ private:
         push.target = alignUp(build.info.scratchData.deviceAddress + layout.driverScratch, kPatchedAlignment);
         push.root = device_.objects.root.address();
         push.tail = beginOf(device_.driver, target) + layout.tailOffset;
-        push.cell = part.cell.address;
+        push.descriptor = part.descriptor.address;
         push.count = count;
         push.firstSlot = slots->first();
         push.from = instances.arrayOfPointers ? kFromPointers : kFromArray;
@@ -217,20 +217,21 @@ private:
         work.barrier();
     }
 
-    [[nodiscard]] static bool writesPlainCell(const Part &part)
+    [[nodiscard]] static bool writesPlainDescriptor(const Part &part)
     {
         return !part.skipped && !part.build.topLevel && !part.tail;
     }
 
     // A queue that waits for another one's build of a structure, by a semaphore, does so in the stage of builds: the
-    // transfer to the structure's cell must come after it, too. Semaphores are waited for before the command buffer
-    // begins, so one barrier in each will do, and builds of one command buffer do not wait for each other; in front of
-    // the first build, so that none waits for that. (Barriers of one queue are ordered by writeCells. What is waited
-    // for in another stage, and then by a later barrier of the application's in the stage of builds, is not.)
-    void letCellsWait()
+    // transfer to the structure's descriptor must come after it, too. Semaphores are waited for before the command
+    // buffer begins, so one barrier in each will do, and builds of one command buffer do not wait for each other; in
+    // front of the first build, so that none waits for that. (Barriers of one queue are ordered by writeDescriptors.
+    // What is waited for in another stage, and then by a later barrier of the application's in the stage of builds, is
+    // not.)
+    void letDescriptorsWait()
     {
         const auto state = device_.commands.states.get(commandBuffer_);
-        if (!state || state->cellsWait || std::none_of(parts_.begin(), parts_.end(), writesPlainCell))
+        if (!state || state->descriptorsWait || std::none_of(parts_.begin(), parts_.end(), writesPlainDescriptor))
             return;
         const VkMemoryBarrier builds{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
                                      VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR |
@@ -238,7 +239,7 @@ private:
                                      VK_ACCESS_TRANSFER_WRITE_BIT};
         device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
                                                VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 1, &builds, 0, nullptr, 0, nullptr);
-        state->cellsWait = true;
+        state->descriptorsWait = true;
     }
 
     void runDriver()
@@ -272,35 +273,35 @@ private:
                 strides.data(), most.data());
     }
 
-    // Cells of structures without records: what an earlier build put there must not be found any more. Whoever
-    // reads or writes a cell in a shader waits for everything before it, and lets everything after it wait. But before
-    // it in another command buffer may only be the stage of builds, after a semaphore or an event: the barrier puts the
-    // cells before what comes in that stage.
-    void writeCells()
+    // Descriptors of structures without records: what an earlier build put there must not be found any more. Whoever
+    // reads or writes a descriptor in a shader waits for everything before it, and lets everything after it wait. But
+    // before it in another command buffer may only be the stage of builds, after a semaphore or an event: the barrier
+    // puts the descriptors before what comes in that stage.
+    void writeDescriptors()
     {
         bool any = false;
         for (const Part &part : parts_) {
-            if (!writesPlainCell(part))
+            if (!writesPlainDescriptor(part))
                 continue;
-            uint32_t words[kCellWords]{};
-            words[2] = kCellPlain;
+            uint32_t words[kDescriptorWords]{};
+            words[2] = kDescriptorPlain;
             setBoxes(words, part.build);
             if (part.driverBytes > 0) {
                 const VkDeviceAddress end = beginOf(device_.driver, part.target()) + part.driverBytes;
                 std::memcpy(words, &end, sizeof end);
             }
-            device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.cell.buffer, part.cell.offset, sizeof words,
-                                                words);
+            device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.descriptor.buffer, part.descriptor.offset,
+                                                sizeof words, words);
             any = true;
         }
         if (!any)
             return;
-        const VkMemoryBarrier cells{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_TRANSFER_WRITE_BIT,
-                                    VK_ACCESS_TRANSFER_WRITE_BIT | VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR};
+        const VkMemoryBarrier descriptors{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_TRANSFER_WRITE_BIT,
+                                          VK_ACCESS_TRANSFER_WRITE_BIT | VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR};
         device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_TRANSFER_BIT,
                                                VK_PIPELINE_STAGE_TRANSFER_BIT |
                                                    VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
-                                               0, 1, &cells, 0, nullptr, 0, nullptr);
+                                               0, 1, &descriptors, 0, nullptr, 0, nullptr);
     }
 
     void writeTails(InjectedWork &work)
@@ -331,12 +332,12 @@ private:
             BlasRecordsPush push{};
             push.tail = part.tail;
             push.geometryWord = build.inputs[g].opaque ? kGeometryRecordOpaque : 0;
-            push.cell = g == 0 ? part.cell.address : 0;
+            push.descriptor = g == 0 ? part.descriptor.address : 0;
             push.geometryCount = geometries;
             push.geometry = g;
             push.tailUnits = unitsOf(part.tailBytes);
             if (build.source) {
-                push.source = part.sourceCell;
+                push.source = part.sourceDescriptor;
                 push.sourceBegin = beginOf(device_.driver, *build.source);
                 push.begin = beginOf(device_.driver, part.target());
                 push.commonUnits = unitsOf(std::min(build.source->size, part.target().size));
@@ -349,8 +350,8 @@ private:
                 push.micromapSize = unitsOf(attachment->micromap.size);
                 push.named = attachment->structure != nullptr;
                 push.baseTriangle = attachment->baseTriangle;
-                push.log = device_.commands.complaints.address();
-                push.object = complaintObject(attachment->micromap.object.type, attachment->micromap.object.handle);
+                push.log = device_.commands.validationLog.address();
+                push.object = findingObject(attachment->micromap.object.type, attachment->micromap.object.handle);
                 setIndices(push, *attachment);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }

@@ -6,10 +6,10 @@
 #include <new>
 #include <string>
 
-#include "layer/ground/undo.h"
-#include "layer/objects/buffer_range.h"
+#include "layer/base/undo.h"
+#include "layer/state/buffer_range.h"
 #include "layer/structures/device_structures.h"
-#include "layer/structures/fitted_handle.h"
+#include "layer/structures/exact_size_handle.h"
 
 namespace vellum::layer
 {
@@ -23,8 +23,8 @@ using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 
 void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
 {
-    leavePlace(device.objects, structure);
-    destroyFittedHandles(device, structure);
+    leaveLocation(device.objects, structure);
+    destroyExactSizeHandles(device, structure);
     // Another thread may be asking for the address of the buffer, which names the micromaps in it: bufferHasAddress().
     std::lock_guard lock(device.objects.unnamedMutex);
     std::erase_if(device.objects.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
@@ -32,7 +32,7 @@ void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
         return !other || other.get() == &structure;
     });
     if (structure.micromapKey)
-        device.objects.root.releaseCell(structure.micromapKey);
+        device.objects.root.releaseDescriptor(structure.micromapKey);
 }
 
 // A new structure has its handle, and is known from now on; not if this throws.
@@ -40,7 +40,7 @@ void addStructure(DeviceStructures &device, const std::shared_ptr<AccelerationSt
                   VkAccelerationStructureKHR handle)
 {
     structure->handle = handle;
-    takePlace(device.objects, *structure);
+    enterLocation(device.objects, *structure);
     Undo undo([&] { forgetStructure(device, *structure); });
     device.backend->created(structure);
     if (isLayersOwn(*structure) && !device.backend->createMicromap(*structure))
@@ -58,10 +58,10 @@ void addDriversStructure(DeviceStructures &device, const std::shared_ptr<Acceler
     undo.keep();
 }
 
-VkResult addMicromap(DeviceStructures &device, const Judge &judge, const BufferRange &range,
+VkResult addMicromap(DeviceStructures &device, const InputCheck &check, const BufferRange &range,
                      VkAccelerationStructureKHR &result)
 {
-    if (!device.backend->checkMicromap(judge, range))
+    if (!device.backend->checkMicromap(check, range))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
@@ -86,13 +86,13 @@ void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const
         if (!isMicromapBuild(infos[i]))
             continue;
         built.insert(infos[i].dstAccelerationStructure);
-        const Judge judge = judgeOf(device.driver, command, infos[i].dstAccelerationStructure, i);
+        const InputCheck check = inputCheck(device.driver, command, infos[i].dstAccelerationStructure, i);
         // It has no ranges that could be indirect.
-        if (indirect && !judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
+        if (indirect && !check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
                                         "a micromap is not built indirectly"))
             continue;
-        auto build = parseMicromapBuild(device.driver, judge, infos[i], backend.limits());
-        if (build && checkMicromapBuild(device.objects, judge, infos[i], backend.sizes(*build), *build))
+        auto build = parseMicromapBuild(device.driver, check, infos[i], backend.limits());
+        if (build && checkMicromapBuild(device.objects, check, infos[i], backend.sizes(*build), *build))
             micromaps.push_back(*std::move(build));
     }
     if (!micromaps.empty())
@@ -101,13 +101,13 @@ void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const
     for (uint32_t i = 0; i < count; ++i) {
         if (isMicromapBuild(infos[i]))
             continue;
-        const Judge judge = judgeOf(device.driver, command, infos[i].dstAccelerationStructure, i);
-        auto build = parseStructureBuild(device.driver, judge, infos[i]);
+        const InputCheck check = inputCheck(device.driver, command, infos[i].dstAccelerationStructure, i);
+        auto build = parseStructureBuild(device.driver, check, infos[i]);
         if (!build)
             continue;
         build->element = i;
         build->ranges = ranges(i);
-        if (checkStructureBuild(device.objects, judge, built, *build))
+        if (checkStructureBuild(device.objects, check, built, *build))
             structures.push_back(*std::move(build));
     }
     if (!structures.empty())
@@ -136,13 +136,13 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-        const Judge judge(device.driver.report(), "vkCreateAccelerationStructureKHR");
+        const InputCheck check(device.driver.report(), "vkCreateAccelerationStructureKHR");
         const VkDeviceSize bytes = device.buffers.infos.get(info->buffer).size;
         const bool possible = info->offset % 16 == 0 && info->offset < bytes;
-        if (!judge.weigh(possible, "VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
-                         "a micromap is made by vkCreateAccelerationStructure2KHR"))
+        if (!check.tolerateIf(possible, "VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
+                              "a micromap is made by vkCreateAccelerationStructure2KHR"))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        return addMicromap(device, judge, {info->buffer, info->offset, std::min(info->size, bytes - info->offset)},
+        return addMicromap(device, check, {info->buffer, info->offset, std::min(info->size, bytes - info->offset)},
                            *result);
     }
     const auto structure = newStructure({info->buffer, info->offset, info->size}, info->type);
@@ -224,16 +224,16 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice, VkAc
                                         const BuildInfo *info, const uint32_t *maxPrimitives,
                                         VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
-    const Judge judge(device.driver.report(), "vkGetAccelerationStructureBuildSizesKHR");
+    const InputCheck check(device.driver.report(), "vkGetAccelerationStructureBuildSizesKHR");
     sizes->accelerationStructureSize = sizes->updateScratchSize = sizes->buildScratchSize = 0;
     if (isMicromapBuild(*info)) {
-        const auto build = parseMicromapBuild(device.driver, judge, *info, device.backend->limits());
+        const auto build = parseMicromapBuild(device.driver, check, *info, device.backend->limits());
         if (!build)
             return;
         const MicromapBuildSizes needed = device.backend->sizes(*build);
         sizes->accelerationStructureSize = markedMicromapSize(needed.micromap);
         sizes->buildScratchSize = needed.scratch;
-    } else if (auto build = parseStructureBuild(device.driver, judge, *info)) {
+    } else if (auto build = parseStructureBuild(device.driver, check, *info)) {
         // Ignored, and may be handles of the layer.
         build->info.srcAccelerationStructure = build->info.dstAccelerationStructure = VK_NULL_HANDLE;
         device.backend->getSizes(type, *build, maxPrimitives, *sizes);
@@ -268,8 +268,8 @@ void cmdCopyAccelerationStructure(DeviceStructures &device, VkCommandBuffer comm
     if (!copy)
         return;
     if (const VkDeviceSize bytes = device.backend->cloneBytes(*copy); !copy->compact && copy->target->size < bytes)
-        judgeOf(device.driver, kCommand, info->dst)
-            .refuse("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
+        inputCheck(device.driver, kCommand, info->dst)
+            .reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
                     "dst has " + std::to_string(copy->target->size) + " bytes, src " + std::to_string(bytes));
     else
         device.backend->record(commandBuffer, *copy);
@@ -307,7 +307,7 @@ VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, 
         if (isMicromapBuild(infos[i]))
             return rejectOnHost(device, std::string(kCommand) + " with micromaps");
         const auto build = parseStructureBuild(
-            device.driver, judgeOf(device.driver, kCommand, infos[i].dstAccelerationStructure, i), infos[i]);
+            device.driver, inputCheck(device.driver, kCommand, infos[i].dstAccelerationStructure, i), infos[i]);
         if (!build)
             return VK_ERROR_VALIDATION_FAILED_EXT;
         const bool update = infos[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;

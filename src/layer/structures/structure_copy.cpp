@@ -6,7 +6,7 @@
 #include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
-#include "layer/structures/fitted_handle.h"
+#include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -30,13 +30,13 @@ uint32_t mostInstances(const DeviceStructures &device, const AccelerationStructu
     const bool generic = source.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ||
                          target.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     const uint32_t fits = topLevelCapacity(device.driver, std::min(source.size, target.size));
-    std::lock_guard lock(source.place->mutex);
-    const StructurePlace &place = *source.place;
-    if (place.mostInstances == 0)
-        return generic ? std::min(fits, topLevelCapacity(device.driver, roomOf(device.objects, target))) : fits;
+    std::lock_guard lock(source.location->mutex);
+    const StructureLocation &location = *source.location;
+    if (location.mostInstances == 0)
+        return generic ? std::min(fits, topLevelCapacity(device.driver, capacityOf(device.objects, target))) : fits;
     if (generic)
-        return std::min(fits, place.lastInstances);
-    const uint64_t likely = std::max(uint64_t{place.mostInstances} * kMostGrowth, uint64_t{kFewInstances});
+        return std::min(fits, location.lastInstances);
+    const uint64_t likely = std::max(uint64_t{location.mostInstances} * kMostGrowth, uint64_t{kFewInstances});
     return static_cast<uint32_t>(std::min<uint64_t>(fits, likely));
 }
 
@@ -45,16 +45,17 @@ void keepCount(const AccelerationStructure &source, AccelerationStructure &targe
 {
     uint32_t instances;
     {
-        std::lock_guard lock(source.place->mutex);
-        instances = source.place->lastInstances;
+        std::lock_guard lock(source.location->mutex);
+        instances = source.location->lastInstances;
     }
-    std::lock_guard lock(target.place->mutex);
+    std::lock_guard lock(target.location->mutex);
     if (instances > 0)
-        target.place->lastInstances = std::min(target.place->lastInstances, instances);
+        target.location->lastInstances = std::min(target.location->lastInstances, instances);
 }
 
 void recordBottomLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer,
-                           const StructureCopy &copy, VkDeviceAddress sourceCell, VkDeviceAddress targetCell)
+                           const StructureCopy &copy, VkDeviceAddress sourceDescriptor,
+                           VkDeviceAddress targetDescriptor)
 {
     AccelerationStructure &source = *copy.source, &target = *copy.target;
     // Drivers that write whole handles do not compact.
@@ -67,13 +68,13 @@ void recordBottomLevelCopy(InjectedWork &work, DeviceStructures &device, VkComma
         VkCopyAccelerationStructureInfoKHR info{VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR};
         info.mode = copy.compact ? VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR
                                  : VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
-        info.src = fittedHandle(device, source);
-        info.dst = bytes > 0 ? fittedHandle(device, target, bytes) : target.handle;
+        info.src = exactSizeHandle(device, source);
+        info.dst = bytes > 0 ? exactSizeHandle(device, target, bytes) : target.handle;
         device.driver.next.CmdCopyAccelerationStructureKHR(commandBuffer, &info);
         work.barrier();
     }
-    push.sourceCell = sourceCell;
-    push.targetCell = targetCell;
+    push.sourceDescriptor = sourceDescriptor;
+    push.targetDescriptor = targetDescriptor;
     push.sourceBegin = beginOf(device.driver, source);
     push.targetBegin = beginOf(device.driver, target);
     push.root = device.objects.root.address();
@@ -90,23 +91,23 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
                         const char *command, AccelerationStructure &target, VkDeviceAddress source,
                         const TopLevelLayout &layout, uint32_t from)
 {
-    const Judge judge = judgeOf(device.driver, command, target.handle);
+    const InputCheck check = inputCheck(device.driver, command, target.handle);
     if (layout.bytes() > target.size)
-        return judge.refuse(from == kFromStructure ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
+        return check.reject(from == kFromStructure ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
                                                    : "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                             "dst is too small for any top-level structure");
     const auto slots = slotsFor(device.objects, target, layout.count);
     const auto state = device.commands.states.get(commandBuffer);
     const VkDeviceAddress scratch = state ? state->scratch.allocate(alignUp(layout.scratchBytes(), kPartAlignment)) : 0;
     if (!slots || !scratch)
-        return judge.refuse("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
+        return check.reject("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
     becomesTopLevel(target, layout.count, layout.bytes());
     TlasInstancesPush push{};
     push.source = source;
     push.target = scratch + alignUp(layout.driverScratch, kPartAlignment);
     push.root = device.objects.root.address();
     push.tail = beginOf(device.driver, target) + layout.tailOffset;
-    push.cell = cellOf(device.objects, target).address;
+    push.descriptor = descriptorOf(device.objects, target).address;
     push.count = layout.count;
     push.firstSlot = slots->first();
     push.from = from;
@@ -115,7 +116,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
         return false;
     work.barrier();
     TopLevelBuild build(0, push.target);
-    build.info.dstAccelerationStructure = fittedHandle(device, target, layout.bytes());
+    build.info.dstAccelerationStructure = exactSizeHandle(device, target, layout.bytes());
     build.info.scratchData.deviceAddress = scratch;
     const VkAccelerationStructureBuildRangeInfoKHR range{layout.count, 0, 0, 0};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
@@ -146,11 +147,11 @@ void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy 
         becomeMicromap(device_.objects, target);
         return recordMicromapCopy(device_.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target));
     }
-    const CellPlace sourceCell = cellOf(device_.objects, source);
-    const CellPlace targetCell = cellOf(device_.objects, target);
-    if (!sourceCell.address || !targetCell.address) {
-        judgeOf(device_.driver, kCommand, target.handle)
-            .refuse("VELLUM-out-of-memory", "no memory for the layer's tables");
+    const StructureDescriptor sourceDescriptor = descriptorOf(device_.objects, source);
+    const StructureDescriptor targetDescriptor = descriptorOf(device_.objects, target);
+    if (!sourceDescriptor.address || !targetDescriptor.address) {
+        inputCheck(device_.driver, kCommand, target.handle)
+            .reject("VELLUM-out-of-memory", "no memory for the layer's tables");
         return;
     }
     if (const auto state = device_.commands.states.get(commandBuffer))
@@ -159,10 +160,11 @@ void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy 
     work.barrier();
     if (copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
         const TopLevelLayout layout(device_.driver, 0, mostInstances(device_, source, target));
-        recordTopLevelCopy(work, device_, commandBuffer, kCommand, target, sourceCell.address, layout, kFromStructure);
+        recordTopLevelCopy(work, device_, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
+                           kFromStructure);
         keepCount(source, target);
     } else {
-        recordBottomLevelCopy(work, device_, commandBuffer, copy, sourceCell.address, targetCell.address);
+        recordBottomLevelCopy(work, device_, commandBuffer, copy, sourceDescriptor.address, targetDescriptor.address);
     }
 }
 

@@ -48,10 +48,10 @@ void parseTriangles(const Driver &driver, VkAccelerationStructureGeometryTriangl
     triangles.pNext = chain.head();
 }
 
-bool checkMode(const Judge &judge, VkCopyAccelerationStructureModeKHR mode, VkCopyAccelerationStructureModeKHR expected,
-               const char *id, const char *text)
+bool checkMode(const InputCheck &check, VkCopyAccelerationStructureModeKHR mode,
+               VkCopyAccelerationStructureModeKHR expected, const char *id, const char *text)
 {
-    return mode == expected || judge.tolerate(id, text);
+    return mode == expected || check.tolerate(id, text);
 }
 
 } // namespace
@@ -72,7 +72,7 @@ const BuildInfo &StructureBuild::driverInfo()
     return info;
 }
 
-std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const Judge &judge, const BuildInfo &info)
+std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const InputCheck &check, const BuildInfo &info)
 {
     StructureBuild build;
     build.info = info;
@@ -84,13 +84,13 @@ std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const Ju
                                                           : info.ppGeometries ? info.ppGeometries[i]
                                                                               : nullptr;
         if (!given) {
-            judge.refuse("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788",
+            check.reject("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788",
                          "geometryCount is not 0, but a geometry is a null pointer");
             return std::nullopt;
         }
         // The driver does not know the type.
         if (given->geometryType == VK_GEOMETRY_TYPE_MICROMAP_KHR) {
-            judge.refuse("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
+            check.reject("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
                          "a geometry of type VK_GEOMETRY_TYPE_MICROMAP_KHR in a build of another type than micromap");
             return std::nullopt;
         }
@@ -110,7 +110,7 @@ std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const Ju
 namespace
 {
 
-bool checkAttachment(const DeviceObjects &objects, const Judge &judge, const MicromapSet &built, uint32_t geometry,
+bool checkAttachment(const DeviceState &objects, const InputCheck &check, const MicromapSet &built, uint32_t geometry,
                      MicromapAttachment &attachment)
 {
     if (attachment.ext)
@@ -120,30 +120,30 @@ bool checkAttachment(const DeviceObjects &objects, const Judge &judge, const Mic
     const std::string where = "geometry " + std::to_string(geometry) + ": ";
     attachment.structure = objects.accelerationStructures.get(attachment.khr);
     if (!attachment.structure || !canHoldMicromap(*attachment.structure))
-        return judge.refuse("VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
+        return check.reject("VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
                             where + "micromap is not a micromap of this device");
     attachment.micromap = micromapIn(*attachment.structure);
     // They are built first, with a barrier.
     return !built.contains(attachment.khr) ||
-           judge.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
+           check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
                           where + "micromap is built by the same command");
 }
 
 } // namespace
 
-bool checkStructureBuild(const DeviceObjects &objects, const Judge &judge, const MicromapSet &built,
+bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, const MicromapSet &built,
                          StructureBuild &build)
 {
     build.target = objects.accelerationStructures.get(build.info.dstAccelerationStructure);
     // A micromap's handle means nothing to the driver.
     if (!build.target || isLayersOwn(*build.target))
-        return judge.refuse(
+        return check.reject(
             "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
             "dstAccelerationStructure is not an acceleration structure of this device");
     // Only builds of micromaps have none.
     if (!build.ranges.direct && !build.ranges.most) {
         if (build.geometryCount() > 0)
-            return judge.refuse("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
+            return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
                                 "a null pointer in place of the geometries' numbers of primitives");
         static constexpr VkAccelerationStructureBuildRangeInfoKHR kNone{};
         build.ranges.direct = &kNone;
@@ -151,29 +151,29 @@ bool checkStructureBuild(const DeviceObjects &objects, const Judge &judge, const
     if (build.info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR) {
         build.source = objects.accelerationStructures.get(build.info.srcAccelerationStructure);
         if (!build.source || isLayersOwn(*build.source))
-            return judge.refuse(
+            return check.reject(
                 build.info.srcAccelerationStructure
                     ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629"
                     : "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630",
                 "srcAccelerationStructure is not an acceleration structure of this device that can be updated");
     }
     if (build.topLevel && build.geometryCount() != 1)
-        return judge.refuse("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790",
+        return check.reject("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790",
                             "a top-level structure has one geometry");
     for (uint32_t g = 0; g < build.geometryCount(); ++g) {
-        if (build.inputs[g].micromap && !checkAttachment(objects, judge, built, g, *build.inputs[g].micromap))
+        if (build.inputs[g].micromap && !checkAttachment(objects, check, built, g, *build.inputs[g].micromap))
             return false;
     }
     return true;
 }
 
-std::optional<StructureCopy> parseStructureCopy(const DeviceObjects &objects, const char *command,
+std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, const char *command,
                                                 const VkCopyAccelerationStructureInfoKHR &info)
 {
     constexpr VkAccelerationStructureTypeKHR kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-    const Judge judge = judgeOf(objects.driver, command, info.dst);
+    const InputCheck check = inputCheck(objects.driver, command, info.dst);
     const auto reject = [&](const char *id, const std::string &text) {
-        judge.refuse(id, text);
+        check.reject(id, text);
         return std::nullopt;
     };
     StructureCopy copy;
@@ -193,7 +193,7 @@ std::optional<StructureCopy> parseStructureCopy(const DeviceObjects &objects, co
     copy.micromap = copy.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     if (copy.micromap && (!canHoldMicromap(*copy.source) || !canHoldMicromap(*copy.target)))
         return reject("VELLUM-copy-type", "one of src and dst is not a micromap");
-    if (copy.source->place == copy.target->place ||
+    if (copy.source->location == copy.target->location ||
         (!copy.micromap && objects.driver.structureAddress(info.src) == objects.driver.structureAddress(info.dst)))
         return copy.micromap ? reject("VELLUM-micromap-copy-overlap", "src and dst overlap")
                              : reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791",
@@ -201,7 +201,7 @@ std::optional<StructureCopy> parseStructureCopy(const DeviceObjects &objects, co
     copy.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
     // Other modes are clones, as drivers do it.
     if (!copy.compact &&
-        !checkMode(judge, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR,
+        !checkMode(check, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR,
                    "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410", "mode is neither CLONE nor COMPACT"))
         return std::nullopt;
     if (copy.type == kGeneric) {
@@ -214,17 +214,17 @@ std::optional<StructureCopy> parseStructureCopy(const DeviceObjects &objects, co
     return copy;
 }
 
-std::optional<SerializedCopy> parseSave(const DeviceObjects &objects, const char *command,
+std::optional<SerializedCopy> parseSave(const DeviceState &objects, const char *command,
                                         const VkCopyAccelerationStructureToMemoryInfoKHR &info)
 {
-    const Judge judge = judgeOf(objects.driver, command, info.src);
+    const InputCheck check = inputCheck(objects.driver, command, info.src);
     SerializedCopy copy{objects.accelerationStructures.get(info.src), info.dst.deviceAddress};
     if (!copy.structure) {
-        judge.refuse("VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter",
+        check.reject("VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter",
                      "src is not an acceleration structure of this device");
         return std::nullopt;
     }
-    if (!checkMode(judge, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR,
+    if (!checkMode(check, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR,
                    "VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", "mode is not SERIALIZE"))
         return std::nullopt;
     const bool micromap = holdsMicromap(objects.driver, *copy.structure).value_or(false);
@@ -234,28 +234,28 @@ std::optional<SerializedCopy> parseSave(const DeviceObjects &objects, const char
                                              " of a GENERIC structure recorded before any build of it");
         return std::nullopt;
     }
-    if (!judge.mayHoldSerialized(copy.data, micromap ? 128 : 256,
-                                 "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
-                                 micromap ? "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699"
-                                          : "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740"))
+    if (!check.checkSerializedAddress(copy.data, micromap ? 128 : 256,
+                                      "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
+                                      micromap ? "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699"
+                                               : "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03740"))
         return std::nullopt;
     return copy;
 }
 
-std::optional<SerializedCopy> parseRestore(const DeviceObjects &objects, const char *command,
+std::optional<SerializedCopy> parseRestore(const DeviceState &objects, const char *command,
                                            const VkCopyMemoryToAccelerationStructureInfoKHR &info)
 {
-    const Judge judge = judgeOf(objects.driver, command, info.dst);
+    const InputCheck check = inputCheck(objects.driver, command, info.dst);
     SerializedCopy copy{objects.accelerationStructures.get(info.dst), info.src.deviceAddress};
     if (!copy.structure) {
-        judge.refuse("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter",
+        check.reject("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter",
                      "dst is not an acceleration structure of this device");
         return std::nullopt;
     }
-    const bool micromap = objects.driver.asked.khr && canHoldMicromap(*copy.structure);
-    if (!checkMode(judge, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR,
+    const bool micromap = objects.driver.enabled.khr && canHoldMicromap(*copy.structure);
+    if (!checkMode(check, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR,
                    "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", "mode is not DESERIALIZE") ||
-        !judge.mayHoldSerialized(
+        !check.checkSerializedAddress(
             copy.data, micromap ? 128 : 256, "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
             isLayersOwn(*copy.structure) ? "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700"
                                          : "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743"))

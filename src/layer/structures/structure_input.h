@@ -8,10 +8,10 @@
 #include <unordered_set>
 #include <vector>
 
-#include "layer/ground/judge.h"
-#include "layer/ground/pnext.h"
-#include "layer/ground/vulkan_newer.h"
-#include "layer/objects/device_objects.h"
+#include "layer/base/input_check.h"
+#include "layer/base/pnext.h"
+#include "layer/base/vulkan_newer.h"
+#include "layer/state/device_state.h"
 
 namespace vellum::layer
 {
@@ -71,11 +71,11 @@ struct StructureBuild {
 };
 
 // Nothing, after a message, if there is something that no driver may see.
-std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const Judge &judge,
+std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const InputCheck &check,
                                                   const VkAccelerationStructureBuildGeometryInfoKHR &info);
 // Finds the structures that a build names, and checks them. `built`: micromaps that the same command builds.
 using MicromapSet = std::unordered_set<VkAccelerationStructureKHR>;
-bool checkStructureBuild(const DeviceObjects &objects, const Judge &judge, const MicromapSet &built,
+bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, const MicromapSet &built,
                          StructureBuild &build);
 
 struct StructureCopy {
@@ -85,7 +85,7 @@ struct StructureCopy {
     // Of the copy: never GENERIC. Where micromaps are the driver's, it may be, of other structures.
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 };
-std::optional<StructureCopy> parseStructureCopy(const DeviceObjects &objects, const char *command,
+std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, const char *command,
                                                 const VkCopyAccelerationStructureInfoKHR &info);
 
 // To or from serialized data.
@@ -94,14 +94,14 @@ struct SerializedCopy {
     VkDeviceAddress data = 0;
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; // of the source
 };
-std::optional<SerializedCopy> parseSave(const DeviceObjects &objects, const char *command,
+std::optional<SerializedCopy> parseSave(const DeviceState &objects, const char *command,
                                         const VkCopyAccelerationStructureToMemoryInfoKHR &info);
-std::optional<SerializedCopy> parseRestore(const DeviceObjects &objects, const char *command,
+std::optional<SerializedCopy> parseRestore(const DeviceState &objects, const char *command,
                                            const VkCopyMemoryToAccelerationStructureInfoKHR &info);
 
 // What is wrong with a command that is about a structure.
-inline Judge judgeOf(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
-                     std::optional<uint32_t> element = std::nullopt)
+inline InputCheck inputCheck(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
+                             std::optional<uint32_t> element = std::nullopt)
 {
     return {driver.report(), command, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure),
             element};

@@ -23,7 +23,7 @@ namespace
 using namespace shared;
 
 constexpr const char *kCommand = "vkCmdCopyMemoryToAccelerationStructureKHR";
-constexpr uint32_t kPlanCellWord = 8; // shaders/serialized.glsl
+constexpr uint32_t kPlanDescriptorWord = 8; // shaders/serialized.glsl
 
 struct Restore {
     DeviceStructures &device;
@@ -35,38 +35,38 @@ struct Restore {
     [[nodiscard]] VkDeviceSize readable() const { return device.buffers.addresses.bytesFrom(data); }
 
     // Of any bottom-level structure.
-    [[nodiscard]] VkDeviceSize leastBytes() const { return blankStructure(device).structureBytes; }
+    [[nodiscard]] VkDeviceSize leastBytes() const { return fallbackStructure(device).structureBytes; }
 
-    // kCell*: kCellUnbuilt where only the data tells. A small structure cannot become a bottom-level one.
+    // kDescriptor*: kDescriptorUnbuilt where only the data tells. A small structure cannot become a bottom-level one.
     [[nodiscard]] uint32_t kind() const
     {
         switch (target->type) {
-        case VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR: return kCellTop;
-        case VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR: return kCellBottom;
+        case VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR: return kDescriptorTop;
+        case VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR: return kDescriptorBottom;
         default: break;
         }
         if (target->size >= leastBytes())
-            return kCellUnbuilt;
-        return mayBeMicromap() && target->size % 256 != kTopLevelSizeMark ? kCellMicromap : kCellTop;
+            return kDescriptorUnbuilt;
+        return mayBeMicromap() && target->size % 256 != kTopLevelSizeMark ? kDescriptorMicromap : kDescriptorTop;
     }
-    [[nodiscard]] bool mayBeMicromap() const { return device.driver.asked.khr && canHoldMicromap(*target); }
+    [[nodiscard]] bool mayBeMicromap() const { return device.driver.enabled.khr && canHoldMicromap(*target); }
 
-    bool refuse(const char *id, const char *text) const
+    bool reject(const char *id, const char *text) const
     {
-        return judgeOf(device.driver, kCommand, target->handle).refuse(id, text);
+        return inputCheck(device.driver, kCommand, target->handle).reject(id, text);
     }
 
     // Whether the back end can do it at all.
     [[nodiscard]] bool possible() const
     {
-        if (blankStructure(device).units == 0) {
+        if (fallbackStructure(device).units == 0) {
             device.driver.report().notAvailable(std::string(kCommand) + ", since the driver's serialized data could "
                                                                         "not be looked at,");
             return false;
         }
         // There is no memory even for what stands in for rejected data.
-        return kind() != kCellBottom || target->size >= leastBytes() ||
-               refuse("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+        return kind() != kDescriptorBottom || target->size >= leastBytes() ||
+               reject("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
                       "dst is smaller than any deserialized structure");
     }
 
@@ -75,15 +75,15 @@ struct Restore {
     [[nodiscard]] std::optional<uint32_t> instancesInHeader() const
     {
         constexpr VkDeviceSize kBytes = kSerializedHeaderWords * 4;
-        const AddressMap::Place place = device.buffers.addresses.find(data);
-        if (!place.buffer || place.bytes < kBytes)
+        const AddressMap::Location location = device.buffers.addresses.find(data);
+        if (!location.buffer || location.bytes < kBytes)
             return std::nullopt;
         std::array<uint32_t, kSerializedHeaderWords> words;
-        if (!device.buffers.host.peek(place.buffer, place.offset, words.data(), kBytes))
+        if (!device.buffers.host.peek(location.buffer, location.offset, words.data(), kBytes))
             return std::nullopt;
-        const uint32_t *blank = blankStructure(device).words;
+        const uint32_t *fallback = fallbackStructure(device).words;
         for (uint32_t w = 0; w < 2 * VK_UUID_SIZE / 4; ++w) {
-            if (words[w] != (w < VK_UUID_SIZE / 4 ? blank[w] : blank[w] ^ kCompatibilityWord))
+            if (words[w] != (w < VK_UUID_SIZE / 4 ? fallback[w] : fallback[w] ^ kCompatibilityWord))
                 return std::nullopt;
         }
         return words[10] % 256 == kTopLevelSizeMark ? words[12] : 0;
@@ -94,26 +94,26 @@ struct Restore {
     [[nodiscard]] uint32_t mostInstances() const
     {
         constexpr uint32_t kMostUnseen = 4096;
-        const bool generic = kind() == kCellUnbuilt;
+        const bool generic = kind() == kDescriptorUnbuilt;
         if (const auto known = generic ? instancesInHeader() : std::nullopt)
             return std::min(topLevelCapacity(device.driver, target->size), *known);
         constexpr VkDeviceSize kLeast = sizeof(VkAccelerationStructureInstanceKHR) + sizeof(VkDeviceAddress);
         const VkDeviceSize inMemory = std::min<VkDeviceSize>(readable() / kLeast, UINT32_MAX);
-        const VkDeviceSize room = generic ? roomOf(device.objects, *target) : target->size;
-        const uint32_t fits = std::min(topLevelCapacity(device.driver, room), static_cast<uint32_t>(inMemory));
+        const VkDeviceSize capacity = generic ? capacityOf(device.objects, *target) : target->size;
+        const uint32_t fits = std::min(topLevelCapacity(device.driver, capacity), static_cast<uint32_t>(inMemory));
         return generic ? std::min(fits, kMostUnseen) : fits;
     }
 
-    [[nodiscard]] StructureRestorePush pushFor(VkDeviceAddress cell, VkDeviceSize stagingBytes) const
+    [[nodiscard]] StructureRestorePush pushFor(VkDeviceAddress descriptor, VkDeviceSize stagingBytes) const
     {
-        const BlankFacts blank = blankStructure(device);
+        const FallbackFacts fallback = fallbackStructure(device);
         StructureRestorePush push{};
         push.blob = data;
-        push.cell = cell;
+        push.descriptor = descriptor;
         push.begin = beginOf(device.driver, *target);
         push.root = device.objects.root.address();
-        push.blank = blank.address;
-        push.blankUnits = blank.units;
+        push.fallback = fallback.address;
+        push.fallbackUnits = fallback.units;
         push.capacity = unitsOf(readable());
         push.stagingUnits = unitsOf(stagingBytes);
         push.targetUnits = unitsOf(target->size);
@@ -131,45 +131,45 @@ struct Restore {
 
     void record() const
     {
-        const CellPlace cell = cellOf(device.objects, *target);
-        if (kind() == kCellMicromap) {
+        const StructureDescriptor descriptor = descriptorOf(device.objects, *target);
+        if (kind() == kDescriptorMicromap) {
             becomeMicromap(device.objects, *target);
             return recordMicromapRestore(device.micromaps, commandBuffer, micromapIn(*target), data);
         }
-        const bool top = kind() == kCellTop;
-        const uint32_t most = kind() == kCellBottom ? 0 : mostInstances();
-        const VkDeviceSize blankBytes = leastBytes();
+        const bool top = kind() == kDescriptorTop;
+        const uint32_t most = kind() == kDescriptorBottom ? 0 : mostInstances();
+        const VkDeviceSize fallbackBytes = leastBytes();
         const VkDeviceSize stagingBytes = top ? 0
-                                              : std::max(VkDeviceSize{blankStructure(device).units} * 16,
+                                              : std::max(VkDeviceSize{fallbackStructure(device).units} * 16,
                                                          std::min(readable(), target->size + kDriverOverhead));
         // What a way that turns out to be the wrong one overwrites.
         VkDeviceSize keptBytes = 0;
         bool topFits = false;
-        if (kind() == kCellUnbuilt) {
+        if (kind() == kDescriptorUnbuilt) {
             const VkDeviceSize topBytes = TopLevelLayout(device.driver, 0, most).bytes();
-            topFits = topBytes <= roomOf(device.objects, *target);
-            keptBytes = std::max(alignUp(blankBytes, 16), topFits ? topBytes : 0);
+            topFits = topBytes <= capacityOf(device.objects, *target);
+            keptBytes = std::max(alignUp(fallbackBytes, 16), topFits ? topBytes : 0);
         }
         if (state)
             state->scratch.restart();
-        StructureRestorePush push = pushFor(cell.address, stagingBytes);
-        push.staging = state && cell.address ? state->scratch.allocate(kPlanBytes + stagingBytes) : 0;
+        StructureRestorePush push = pushFor(descriptor.address, stagingBytes);
+        push.staging = state && descriptor.address ? state->scratch.allocate(kPlanBytes + stagingBytes) : 0;
         push.kept = push.staging && keptBytes > 0 ? state->scratch.allocate(keptBytes) : 0;
         if (!push.staging || (keptBytes > 0 && !push.kept)) {
-            refuse("VELLUM-out-of-memory", "no memory for the serialized data");
+            reject("VELLUM-out-of-memory", "no memory for the serialized data");
             return;
         }
         push.keptUnits = unitsOf(std::min(keptBytes, target->size));
-        push.blankBuiltUnits = unitsOf(std::min(blankBytes, target->size));
-        push.topWay = top || topFits;
+        push.fallbackBuiltUnits = unitsOf(std::min(fallbackBytes, target->size));
+        push.topPath = top || topFits;
         push.serial = ++device.objects.deserializations;
         if (push.serial == 0)
             push.serial = ++device.objects.deserializations;
-        if (push.kind == kCellUnbuilt)
+        if (push.kind == kDescriptorUnbuilt)
             return recordEither(push, most, keptBytes);
         InjectedWork work(device.commands, commandBuffer);
         work.barrier();
-        check(work, push);
+        recordCheck(work, push);
         if (top) {
             recordTop(work, push, most);
             return;
@@ -180,7 +180,7 @@ struct Restore {
         becomes(*target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, 0);
     }
 
-    void check(InjectedWork &work, StructureRestorePush &push) const
+    void recordCheck(InjectedWork &work, StructureRestorePush &push) const
     {
         dispatch(work, push, kPassCheck, target->size);
         dispatch(work, push, kPassAddUp, target->size);
@@ -192,18 +192,18 @@ struct Restore {
         {
             InjectedWork work(device.commands, commandBuffer);
             work.barrier();
-            check(work, push);
+            recordCheck(work, push);
             dispatch(work, push, kPassKeep, keptBytes);
-            if (push.topWay != 0 && !recordTop(work, push, most)) {
-                push.topWay = 0; // data of that kind is refused
-                check(work, push);
+            if (push.topPath != 0 && !recordTop(work, push, most)) {
+                push.topPath = 0; // data of that kind is refused
+                recordCheck(work, push);
             }
             dispatch(work, push, kPassGiveBack, keptBytes);
             dispatch(work, push, kPassStage, target->size);
             recordDriver(work, push);
             dispatch(work, push, kPassGiveBackLast, leastBytes());
             dispatch(work, push, kPassFinish, target->size);
-            work.barrier(true); // the host looks at the cell
+            work.barrier(true); // the host looks at the descriptor
         }
         if (mayBeMicromap()) {
             letMicromapBeNamed(device.objects, *target);
@@ -216,7 +216,7 @@ struct Restore {
     bool recordTop(InjectedWork &work, const StructureRestorePush &push, uint32_t most) const
     {
         return recordTopLevelCopy(work, device, commandBuffer, kCommand, *target,
-                                  push.staging + VkDeviceSize{kPlanCellWord} * 4,
+                                  push.staging + VkDeviceSize{kPlanDescriptorWord} * 4,
                                   TopLevelLayout(device.driver, 0, most), kFromSerialized);
     }
 

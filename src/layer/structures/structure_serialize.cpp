@@ -9,7 +9,7 @@
 #include "layer/micromaps/micromap_serialized.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/emulated_backend.h"
-#include "layer/structures/fitted_handle.h"
+#include "layer/structures/exact_size_handle.h"
 #include "layer/structures/serialized_data.h"
 #include "layer/structures/structure_layout.h"
 
@@ -23,14 +23,14 @@ using namespace shared;
 constexpr uint32_t kUuidWords = 2 * VK_UUID_SIZE / 4;
 
 void saveTopLevel(InjectedWork &work, DeviceStructures &device, const AccelerationStructure &source,
-                  VkDeviceAddress cell, VkDeviceAddress target)
+                  VkDeviceAddress descriptor, VkDeviceAddress target)
 {
     TopSavePush push{};
-    push.cell = cell;
+    push.descriptor = descriptor;
     push.begin = beginOf(device.driver, source);
     push.blob = target;
     push.root = device.objects.root.address();
-    push.blank = blankStructure(device).address;
+    push.fallback = fallbackStructure(device).address;
     push.structureUnits = unitsOf(source.size);
     push.leastUnits = unitsOf(TopLevelLayout(device.driver, 0, 0).tailOffset);
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(target));
@@ -41,37 +41,38 @@ void saveTopLevel(InjectedWork &work, DeviceStructures &device, const Accelerati
 }
 
 void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuffer commandBuffer, CommandState &state,
-                     AccelerationStructure &source, VkDeviceAddress cell, VkDeviceAddress target)
+                     AccelerationStructure &source, VkDeviceAddress descriptor, VkDeviceAddress target)
 {
-    const VkAccelerationStructureKHR fitted = fittedHandle(device, source);
-    const VkDeviceSize stagingBytes = (fitted == source.handle ? source.size : lastBytes(source)) + kDriverOverhead;
+    const VkAccelerationStructureKHR exactSizeHandles = exactSizeHandle(device, source);
+    const VkDeviceSize stagingBytes =
+        (exactSizeHandles == source.handle ? source.size : lastBytes(source)) + kDriverOverhead;
     state.scratch.restart();
     const VkDeviceAddress staging = state.scratch.allocate(kPlanBytes + stagingBytes);
     if (!staging) {
-        judgeOf(device.driver, "vkCmdCopyAccelerationStructureToMemoryKHR", source.handle)
-            .refuse("VELLUM-out-of-memory", "no memory for the driver's serialized data");
+        inputCheck(device.driver, "vkCmdCopyAccelerationStructureToMemoryKHR", source.handle)
+            .reject("VELLUM-out-of-memory", "no memory for the driver's serialized data");
         return;
     }
     VkCopyAccelerationStructureToMemoryInfoKHR driverInfo{
         VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR};
-    driverInfo.src = fitted;
+    driverInfo.src = exactSizeHandles;
     driverInfo.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
     driverInfo.dst.deviceAddress = staging + kPlanBytes;
     device.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &driverInfo);
     work.barrier();
-    const BlankFacts blank = blankStructure(device);
+    const FallbackFacts fallback = fallbackStructure(device);
     StructureSavePush push{};
-    push.cell = cell;
+    push.descriptor = descriptor;
     push.begin = beginOf(device.driver, source);
     push.staging = staging;
     push.blob = target;
     push.root = device.objects.root.address();
     push.structureUnits = unitsOf(source.size);
     push.stagingUnits = unitsOf(stagingBytes);
-    push.leastUnits = unitsOf(blank.structureBytes);
+    push.leastUnits = unitsOf(fallback.structureBytes);
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(push.blob));
-    push.wholeCopies = blank.wholeCopies;
-    push.blocks = device.driver.asked.khr;
+    push.wholeCopies = fallback.wholeCopies;
+    push.blocks = device.driver.enabled.khr;
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::StructureSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
         work.barrier();
@@ -86,8 +87,8 @@ void EmulatedBackend::recordSave(VkCommandBuffer commandBuffer, const Serialized
     if (copy.content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return recordMicromapSave(device_.micromaps, commandBuffer, micromapIn(source), copy.data);
     const auto state = device_.commands.states.get(commandBuffer);
-    const CellPlace cell = cellOf(device_.objects, source);
-    if (!state || !cell.address || blankStructure(device_).units == 0) {
+    const StructureDescriptor descriptor = descriptorOf(device_.objects, source);
+    if (!state || !descriptor.address || fallbackStructure(device_).units == 0) {
         device_.driver.report().notAvailable(
             "vkCmdCopyAccelerationStructureToMemoryKHR without memory for the layer's tables,");
         return;
@@ -95,9 +96,9 @@ void EmulatedBackend::recordSave(VkCommandBuffer commandBuffer, const Serialized
     InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
     if (copy.content == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
-        saveTopLevel(work, device_, source, cell.address, copy.data);
+        saveTopLevel(work, device_, source, descriptor.address, copy.data);
     else
-        saveBottomLevel(work, device_, commandBuffer, *state, source, cell.address, copy.data);
+        saveBottomLevel(work, device_, commandBuffer, *state, source, descriptor.address, copy.data);
 }
 
 VkAccelerationStructureCompatibilityKHR
@@ -117,8 +118,8 @@ EmulatedBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info
     device_.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(device_.driver.handle, &driverInfo, &result);
     if (result != VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR)
         return result;
-    const BlankFacts blank = blankStructure(device_);
-    const bool same = blank.units != 0 && std::memcmp(words, blank.words, sizeof words) == 0;
+    const FallbackFacts fallback = fallbackStructure(device_);
+    const bool same = fallback.units != 0 && std::memcmp(words, fallback.words, sizeof words) == 0;
     return same ? VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR
                 : VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
 }

@@ -38,14 +38,14 @@ void recordStructureProperty(InjectedWork &work, DeviceStructures &device, Accel
                              VkQueryType type, VkDeviceAddress value)
 {
     StructureSizePush push{};
-    push.cell = cellOf(device.objects, structure).address;
+    push.descriptor = descriptorOf(device.objects, structure).address;
     push.begin = beginOf(device.driver, structure);
     push.value = value;
     push.structureUnits = unitsOf(structure.size);
     push.property = propertyOf(type);
     if (push.property == kPropertySerializationSize)
-        push.wholeCopies = blankStructure(device).wholeCopies;
-    if (push.cell)
+        push.wholeCopies = fallbackStructure(device).wholeCopies;
+    if (push.descriptor)
         work.dispatch(InjectedShader::StructureSize, push, 1, 1);
 }
 

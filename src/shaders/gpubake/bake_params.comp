@@ -1,7 +1,7 @@
 // Writes words from its push constants: vkCmdUpdateBuffer for an address.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "ground/memory.glsl"
+#include "base/memory.glsl"
 #include "gpu_bake.h"
 
 layout(local_size_x = 32) in;

@@ -1,6 +1,6 @@
 // What all shaders of the GPU baker share: the scratch memory, and which invocation does what.
 #extension GL_EXT_control_flow_attributes : require
-#include "ground/memory.glsl"
+#include "base/memory.glsl"
 #include "gpu_bake.h"
 
 layout(push_constant) uniform Push

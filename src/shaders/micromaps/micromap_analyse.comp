@@ -34,7 +34,7 @@ void main()
             hash = walk.hash;
         }
     }
-    complainAbout(triangle, s);
+    reportFindingAbout(triangle, s);
     countForLog(units, s.problem != 0u);
     Words record = recordOf(triangle);
     record.w[0] = word0;

@@ -34,7 +34,7 @@ void main()
     countForLog(units, s.problem != 0u);
     if (units > kPartUnits) {
         if (!listParts(triangle, units))
-            s.problem = kComplaintNoRoom;
+            s.problem = kFindingNoCapacity;
         // Those of 4 states get their entry once their parts are known.
         if (s.problem != 0u || s.bitsPerState == 1u)
             writeEntry(triangle, s, s.level);

@@ -144,10 +144,10 @@ bool writeEntry(uint triangle, Source s, uint level)
     if (units > 0u) {
         const uint first = atomicAdd(Words(push.scratch).w[kScratchStaged], units);
         if (first > push.capacityUnits || units > push.capacityUnits - first)
-            s.problem = kComplaintNoRoom;
+            s.problem = kFindingNoCapacity;
         offset = entryBytes() + first * kDataUnitBytes;
     }
-    complainAbout(triangle, s);
+    reportFindingAbout(triangle, s);
     Words entry = entryOf(triangle);
     entry.w[0] = offset;
     entry.w[1] = s.problem != 0u ? 0u : level | s.bitsPerState << 16u;

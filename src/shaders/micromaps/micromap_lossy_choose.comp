@@ -61,7 +61,7 @@ void main()
     if (i == 0u) {
         const uint total = Words(push.scratch).w[kScratchTotalUnits];
         if (total != push.capacityUnits && Words(push.scratch).w[kScratchWrong] == 0u)
-            complain(kComplaintCounts, push.object, 0u, push.capacityUnits, total);
+            reportFinding(kFindingCounts, push.object, 0u, push.capacityUnits, total);
     }
     if (i >= min(Words(push.scratch).w[kScratchPartCount], push.partCapacity))
         return;

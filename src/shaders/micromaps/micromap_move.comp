@@ -6,9 +6,9 @@
 #include "curve.h"
 #include "records.h"
 #include "push.h"
-#include "ground/memory.glsl"
-#include "ground/micromap_layout.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/micromap_layout.glsl"
+#include "base/structure_descriptor.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -17,7 +17,7 @@ layout(push_constant, std430) uniform Push
     MicromapMovePush push;
 };
 
-#include "ground/complaints.glsl"
+#include "base/validation_log.glsl"
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
 
@@ -29,23 +29,23 @@ bool less(uvec2 a, uvec2 b)
     return a.y < b.y || (a.y == b.y && a.x < b.x);
 }
 
-uint complaintOfHeader(uvec2 header, out uvec2 bytes)
+uint headerFinding(uvec2 header, out uvec2 bytes)
 {
     Words words = Words(header);
     bytes = micromapBytes(words.w[kMicromapHeaderTriangles], words.w[kMicromapHeaderUnits]);
-    return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kComplaintNotBuilt : 0u;
+    return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kFindingNotBuilt : 0u;
 }
 
 // With the log, the micromap's name is told, too.
 void tell(uint problem, uvec2 bytes)
 {
     if ((push.log.x | push.log.y) != 0u)
-        complain(problem, push.object, 0u, bytes.x, bytes.y);
+        reportFinding(problem, push.object, 0u, bytes.x, bytes.y);
     else
-        notice(push.root, problem == kComplaintTooLarge   ? kNoticeMicromapTooSmall
-                          : problem == kComplaintNotBuilt ? kNoticeMicromapNotBuilt
-                          : problem == kComplaintOverlap  ? kNoticeMicromapOverlap
-                                                          : kNoticeMicromapData);
+        gpuError(push.root, problem == kFindingTooLarge   ? kGpuErrorMicromapTooSmall
+                          : problem == kFindingNotBuilt ? kGpuErrorMicromapNotBuilt
+                          : problem == kFindingOverlap  ? kGpuErrorMicromapOverlap
+                                                          : kGpuErrorMicromapData);
 }
 
 // Lookup trusts the records: what a file says is looked at first. Wrong ones become unknown.
@@ -100,15 +100,15 @@ uint problemOfSource(uvec2 header, out uvec2 bytes)
     if (mode == kMoveDeserialize) {
         if (!holdsMicromapData() ||
             Words(push.serialized).w[kSerializedLayoutUuid + 3u] != kMicromapLayoutVersion ||
-            complaintOfHeader(header, bytes) != 0u ||
+            headerFinding(header, bytes) != 0u ||
             less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)))
-            return kComplaintSerialized;
+            return kFindingSerialized;
         return 0u;
     }
     const uvec2 readable = mode == kMoveCopy ? push.serializedBytes : push.micromapBytes;
-    if (less(readable, uvec2(kMicromapHeaderWords * 4u, 0u)) || complaintOfHeader(header, bytes) != 0u ||
+    if (less(readable, uvec2(kMicromapHeaderWords * 4u, 0u)) || headerFinding(header, bytes) != 0u ||
         less(readable, bytes))
-        return kComplaintNotBuilt;
+        return kFindingNotBuilt;
     return 0u;
 }
 
@@ -116,14 +116,14 @@ uint problemOfSource(uvec2 header, out uvec2 bytes)
 uint problemOfTarget(uvec2 bytes)
 {
     if (mode == kMoveSerialize)
-        return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)) ? kComplaintTooLarge
+        return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)) ? kFindingTooLarge
                                                                                                    : 0u;
     // Before the size is looked at: a target that is too small is written to, and must not be part of the source. VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
     const bool tooSmall = less(push.micromapBytes, bytes);
     if (mode == kMoveCopy && (less(addressMinus(push.micromap, push.serialized), bytes) ||
                               less(addressMinus(push.serialized, push.micromap), tooSmall ? push.micromapBytes : bytes)))
-        return kComplaintOverlap;
-    return tooSmall ? kComplaintTooLarge : 0u;
+        return kFindingOverlap;
+    return tooSmall ? kFindingTooLarge : 0u;
 }
 
 void main()
@@ -145,7 +145,7 @@ void main()
         if (me == 0u) {
             tell(problem, bytes);
             // A target that overlaps the source is left as it is: it may be the source.
-            if (mode != kMoveSerialize && problem != kComplaintOverlap && !tiny)
+            if (mode != kMoveSerialize && problem != kFindingOverlap && !tiny)
                 Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
         }
         return;

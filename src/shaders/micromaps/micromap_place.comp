@@ -25,15 +25,15 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
     if (units == 0u) {
         // With sharing, inline records are there already, and those of sharers are copied later.
         if (!share) {
-            complainAbout(triangle, s);
+            reportFindingAbout(triangle, s);
             record.w[0] = s.problem != 0u ? kRejected : kKindInline;
             record.w[1] = s.problem != 0u ? ~0u : coarseStates(s);
         }
         return;
     }
     if (units > push.capacityUnits - min(unit, push.capacityUnits)) {
-        s.problem = kComplaintNoRoom;
-        complainAbout(triangle, s);
+        s.problem = kFindingNoCapacity;
+        reportFindingAbout(triangle, s);
         record.w[0] = kRejected;
         record.w[1] = ~0u;
         return;

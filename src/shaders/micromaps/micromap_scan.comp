@@ -58,5 +58,5 @@ void main()
         return;
     const uint total = Words(push.scratch).w[kScratchTotalUnits];
     if (total != push.capacityUnits && Words(push.scratch).w[kScratchWrong] == 0u)
-        complain(kComplaintCounts, push.object, 0u, push.capacityUnits, total);
+        reportFinding(kFindingCounts, push.object, 0u, push.capacityUnits, total);
 }

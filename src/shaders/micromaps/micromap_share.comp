@@ -42,8 +42,8 @@ void main()
     if (Words(push.scratch).w[kScratchPartsFull] != 0u) {
         Source large = readSource(triangle);
         if (unitsOf(large) > kPartUnits) {
-            large.problem = kComplaintNoRoom;
-            complainAbout(triangle, large);
+            large.problem = kFindingNoCapacity;
+            reportFindingAbout(triangle, large);
             countForLog(0u, true);
             record.w[0] = kRejected;
             record.w[1] = ~0u;

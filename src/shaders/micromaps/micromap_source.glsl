@@ -3,15 +3,15 @@
 #include "curve.h"
 #include "records.h"
 #include "push.h"
-#include "ground/memory.glsl"
-#include "ground/micromap_layout.glsl"
+#include "base/memory.glsl"
+#include "base/micromap_layout.glsl"
 
 layout(push_constant, std430) uniform Push
 {
     MicromapPush push;
 };
 
-#include "ground/complaints.glsl"
+#include "base/validation_log.glsl"
 
 // A record that no pass may change any more: its input was wrong, and unknown is the one safe answer.
 const uint kRejected = kKindInline | ~kKindMask;
@@ -32,7 +32,7 @@ uint sourceBytes(uint level, uint bitsPerState)
 Source readSource(uint triangle)
 {
     Source s;
-    s.problem = kComplaintUnreadable;
+    s.problem = kFindingUnreadable;
     s.dataOffset = 0u;
     s.level = 0u;
     s.bitsPerState = 1u;
@@ -52,23 +52,23 @@ Source readSource(uint triangle)
     s.bitsPerState = levelAndFormat >> 16u; // VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT is 1, 4_STATE 2
     s.problem = 0u;
     if (s.bitsPerState - 1u > 1u) {
-        s.problem = kComplaintFormat;
+        s.problem = kFindingFormat;
     } else if (s.level > kMaxSubdivisionLevel) {
-        s.problem = kComplaintLevel;
+        s.problem = kFindingLevel;
     } else if (s.level > ((push.flags >> kBuildMaxLevelShift) & 15u)) {
-        s.problem = kComplaintUndeclared;
+        s.problem = kFindingUndeclared;
     } else {
         const uint bytes = sourceBytes(s.level, s.bitsPerState);
         if (bytes > push.dataBytes || s.dataOffset > push.dataBytes - bytes)
-            s.problem = kComplaintData;
+            s.problem = kFindingData;
     }
     return s;
 }
 
-void complainAbout(uint triangle, Source s)
+void reportFindingAbout(uint triangle, Source s)
 {
     if (s.problem != 0u)
-        complain(s.problem, push.object, triangle, s.dataOffset, s.level | s.bitsPerState << 16u);
+        reportFinding(s.problem, push.object, triangle, s.dataOffset, s.level | s.bitsPerState << 16u);
 }
 
 // Counts what a triangle has, to be compared with the usage counts; a wrong triangle is told of by itself.

@@ -5,7 +5,7 @@
 // table is given, or that of a VkTraceRaysIndirectCommand2KHR in memory, which is copied too and then names the copy.
 #include "shared.h"
 #include "push.h"
-#include "ground/memory.glsl"
+#include "base/memory.glsl"
 
 layout(local_size_x = 64) in;
 

@@ -5,9 +5,9 @@
 #include "shared.h"
 #include "records.h"
 #include "push.h"
-#include "ground/memory.glsl"
-#include "ground/micromap_layout.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/micromap_layout.glsl"
+#include "base/structure_descriptor.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -16,7 +16,7 @@ layout(push_constant, std430) uniform Push
     BlasRecordsPush push;
 };
 
-#include "ground/complaints.glsl"
+#include "base/validation_log.glsl"
 
 const uint kUnknownOpaque = ~0u; // all sixteen states
 
@@ -33,7 +33,7 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
     uint index = triangle;
     if (any(notEqual(push.indices, uvec2(0)))) {
         if (triangle >= push.readable) {
-            complain(kComplaintIndexBuffer, push.object, triangle, 0u, 0u);
+            reportFinding(kFindingIndexBuffer, push.object, triangle, 0u, 0u);
             return uvec2(kKindInline, kUnknownOpaque);
         }
         index = fetchIndex(triangle);
@@ -42,22 +42,22 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
     }
     const uint target = index + push.baseTriangle;
     if (target < index || target >= micromapTriangles) {
-        complain(kComplaintIndex, push.object, triangle, index, micromapTriangles);
+        reportFinding(kFindingIndex, push.object, triangle, index, micromapTriangles);
         return uvec2(kKindInline, kUnknownOpaque);
     }
     Words record = micromapRecord(push.micromap, target);
     return uvec2(record.w[0], record.w[1]);
 }
 
-// An update keeps what it updates in its shape, which may be a compacted one: the records lie where they lie there. The cell
+// An update keeps what it updates in its shape, which may be a compacted one: the records lie where they lie there. The descriptor
 // that is read may be the one that another invocation writes: what is compared is the same before and after.
 uvec2 tailPlace()
 {
     if (all(equal(push.source, uvec2(0))))
         return push.tail;
-    const Cell source = loadCell(push.source);
+    const Cell source = loadDescriptor(push.source);
     const uint at = unitsBetween(push.sourceBegin, source.tail);
-    return source.kind == kCellBottom && source.count == push.geometryCount && source.recordUnits == push.tailUnits &&
+    return source.kind == kDescriptorBottom && source.count == push.geometryCount && source.recordUnits == push.tailUnits &&
                    fits(at, push.tailUnits, push.commonUnits)
                ? unitAddress(push.begin, at)
                : push.tail;
@@ -102,6 +102,6 @@ void main()
     name.w[1] = named ? push.micromap.y : 0u;
     name.w[2] = named ? unitsBetween(push.micromap, units) : 0u;
     name.w[3] = 0u;
-    if (any(notEqual(push.cell, uvec2(0))))
-        storeCell(push.cell, Cell(tail, kCellBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
+    if (any(notEqual(push.descriptor, uvec2(0))))
+        storeDescriptor(push.descriptor, Cell(tail, kDescriptorBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
 }

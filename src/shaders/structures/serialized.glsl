@@ -1,4 +1,4 @@
-// Serialized acceleration structures (core/records.h). Needs cell.glsl.
+// Serialized acceleration structures (core/records.h). Needs descriptor.glsl.
 
 const uint kSerializedHeaderUnits = 4u; // the header of a BLAS without blocks: 56 bytes, padded
 
@@ -14,16 +14,16 @@ uint headerUnits(uint named)
     return named == 0u ? kSerializedHeaderUnits : (kBlockAddresses * 4u + named * 8u + 15u) / 16u;
 }
 
-// The geometry records and names in the tail of a cell, for loops over them.
-Units recordsOf(Cell cell, uvec2 other)
+// The geometry records and names in the tail of a descriptor, for loops over them.
+Units recordsOf(Cell descriptor, uvec2 other)
 {
-    return Units(readable(cell.tail, other));
+    return Units(readable(descriptor.tail, other));
 }
 
 // The name of geometry g's micromap; 0: none.
-uvec4 micromapName(Units records, Cell cell, uint g)
+uvec4 micromapName(Units records, Cell descriptor, uint g)
 {
-    return records.at[cell.count + g];
+    return records.at[descriptor.count + g];
 }
 
 bool isNamed(uvec4 name)
@@ -39,8 +39,8 @@ const uint kPlanTailUnits = 2u;
 const uint kPlanChecksum = 3u;
 const uint kPlanHeaderUnits = 4u;
 const uint kPlanNamed = 5u; // micromaps in the header's block
-const uint kPlanKind = 6u;  // kCellBottom, kCellTop or kCellMicromap: what the data holds
-const uint kPlanCell = 8u; // a cell that describes the instances of a serialized TLAS
+const uint kPlanKind = 6u;  // kDescriptorBottom, kDescriptorTop or kDescriptorMicromap: what the data holds
+const uint kPlanDescriptor = 8u; // a descriptor that describes the instances of a serialized TLAS
 
 uint saturatingAdd(uint a, uint b)
 {

@@ -6,8 +6,8 @@
 #include "shared.h"
 #include "records.h"
 #include "push.h"
-#include "ground/memory.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/structure_descriptor.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -21,13 +21,13 @@ void main()
     const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
     const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
 
-    Cell source = loadCell(push.sourceCell);
-    const bool unbuilt = source.kind == kCellUnbuilt;
+    Cell source = loadDescriptor(push.sourceDescriptor);
+    const bool unbuilt = source.kind == kDescriptorUnbuilt;
     uint at = unitsBetween(push.sourceBegin, source.tail);
     // What is no BLAS with records, or aliases a larger one, has nothing to copy.
-    if (source.kind == kCellBottom && !fits(at, source.units, push.sourceUnits))
-        source.kind = kCellPlain;
-    if (source.kind == kCellBottom) {
+    if (source.kind == kDescriptorBottom && !fits(at, source.units, push.sourceUnits))
+        source.kind = kDescriptorPlain;
+    if (source.kind == kDescriptorBottom) {
         if (push.compact != 0u) {
             if (source.extra.x != 0u)
                 at = min(at, source.extra.x);
@@ -36,38 +36,38 @@ void main()
                 at = push.targetUnits - source.units;
         }
         if (!fits(at, source.units, push.targetUnits)) {
-            source.kind = kCellBroken;
+            source.kind = kDescriptorBroken;
             if (me == 0u)
-                notice(push.root, kNoticeCopyTooSmall);
+                gpuError(push.root, kGpuErrorCopyTooSmall);
         }
     }
     // Where the driver's part ends. Of a copy, or of data, of which that is not known, all is copied as that driver does.
-    const bool bottom = source.kind == kCellBottom || source.kind == kCellPlain || source.kind == kCellBoxes;
+    const bool bottom = source.kind == kDescriptorBottom || source.kind == kDescriptorPlain || source.kind == kDescriptorBoxes;
     uint part = 0u;
     if (push.whole != 0u && bottom) {
         const uint both = min(push.sourceUnits, push.targetUnits);
         const bool known = any(notEqual(source.tail, uvec2(0))) && unitsBetween(push.sourceBegin, source.tail) <= push.sourceUnits;
-        part = known ? min(unitsBetween(push.sourceBegin, source.tail), source.kind == kCellBottom ? at : ~0u) : both;
+        part = known ? min(unitsBetween(push.sourceBegin, source.tail), source.kind == kDescriptorBottom ? at : ~0u) : both;
         if (part > push.targetUnits) {
-            source.kind = kCellBroken;
+            source.kind = kDescriptorBroken;
             if (me == 0u)
-                notice(push.root, kNoticeCopyTooSmall);
+                gpuError(push.root, kGpuErrorCopyTooSmall);
         }
     }
-    if (source.kind != kCellBottom)
+    if (source.kind != kDescriptorBottom)
         at = part;
     const uvec2 tail = unitAddress(push.targetBegin, at);
     if (me == 0u) {
-        if (source.kind == kCellBottom)
-            storeCell(push.targetCell, Cell(tail, kCellBottom, source.units, source.count, source.recordUnits, uvec2(0)));
-        else if (source.kind == kCellBoxes)
-            storeCell(push.targetCell, Cell(push.whole != 0u ? tail : uvec2(0), kCellBoxes, 0u, 0u, 0u, source.extra));
+        if (source.kind == kDescriptorBottom)
+            storeDescriptor(push.targetDescriptor, Cell(tail, kDescriptorBottom, source.units, source.count, source.recordUnits, uvec2(0)));
+        else if (source.kind == kDescriptorBoxes)
+            storeDescriptor(push.targetDescriptor, Cell(push.whole != 0u ? tail : uvec2(0), kDescriptorBoxes, 0u, 0u, 0u, source.extra));
         else
-            storeCell(push.targetCell, Cell(push.whole != 0u ? tail : uvec2(0), unbuilt ? kCellUnbuilt : source.kind == kCellBroken ? kCellBroken : kCellPlain, 0u, 0u, 0u, uvec2(0)));
+            storeDescriptor(push.targetDescriptor, Cell(push.whole != 0u ? tail : uvec2(0), unbuilt ? kDescriptorUnbuilt : source.kind == kDescriptorBroken ? kDescriptorBroken : kDescriptorPlain, 0u, 0u, 0u, uvec2(0)));
     }
-    for (uint i = me; i < part && source.kind != kCellBroken; i += all)
+    for (uint i = me; i < part && source.kind != kDescriptorBroken; i += all)
         Units(push.targetBegin).at[i] = Units(push.sourceBegin).at[i];
-    if (source.kind != kCellBottom)
+    if (source.kind != kDescriptorBottom)
         return;
     Units from = Units(source.tail);
     Units to = Units(tail);

@@ -9,8 +9,8 @@
 // the deserialization of a bottom-level one. What the one that is not meant overwrites is kept, and given back.
 #include "shared.h"
 #include "records.h"
-#include "ground/memory.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/structure_descriptor.glsl"
 #include "serialized.glsl"
 #include "push.h"
 
@@ -25,15 +25,15 @@ uint kind; // what the data holds, or is taken for
 
 uint kindOfData()
 {
-    if (push.kind != kCellUnbuilt)
+    if (push.kind != kDescriptorUnbuilt)
         return push.kind;
     if (push.capacity < 2u * kSerializedHeaderUnits)
-        return kCellBottom; // fault() tells
+        return kDescriptorBottom; // fault() tells
     Words header = Words(push.blob);
     const uint at = kSerializedLayoutUuid;
     if (header.w[at] == kMicromapLayoutUuid0 && header.w[at + 1u] == kMicromapLayoutUuid1 && header.w[at + 2u] == kMicromapLayoutUuid2)
-        return kCellMicromap;
-    return (header.w[10] & 255u) == kTopLevelSizeMark ? kCellTop : kCellBottom;
+        return kDescriptorMicromap;
+    return (header.w[10] & 255u) == kTopLevelSizeMark ? kDescriptorTop : kDescriptorBottom;
 }
 
 // Micromaps that the header of a BLAS names; ~0: the header is not one. Without blocks it has one of two forms.
@@ -52,7 +52,7 @@ uint namedMicromaps()
 uint blockStart()
 {
     Words header = Words(push.blob);
-    if (kind == kCellBottom) {
+    if (kind == kDescriptorBottom) {
         const uint named = namedMicromaps();
         if (named == ~0u || !fits(headerUnits(named), kSerializedHeaderUnits, push.capacity))
             return ~0u;
@@ -62,70 +62,70 @@ uint blockStart()
     return header.w[13] != 0u || header.w[12] > 0x0fffffffu ? ~0u : (header.w[12] + 1u) / 2u + kSerializedHeaderUnits;
 }
 
-// The notice for what is wrong with the headers; kNotices: nothing.
+// The notice for what is wrong with the headers; kGpuErrors: nothing.
 uint fault()
 {
     if (push.capacity < 2u * kSerializedHeaderUnits)
-        return kNoticeDamagedData;
+        return kGpuErrorDamagedData;
     Words header = Words(push.blob);
-    Words blank = Words(push.blank);
+    Words fallback = Words(push.fallback);
     for (uint w = 0u; w < 8u; ++w) {
-        if (header.w[w] != (w < 4u ? blank.w[w] : blank.w[w] ^ kCompatibilityWord))
-            return kNoticeForeignData;
+        if (header.w[w] != (w < 4u ? fallback.w[w] : fallback.w[w] ^ kCompatibilityWord))
+            return kGpuErrorForeignData;
     }
     const bool top = (header.w[10] & 255u) == kTopLevelSizeMark;
-    if (top != (kind == kCellTop))
-        return kNoticeWrongType;
+    if (top != (kind == kDescriptorTop))
+        return kGpuErrorWrongType;
     const uint total = unitsOfBytes(uvec2(header.w[8], header.w[9]));
     const uint block = blockStart();
     if (total > push.capacity || !fits(block, kBlockUnits, total))
-        return kNoticeDamagedData;
+        return kGpuErrorDamagedData;
     Words b = Words(unitAddress(push.blob, block));
     const uint tailUnits = b.w[kBlockHeaderTailUnits];
     const uint count = b.w[kBlockHeaderCount];
     if (b.w[kBlockHeaderMagic] != kBlockMagic || b.w[kBlockHeaderVersion] != kBlockVersion ||
         tailUnits != total - block - kBlockUnits)
-        return kNoticeDamagedData;
+        return kGpuErrorDamagedData;
     if (top)
-        return b.w[kBlockHeaderKind] != kCellTop || count != header.w[12] || tailUnits / kInstanceUnits != count
-                   ? kNoticeDamagedData
-                   : kNotices;
+        return b.w[kBlockHeaderKind] != kDescriptorTop || count != header.w[12] || tailUnits / kInstanceUnits != count
+                   ? kGpuErrorDamagedData
+                   : kGpuErrors;
     const uint headerSize = headerUnits(namedMicromaps());
     const uint driverUnits = block - headerSize;
     Words driver = Words(unitAddress(push.blob, headerSize));
     const uint driverSize = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
-    if ((b.w[kBlockHeaderKind] != kCellBottom && b.w[kBlockHeaderKind] != kCellPlain && b.w[kBlockHeaderKind] != kCellBoxes) || b.w[kBlockHeaderRecordUnits] > tailUnits ||
+    if ((b.w[kBlockHeaderKind] != kDescriptorBottom && b.w[kBlockHeaderKind] != kDescriptorPlain && b.w[kBlockHeaderKind] != kDescriptorBoxes) || b.w[kBlockHeaderRecordUnits] > tailUnits ||
         count > b.w[kBlockHeaderRecordUnits] / 2u || driverUnits > push.stagingUnits)
-        return kNoticeDamagedData;
+        return kGpuErrorDamagedData;
     for (uint w = 0u; w < 8u; ++w) {
-        if (driver.w[w] != blank.w[w])
-            return kNoticeForeignData;
+        if (driver.w[w] != fallback.w[w])
+            return kGpuErrorForeignData;
     }
     return driverSize > push.targetUnits || !fits(b.w[kBlockHeaderTailOffset], tailUnits, push.targetUnits)
-               ? kNoticeTargetTooSmall
-               : kNotices;
+               ? kGpuErrorTargetTooSmall
+               : kGpuErrors;
 }
 
 void check()
 {
     Words p = Words(push.staging);
     p.w[kPlanKind] = kind;
-    if (kind == kCellMicromap) { // not the driver's, and not looked at here
+    if (kind == kDescriptorMicromap) { // not the driver's, and not looked at here
         p.w[kPlanOk] = 0u;
         p.w[kPlanHeaderUnits] = 0u;
-        p.w[kPlanDriverUnits] = push.blankUnits;
+        p.w[kPlanDriverUnits] = push.fallbackUnits;
         return;
     }
     uint what = fault();
-    if (what == kNotices && kind == kCellTop && push.topWay == 0u)
-        what = kNoticeTargetTooSmall;
-    if (what != kNotices)
-        notice(push.root, what);
-    p.w[kPlanOk] = what == kNotices ? 1u : 0u;
-    const uint named = what == kNotices && kind == kCellBottom ? namedMicromaps() : 0u;
+    if (what == kGpuErrors && kind == kDescriptorTop && push.topPath == 0u)
+        what = kGpuErrorTargetTooSmall;
+    if (what != kGpuErrors)
+        gpuError(push.root, what);
+    p.w[kPlanOk] = what == kGpuErrors ? 1u : 0u;
+    const uint named = what == kGpuErrors && kind == kDescriptorBottom ? namedMicromaps() : 0u;
     p.w[kPlanHeaderUnits] = headerUnits(named);
     p.w[kPlanNamed] = named;
-    p.w[kPlanDriverUnits] = what == kNotices ? blockStart() - headerUnits(named) : push.blankUnits;
+    p.w[kPlanDriverUnits] = what == kGpuErrors ? blockStart() - headerUnits(named) : push.fallbackUnits;
     p.w[kPlanChecksum] = 0u;
 }
 
@@ -140,9 +140,9 @@ void addUp(uint me, uint all)
     Units blob = Units(push.blob);
     uint sum = 0u;
     // Of a TLAS that place holds the handles, which the application may have changed.
-    for (uint i = me; kind == kCellBottom && i < driverUnits; i += all)
+    for (uint i = me; kind == kDescriptorBottom && i < driverUnits; i += all)
         sum += checkOf(blob.at[header + i], i);
-    const uint first = kind == kCellBottom ? driverUnits : 0u;
+    const uint first = kind == kDescriptorBottom ? driverUnits : 0u;
     const uint tailUnits = Words(unitAddress(push.blob, block)).w[kBlockHeaderTailUnits];
     Units tail = Units(unitAddress(push.blob, block + kBlockUnits));
     for (uint i = me; i < tailUnits; i += all)
@@ -153,30 +153,30 @@ void addUp(uint me, uint all)
 void decide()
 {
     Words p = Words(push.staging);
-    Cell instances = Cell(uvec2(0), kCellUnbuilt, 0u, 0u, 0u, uvec2(0));
+    Cell instances = Cell(uvec2(0), kDescriptorUnbuilt, 0u, 0u, 0u, uvec2(0));
     if (p.w[kPlanOk] != 0u) {
         const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
         Words b = Words(unitAddress(push.blob, block));
         if (b.w[kBlockHeaderChecksum] != p.w[kPlanChecksum]) {
-            notice(push.root, kNoticeDamagedData);
+            gpuError(push.root, kGpuErrorDamagedData);
             p.w[kPlanOk] = 0u;
-            p.w[kPlanDriverUnits] = push.blankUnits;
-        } else if (kind == kCellTop) {
+            p.w[kPlanDriverUnits] = push.fallbackUnits;
+        } else if (kind == kDescriptorTop) {
             const uint count = b.w[kBlockHeaderCount];
-            instances = Cell(unitAddress(push.blob, block + kBlockUnits), kCellTop, count * kInstanceUnits, count,
+            instances = Cell(unitAddress(push.blob, block + kBlockUnits), kDescriptorTop, count * kInstanceUnits, count,
                              count * kInstanceUnits, addressPlus(push.blob, kSerializedHeaderWords * 4u));
         }
     }
-    storeCell(addressPlus(push.staging, kPlanCell * 4u), instances);
+    storeDescriptor(addressPlus(push.staging, kPlanDescriptor * 4u), instances);
 }
 
 void stage(uint me, uint all)
 {
     Words p = Words(push.staging);
     // A top-level structure is not deserialized by the driver.
-    const bool ok = p.w[kPlanOk] != 0u && kind == kCellBottom;
-    const uint driverUnits = ok ? p.w[kPlanDriverUnits] : push.blankUnits;
-    Units from = Units(ok ? unitAddress(push.blob, p.w[kPlanHeaderUnits]) : push.blank);
+    const bool ok = p.w[kPlanOk] != 0u && kind == kDescriptorBottom;
+    const uint driverUnits = ok ? p.w[kPlanDriverUnits] : push.fallbackUnits;
+    Units from = Units(ok ? unitAddress(push.blob, p.w[kPlanHeaderUnits]) : push.fallback);
     Units to = Units(unitAddress(push.staging, kPlanUnits));
     for (uint i = me; i < driverUnits; i += all)
         to.at[i] = from.at[i];
@@ -189,19 +189,19 @@ uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
     if (number < named) {
         Words at = Words(addressPlus(push.blob, kBlockAddresses * 4u + number * 8u));
         const uvec2 address = uvec2(at.w[0], at.w[1]);
-        const uvec2 cell = findCell(push.root, addressPlus(address, kMicromapKey));
-        if (any(notEqual(cell, uvec2(0))) && loadCell(cell).kind == kCellMicromap && fits(offset, units, loadCell(cell).units))
+        const uvec2 descriptor = findDescriptor(push.root, addressPlus(address, kMicromapKey));
+        if (any(notEqual(descriptor, uvec2(0))) && loadDescriptor(descriptor).kind == kDescriptorMicromap && fits(offset, units, loadDescriptor(descriptor).units))
             return address;
     }
-    notice(push.root, kNoticeUnknownMicromap);
+    gpuError(push.root, kGpuErrorUnknownMicromap);
     return uvec2(0);
 }
 
-// Says in the cell that the data has been looked at (core/records.h).
+// Says in the descriptor that the data has been looked at (core/records.h).
 void sign()
 {
-    Words cell = Words(push.cell);
-    cell.w[cell.w[2] == kCellBoxes ? 6u : 7u] = push.serial;
+    Words descriptor = Words(push.descriptor);
+    descriptor.w[descriptor.w[2] == kDescriptorBoxes ? 6u : 7u] = push.serial;
 }
 
 void finish(uint me, uint all)
@@ -209,10 +209,10 @@ void finish(uint me, uint all)
     Words p = Words(push.staging);
     if (p.w[kPlanOk] == 0u) {
         if (me == 0u)
-            storeCell(push.cell, Cell(uvec2(0), kind == kCellMicromap ? kCellMicromap : kCellBroken, 0u, 0u, 0u, uvec2(0, push.serial)));
+            storeDescriptor(push.descriptor, Cell(uvec2(0), kind == kDescriptorMicromap ? kDescriptorMicromap : kDescriptorBroken, 0u, 0u, 0u, uvec2(0, push.serial)));
         return;
     }
-    if (kind == kCellTop) { // the build has written its cell
+    if (kind == kDescriptorTop) { // the build has written its descriptor
         if (me == 0u)
             sign();
         return;
@@ -222,13 +222,13 @@ void finish(uint me, uint all)
     const uint tailUnits = b.w[kBlockHeaderTailUnits];
     const uint count = b.w[kBlockHeaderCount];
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
-    if (me == 0u && b.w[kBlockHeaderKind] == kCellBottom)
-        storeCell(push.cell, Cell(tail, kCellBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0, push.serial)));
+    if (me == 0u && b.w[kBlockHeaderKind] == kDescriptorBottom)
+        storeDescriptor(push.descriptor, Cell(tail, kDescriptorBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0, push.serial)));
     else if (me == 0u) {
         Words driver = Words(unitAddress(push.staging, kPlanUnits));
         const uvec2 end = unitAddress(push.begin, unitsOfBytes(uvec2(driver.w[10], driver.w[11])));
-        const bool boxes = b.w[kBlockHeaderKind] == kCellBoxes;
-        storeCell(push.cell, Cell(end, boxes ? kCellBoxes : kCellPlain, 0u, 0u, 0u,
+        const bool boxes = b.w[kBlockHeaderKind] == kDescriptorBoxes;
+        storeDescriptor(push.descriptor, Cell(end, boxes ? kDescriptorBoxes : kDescriptorPlain, 0u, 0u, 0u,
                                   boxes ? uvec2(push.serial, b.w[kBlockHeaderOpaqueBoxes]) : uvec2(0u, push.serial)));
     }
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));
@@ -253,7 +253,7 @@ void finish(uint me, uint all)
 
 bool isBuiltTop()
 {
-    return kind == kCellTop && Words(push.staging).w[kPlanOk] != 0u;
+    return kind == kDescriptorTop && Words(push.staging).w[kPlanOk] != 0u;
 }
 
 void copyUnits(uvec2 from, uvec2 to, uint units, uint me, uint all)
@@ -284,13 +284,13 @@ void main()
         break;
     case kPassGiveBack:
         if (isBuiltTop())
-            copyUnits(push.begin, push.kept, push.blankBuiltUnits, me, all);
+            copyUnits(push.begin, push.kept, push.fallbackBuiltUnits, me, all);
         else
             copyUnits(push.kept, push.begin, push.keptUnits, me, all);
         break;
     case kPassGiveBackLast:
-        if (isBuiltTop() || kind == kCellMicromap)
-            copyUnits(push.kept, push.begin, push.blankBuiltUnits, me, all);
+        if (isBuiltTop() || kind == kDescriptorMicromap)
+            copyUnits(push.kept, push.begin, push.fallbackBuiltUnits, me, all);
         break;
     default: finish(me, all); break;
     }

@@ -6,8 +6,8 @@
 // Two passes: one invocation plans, then all copy.
 #include "shared.h"
 #include "records.h"
-#include "ground/memory.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/structure_descriptor.glsl"
 #include "serialized.glsl"
 #include "push.h"
 
@@ -19,12 +19,12 @@ layout(push_constant, std430) uniform Push
 };
 
 // Writes the addresses of the named micromaps where `target` is not 0; returns how many there are.
-uint placeNames(Cell cell, uvec2 target)
+uint placeNames(Cell descriptor, uvec2 target)
 {
-    Units records = recordsOf(cell, push.cell);
+    Units records = recordsOf(descriptor, push.descriptor);
     uint named = 0u;
-    for (uint g = 0u; g < cell.count; ++g) {
-        const uvec4 name = micromapName(records, cell, g);
+    for (uint g = 0u; g < descriptor.count; ++g) {
+        const uvec4 name = micromapName(records, descriptor, g);
         if (!isNamed(name))
             continue;
         if (any(notEqual(target, uvec2(0)))) {
@@ -38,22 +38,22 @@ uint placeNames(Cell cell, uvec2 target)
 }
 
 // Units of the geometries' data; where `target` is not 0, writes their records there.
-uint placeData(Cell cell, uvec2 target)
+uint placeData(Cell descriptor, uvec2 target)
 {
-    Units records = recordsOf(cell, push.cell);
+    Units records = recordsOf(descriptor, push.descriptor);
     uint units = 0u;
     uvec4 before = uvec4(0);
     uint beforePlace = 0u;
     uint named = 0u;
-    for (uint g = 0u; g < cell.count; ++g) {
+    for (uint g = 0u; g < descriptor.count; ++g) {
         const uvec4 record = records.at[g];
-        if (isNamed(micromapName(records, cell, g))) {
+        if (isNamed(micromapName(records, descriptor, g))) {
             if (any(notEqual(target, uvec2(0))))
                 Units(target).at[g] = uvec4(record.xy, kPlaceNamed, named);
             ++named;
             continue;
         }
-        uint place = cell.recordUnits + units;
+        uint place = descriptor.recordUnits + units;
         if (g > 0u && record.yzw == before.yzw)
             place = beforePlace;
         else
@@ -69,14 +69,14 @@ uint placeData(Cell cell, uvec2 target)
 void plan()
 {
     Words driver = Words(unitAddress(push.staging, kPlanUnits));
-    Cell cell = loadCell(push.cell);
-    const uint offset = unitsBetween(push.begin, cell.tail);
-    if (cell.kind != kCellBoxes && (cell.kind != kCellBottom || !fits(offset, cell.units, push.structureUnits)))
-        cell = Cell(cell.kind == kCellPlain ? cell.tail : uvec2(0), kCellPlain, 0u, 0u, 0u, uvec2(0));
+    Cell descriptor = loadDescriptor(push.descriptor);
+    const uint offset = unitsBetween(push.begin, descriptor.tail);
+    if (descriptor.kind != kDescriptorBoxes && (descriptor.kind != kDescriptorBottom || !fits(offset, descriptor.units, push.structureUnits)))
+        descriptor = Cell(descriptor.kind == kDescriptorPlain ? descriptor.tail : uvec2(0), kDescriptorPlain, 0u, 0u, 0u, uvec2(0));
 
     uint driverUnits = driverUnitsOf(uvec2(driver.w[8], driver.w[9]), push.structureUnits);
     uint tailOffset = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
-    const bool ends = any(notEqual(cell.tail, uvec2(0))) && offset <= push.structureUnits;
+    const bool ends = any(notEqual(descriptor.tail, uvec2(0))) && offset <= push.structureUnits;
     if (ends && push.wholeCopies != 0u) {
         // The driver takes the tail, and what lies behind the structure, for its own: it is cut off.
         driverUnits = min(driverUnits, offset + kSerializedHeaderUnits);
@@ -91,16 +91,16 @@ void plan()
         driver.w[9] = total.y;
     }
     tailOffset = tailOffset + 15u & ~15u; // 256 bytes
-    const uint dataUnits = placeData(cell, uvec2(0));
-    const uint tailUnits = saturatingAdd(cell.recordUnits, dataUnits);
-    const uint named = placeNames(cell, uvec2(0));
+    const uint dataUnits = placeData(descriptor, uvec2(0));
+    const uint tailUnits = saturatingAdd(descriptor.recordUnits, dataUnits);
+    const uint named = placeNames(descriptor, uvec2(0));
     const uint block = headerUnits(named) + driverUnits;
     const uint total = saturatingAdd(block + kBlockUnits, tailUnits);
 
     Words p = Words(push.staging);
     p.w[kPlanOk] = 0u;
     if (driverUnits > push.stagingUnits || total > push.capacity) {
-        notice(push.root, kNoticeMemoryTooSmall);
+        gpuError(push.root, kGpuErrorMemoryTooSmall);
         return;
     }
     p.w[kPlanOk] = 1u;
@@ -125,21 +125,21 @@ void plan()
         header.w[12] = 1u;
         header.w[kBlockType] = 0u; // VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR
         header.w[kBlockAddressCount] = named;
-        placeNames(cell, addressPlus(push.blob, kBlockAddresses * 4u));
+        placeNames(descriptor, addressPlus(push.blob, kBlockAddresses * 4u));
     }
     Words b = Words(unitAddress(push.blob, block));
     for (uint w = 8u; w < 16u; ++w)
         b.w[w] = 0u;
     b.w[kBlockHeaderMagic] = kBlockMagic;
     b.w[kBlockHeaderVersion] = kBlockVersion;
-    b.w[kBlockHeaderKind] = cell.kind;
-    b.w[kBlockHeaderCount] = cell.count;
-    b.w[kBlockHeaderRecordUnits] = cell.recordUnits;
+    b.w[kBlockHeaderKind] = descriptor.kind;
+    b.w[kBlockHeaderCount] = descriptor.count;
+    b.w[kBlockHeaderRecordUnits] = descriptor.recordUnits;
     b.w[kBlockHeaderTailUnits] = tailUnits;
     b.w[kBlockHeaderTailOffset] = tailOffset;
     b.w[kBlockHeaderChecksum] = 0u;
-    b.w[kBlockHeaderOpaqueBoxes] = cell.kind == kCellBoxes ? cell.extra.y : 0u;
-    placeData(cell, unitAddress(push.blob, block + kBlockUnits));
+    b.w[kBlockHeaderOpaqueBoxes] = descriptor.kind == kDescriptorBoxes ? descriptor.extra.y : 0u;
+    placeData(descriptor, unitAddress(push.blob, block + kBlockUnits));
 }
 
 void copy(uint me, uint all)
@@ -161,11 +161,11 @@ void copy(uint me, uint all)
     // The first units are the geometry records, which the plan has written.
     const uvec2 tail = unitAddress(push.blob, block + kBlockUnits);
     Words b = Words(unitAddress(push.blob, block));
-    const Cell cell = loadCell(push.cell);
+    const Cell descriptor = loadDescriptor(push.descriptor);
     const uint count = b.w[kBlockHeaderCount];
     const uint recordUnits = b.w[kBlockHeaderRecordUnits];
     for (uint i = me; i < recordUnits; i += all) {
-        const uvec4 value = i < count ? Units(tail).at[i] : Units(cell.tail).at[i];
+        const uvec4 value = i < count ? Units(tail).at[i] : Units(descriptor.tail).at[i];
         if (i >= count)
             Units(tail).at[i] = value;
         sum += checkOf(value, driverUnits + i);
@@ -175,7 +175,7 @@ void copy(uint me, uint all)
         const uvec4 saved = Units(tail).at[g];
         if (saved.z != next)
             continue; // the data of the geometry before
-        const uvec4 record = recordsOf(cell, push.cell).at[g];
+        const uvec4 record = recordsOf(descriptor, push.descriptor).at[g];
         for (uint i = me; i < record.y; i += all) {
             const uvec4 value = Units(record.zw).at[i];
             Units(tail).at[next + i] = value;

@@ -4,8 +4,8 @@
 // part. In place, on a 64-bit number.
 #include "shared.h"
 #include "records.h"
-#include "ground/memory.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/structure_descriptor.glsl"
 #include "serialized.glsl"
 #include "push.h"
 
@@ -19,22 +19,22 @@ layout(push_constant, std430) uniform Push
 void main()
 {
     Words value = Words(push.value);
-    Cell cell = loadCell(push.cell);
-    const uint offset = unitsBetween(push.begin, cell.tail);
-    if (!fits(offset, cell.units, push.structureUnits))
-        cell.kind = kCellPlain;
+    Cell descriptor = loadDescriptor(push.descriptor);
+    const uint offset = unitsBetween(push.begin, descriptor.tail);
+    if (!fits(offset, descriptor.units, push.structureUnits))
+        descriptor.kind = kDescriptorPlain;
     // The driver's part of a structure without records ends here, where that is known.
-    const bool ends = (cell.kind == kCellPlain || cell.kind == kCellBoxes) && any(notEqual(cell.tail, uvec2(0))) &&
+    const bool ends = (descriptor.kind == kDescriptorPlain || descriptor.kind == kDescriptorBoxes) && any(notEqual(descriptor.tail, uvec2(0))) &&
                       offset <= push.structureUnits;
     const uvec2 driver = uvec2(value.w[0], value.w[1]);
     uvec2 result = driver;
-    if (cell.kind == kCellTop) {
+    if (descriptor.kind == kDescriptorTop) {
         if (push.property == kPropertyPointers)
-            result = uvec2(cell.count, 0u);
+            result = uvec2(descriptor.count, 0u);
         else if (push.property == kPropertySerializationSize)
-            result = bytesOfUnits(kSerializedHeaderUnits + (cell.count + 1u) / 2u + kBlockUnits + cell.units);
+            result = bytesOfUnits(kSerializedHeaderUnits + (descriptor.count + 1u) / 2u + kBlockUnits + descriptor.units);
         else
-            result = bytesOfUnits(offset + cell.units);
+            result = bytesOfUnits(offset + descriptor.units);
     } else if (push.property == kPropertyPointers) {
         result = uvec2(0);
     } else if (push.property == kPropertySerializationSize) {
@@ -44,14 +44,14 @@ void main()
             units = min(units, saturatingAdd(offset, kSerializedHeaderUnits));
         uint tail = 0u;
         uint named = 0u;
-        if (cell.kind == kCellBottom) {
+        if (descriptor.kind == kDescriptorBottom) {
             if (push.wholeCopies != 0u)
                 units = min(units, saturatingAdd(offset, kSerializedHeaderUnits));
-            tail = cell.recordUnits;
+            tail = descriptor.recordUnits;
             uvec4 before = uvec4(0);
-            Units records = recordsOf(cell, push.cell);
-            for (uint g = 0u; g < cell.count; ++g) {
-                if (isNamed(micromapName(records, cell, g))) {
+            Units records = recordsOf(descriptor, push.descriptor);
+            for (uint g = 0u; g < descriptor.count; ++g) {
+                if (isNamed(micromapName(records, descriptor, g))) {
                     ++named;
                     continue;
                 }
@@ -62,12 +62,12 @@ void main()
             }
         }
         result = bytesOfUnits(saturatingAdd(headerUnits(named) + units + kBlockUnits, tail));
-    } else if (cell.kind == kCellBottom) {
+    } else if (descriptor.kind == kDescriptorBottom) {
         const uint part = min(unitsOfBytes(driver) + 15u & ~15u, offset);
-        result = bytesOfUnits(part + cell.units);
+        result = bytesOfUnits(part + descriptor.units);
         // A compacted copy finds its place for the tail here.
         if (push.property == kPropertyCompactedSize)
-            Words(push.cell).w[6] = part;
+            Words(push.descriptor).w[6] = part;
     } else if (ends) {
         result = bytesOfUnits(min(unitsOfBytes(driver), offset));
     }

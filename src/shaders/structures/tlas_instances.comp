@@ -6,8 +6,8 @@
 #include "opacity.h"
 #include "records.h"
 #include "push.h"
-#include "ground/memory.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/structure_descriptor.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -40,20 +40,20 @@ struct Referenced {
 Referenced findReferenced(uvec2 reference)
 {
     Referenced found = Referenced(false, false, false, false, 0u, uvec2(0), 0u);
-    const uvec2 place = findCell(push.root, reference);
+    const uvec2 place = findDescriptor(push.root, reference);
     if ((place.x | place.y) == 0u)
         return found;
-    Words cell = Words(place);
+    Words descriptor = Words(place);
     found.known = true;
-    found.built = cell.w[2] != kCellUnbuilt && cell.w[2] != kCellMicromap;
-    found.broken = cell.w[2] == kCellBroken;
-    if (cell.w[2] == kCellBottom) {
-        found.records = uvec2(cell.w[0], cell.w[1]);
-        found.geometries = cell.w[4];
+    found.built = descriptor.w[2] != kDescriptorUnbuilt && descriptor.w[2] != kDescriptorMicromap;
+    found.broken = descriptor.w[2] == kDescriptorBroken;
+    if (descriptor.w[2] == kDescriptorBottom) {
+        found.records = uvec2(descriptor.w[0], descriptor.w[1]);
+        found.geometries = descriptor.w[4];
     }
-    found.boxes = cell.w[2] == kCellBoxes;
+    found.boxes = descriptor.w[2] == kDescriptorBoxes;
     if (found.boxes)
-        found.opaqueBoxes = cell.w[7];
+        found.opaqueBoxes = descriptor.w[7];
     return found;
 }
 
@@ -86,7 +86,7 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
 void noteRecordOffset(uint offset)
 {
     Words header = Words(push.root);
-    Words counters = Words(uvec2(header.w[kRootNotices], header.w[kRootNotices + 1u]));
+    Words counters = Words(uvec2(header.w[kRootGpuErrors], header.w[kRootGpuErrors + 1u]));
     if (counters.w[kGreatestRecordOffset] < offset)
         atomicMax(counters.w[kGreatestRecordOffset], offset);
 }
@@ -128,15 +128,15 @@ void main()
 {
     const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
     const bool copying = push.from >= kFromStructure;
-    Cell copied = Cell(uvec2(0), kCellTop, 0u, push.count, 0u, uvec2(0));
+    Cell copied = Cell(uvec2(0), kDescriptorTop, 0u, push.count, 0u, uvec2(0));
     if (copying) {
-        copied = loadCell(push.source);
-        if (copied.kind == kCellTop && copied.count > push.count) {
+        copied = loadDescriptor(push.source);
+        if (copied.kind == kDescriptorTop && copied.count > push.count) {
             if (i == 0u && push.pass == 0u)
-                notice(push.root, push.from == kFromStructure ? kNoticeCopyTooSmall : kNoticeTargetTooSmall);
-            copied.kind = kCellBroken;
+                gpuError(push.root, push.from == kFromStructure ? kGpuErrorCopyTooSmall : kGpuErrorTargetTooSmall);
+            copied.kind = kDescriptorBroken;
         }
-        if (copied.kind != kCellTop)
+        if (copied.kind != kDescriptorTop)
             copied.count = 0u;
     }
     // More than the application said that there would be at most are left out: VUID-...-ppMaxPrimitiveCounts-03653.
@@ -149,7 +149,7 @@ void main()
     }
     if (i == 0u) {
         const uint units = copied.count * kInstanceUnits;
-        storeCell(push.cell, Cell(push.tail, kCellTop, units, copied.count, units, uvec2(0)));
+        storeDescriptor(push.descriptor, Cell(push.tail, kDescriptorTop, units, copied.count, units, uvec2(0)));
     }
     if (i >= push.count)
         return;
@@ -173,7 +173,7 @@ void main()
     // copy may have been destroyed since, or come from another process.
     const bool dead = found.broken || (copying && !found.built);
     if (dead && !found.built && any(notEqual(reference, uvec2(0))))
-        notice(push.root, found.known ? kNoticeUnbuiltReference : kNoticeUnknownReference);
+        gpuError(push.root, found.known ? kGpuErrorUnbuiltReference : kGpuErrorUnknownReference);
 
     // The driver knows no micromap bits. FORCE_OPAQUE would make it commit hits that the micromap ignores.
     uint hidden = kInstanceForce2State | kInstanceDisableMicromaps;

@@ -4,8 +4,8 @@
 // driver's own data would hold slots of this device.
 #include "shared.h"
 #include "records.h"
-#include "ground/memory.glsl"
-#include "ground/cell.glsl"
+#include "base/memory.glsl"
+#include "base/structure_descriptor.glsl"
 #include "serialized.glsl"
 #include "push.h"
 
@@ -20,18 +20,18 @@ void main()
 {
     const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
     const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
-    Cell cell = loadCell(push.cell);
-    uint offset = unitsBetween(push.begin, cell.tail);
-    if (cell.kind != kCellTop || !fits(offset, cell.units, push.structureUnits)) {
-        cell.count = 0u;
+    Cell descriptor = loadDescriptor(push.descriptor);
+    uint offset = unitsBetween(push.begin, descriptor.tail);
+    if (descriptor.kind != kDescriptorTop || !fits(offset, descriptor.units, push.structureUnits)) {
+        descriptor.count = 0u;
         offset = 0u;
     }
-    const uint block = (cell.count + 1u) / 2u + kSerializedHeaderUnits;
-    const uint tailUnits = cell.count * kInstanceUnits;
+    const uint block = (descriptor.count + 1u) / 2u + kSerializedHeaderUnits;
+    const uint tailUnits = descriptor.count * kInstanceUnits;
     const uint total = block + kBlockUnits + tailUnits;
     if (total > push.capacity) {
         if (me == 0u)
-            notice(push.root, kNoticeMemoryTooSmall);
+            gpuError(push.root, kGpuErrorMemoryTooSmall);
         return;
     }
     Words b = Words(unitAddress(push.blob, block));
@@ -39,31 +39,31 @@ void main()
         if (me != 0u)
             return;
         Words header = Words(push.blob);
-        Words blank = Words(push.blank);
+        Words fallback = Words(push.fallback);
         for (uint w = 0u; w < 8u; ++w)
-            header.w[w] = w < 4u ? blank.w[w] : blank.w[w] ^ kCompatibilityWord;
+            header.w[w] = w < 4u ? fallback.w[w] : fallback.w[w] ^ kCompatibilityWord;
         const uvec2 totalBytes = bytesOfUnits(total);
         const uvec2 size = bytesOfUnits(max(offset + tailUnits + 15u & ~15u, push.leastUnits));
         header.w[8] = totalBytes.x;
         header.w[9] = totalBytes.y;
         header.w[10] = size.x | kTopLevelSizeMark;
         header.w[11] = size.y;
-        header.w[12] = cell.count;
+        header.w[12] = descriptor.count;
         header.w[13] = 0u;
         for (uint w = 0u; w < 16u; ++w)
             b.w[w] = 0u;
         b.w[kBlockHeaderMagic] = kBlockMagic;
         b.w[kBlockHeaderVersion] = kBlockVersion;
-        b.w[kBlockHeaderKind] = kCellTop;
-        b.w[kBlockHeaderCount] = cell.count;
+        b.w[kBlockHeaderKind] = kDescriptorTop;
+        b.w[kBlockHeaderCount] = descriptor.count;
         b.w[kBlockHeaderTailUnits] = tailUnits;
         return;
     }
-    Units from = Units(cell.tail);
+    Units from = Units(descriptor.tail);
     Units to = Units(unitAddress(push.blob, block + kBlockUnits));
     Words handles = Words(addressPlus(push.blob, kSerializedHeaderWords * 4u));
     uint sum = 0u;
-    for (uint i = me; i < cell.count; i += all) {
+    for (uint i = me; i < descriptor.count; i += all) {
         for (uint u = 0u; u < kInstanceUnits; ++u) {
             const uint at = i * kInstanceUnits + u;
             const uvec4 value = from.at[at];

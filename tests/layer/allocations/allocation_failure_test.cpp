@@ -3,12 +3,12 @@
 #include <algorithm>
 
 #include "allocations/failing_allocations.h"
-#include "commands/compute_pipeline.h"
-#include "commands/shader_objects.h"
-#include "commands/state_scene.h"
+#include "command_buffer/compute_pipeline.h"
+#include "command_buffer/shader_objects.h"
+#include "command_buffer/state_scene.h"
 #include "harness/copies.h"
+#include "harness/mock_driver.h"
 #include "harness/pipeline_tracer.h"
-#include "harness/test_driver.h"
 #include "pipelines/pipeline_binaries.h"
 #include "shaders/tracer_comp.h"
 
@@ -30,7 +30,7 @@ protected:
     {
         // What is left behind is counted: a validation layer would see the same, and take its time.
         options.validation = false;
-        options.traits += options.traits.empty() ? "failures" : ",failures";
+        options.quirks += options.quirks.empty() ? "failures" : ",failures";
         gpu_ = std::make_unique<Gpu>(options);
     }
     void TearDown() override
@@ -412,7 +412,7 @@ INSTANTIATE(Allocations);
 class DeferredAllocations : public Allocations
 {
 protected:
-    DeferredAllocations() : Allocations({.traits = "deferred"}) {}
+    DeferredAllocations() : Allocations({.quirks = "deferred"}) {}
 };
 TEST_P(DeferredAllocations, RayTracingPipelines)
 {
@@ -442,7 +442,7 @@ INSTANTIATE(ShaderObjectAllocations);
 class BinaryAllocations : public Allocations
 {
 protected:
-    BinaryAllocations() : Allocations({.oldValidation = false, .traits = "caching", .newer = true}) {}
+    BinaryAllocations() : Allocations({.oldValidation = false, .quirks = "caching", .newer = true}) {}
 };
 // Of a pipeline, and of data.
 TEST_P(BinaryAllocations, Binaries)
@@ -490,7 +490,7 @@ INSTANTIATE(BinaryAllocations);
 class TranslatedAllocations : public Allocations
 {
 protected:
-    TranslatedAllocations() : Allocations({.traits = "ext", .api = Api::Khr}) {}
+    TranslatedAllocations() : Allocations({.quirks = "ext", .api = Api::Khr}) {}
 };
 TEST_P(TranslatedAllocations, Recordings)
 {

@@ -5,7 +5,7 @@
 #include <deque>
 #include <functional>
 
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
 
 namespace forcing
 {

@@ -28,7 +28,7 @@
 
 #include <vulkan/vk_layer.h>
 
-#include "layer/ground/dispatch.h"
+#include "layer/base/dispatch.h"
 
 namespace forcing
 {

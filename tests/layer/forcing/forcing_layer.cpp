@@ -9,7 +9,7 @@
 #include <string_view>
 #include <unordered_map>
 
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
 
 namespace forcing
 {

@@ -6,7 +6,7 @@
 #include <deque>
 #include <string>
 
-#include "layer/ground/pnext.h"
+#include "layer/base/pnext.h"
 #include "spirv/module/module.h"
 #include "spirv/module/opcodes.h"
 #include "spirv/module/types.h"

@@ -15,8 +15,8 @@ namespace
 
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
-constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_driver"; // below everything
-constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower";   // below that, with the traits "ext" and "emulating"
+constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_mock_driver"; // below everything
+constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower"; // below that, with the quirks "ext" and "emulating"
 constexpr const char *kForcingLayer = "VK_LAYER_VELLUM_test_forcing"; // above everything, see forcing/forcing.h
 
 // Messages that tests leave alone, and why: most of them the program gets without Vellum's layer, too.
@@ -77,7 +77,7 @@ VkDebugUtilsMessengerCreateInfoEXT messengerInfo(Gpu *gpu)
     return info;
 }
 
-// Whether what is made now is a program of Vulkan 1.1, which has all that is newer by extensions: Vulkan11 (door/).
+// Whether what is made now is a program of Vulkan 1.1, which has all that is newer by extensions: Vulkan11 (entry/).
 const auto usesVulkan11 = [] { return std::getenv("VELLUM_TEST_VULKAN") != nullptr; };
 
 // Those a test may need; all that the device has are enabled.
@@ -250,12 +250,12 @@ void Gpu::createInstance()
     std::vector<const char *> layers; // the first one is nearest to the application
     if (options_.vellum)
         layers.push_back(kVellumLayer);
-    std::string traits = options_.spy ? "spy," : "";
-    traits += options_.traits + ',';
-    if (const char *chosen = std::getenv("VELLUM_TEST_TRAITS"))
-        traits += chosen;
-    const auto has = [&traits](const std::string &name) {
-        return (',' + traits + ',').find(',' + name + ',') != std::string::npos;
+    std::string quirks = options_.spy ? "spy," : "";
+    quirks += options_.quirks + ',';
+    if (const char *chosen = std::getenv("VELLUM_TEST_QUIRKS"))
+        quirks += chosen;
+    const auto has = [&quirks](const std::string &name) {
+        return (',' + quirks + ',').find(',' + name + ',') != std::string::npos;
     };
     // Of that age, it hands its own handle of a geometry's VkMicromapEXT to the driver.
     const bool old = options_.oldValidation && !has("ext");
@@ -263,7 +263,7 @@ void Gpu::createInstance()
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
     if (options_.vellum && std::getenv("VELLUM_FORCING") != nullptr)
         layers.insert(layers.begin(), kForcingLayer);
-    if (traits.find_first_not_of(',') != std::string::npos)
+    if (quirks.find_first_not_of(',') != std::string::npos)
         layers.push_back(kDriverLayer);
     if (has("ext") || has("emulating"))
         layers.push_back(kLowerLayer);
@@ -280,9 +280,9 @@ void Gpu::createInstance()
     info.ppEnabledExtensionNames = extensions.data();
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
-    setenv("VELLUM_TEST_DRIVER", traits.c_str(), 1);
+    setenv("VELLUM_MOCK_DRIVER", quirks.c_str(), 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
-    unsetenv("VELLUM_TEST_DRIVER");
+    unsetenv("VELLUM_MOCK_DRIVER");
     unsetenv("VELLUM_VALIDATE");
     unsetenv("VELLUM_LOWER_ASSUME_MICROMAPS");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));

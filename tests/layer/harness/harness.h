@@ -58,7 +58,7 @@ struct Options {
     bool validation = true;
     bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
     bool spy = true;           // layers/spy.cpp: what must not reach the driver
-    std::string traits = {};   // of the test driver (layers/traits.cpp), with commas; and those of VELLUM_TEST_TRAITS
+    std::string quirks = {};   // of the mock driver (layers/quirks.cpp), with commas; and those of VELLUM_TEST_QUIRKS
     std::string absentGpu{};   // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension

@@ -120,7 +120,7 @@ VkMicromapBuildSizesInfoEXT micromapSizes(const Gpu &gpu, const VkMicromapBuildI
     return sizes;
 }
 
-VkDeviceSize toldSize(const Gpu &gpu, VkDeviceSize bytes)
+VkDeviceSize reportedSize(const Gpu &gpu, VkDeviceSize bytes)
 {
     return gpu.khr() ? (bytes + 255 - 64) / 256 * 256 + 64 : bytes;
 }

@@ -61,7 +61,7 @@ struct MicromapBuild {
 VkMicromapBuildSizesInfoEXT micromapSizes(const Gpu &gpu, const VkMicromapBuildInfoEXT &info);
 // A size of which VK_EXT_opacity_micromap would tell as `bytes`: with VK_KHR_opacity_micromap the layer tells of the
 // next one that is 64 modulo 256, by which it knows a GENERIC structure that was made for a micromap.
-VkDeviceSize toldSize(const Gpu &gpu, VkDeviceSize bytes);
+VkDeviceSize reportedSize(const Gpu &gpu, VkDeviceSize bytes);
 // All by one command.
 void recordMicromapBuilds(const Gpu &gpu, VkCommandBuffer commands, std::span<const MicromapBuild> builds);
 

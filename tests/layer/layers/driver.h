@@ -1,9 +1,9 @@
-// The test driver: a layer between Vellum and lavapipe that makes another driver of it. What such a driver may do
-// differently is a list of traits (traits.cpp), chosen when an instance is made by the environment variable
-// VELLUM_TEST_DRIVER: names, separated by commas. The code of a trait is a level: commands that it has its own versions
+// The mock driver: a layer between Vellum and lavapipe that makes another driver of it. What such a driver may do
+// differently is a list of quirks (quirks.cpp), chosen when an instance is made by the environment variable
+// VELLUM_MOCK_DRIVER: names, separated by commas. The code of a quirk is a level: commands that it has its own versions
 // of, which call the next level's, and in the end lavapipe's.
 //
-// A trait that only claims something proves nothing: each checks what it is given by the rules that go with its claim,
+// A quirk that only claims something proves nothing: each checks what it is given by the rules that go with its claim,
 // and tells the debug messengers of what breaks them, or makes a driver on which it goes wrong.
 #pragma once
 
@@ -67,12 +67,12 @@ LevelRows replayRows();
 LevelRows indirectBuildRows();
 LevelRows garbageRows();
 
-struct Trait {
+struct Quirk {
     const char *name;
     Level level;
     const char *claim; // with what the specification says that allows it
 };
-std::span<const Trait> allTraits();
+std::span<const Quirk> allQuirks();
 
 // The dispatch key.
 template <class Handle>
@@ -81,8 +81,8 @@ void *keyOf(Handle handle)
     return *reinterpret_cast<void **>(handle);
 }
 
-// Whether the device or instance has the trait.
-bool has(void *key, std::string_view trait);
+// Whether the device or instance has the quirk.
+bool has(void *key, std::string_view quirk);
 VkInstance instanceOf(void *key);
 
 // The next level's command; null where neither it nor lavapipe has one.

@@ -1,4 +1,4 @@
-// The entry of the test driver: instances, devices, and which level's function is called.
+// The entry of the mock driver: instances, devices, and which level's function is called.
 #include "layers/driver.h"
 
 #include <algorithm>
@@ -37,7 +37,7 @@ void expectOnce(std::span<const Row> rows)
     for (const Row &row : rows) {
         if (row.when != nullptr || names.insert(row.name).second)
             continue;
-        std::fprintf(stderr, "test driver: a level has two rows for %s\n", row.name);
+        std::fprintf(stderr, "mock driver: a level has two rows for %s\n", row.name);
         std::abort();
     }
 }
@@ -64,7 +64,7 @@ std::span<const NamedLevel> levels()
     return all;
 }
 
-struct Traits {
+struct Quirks {
     std::set<std::string, std::less<>> names;
     std::set<Level> levels;
 };
@@ -72,7 +72,7 @@ struct Traits {
 struct Instance {
     VkInstance handle = VK_NULL_HANDLE;
     PFN_vkGetInstanceProcAddr get = nullptr;
-    std::shared_ptr<const Traits> traits;
+    std::shared_ptr<const Quirks> quirks;
     // Looked up at creation: later, the loader's end of the chain may answer with the chain's beginning.
     std::map<std::string, PFN_vkVoidFunction, std::less<>> below;
 };
@@ -80,7 +80,7 @@ struct Device {
     VkDevice handle = VK_NULL_HANDLE;
     PFN_vkGetDeviceProcAddr get = nullptr;
     VkInstance instance = VK_NULL_HANDLE;
-    std::shared_ptr<const Traits> traits;
+    std::shared_ptr<const Quirks> quirks;
     // By level and name, which are string literals.
     std::map<std::pair<Level, const char *>, PFN_vkVoidFunction> found;
 };
@@ -88,23 +88,23 @@ struct Device {
 std::unordered_map<void *, Instance> instances;
 std::unordered_map<void *, Device> devices;
 
-// Null, and a message, where a name is none of a trait.
-std::shared_ptr<const Traits> traitsOf(const char *list)
+// Null, and a message, where a name is none of a quirk.
+std::shared_ptr<const Quirks> quirksOf(const char *list)
 {
-    auto chosen = std::make_shared<Traits>();
+    auto chosen = std::make_shared<Quirks>();
     for (std::string_view rest = list == nullptr ? "" : list; !rest.empty();) {
         const std::string_view name = rest.substr(0, rest.find(','));
         rest.remove_prefix(std::min(name.size() + 1, rest.size()));
-        const auto all = allTraits();
-        const auto trait = std::find_if(all.begin(), all.end(), [name](const Trait &t) { return t.name == name; });
+        const auto all = allQuirks();
+        const auto quirk = std::find_if(all.begin(), all.end(), [name](const Quirk &t) { return t.name == name; });
         if (name.empty())
             continue;
-        if (trait == all.end()) {
-            std::fprintf(stderr, "test driver: there is no trait '%.*s'\n", static_cast<int>(name.size()), name.data());
+        if (quirk == all.end()) {
+            std::fprintf(stderr, "mock driver: there is no quirk '%.*s'\n", static_cast<int>(name.size()), name.data());
             return nullptr;
         }
         chosen->names.emplace(name);
-        chosen->levels.insert(trait->level);
+        chosen->levels.insert(quirk->level);
     }
     return chosen;
 }
@@ -122,11 +122,11 @@ const Row *rowOf(std::span<const Row> rows, std::string_view name)
 }
 
 // The first of the levels behind `after` that has the command; of all levels where there is no `after`.
-const Row *rowBehind(const Traits &traits, const Level *after, std::span<const Row> LevelRows::*rows,
+const Row *rowBehind(const Quirks &quirks, const Level *after, std::span<const Row> LevelRows::*rows,
                      std::string_view name, bool always = false)
 {
     for (const NamedLevel &level : levels()) {
-        if ((after != nullptr && level.level <= *after) || !traits.levels.contains(level.level))
+        if ((after != nullptr && level.level <= *after) || !quirks.levels.contains(level.level))
             continue;
         const Row *row = rowOf(level.rows.*rows, name);
         if (row != nullptr && (row->when == nullptr || row->when()) && (!always || row->where == Row::Where::Always))
@@ -136,15 +136,15 @@ const Row *rowBehind(const Traits &traits, const Level *after, std::span<const R
 }
 
 // A command of a device behind `after`, where lavapipe has it, or one of the levels by itself.
-PFN_vkVoidFunction commandBehind(const Traits &traits, const Level *after, const char *name, PFN_vkVoidFunction below)
+PFN_vkVoidFunction commandBehind(const Quirks &quirks, const Level *after, const char *name, PFN_vkVoidFunction below)
 {
-    const Row *row = rowBehind(traits, after, &LevelRows::device, name);
+    const Row *row = rowBehind(quirks, after, &LevelRows::device, name);
     const bool there =
-        below != nullptr || rowBehind(traits, after, &LevelRows::device, name, /* always */ true) != nullptr;
+        below != nullptr || rowBehind(quirks, after, &LevelRows::device, name, /* always */ true) != nullptr;
     return row != nullptr && there ? row->function : below;
 }
 
-// --- what every test driver has ---
+// --- what every mock driver has ---
 
 // The loader's link to the layer below, which is moved on for that layer's own use.
 template <class Link>
@@ -162,8 +162,8 @@ constexpr const char *kAlwaysWanted[]{"vkCreateDebugUtilsMessengerEXT", "vkDestr
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance)
 {
-    const auto traits = traitsOf(std::getenv("VELLUM_TEST_DRIVER"));
-    if (traits == nullptr)
+    const auto quirks = quirksOf(std::getenv("VELLUM_MOCK_DRIVER"));
+    if (quirks == nullptr)
         return VK_ERROR_LAYER_NOT_PRESENT;
     auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);
     const PFN_vkGetInstanceProcAddr get = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
@@ -172,7 +172,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     const VkResult result = create(info, allocator, instance);
     if (result != VK_SUCCESS)
         return result;
-    Instance made{*instance, get, traits, {}};
+    Instance made{*instance, get, quirks, {}};
     for (const char *name : kAlwaysWanted)
         made.below[name] = get(*instance, name);
     for (const NamedLevel &level : levels()) {
@@ -198,7 +198,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDriversDevice(VkPhysicalDevice physical, co
     const VkResult result = create(physical, info, allocator, device);
     if (result == VK_SUCCESS) {
         std::lock_guard lock(mutex);
-        devices[keyOf(*device)] = {*device, get, instance, instances.at(keyOf(physical)).traits, {}};
+        devices[keyOf(*device)] = {*device, get, instance, instances.at(keyOf(physical)).quirks, {}};
     }
     return result;
 }
@@ -206,12 +206,12 @@ VKAPI_ATTR VkResult VKAPI_CALL createDriversDevice(VkPhysicalDevice physical, co
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physical, const VkDeviceCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkDevice *device)
 {
-    std::shared_ptr<const Traits> traits;
+    std::shared_ptr<const Quirks> quirks;
     {
         std::lock_guard lock(mutex);
-        traits = instances.at(keyOf(physical)).traits;
+        quirks = instances.at(keyOf(physical)).quirks;
     }
-    const Row *row = rowBehind(*traits, nullptr, &LevelRows::instance, "vkCreateDevice");
+    const Row *row = rowBehind(*quirks, nullptr, &LevelRows::instance, "vkCreateDevice");
     const auto create = row != nullptr ? reinterpret_cast<PFN_vkCreateDevice>(row->function) : createDriversDevice;
     return create(physical, info, allocator, device);
 }
@@ -251,14 +251,14 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, cons
     if (std::strcmp(name, "vkGetDeviceProcAddr") == 0)
         return DRIVER_FUNCTION(getDeviceProcAddr);
     PFN_vkGetDeviceProcAddr get = nullptr;
-    std::shared_ptr<const Traits> traits;
+    std::shared_ptr<const Quirks> quirks;
     {
         std::lock_guard lock(mutex);
         const Device &known = devices.at(keyOf(device));
         get = known.get;
-        traits = known.traits;
+        quirks = known.quirks;
     }
-    return commandBehind(*traits, nullptr, name, get(device, name));
+    return commandBehind(*quirks, nullptr, name, get(device, name));
 }
 
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance, const char *name)
@@ -278,15 +278,15 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
     if (instance == VK_NULL_HANDLE)
         return nullptr;
     PFN_vkGetInstanceProcAddr get = nullptr;
-    std::shared_ptr<const Traits> traits;
+    std::shared_ptr<const Quirks> quirks;
     {
         std::lock_guard lock(mutex);
         const Instance &known = instances.at(keyOf(instance));
         get = known.get;
-        traits = known.traits;
+        quirks = known.quirks;
     }
     for (const auto rows : {&LevelRows::instance, &LevelRows::device}) {
-        if (const Row *row = rowBehind(*traits, nullptr, rows, name))
+        if (const Row *row = rowBehind(*quirks, nullptr, rows, name))
             return row->function;
     }
     return get(instance, name);
@@ -294,12 +294,12 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
 
 } // namespace
 
-bool has(void *key, std::string_view trait)
+bool has(void *key, std::string_view quirk)
 {
     std::lock_guard lock(mutex);
     const auto device = devices.find(key);
-    const Traits &traits = device != devices.end() ? *device->second.traits : *instances.at(key).traits;
-    return traits.names.contains(trait);
+    const Quirks &quirks = device != devices.end() ? *device->second.quirks : *instances.at(key).quirks;
+    return quirks.names.contains(quirk);
 }
 
 VkInstance instanceOf(void *key)
@@ -315,7 +315,7 @@ PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)
     const auto found = devices.find(key);
     if (found == devices.end()) {
         const Instance &instance = instances.at(key);
-        if (const Row *row = rowBehind(*instance.traits, &level, &LevelRows::instance, name))
+        if (const Row *row = rowBehind(*instance.quirks, &level, &LevelRows::instance, name))
             return row->function;
         return std::strcmp(name, "vkCreateDevice") == 0 ? DRIVER_FUNCTION(createDriversDevice)
                                                         : instance.below.at(name);
@@ -326,7 +326,7 @@ PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)
         PFN_vkVoidFunction below = device.get(device.handle, name);
         if (below == nullptr) // in an older version of Vulkan, that of the extension
             below = device.get(device.handle, (std::string(name) + "KHR").c_str());
-        known->second = commandBehind(*device.traits, &level, name, below);
+        known->second = commandBehind(*device.quirks, &level, name, below);
     }
     return known->second;
 }

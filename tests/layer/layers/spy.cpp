@@ -1,4 +1,4 @@
-// The trait "spy": devices, and all of its commands together. With the trait "displacement" the driver says that it has
+// The quirk "spy": devices, and all of its commands together. With the quirk "displacement" the driver says that it has
 // micromaps, and displacement micromaps.
 // It also checks that stack sizes which the application sets have room for all shaders of the driver's pipeline. Where
 // VELLUM_TEST_SPY_MARKER is in the environment, it is a driver with VK_AMD_buffer_marker; where

@@ -1,4 +1,4 @@
-// The trait "spy": what the files with its commands share. It stands for a driver that knows nothing of micromaps, and
+// The quirk "spy": what the files with its commands share. It stands for a driver that knows nothing of micromaps, and
 // tells of every flag, structure and extension name of theirs that reaches it. (The validation layer does not: it knows
 // the extension and lets most of its bits pass.) Each file has the commands of one kind.
 #pragma once
@@ -27,7 +27,7 @@ inline void tell(const std::string &text)
     driver::tell(text, "SPY");
 }
 
-// Whether it is of a device with the driver's own VK_EXT_opacity_micromap (trait "ext"): then that extension is
+// Whether it is of a device with the driver's own VK_EXT_opacity_micromap (quirk "ext"): then that extension is
 // welcome.
 bool knowsMicromaps(void *key);
 

@@ -161,8 +161,8 @@ VKAPI_ATTR void VKAPI_CALL cmdUpdateBuffer(VkCommandBuffer handle, VkBuffer buff
         updates[handle].pending = updates[handle].built;
         waits = updates[handle].waits;
     }
-    constexpr VkDeviceSize cell = 32; // what the layer writes; the tests write other sizes
-    if (size == cell && !waits)
+    constexpr VkDeviceSize descriptor = 32; // what the layer writes; the tests write other sizes
+    if (size == descriptor && !waits)
         tell("vkCmdUpdateBuffer: not ordered after builds before it");
     SPY_NEXT(vkCmdUpdateBuffer)(handle, buffer, offset, size, data);
 }

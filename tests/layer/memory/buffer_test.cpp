@@ -2,9 +2,9 @@
 // below the layer reports usage that a buffer may not have.
 #include <array>
 
+#include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include "harness/scene.h"
-#include "harness/test_driver.h"
 
 namespace
 {
@@ -129,7 +129,7 @@ TEST_F(Buffers, OfExternalMemory)
 class BindingsExt : public Buffers
 {
 protected:
-    BindingsExt() : Buffers({.validation = false, .traits = "failures", .api = Api::Ext}) {}
+    BindingsExt() : Buffers({.validation = false, .quirks = "failures", .api = Api::Ext}) {}
 
     struct Status { // VkBindMemoryStatus
         VkStructureType sType = static_cast<VkStructureType>(1000545002);

@@ -59,7 +59,7 @@ protected:
     }
     VkDeviceSize compactedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT); }
     VkDeviceSize serializedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT); }
-    [[nodiscard]] VkDeviceSize told(VkDeviceSize bytes) { return toldSize(gpu(), bytes); }
+    [[nodiscard]] VkDeviceSize told(VkDeviceSize bytes) { return reportedSize(gpu(), bytes); }
 
     void copy(const Micromap &from, const Micromap &to, VkCopyMicromapModeEXT mode)
     {

@@ -199,7 +199,7 @@ TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
     const Micromap small(gpu(), source, 128);
     const Micromap unbuilt(gpu(), source, source.size());
     const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    const auto expectNotice = [&](const char *id) {
+    const auto expectGpuError = [&](const char *id) {
         expectNoMessages();
         gpu().end(gpu().begin());
         expectMessage(id);
@@ -207,20 +207,20 @@ TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
         expectNoMessages();
     };
     copy(source, small);
-    expectNotice("VELLUM-micromap-copy-size");
+    expectGpuError("VELLUM-micromap-copy-size");
     save(unbuilt, memory.address());
-    expectNotice("VELLUM-micromap-not-constructed");
+    expectGpuError("VELLUM-micromap-not-constructed");
     restore(memory.address(), unbuilt);
-    expectNotice("VELLUM-micromap-serialized");
+    expectGpuError("VELLUM-micromap-serialized");
     save(source, memory.address());
     restore(memory.address(), unbuilt);
     EXPECT_EQ(candidates(unbuilt), candidates(source));
     expectNoMessages();
     restore(memory.address(), small);
-    expectNotice("VELLUM-micromap-copy-size");
+    expectGpuError("VELLUM-micromap-copy-size");
     const Buffer room(gpu(), 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     save(source, room.address());
-    expectNotice("VELLUM-micromap-copy-size");
+    expectGpuError("VELLUM-micromap-copy-size");
 }
 
 TEST(MicromapSizeOnTheHost, SmallerThanAnyMicromap)

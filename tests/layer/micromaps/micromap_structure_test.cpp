@@ -1,7 +1,7 @@
 // What only VK_KHR_opacity_micromap has: micromaps as acceleration structures, beside those of the driver in builds,
 // copies, queries and memory.
+#include "harness/mock_driver.h"
 #include "harness/program/labels.h"
-#include "harness/test_driver.h"
 #include "micromaps/micromap_structures.h"
 
 namespace
@@ -160,7 +160,7 @@ TEST_F(MicromapStructure, CopiesOfGenericStructures)
     copy(source.handle(), clone.handle());
     EXPECT_EQ(tracedMicromap(clone.handle()), kForwards);
     const VkDeviceSize compacted = query(source.handle(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR);
-    EXPECT_EQ(compacted, toldSize(gpu(), kCompacted));
+    EXPECT_EQ(compacted, reportedSize(gpu(), kCompacted));
     EXPECT_LT(compacted, source.size());
     const Placed compact(gpu(), kGeneric, compacted);
     copy(clone.handle(), compact.handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
@@ -222,15 +222,15 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
         const std::vector<uint64_t> values = queryAll(all, type);
         EXPECT_EQ(values, alone(type));
         if (type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR) {
-            EXPECT_EQ(values[0], toldSize(gpu(), kCompacted));
-            EXPECT_EQ(values[3], toldSize(gpu(), 64 + 2 * 16 + 64));
+            EXPECT_EQ(values[0], reportedSize(gpu(), kCompacted));
+            EXPECT_EQ(values[3], reportedSize(gpu(), 64 + 2 * 16 + 64));
         } else if (type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR) {
             EXPECT_EQ(values[0], 64 + kCompacted);
             EXPECT_EQ(values[3], 64u + 64 + 2 * 16 + 64);
         } else {
             // What a clone needs; the handles may be larger.
-            EXPECT_EQ(values[0], toldSize(gpu(), kCompacted));
-            EXPECT_EQ(values[3], toldSize(gpu(), 64 + 2 * 16 + 64));
+            EXPECT_EQ(values[0], reportedSize(gpu(), kCompacted));
+            EXPECT_EQ(values[3], reportedSize(gpu(), 64 + 2 * 16 + 64));
         }
     }
     const auto pointers = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;

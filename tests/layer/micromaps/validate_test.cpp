@@ -43,8 +43,8 @@ protected:
             messages.begin(), messages.end(), [&](const std::string &m) { return m.find(part) != std::string::npos; }));
     }
     // Builds once, and finds each of the expected parts in exactly one message about that triangle.
-    void expectTold(const MicromapInput &input, VkBuildMicromapFlagsEXT flags,
-                    const std::vector<std::pair<uint32_t, std::string>> &expected)
+    void expectReported(const MicromapInput &input, VkBuildMicromapFlagsEXT flags,
+                        const std::vector<std::pair<uint32_t, std::string>> &expected)
     {
         SCOPED_TRACE(testing::Message() << "flags " << flags);
         Micromap micromap(gpu(), input, flags);
@@ -71,7 +71,7 @@ protected:
 TEST_F(Validate, GoodInputIsFine)
 {
     for (const VkBuildMicromapFlagsEXT flags : kFlags)
-        expectTold(good(), flags, {});
+        expectReported(good(), flags, {});
     EXPECT_TRUE(messages().empty());
 }
 
@@ -100,7 +100,7 @@ TEST_F(Validate, EveryKindOfWrongTriangle)
         {599, "VELLUM-micromap-usage-counts"},
     };
     for (const VkBuildMicromapFlagsEXT flags : kFlags)
-        expectTold(input, flags, expected);
+        expectReported(input, flags, expected);
 }
 
 TEST_F(Validate, CountsThatDoNotMatch)
@@ -151,7 +151,7 @@ TEST_F(Validate, ATriangleArrayThatIsTooShort)
     VT_CHECK(vkDeviceWaitIdle(gpu().device()));
     MicromapInput again = good();
     again.triangles[77].format = 9;
-    expectTold(again, 0, {{77, "format 9"}});
+    expectReported(again, 0, {{77, "format 9"}});
 }
 
 TEST_F(Validate, MessagesNameTheMicromap)

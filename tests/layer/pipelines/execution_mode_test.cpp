@@ -1,7 +1,7 @@
 // A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries consume micromaps where the
 // shader has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise of no mixed special indices,
 // which came with it.
-#include "commands/state_scene.h"
+#include "command_buffer/state_scene.h"
 #include "harness/execution_mode.h"
 #include "harness/graphics.h"
 #include "harness/pipeline_builder.h"
@@ -210,7 +210,7 @@ protected:
         vkDestroyPipeline(gpu().device(), pipeline, nullptr);
     }
     VkResult expected_ = VK_SUCCESS; // of every pipeline
-    void expectComplaint(const std::string &rule)
+    void expectFinding(const std::string &rule)
     {
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u) << rule;
@@ -232,7 +232,7 @@ TEST_F(MixedSpecialIndex, WithoutTheBitOfRayTracingPipelines)
 {
     expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeRayTracing(0);
-    expectComplaint("VkRayTracingPipelineCreateInfoKHR-flags-11599");
+    expectFinding("VkRayTracingPipelineCreateInfoKHR-flags-11599");
 }
 
 class MixedSpecialIndexWithoutKhr : public MixedSpecialIndex
@@ -245,11 +245,11 @@ TEST_F(MixedSpecialIndexWithoutKhr, IsReported)
 {
     expected_ = strictTests() ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS;
     makeCompute();
-    expectComplaint("VkComputePipelineCreateInfo-flags-11593");
+    expectFinding("VkComputePipelineCreateInfo-flags-11593");
     makeGraphics();
-    expectComplaint("VkGraphicsPipelineCreateInfo-flags-11595");
+    expectFinding("VkGraphicsPipelineCreateInfo-flags-11595");
     makeRayTracing(kMicromapBit);
-    expectComplaint("VkRayTracingPipelineCreateInfoKHR-flags-11599");
+    expectFinding("VkRayTracingPipelineCreateInfoKHR-flags-11599");
 }
 
 } // namespace

@@ -2,7 +2,7 @@
 // setting that uses micromaps all the same.
 #include <cstdlib>
 
-#include "commands/state_scene.h"
+#include "command_buffer/state_scene.h"
 #include "harness/pipeline_tracer.h"
 
 #include "harness/program/labels.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 
-#include "commands/inherited_condition.h"
+#include "command_buffer/inherited_condition.h"
 #include "pipelines/pipeline_scene.h"
 
 #include "shaders/pipeline_constant_209.h"

@@ -1,7 +1,7 @@
 // VK_EXT_shader_module_identifier: pipelines of which the driver knows the code. It knows it in this process, whichever
-// device compiled it (layers/cache_trait.cpp).
-#include "commands/compute_pipeline.h"
-#include "commands/state_scene.h"
+// device compiled it (layers/cache_quirk.cpp).
+#include "command_buffer/compute_pipeline.h"
+#include "command_buffer/state_scene.h"
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
@@ -23,7 +23,7 @@ using Identifier = std::vector<uint8_t>;
 
 Options cachingDriver(bool vellum = true)
 {
-    return {.vellum = vellum, .oldValidation = false, .traits = "caching", .micromaps = vellum, .newer = true};
+    return {.vellum = vellum, .oldValidation = false, .quirks = "caching", .micromaps = vellum, .newer = true};
 }
 
 VkShaderModuleIdentifierEXT emptyIdentifier()

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <array>
 
-#include "commands/compute_pipeline.h"
-#include "commands/shader_objects.h"
+#include "command_buffer/compute_pipeline.h"
+#include "command_buffer/shader_objects.h"
 #include "harness/pipeline_builder.h"
 #include "harness/program/labels.h"
 

@@ -49,7 +49,7 @@ protected:
         for (Message &m : gpu().takeUnexpectedMessages())
             messages_.push_back(std::move(m));
     }
-    void expectComplaint(const char *rule)
+    void expectFinding(const char *rule)
     {
         takeAll();
         bool complained = false;
@@ -76,7 +76,7 @@ TEST_F(PipelineWithoutFeature, TheBit)
 {
     tryChanged([](PipelineSetup &setup) { setup.flags |= kMicromapBit; });
     EXPECT_EQ(made_, !strictTests());
-    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
+    expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
 }
 
 // Of the extension without its feature, pipelines use micromaps all the same.
@@ -89,7 +89,7 @@ TEST_F(PipelineWithoutFeature, WorksAllTheSame)
     takeAll();
     for (const uint32_t flags : {0u, kRayOpaque})
         scene.expect(tracer, flags);
-    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
+    expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
 }
 
 TEST_F(PipelineWithoutFeature, TheBitInTheChain)
@@ -100,7 +100,7 @@ TEST_F(PipelineWithoutFeature, TheBitInTheChain)
         setup.flags |= kMicromapBit;
         setup.flags2 = true;
     });
-    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
+    expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597");
 }
 
 TEST_F(PipelineBadInput, LibraryWithoutTheBit)
@@ -116,7 +116,7 @@ TEST_F(PipelineBadInput, LibraryWithoutTheBit)
     });
     // It is one without micromaps then.
     EXPECT_EQ(made_, !strictTests());
-    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
+    expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }
 
 TEST_F(PipelineBadInput, OneLibraryOfTwoWithoutTheBit)
@@ -134,7 +134,7 @@ TEST_F(PipelineBadInput, OneLibraryOfTwoWithoutTheBit)
         setup.libraries = {libraries[0].handle(), libraries[1].handle()};
     });
     EXPECT_FALSE(made_);
-    expectComplaint("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
+    expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }
 
 // The specification allows it. What is refused says so, in either order.
@@ -153,7 +153,7 @@ TEST_F(PipelineBadInput, LibrariesWithAndWithoutTheBitInAPipelineWithoutIt)
             setup.flags = 0;
             setup.libraries = {libraries[0].handle(), libraries[1].handle()};
         });
-        expectComplaint("VELLUM-not-available");
+        expectFinding("VELLUM-not-available");
     }
 }
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "harness/harness.h"
-#include "layer/ground/vulkan_newer.h"
+#include "layer/base/vulkan_newer.h"
 
 namespace vt
 {

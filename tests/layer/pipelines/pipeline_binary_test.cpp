@@ -1,7 +1,7 @@
 // VK_KHR_pipeline_binary: pipelines that are made of what an earlier one was made into, without their code. The driver
-// (layers/cache_trait.cpp) tells where such a pipeline is not the one that was captured.
-#include "commands/compute_pipeline.h"
-#include "commands/state_scene.h"
+// (layers/cache_quirk.cpp) tells where such a pipeline is not the one that was captured.
+#include "command_buffer/compute_pipeline.h"
+#include "command_buffer/state_scene.h"
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
 
@@ -21,7 +21,7 @@ const vt::Labels kLabels{{"PipelineBinaries.*", "slow"},
 using namespace vt;
 Options cachingDriver()
 {
-    return {.oldValidation = false, .traits = "caching", .newer = true};
+    return {.oldValidation = false, .quirks = "caching", .newer = true};
 }
 
 class PipelineBinaries : public PipelineSceneTest

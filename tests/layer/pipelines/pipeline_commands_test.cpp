@@ -10,7 +10,7 @@ namespace
 
 const vt::Labels kLabels{{"PipelineCommandsMaintenance.*", "forcing"},
                          {"PipelineState.*", "forcing"},
-                         {"PipelineCommands.*", "traits stacked forcing"}};
+                         {"PipelineCommands.*", "quirks stacked forcing"}};
 
 using namespace vt;
 

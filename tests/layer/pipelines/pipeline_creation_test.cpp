@@ -56,7 +56,7 @@ protected:
         const VkResult started = vk.CreateRayTracingPipelinesKHR(gpu().device(), operation, VK_NULL_HANDLE, 1,
                                                                  &info->get(), nullptr, pipeline.get());
         // Lavapipe (Mesa 25.0.7) says VK_SUCCESS where it does not defer.
-        if (gpu().options().traits == "deferred") {
+        if (gpu().options().quirks == "deferred") {
             EXPECT_EQ(started, VK_OPERATION_DEFERRED_KHR);
         }
         if (started == VK_OPERATION_DEFERRED_KHR) {
@@ -99,8 +99,8 @@ protected:
 class PipelineCreationDeferred : public PipelineCreation
 {
 protected:
-    explicit PipelineCreationDeferred(const char *traits = "deferred")
-        : PipelineCreation({.oldValidation = false, .traits = traits})
+    explicit PipelineCreationDeferred(const char *quirks = "deferred")
+        : PipelineCreation({.oldValidation = false, .quirks = quirks})
     {
     }
 };
@@ -129,7 +129,7 @@ TEST_F(PipelineCreationNotDeferred, ByTheDriver)
 class PipelineCreationDeferredInline : public PipelineCreation
 {
 protected:
-    PipelineCreationDeferredInline() : PipelineCreation({.oldValidation = false, .traits = "deferred", .newer = true})
+    PipelineCreationDeferredInline() : PipelineCreation({.oldValidation = false, .quirks = "deferred", .newer = true})
     {
     }
 };
@@ -206,8 +206,8 @@ TEST_F(PipelineCreationDeferred, SeveralInOneCall)
 class PipelineCreationUncompiled : public PipelineCreation
 {
 protected:
-    explicit PipelineCreationUncompiled(const char *traits = "uncompiled")
-        : PipelineCreation({.oldValidation = false, .traits = traits})
+    explicit PipelineCreationUncompiled(const char *quirks = "uncompiled")
+        : PipelineCreation({.oldValidation = false, .quirks = quirks})
     {
     }
 

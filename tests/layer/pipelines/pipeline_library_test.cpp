@@ -1,8 +1,8 @@
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
 #include <algorithm>
 
+#include "harness/mock_driver.h"
 #include "harness/program/labels.h"
-#include "harness/test_driver.h"
 #include "pipelines/pipeline_scene.h"
 #include "shaders/pipeline_pushed.h"
 
@@ -242,7 +242,7 @@ TEST_F(PipelineLibrary, PushConstantsAfterInjectedWork)
     vkGetPhysicalDeviceProperties(gpu().physical(), &properties);
     if (properties.limits.maxPushConstantsSize < 256)
         GTEST_SKIP() << "fewer push constants";
-    if (chosenTrait("structures"))
+    if (chosenQuirk("structures"))
         GTEST_SKIP() << "the driver says that it is a newer one";
     const PipelineResources resources(gpu(), 1, 256);
     PipelineSetup setup;

@@ -1,7 +1,7 @@
 // VK_KHR_ray_tracing_position_fetch beside micromaps, in pipelines and in ray queries.
 #include <random>
 
-#include "commands/compute_pipeline.h"
+#include "command_buffer/compute_pipeline.h"
 #include "harness/expected.h"
 #include "harness/pipeline_builder.h"
 

@@ -39,7 +39,7 @@ const vt::Labels kLabels{{"ShaderCache.*", "slow one_api"}};
 
 namespace fs = std::filesystem;
 
-constexpr const char *kTraits = "VELLUM_TEST_TRAITS";
+constexpr const char *kQuirks = "VELLUM_TEST_QUIRKS";
 constexpr const char *kReplay = "capable,replay";
 constexpr const char *kRewriteOnly = "VELLUM_TEST_REWRITE_ONLY";     // nothing is compiled
 constexpr const char *kPipelineCache = "VELLUM_TEST_PIPELINE_CACHE"; // the file for its data
@@ -293,11 +293,11 @@ TEST_F(ShaderCache, NextRunCompilesNothing)
 // As on a GPU: the addresses are the driver's, but it gives them again.
 TEST_F(ShaderCache, NextRunCompilesNothingWhereAddressesAreReplayed)
 {
-    const Outcome first = run({{kTraits, kReplay}});
+    const Outcome first = run({{kQuirks, kReplay}});
     EXPECT_GT(first.misses, 10u);
     const auto files = addressFiles();
     ASSERT_EQ(files.size(), 2u); // of two devices
-    const Outcome second = run({{kTraits, kReplay}});
+    const Outcome second = run({{kQuirks, kReplay}});
     EXPECT_EQ(second.words, first.words);
     expectHits(second);
     EXPECT_EQ(addressFiles(), files);
@@ -312,7 +312,7 @@ TEST_F(ShaderCache, PipelineCacheOfTheRunBefore)
                                 {kPipelineCache, inFolder(replay ? "pipelines_replayed" : "pipelines")},
                                 {"MESA_SHADER_CACHE_SHOW_STATS", "0"}};
         if (replay)
-            environment[kTraits] = kReplay;
+            environment[kQuirks] = kReplay;
         const Outcome first = run(environment);
         // Inline modules and others are the same to a cache.
         EXPECT_EQ(first.misses, 18u);
@@ -326,7 +326,7 @@ TEST_F(ShaderCache, PipelineCacheOfTheRunBefore)
 // Without the file such a driver puts the tables anywhere, and another shader is another shader.
 TEST_F(ShaderCache, NoFolderNoAddresses)
 {
-    const Environment none{{kTraits, kReplay}, {"VELLUM_CACHE_FOLDER", ""}};
+    const Environment none{{kQuirks, kReplay}, {"VELLUM_CACHE_FOLDER", ""}};
     const Outcome first = run(none);
     const Outcome second = run(none);
     EXPECT_NE(second.words, first.words);
@@ -336,19 +336,19 @@ TEST_F(ShaderCache, NoFolderNoAddresses)
 // An address that another has is given up, and the next one kept.
 TEST_F(ShaderCache, AddressThatIsTaken)
 {
-    const Outcome first = run({{kTraits, kReplay}, {kRewriteOnly, "1"}});
+    const Outcome first = run({{kQuirks, kReplay}, {kRewriteOnly, "1"}});
     std::ifstream file(addressFiles().front());
     std::string buffer, memory;
     file >> buffer >> memory;
-    const Outcome second = run({{kTraits, kReplay}, {kRewriteOnly, "1"}, {kTaken, memory}});
+    const Outcome second = run({{kQuirks, kReplay}, {kRewriteOnly, "1"}, {kTaken, memory}});
     EXPECT_NE(second.words, first.words);
-    const Outcome third = run({{kTraits, kReplay}, {kRewriteOnly, "1"}});
+    const Outcome third = run({{kQuirks, kReplay}, {kRewriteOnly, "1"}});
     EXPECT_EQ(third.words, second.words);
 }
 
 TEST_F(ShaderCache, FilesThatAreDamaged)
 {
-    const Environment replay{{kTraits, kReplay}, {kRewriteOnly, "1"}};
+    const Environment replay{{kQuirks, kReplay}, {kRewriteOnly, "1"}};
     const Outcome first = run(replay);
     const auto files = addressFiles();
     ASSERT_EQ(files.size(), 2u);

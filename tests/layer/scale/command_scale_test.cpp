@@ -196,7 +196,7 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
     EXPECT_LE(allocations() - before, 2u);
 }
 
-// More than are looked up without a lock (door/device.cpp), made and destroyed in turns.
+// More than are looked up without a lock (entry/device.cpp), made and destroyed in turns.
 TEST(DeviceScale, TwentyDevicesAtATime)
 {
     std::vector<std::unique_ptr<Gpu>> gpus(20);

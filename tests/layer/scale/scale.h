@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "harness/copies.h"
-#include "harness/test_driver.h"
+#include "harness/mock_driver.h"
 #include "structures/footprint.h"
 
 namespace vt

@@ -4,13 +4,13 @@
 
 #include <set>
 
+#include "harness/mock_driver.h"
 #include "harness/program/labels.h"
-#include "harness/test_driver.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"BottomCopies.*", "traits stacked forcing"},
+const vt::Labels kLabels{{"BottomCopies.*", "quirks stacked forcing"},
                          {"BottomCopies.GenericStructures", "serialized"},
                          {"BottomCopies.ManyGeometriesAndTriangles", "serialized"},
                          {"BottomCopies.QueriedSizes", "serialized"},
@@ -200,7 +200,7 @@ TEST_F(BottomCopiesExt, SerializedDataCarriesTheMicromaps)
     const auto third = made(kBottom, first->size());
     copy(gpu(), *second, *third);
     const Serialized again = serialize(gpu(), *second);
-    if (!chosenTrait("structures")) { // it does not know what deserialized structures hold
+    if (!chosenQuirk("structures")) { // it does not know what deserialized structures hold
         EXPECT_EQ(again.total(), data.total());
         EXPECT_EQ(again.deserializedSize(), data.deserializedSize());
     }

@@ -6,7 +6,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Index.*", "traits translated packed forcing"}};
+const vt::Labels kLabels{{"Index.*", "quirks translated packed forcing"}};
 
 using namespace vt;
 

@@ -14,7 +14,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"Lifetime.*", "traits stacked packed forcing"}};
+const vt::Labels kLabels{{"Lifetime.*", "quirks stacked packed forcing"}};
 
 class Lifetime : public GpuTest
 {

@@ -1,5 +1,5 @@
 // Structures whose address is not where they lie: only that of a GENERIC one must be
-// (vkGetAccelerationStructureDeviceAddressKHR). The driver is lavapipe with the trait "elsewhere".
+// (vkGetAccelerationStructureDeviceAddressKHR). The driver is lavapipe with the quirk "elsewhere".
 #include "harness/copies.h"
 
 namespace
@@ -10,7 +10,7 @@ using namespace vt;
 class StructureAddresses : public GpuTest
 {
 protected:
-    StructureAddresses() : GpuTest({.traits = "elsewhere"}) {}
+    StructureAddresses() : GpuTest({.quirks = "elsewhere"}) {}
 };
 
 // Two handles for one content, with an address each: instances may name either.
@@ -104,7 +104,7 @@ TEST_F(StructureAddresses, OnesWhoseBufferIsGone)
 // What was built at a place stays there, also while nothing lives there that has an address of the driver's.
 TEST(StructureAddressesKhr, OneThatIsMadeAgain)
 {
-    Gpu gpu({.traits = "elsewhere", .api = Api::Khr});
+    Gpu gpu({.quirks = "elsewhere", .api = Api::Khr});
     const Patchwork patchwork(gpu);
     const auto expected = seenOf(gpu, Blas(gpu, patchwork.geometries()));
     const Buffer room(gpu, 65536, gpu.structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);

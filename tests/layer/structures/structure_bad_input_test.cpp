@@ -1,6 +1,6 @@
 // Copies of acceleration structures that cannot be carried out: a message that names the rule, nothing written where it
 // does not belong, and structures that can be traced.
-#include "commands/state_scene.h"
+#include "command_buffer/state_scene.h"
 #include "harness/copies.h"
 #include "harness/program/labels.h"
 
@@ -43,7 +43,7 @@ protected:
     }
 
     // Vellum complains of that rule. What shaders find out is told with the next command buffer.
-    void expectComplaint(const std::string &rule)
+    void expectFinding(const std::string &rule)
     {
         gpu().submit([](VkCommandBuffer) {});
         bool complained = false;
@@ -85,11 +85,11 @@ TEST_F(BadCopies, Handles)
 {
     const auto target = made(kBottom, source_->size());
     copyWith(VK_NULL_HANDLE, target->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
-    expectComplaint("VkCopyAccelerationStructureInfoKHR-src-parameter");
+    expectFinding("VkCopyAccelerationStructureInfoKHR-src-parameter");
     copyWith(source_->handle(), VK_NULL_HANDLE, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
-    expectComplaint("VkCopyAccelerationStructureInfoKHR-dst-parameter");
+    expectFinding("VkCopyAccelerationStructureInfoKHR-dst-parameter");
     copyWith(source_->handle(), source_->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
-    expectComplaint("VkCopyAccelerationStructureInfoKHR-dst-07791");
+    expectFinding("VkCopyAccelerationStructureInfoKHR-dst-07791");
 }
 
 TEST_F(BadCopies, Modes)
@@ -99,7 +99,7 @@ TEST_F(BadCopies, Modes)
     for (const int mode : {2, 3, 7, 0x7fffffff}) {
         const auto clone = made(kBottom, source_->size());
         copyWith(source_->handle(), clone->handle(), mode);
-        expectComplaint("VkCopyAccelerationStructureInfoKHR-mode-03410");
+        expectFinding("VkCopyAccelerationStructureInfoKHR-mode-03410");
         if (!strictTests()) {
             EXPECT_EQ(seenOf(gpu(), *clone), expected_);
         }
@@ -113,7 +113,7 @@ TEST_F(BadCopies, Modes)
         save.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
         gpu().vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &save);
     });
-    expectComplaint("VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412");
+    expectFinding("VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412");
     gpu().submit([&](VkCommandBuffer commands) {
         VkCopyMemoryToAccelerationStructureInfoKHR load{};
         load.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
@@ -122,7 +122,7 @@ TEST_F(BadCopies, Modes)
         load.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
         gpu().vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &load);
     });
-    expectComplaint("VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413");
+    expectFinding("VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413");
     if (!strictTests()) {
         EXPECT_EQ(seenOf(gpu(), *target), expected_);
     }
@@ -144,23 +144,23 @@ TEST_F(BadCopies, Addresses)
         });
     };
     load(0, target->handle());
-    expectComplaint("pInfo-03742");
+    expectFinding("pInfo-03742");
     load(aligned + 8, target->handle());
-    expectComplaint("pInfo-03743");
+    expectFinding("pInfo-03743");
     load(aligned, VK_NULL_HANDLE);
-    expectComplaint("VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter");
+    expectFinding("VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter");
     gpu().submit([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, *source_, 0); });
-    expectComplaint("pInfo-03739");
+    expectFinding("pInfo-03739");
     gpu().submit([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, *source_, aligned + 8); });
-    expectComplaint("pInfo-03740");
+    expectFinding("pInfo-03740");
     const Structure none(gpu(), kBottom);
     gpu().submit([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, none, aligned); });
-    expectComplaint("VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter");
+    expectFinding("VkCopyAccelerationStructureToMemoryInfoKHR-src-parameter");
     // Aligned as far as the layer needs it.
     gpu().submit([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, *source_, aligned + 16); });
-    expectComplaint("pInfo-03740");
+    expectFinding("pInfo-03740");
     load(aligned + 16, target->handle());
-    expectComplaint("pInfo-03743");
+    expectFinding("pInfo-03743");
     if (!strictTests()) {
         EXPECT_EQ(seenOf(gpu(), *target), expected_);
     }
@@ -170,14 +170,14 @@ TEST_F(BadCopies, TargetsThatAreTooSmall)
 {
     const auto half = made(kBottom, source_->size() / 2 / 256 * 256);
     copyWith(source_->handle(), half->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
-    expectComplaint("mode-12418");
+    expectFinding("mode-12418");
     // In a buffer that has the rest: lavapipe 26 writes all of a compacted copy, whatever there is room for.
     const Buffer room(gpu(), source_->size(), gpu().structureUsage());
     const auto tiny = std::make_unique<Structure>(gpu(), kBottom);
     tiny->placeIn(room.handle(), 0);
     tiny->create(256);
     copyWith(source_->handle(), tiny->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
-    expectComplaint("mode-12419");
+    expectFinding("mode-12419");
     expectNothing(*tiny, false);
 
     const Serialized data = serialize(gpu(), *source_);
@@ -185,19 +185,19 @@ TEST_F(BadCopies, TargetsThatAreTooSmall)
          {VkDeviceSize{128}, VkDeviceSize{256}, VkDeviceSize{4096}, data.deserializedSize() - 256}) {
         const auto small = made(kBottom, size);
         deserialize(gpu(), data, *small);
-        expectComplaint("VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746");
+        expectFinding("VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746");
         if (size >= 256) // else nothing was put there, not even an empty structure
             expectNothing(*small, false);
     }
     const Tlas top(gpu(), std::vector(50, instance(*source_, {}, 1)));
     const auto smallTop = made(kTop, top.size() / 2 / 256 * 256);
     copyWith(top.handle(), smallTop->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
-    expectComplaint("mode-12419");
+    expectFinding("mode-12419");
     expectNothing(*smallTop, true);
     const Serialized topData = serialize(gpu(), top);
     const auto smallLoaded = made(kTop, topData.deserializedSize() / 2 / 256 * 256);
     deserialize(gpu(), topData, *smallLoaded);
-    expectComplaint("dst-03746");
+    expectFinding("dst-03746");
     expectNothing(*smallLoaded, true);
 }
 
@@ -205,15 +205,15 @@ TEST_F(BadCopies, OtherTypes)
 {
     const auto top = made(kTop, source_->size());
     copyWith(source_->handle(), top->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
-    expectComplaint("VELLUM-copy-type");
+    expectFinding("VELLUM-copy-type");
     const auto topFromBottom = made(kTop, source_->size());
     deserialize(gpu(), serialize(gpu(), *source_), *topFromBottom);
-    expectComplaint("VELLUM-serialized-type");
+    expectFinding("VELLUM-serialized-type");
     expectNothing(*topFromBottom, true);
     const Tlas scene(gpu(), {instance(*source_, {}, 1)});
     const auto bottomFromTop = made(kBottom, 1 << 16);
     deserialize(gpu(), serialize(gpu(), scene), *bottomFromTop);
-    expectComplaint("VELLUM-serialized-type");
+    expectFinding("VELLUM-serialized-type");
     expectNothing(*bottomFromTop, false);
 }
 
@@ -253,7 +253,7 @@ TEST_F(BadCopies, MemoryThatIsTooSmall)
             query.buffer = buffer;
             const VkDeviceAddress address = vkGetBufferDeviceAddress(gpu().device(), &query);
             gpu().submit([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, *structure, address); });
-            expectComplaint("VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561");
+            expectFinding("VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561");
             const auto *bytes = static_cast<const uint8_t *>(mapped);
             EXPECT_TRUE(std::all_of(bytes, bytes + total + 65536, [](uint8_t b) { return b == 0xa5; })) << size;
             vkDestroyBuffer(gpu().device(), buffer, nullptr);
@@ -270,14 +270,14 @@ TEST_F(BadCopies, ForeignData)
         Serialized changed = data;
         changed.bytes()[byte] ^= 0x40;
         deserialize(gpu(), changed, *target);
-        expectComplaint("VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414");
+        expectFinding("VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414");
         expectNothing(*target, false);
     }
     // What the driver alone has serialized, in which the driver would find what it knows.
     Gpu without({.vellum = false, .validation = false, .micromaps = false});
     const Blas plain(without, {Geometry{.vertices = triangleRow(6)}});
     deserialize(gpu(), serialize(without, plain), *target);
-    expectComplaint("VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414");
+    expectFinding("VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414");
     expectNothing(*target, false);
     // The structure is not spoilt.
     deserialize(gpu(), data, *target);
@@ -293,7 +293,7 @@ TEST_F(BadCopies, TruncatedData)
         const auto target = made(top ? kTop : kBottom, data.deserializedSize());
         for (const uint64_t size : {uint64_t{16}, uint64_t{56}, uint64_t{120}, data.total() / 2, data.total() - 16}) {
             deserialize(gpu(), data, *target, size);
-            expectComplaint("VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
+            expectFinding("VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
             expectNothing(*target, top);
             // The memory goes on, but the data does not.
             Serialized cut({data.bytes().begin(), data.bytes().begin() + static_cast<ptrdiff_t>(size)});
@@ -352,7 +352,7 @@ TEST_F(BadCopies, HandlesThatNameNothing)
         Serialized changed = data;
         changed.relocate([&](uint64_t handle) { return handle == second.address() ? wrong : handle; });
         deserialize(gpu(), changed, *target);
-        expectComplaint("VELLUM-copy-reference");
+        expectFinding("VELLUM-copy-reference");
         EXPECT_EQ(seen(gpu(), *target, Patchwork::rays()), expected) << "the other instance is there";
         for (const std::string &one : seen(gpu(), *target, rays))
             EXPECT_EQ(one, "");
@@ -362,7 +362,7 @@ TEST_F(BadCopies, HandlesThatNameNothing)
     Serialized changed = data;
     changed.relocate([&](uint64_t handle) { return handle == second.address() ? unbuilt->address() : handle; });
     deserialize(gpu(), changed, *target);
-    expectComplaint("VELLUM-copy-unbuilt-reference");
+    expectFinding("VELLUM-copy-unbuilt-reference");
     EXPECT_EQ(seen(gpu(), *target, Patchwork::rays()), expected);
 }
 
@@ -374,7 +374,7 @@ TEST_F(BadCopies, DestroyedReferences)
     const auto target = made(kTop, scene.size());
     gone.reset();
     copyWith(scene.handle(), target->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
-    expectComplaint("VELLUM-copy-reference");
+    expectFinding("VELLUM-copy-reference");
     for (const std::string &one : seen(gpu(), *target, Patchwork::rays({20, 0, 0})))
         EXPECT_EQ(one, "");
     EXPECT_EQ(seen(gpu(), *target, Patchwork::rays()),

@@ -8,7 +8,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"TopCopies.*", "traits stacked forced forcing"}, {"TopCopiesExt.*", "one_api"}};
+const vt::Labels kLabels{{"TopCopies.*", "quirks stacked forced forcing"}, {"TopCopiesExt.*", "one_api"}};
 
 using namespace vt;
 

@@ -4,7 +4,7 @@
 //
 // one_api: chooses the extension itself, or uses none; no second run by VK_KHR_opacity_micromap
 //
-// traits: on a driver with all traits of the test driver that go together
+// quirks: on a driver with all quirks of the mock driver that go together
 //
 // stacked: where the driver's VK_EXT_opacity_micromap is a second copy of the layer, KHR emulated and KHR translated
 //

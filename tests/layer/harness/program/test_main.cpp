@@ -88,9 +88,9 @@ int main(int argc, char **argv)
     unsetenv("VK_INSTANCE_LAYERS");
     setenv("VK_ADD_LAYER_PATH", VELLUM_TEST_LAYER_PATH, 1);
     setenv("VK_LOADER_LAYERS_DISABLE", "~implicit~", 1);
-#ifdef VELLUM_TEST_DRIVER
-    setenv("VK_DRIVER_FILES", VELLUM_TEST_DRIVER, 1);
-    setenv("VK_ICD_FILENAMES", VELLUM_TEST_DRIVER, 1);
+#ifdef VELLUM_TEST_ICD
+    setenv("VK_DRIVER_FILES", VELLUM_TEST_ICD, 1);
+    setenv("VK_ICD_FILENAMES", VELLUM_TEST_ICD, 1);
 #endif
     setenv("GALLIVM_PERF", "nopt", 0);
     setenv("MESA_SHADER_CACHE_DIR", VELLUM_TEST_SHADER_CACHE, 0);

@@ -1,0 +1,27 @@
+// The names of this copy of the layer. It is a file of its own so that the tests' copy can have another one, and
+// everything else from the same static library.
+#include "layer/base/settings.h"
+
+#ifndef VELLUM_COPY
+#define VELLUM_COPY "VK_LAYER_VELLUM_opacity_micromap", "VELLUM_", ""
+#endif
+
+namespace vellum::layer
+{
+namespace
+{
+
+struct Copy {
+    const char *name;
+    const char *variablePrefix;
+    const char *messagePrefix;
+};
+constexpr Copy kCopy{VELLUM_COPY};
+
+} // namespace
+
+const char *const kLayerName = kCopy.name;
+const char *const kVariablePrefix = kCopy.variablePrefix;
+const char *const kMessagePrefix = kCopy.messagePrefix;
+
+} // namespace vellum::layer

@@ -1,0 +1,83 @@
+#include "layer/base/report.h"
+
+#include <cstdio>
+#include <new>
+
+namespace vellum::layer
+{
+namespace
+{
+
+ReportLevel levelOf(VkDebugUtilsMessageSeverityFlagBitsEXT severity)
+{
+    if (severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
+        return ReportLevel::Error;
+    return severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT ? ReportLevel::Warning : ReportLevel::Info;
+}
+
+} // namespace
+
+void Reporter::addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info)
+{
+    std::lock_guard lock(mutex_);
+    messengers_.push_back({handle, info.messageSeverity, info.messageType, info.pfnUserCallback, info.pUserData});
+}
+
+void Reporter::removeMessenger(VkDebugUtilsMessengerEXT handle)
+{
+    std::lock_guard lock(mutex_);
+    std::erase_if(messengers_, [handle](const Messenger &m) { return m.handle == handle; });
+}
+
+void Reporter::setName(uint64_t object, const std::string &name)
+{
+    std::lock_guard lock(mutex_);
+    if (name.empty())
+        names_.erase(object);
+    else
+        names_[object] = name;
+}
+
+void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text,
+                    VkObjectType type, uint64_t object) noexcept
+{
+    try {
+        sendTo(severity, std::string(kMessagePrefix) + id, std::string(text), type, object);
+    } catch (const std::bad_alloc &) {
+        std::fprintf(stderr, "vellum: %s%s: %.*s\n", kMessagePrefix, id, static_cast<int>(text.size()), text.data());
+    }
+}
+
+void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
+                      VkObjectType type, uint64_t object)
+{
+    if (levelOf(severity) <= level_)
+        std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
+
+    std::vector<Messenger> messengers;
+    std::string objectName;
+    {
+        // A callback may create or destroy messengers: it is called without the lock.
+        std::lock_guard lock(mutex_);
+        messengers = messengers_;
+        if (const auto it = names_.find(object); it != names_.end())
+            objectName = it->second;
+    }
+    VkDebugUtilsObjectNameInfoEXT name{VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT, nullptr, type, object,
+                                       objectName.empty() ? nullptr : objectName.c_str()};
+    VkDebugUtilsMessengerCallbackDataEXT data{};
+    data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
+    data.pMessageIdName = id.c_str();
+    data.pMessage = text.c_str();
+    data.objectCount = object != 0 ? 1 : 0;
+    data.pObjects = &name;
+    const VkDebugUtilsMessageTypeFlagsEXT kind = severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT
+                                                     ? VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT
+                                                     : VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    for (const Messenger &m : messengers) {
+        if ((m.severities & VkDebugUtilsMessageSeverityFlagsEXT{severity}) != 0 && (m.types & kind) != 0)
+            m.callback(severity, kind, &data, m.userData);
+    }
+}
+
+} // namespace vellum::layer

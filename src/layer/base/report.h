@@ -1,0 +1,80 @@
+// What the layer has to say goes to the application's debug-utils messengers, and to stderr when the setting asks for
+// it.
+#pragma once
+
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/base/settings.h"
+
+namespace vellum::layer
+{
+
+class Reporter
+{
+public:
+    void apply(const Settings &settings)
+    {
+        level_ = settings.report;
+        strict_ = settings.strict;
+    }
+    void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
+    void removeMessenger(VkDebugUtilsMessengerEXT handle);
+
+    // Name of an object that messages may be about; empty: none any more.
+    void setName(uint64_t object, const std::string &name);
+
+    // `id`: a short name ("VELLUM-micromap-build"), or the VUID that was broken, after the prefix "VELLUM-".
+    // `object`: the object concerned, or 0.
+    // A message for which there is no memory goes to stderr: reporting does not throw.
+    void error(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0)
+    {
+        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text, type, object);
+    }
+    // An error that does no harm. Whether the layer goes on, as drivers do: not with the setting `strict`.
+    [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
+                                 uint64_t object = 0)
+    {
+        error(id, strict_ ? std::string(text) : std::string(text) + "; the layer goes on", type, object);
+        return !strict_;
+    }
+    // What the layer refuses to do, because doing it in part would be silently wrong.
+    void notAvailable(const std::string &what)
+    {
+        error("VELLUM-not-available", what + " is not available in this version of the layer");
+    }
+    void warning(const char *id, std::string_view text)
+    {
+        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT, id, text, VK_OBJECT_TYPE_UNKNOWN, 0);
+    }
+    void info(const char *id, std::string_view text)
+    {
+        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT, id, text, VK_OBJECT_TYPE_UNKNOWN, 0);
+    }
+
+private:
+    struct Messenger {
+        VkDebugUtilsMessengerEXT handle;
+        VkDebugUtilsMessageSeverityFlagsEXT severities;
+        VkDebugUtilsMessageTypeFlagsEXT types;
+        PFN_vkDebugUtilsMessengerCallbackEXT callback;
+        void *userData;
+    };
+    void send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text, VkObjectType type,
+              uint64_t object) noexcept;
+    void sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
+                VkObjectType type, uint64_t object);
+
+    ReportLevel level_ = ReportLevel::None;
+    bool strict_ = false;
+    std::mutex mutex_;
+    std::vector<Messenger> messengers_;
+    std::unordered_map<uint64_t, std::string> names_;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,49 @@
+#include "layer/command_buffer/address_barriers.h"
+
+#include "layer/memory/device_buffers.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// A range barrier is about accesses to memory, by whatever buffer or address: the memory barrier holds for those and
+// more, and is allowed wherever a range barrier is.
+void addMemoryBarrier(const VkMemoryRangeBarrierKHR &range, std::vector<VkMemoryBarrier2> &memory)
+{
+    memory.push_back({VK_STRUCTURE_TYPE_MEMORY_BARRIER_2, nullptr, range.srcStageMask, range.srcAccessMask,
+                      range.dstStageMask, range.dstAccessMask});
+}
+
+// Memory goes to another queue family buffer by buffer: what each has of the range.
+bool addTransfers(const DeviceBuffers &device, const VkMemoryRangeBarrierKHR &range,
+                  std::vector<VkBufferMemoryBarrier2> &buffers)
+{
+    const auto locations = device.addresses.within(range.addressRange.address, range.addressRange.size);
+    for (const AddressMap::Location &location : locations)
+        buffers.push_back({VK_STRUCTURE_TYPE_BUFFER_MEMORY_BARRIER_2, nullptr, range.srcStageMask, range.srcAccessMask,
+                           range.dstStageMask, range.dstAccessMask, range.srcQueueFamilyIndex,
+                           range.dstQueueFamilyIndex, location.buffer, location.offset, location.bytes});
+    return !locations.empty();
+}
+
+} // namespace
+
+void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersInfoKHR &info,
+                      std::vector<VkMemoryBarrier2> &memory, std::vector<VkBufferMemoryBarrier2> &buffers)
+{
+    for (uint32_t i = 0; i < info.memoryRangeBarrierCount; ++i) {
+        const VkMemoryRangeBarrierKHR &range = info.pMemoryRangeBarriers[i];
+        const bool transfer = range.srcQueueFamilyIndex != range.dstQueueFamilyIndex;
+        if (transfer && addTransfers(device, range, buffers))
+            continue;
+        addMemoryBarrier(range, memory);
+        if (transfer)
+            device.driver.report().error(
+                "VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
+                "VkMemoryRangeBarrierKHR: addressRange lies in no buffer; it goes to no other queue "
+                "family");
+    }
+}
+
+} // namespace vellum::layer

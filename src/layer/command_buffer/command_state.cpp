@@ -1,0 +1,243 @@
+#include "layer/command_buffer/command_state.h"
+
+#include <algorithm>
+#include <atomic>
+
+#include "layer/base/pnext.h"
+#include "layer/base/undo.h"
+#include "layer/command_buffer/device_command_buffers.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+bool covers(VkShaderStageFlags stages, uint32_t offset, uint32_t size, const CommandState::PushedConstants &earlier)
+{
+    return (earlier.stages & ~stages) == 0 && offset <= earlier.offset &&
+           offset + size >= earlier.offset + earlier.bytes.size();
+}
+
+void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFlags stages, uint32_t offset,
+                  uint32_t size, const void *values)
+{
+    CommandState::PushedConstants push{layout, stages, offset, {}};
+    // Mostly the same is pushed again: then its memory is used again.
+    std::erase_if(state.pushes, [&](auto &earlier) {
+        const bool gone = covers(stages, offset, size, earlier);
+        if (gone && push.bytes.capacity() < earlier.bytes.capacity())
+            std::swap(push.bytes, earlier.bytes);
+        return gone;
+    });
+    const auto *const bytes = static_cast<const std::byte *>(values);
+    push.bytes.assign(bytes, bytes + size);
+    state.pushes.push_back(std::move(push));
+}
+
+// What each thread looked up last is right for as long as no command buffer of this process was allocated or freed
+// since.
+std::atomic<uint64_t> changes{1};
+
+struct LastState {
+    const CommandStates *states = nullptr;
+    VkCommandBuffer commandBuffer = VK_NULL_HANDLE;
+    uint64_t changes = 0;
+    CommandState *state = nullptr;
+};
+thread_local LastState last;
+
+} // namespace
+
+void CommandStates::changed()
+{
+    changes.fetch_add(1, std::memory_order_relaxed);
+}
+
+void CommandStates::add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandState> state)
+{
+    changed();
+    {
+        std::lock_guard lock(poolsMutex_);
+        pools_[state->pool].insert(commandBuffer);
+    }
+    states_.set(commandBuffer, std::move(state));
+}
+
+void CommandStates::remove(VkCommandPool pool, VkCommandBuffer commandBuffer)
+{
+    changed();
+    {
+        std::lock_guard lock(poolsMutex_);
+        if (const auto found = pools_.find(pool); found != pools_.end())
+            found->second.erase(commandBuffer);
+    }
+    states_.take(commandBuffer);
+}
+
+void CommandStates::removePool(VkCommandPool pool)
+{
+    changed();
+    std::unordered_set<VkCommandBuffer> buffers;
+    {
+        std::lock_guard lock(poolsMutex_);
+        if (auto node = pools_.extract(pool))
+            buffers = std::move(node.mapped());
+    }
+    for (const VkCommandBuffer commandBuffer : buffers)
+        states_.take(commandBuffer);
+}
+
+// Freeing a command buffer and using its handle again are ordered by the application, so whoever uses the new one sees
+// the count that the free left behind, or a later one.
+CommandState *CommandStates::get(VkCommandBuffer commandBuffer) const
+{
+    const uint64_t now = changes.load(std::memory_order_relaxed);
+    if (last.commandBuffer == commandBuffer && last.changes == now && last.states == this)
+        return last.state;
+    CommandState *const state = states_.get(commandBuffer).get();
+    last = {this, commandBuffer, now, state};
+    return state;
+}
+
+void CommandState::forgetBindings()
+{
+    computePipeline = VK_NULL_HANDLE;
+    rayTracingPipeline = VK_NULL_HANDLE;
+    computeShader.reset();
+    pushes.clear();
+}
+
+VkResult allocateCommandBuffers(DeviceCommandBuffers &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,
+                                VkCommandBuffer *buffers)
+{
+    const VkResult result = device.driver.next.AllocateCommandBuffers(handle, info, buffers);
+    if (result != VK_SUCCESS)
+        return result;
+    Undo undo([&] {
+        freeCommandBuffers(device, handle, info->commandPool, info->commandBufferCount, buffers);
+        std::fill_n(buffers, info->commandBufferCount, VK_NULL_HANDLE);
+    });
+    for (uint32_t i = 0; i < info->commandBufferCount; ++i) {
+        auto state = std::make_shared<CommandState>(device.buffers.scratch);
+        state->pool = info->commandPool;
+        state->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
+        device.states.add(buffers[i], std::move(state));
+    }
+    undo.keep();
+    return result;
+}
+
+void freeCommandBuffers(DeviceCommandBuffers &device, VkDevice handle, VkCommandPool pool, uint32_t count,
+                        const VkCommandBuffer *buffers)
+{
+    for (uint32_t i = 0; i < count; ++i)
+        device.states.remove(pool, buffers[i]);
+    device.driver.next.FreeCommandBuffers(handle, pool, count, buffers);
+}
+
+void destroyCommandPool(DeviceCommandBuffers &device, VkDevice handle, VkCommandPool pool,
+                        const VkAllocationCallbacks *allocator)
+{
+    if (pool)
+        device.states.removePool(pool);
+    device.driver.next.DestroyCommandPool(handle, pool, allocator);
+}
+
+VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                            const VkCommandBufferBeginInfo *info)
+{
+    // A command buffer is implicitly reset when it is begun again.
+    if (const auto state = device.states.get(commandBuffer)) {
+        state->forgetBindings();
+        state->scratch.reset();
+        state->conditionalRendering.reset();
+        state->refusedTransformFeedback = false;
+        state->descriptorsWait = false;
+        // pInheritanceInfo is ignored for primary command buffers, and may be anything.
+        const auto *inherited = state->secondary && info->pInheritanceInfo
+                                    ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(
+                                          info->pInheritanceInfo->pNext,
+                                          VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_CONDITIONAL_RENDERING_INFO_EXT)
+                                    : nullptr;
+        state->inheritsConditionalRendering = inherited && inherited->conditionalRenderingEnable;
+    }
+    reportGpuErrors(device.objects);
+    return device.driver.next.BeginCommandBuffer(commandBuffer, info);
+}
+
+void cmdBindPipeline(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
+                     VkPipeline pipeline)
+{
+    if (const auto state = device.states.get(commandBuffer); state && point == VK_PIPELINE_BIND_POINT_COMPUTE) {
+        state->computePipeline = pipeline;
+        state->computeShader.reset();
+    } else if (state && point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR) {
+        state->rayTracingPipeline = pipeline;
+    }
+    device.driver.next.CmdBindPipeline(commandBuffer, point, pipeline);
+}
+
+void cmdBindShaders(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
+                    const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
+{
+    if (const auto state = device.states.get(commandBuffer)) {
+        for (uint32_t i = 0; i < count; ++i) {
+            if (stages[i] != VK_SHADER_STAGE_COMPUTE_BIT)
+                continue;
+            state->computePipeline = VK_NULL_HANDLE;
+            state->computeShader = shaders ? shaders[i] : nullptr;
+        }
+    }
+    device.driver.next.CmdBindShadersEXT(commandBuffer, count, stages, shaders);
+}
+
+void cmdPushConstants(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineLayout layout,
+                      VkShaderStageFlags stages, uint32_t offset, uint32_t size, const void *values)
+{
+    if (const auto state = device.states.get(commandBuffer))
+        rememberPush(*state, layout, stages, offset, size, values);
+    device.driver.next.CmdPushConstants(commandBuffer, layout, stages, offset, size, values);
+}
+
+void cmdPushConstants2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                       const newer::PushConstantsInfo *info)
+{
+    // With a null layout the structure carries a VkPipelineLayoutCreateInfo, which cannot be kept for a later
+    // vkCmdPushConstants; no driver that Vellum knows has that feature (dynamicPipelineLayout of
+    // VK_NV_per_stage_descriptor_set) beside ray tracing.
+    if (const auto state = device.states.get(commandBuffer); state && info->layout)
+        rememberPush(*state, info->layout, info->stageFlags, info->offset, info->size, info->pValues);
+    device.driver.next.CmdPushConstants2(commandBuffer, info);
+}
+
+void cmdExecuteCommands(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
+                        const VkCommandBuffer *buffers)
+{
+    // All state of the primary is undefined after it ("Secondary Command Buffer Execution").
+    if (const auto state = device.states.get(commandBuffer))
+        state->forgetBindings();
+    device.driver.next.CmdExecuteCommands(commandBuffer, count, buffers);
+}
+
+void cmdBeginConditionalRendering(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                                  const VkConditionalRenderingBeginInfoEXT *info)
+{
+    if (const auto state = device.states.get(commandBuffer)) {
+        state->conditionalRendering = *info;
+        state->conditionalRendering->pNext = nullptr;
+    }
+    device.driver.next.CmdBeginConditionalRenderingEXT(commandBuffer, info);
+}
+
+void cmdEndConditionalRendering(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
+{
+    if (const auto state = device.states.get(commandBuffer)) {
+        // It was begun in this command buffer; where it was not, vkCmdBeginConditionalRendering2EXT was refused.
+        if (!state->conditionalRendering)
+            return;
+        state->conditionalRendering.reset();
+    }
+    device.driver.next.CmdEndConditionalRenderingEXT(commandBuffer);
+}
+
+} // namespace vellum::layer

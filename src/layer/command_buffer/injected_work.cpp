@@ -1,0 +1,178 @@
+#include "layer/command_buffer/injected_work.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "layer/command_buffer/device_command_buffers.h"
+#include "layer/command_buffer/injected_words.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr uint32_t kMaxGroups = 65535; // the least maxComputeWorkGroupCount
+
+} // namespace
+
+VkResult InjectedPipelines::create(const GpuContext &context, uint32_t pushBytes)
+{
+    context_ = context;
+    pushBytes_ = pushBytes;
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes};
+    VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
+    info.pushConstantRangeCount = 1;
+    info.pPushConstantRanges = &range;
+    return context.next->CreatePipelineLayout(context.device, &info, nullptr, &layout_);
+}
+
+InjectedPipelines::~InjectedPipelines()
+{
+    if (!context_.next)
+        return;
+    for (const VkPipeline pipeline : pipelines_) {
+        if (pipeline)
+            context_.next->DestroyPipeline(context_.device, pipeline, nullptr);
+    }
+    if (layout_)
+        context_.next->DestroyPipelineLayout(context_.device, layout_, nullptr);
+}
+
+VkPipeline InjectedPipelines::get(InjectedShader shader)
+{
+    std::lock_guard lock(mutex_);
+    VkPipeline &pipeline = pipelines_[static_cast<size_t>(shader)];
+    if (pipeline)
+        return pipeline;
+    const std::span code = kInjectedWords[static_cast<size_t>(shader)];
+    VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+    moduleInfo.codeSize = code.size_bytes();
+    moduleInfo.pCode = code.data();
+    VkShaderModule module = VK_NULL_HANDLE;
+    if (context_.next->CreateShaderModule(context_.device, &moduleInfo, nullptr, &module) != VK_SUCCESS)
+        return VK_NULL_HANDLE;
+    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+    info.stage = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO,
+                  nullptr,
+                  0,
+                  VK_SHADER_STAGE_COMPUTE_BIT,
+                  module,
+                  "main",
+                  nullptr};
+    info.layout = layout_;
+    if (context_.next->CreateComputePipelines(context_.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline) !=
+        VK_SUCCESS)
+        pipeline = VK_NULL_HANDLE;
+    context_.next->DestroyShaderModule(context_.device, module, nullptr);
+    return pipeline;
+}
+
+InjectedWork::InjectedWork(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
+    : device_(device), commandBuffer_(commandBuffer), state_(device.states.get(commandBuffer))
+{
+}
+
+bool InjectedWork::refusedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command)
+{
+    const auto state = device.states.get(commandBuffer);
+    if (!state || !state->inheritsConditionalRendering)
+        return false;
+    device.driver.report().notAvailable(std::string(command) +
+                                        " in a secondary command buffer that inherits conditional rendering");
+    return true;
+}
+
+bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
+{
+    const VkPipeline pipeline = device_.injected.get(shader);
+    if (!pipeline) {
+        device_.driver.report().error("VELLUM-injected-pipeline",
+                                      "the driver could not make a pipeline of the layer's own shaders");
+        return false;
+    }
+    const DeviceTable &next = device_.driver.next;
+    if (!disturbed_ && state_ && device_.driver.keepsOldPushConstants)
+        pushed_ = pushedConstants(); // now, since the end must not fail
+    if (!disturbed_ && state_ && state_->conditionalRendering) {
+        // The application's condition is about its own draws and dispatches, not about builds.
+        next.CmdEndConditionalRenderingEXT(commandBuffer_);
+    }
+    disturbed_ = true;
+    next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes, push);
+    return true;
+}
+
+VkDispatchIndirectCommand InjectedWork::groupsOf(uint64_t invocations, uint32_t groupSize)
+{
+    // The shaders number their workgroups through x and y, and skip what is beyond their count.
+    const uint64_t groups = (invocations + groupSize - 1) / groupSize;
+    const uint64_t rows = (groups + kMaxGroups - 1) / kMaxGroups;
+    return {static_cast<uint32_t>(rows > 1 ? kMaxGroups : groups), static_cast<uint32_t>(rows), 1};
+}
+
+bool InjectedWork::run(InjectedShader shader, const void *push, uint32_t pushBytes,
+                       const VkDispatchIndirectCommand &groups)
+{
+    if (!bind(shader, push, pushBytes))
+        return false;
+    device_.driver.next.CmdDispatch(commandBuffer_, groups.x, groups.y, groups.z);
+    return true;
+}
+
+bool InjectedWork::runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer,
+                               VkDeviceSize offset)
+{
+    if (!bind(shader, push, pushBytes))
+        return false;
+    device_.driver.next.CmdDispatchIndirect(commandBuffer_, buffer, offset);
+    return true;
+}
+
+void InjectedWork::barrier(bool forHost)
+{
+    const VkPipelineStageFlags host = forHost ? VK_PIPELINE_STAGE_HOST_BIT : 0;
+    const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
+                                 VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
+                                 VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
+    device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
+                                           VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | host, 0, 1, &memory, 0, nullptr, 0,
+                                           nullptr);
+}
+
+std::vector<std::byte> InjectedWork::pushedConstants() const
+{
+    std::vector<std::byte> bytes(device_.injected.pushBytes());
+    for (const CommandState::PushedConstants &push : state_->pushes) {
+        if (push.offset < bytes.size())
+            std::copy_n(push.bytes.begin(), std::min(push.bytes.size(), bytes.size() - push.offset),
+                        bytes.data() + push.offset);
+    }
+    return bytes;
+}
+
+InjectedWork::~InjectedWork()
+{
+    if (!disturbed_ || !state_)
+        return;
+    const DeviceTable &next = device_.driver.next;
+    if (!pushed_.empty()) { // a dispatch of nothing lets the driver take them over
+        next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
+                              static_cast<uint32_t>(pushed_.size()), pushed_.data());
+        next.CmdDispatch(commandBuffer_, 0, 1, 1);
+    }
+    if (state_->computePipeline) {
+        next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, state_->computePipeline);
+    } else if (state_->computeShader && next.CmdBindShadersEXT) {
+        const VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
+        next.CmdBindShadersEXT(commandBuffer_, 1, &stage, &*state_->computeShader);
+    }
+    for (const CommandState::PushedConstants &push : state_->pushes) {
+        next.CmdPushConstants(commandBuffer_, push.layout, push.stages, push.offset,
+                              static_cast<uint32_t>(push.bytes.size()), push.bytes.data());
+    }
+    if (state_->conditionalRendering)
+        next.CmdBeginConditionalRenderingEXT(commandBuffer_, &*state_->conditionalRendering);
+}
+
+} // namespace vellum::layer

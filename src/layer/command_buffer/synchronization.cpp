@@ -1,0 +1,249 @@
+#include "layer/command_buffer/synchronization.h"
+
+#include <deque>
+#include <vector>
+
+#include "layer/base/pnext.h"
+#include "layer/command_buffer/address_barriers.h"
+#include "layer/command_buffer/device_command_buffers.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// Micromaps are built by compute shaders, and copied by transfers.
+VkPipelineStageFlags2 driverStages(VkPipelineStageFlags2 stages)
+{
+    if ((stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) == 0)
+        return stages;
+    return (stages & ~VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) | VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT |
+           VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
+}
+
+// MEMORY_READ and MEMORY_WRITE go with every stage: a micromap access may come with the micromap build stage, or with
+// that of acceleration structure builds, whose micromaps the layer's shaders read.
+VkAccessFlags2 driverAccess(VkAccessFlags2 access)
+{
+    const VkAccessFlags2 ours = VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT;
+    if ((access & ours) == 0)
+        return access;
+    VkAccessFlags2 result = access & ~ours;
+    if (access & VK_ACCESS_2_MICROMAP_READ_BIT_EXT)
+        result |= VK_ACCESS_2_MEMORY_READ_BIT;
+    if (access & VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT)
+        result |= VK_ACCESS_2_MEMORY_WRITE_BIT;
+    return result;
+}
+
+template <typename Barrier>
+void translate(const Driver &driver, Barrier &barrier)
+{
+    if (!driver.emulated)
+        return;
+    barrier.srcAccessMask = driverAccess(barrier.srcAccessMask);
+    barrier.dstAccessMask = driverAccess(barrier.dstAccessMask);
+    barrier.srcStageMask = driverStages(barrier.srcStageMask);
+    barrier.dstStageMask = driverStages(barrier.dstStageMask);
+}
+
+// Warns where the driver gets a barrier with stages and accesses that it does not know.
+template <typename Barrier>
+void warnOfUntranslated(const Driver &driver, const Barrier &barrier)
+{
+    Barrier own = barrier;
+    translate(driver, own);
+    if (own.srcAccessMask != barrier.srcAccessMask || own.dstAccessMask != barrier.dstAccessMask ||
+        own.srcStageMask != barrier.srcStageMask || own.dstStageMask != barrier.dstStageMask)
+        driver.report().warning("VELLUM-unknown-structure",
+                                "a barrier of micromaps lies behind a structure of unknown size: the driver gets its "
+                                "stages and accesses as they are");
+}
+
+// A copy of a dependency info with every barrier translated. Where micromaps are the driver's, so are their stages and
+// accesses: only ranges are changed.
+class DriverDependency
+{
+public:
+    DriverDependency(const DeviceCommandBuffers &device, const VkDependencyInfo &application)
+        : driver_(device.driver), info_(application), chain_(application.pNext),
+          memory_(application.pMemoryBarriers, application.pMemoryBarriers + application.memoryBarrierCount),
+          buffers_(application.pBufferMemoryBarriers,
+                   application.pBufferMemoryBarriers + application.bufferMemoryBarrierCount),
+          images_(application.pImageMemoryBarriers,
+                  application.pImageMemoryBarriers + application.imageMemoryBarrierCount)
+    {
+        addRanges(device);
+        info_.pNext = chain_.head();
+        info_.pMemoryBarriers = translated(memory_, info_.memoryBarrierCount);
+        info_.pBufferMemoryBarriers = translated(buffers_, info_.bufferMemoryBarrierCount);
+        info_.pImageMemoryBarriers = translated(images_, info_.imageMemoryBarrierCount);
+    }
+    DriverDependency(const DriverDependency &) = delete;
+    DriverDependency &operator=(const DriverDependency &) = delete;
+    [[nodiscard]] const VkDependencyInfo &info() const { return info_; }
+
+private:
+    template <typename Barrier>
+    const Barrier *translated(std::vector<Barrier> &barriers, uint32_t &count)
+    {
+        for (Barrier &barrier : barriers)
+            translate(driver_, barrier);
+        count = static_cast<uint32_t>(barriers.size());
+        return barriers.data();
+    }
+    void addRanges(const DeviceCommandBuffers &device)
+    {
+        const auto *ranges =
+            findInChain<VkMemoryRangeBarriersInfoKHR>(info_.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+        if (!ranges)
+            return;
+        if (device.driver.ownAddressCommands) {
+            addRangeBarriers(device.buffers, *ranges, memory_, buffers_);
+            chain_.remove(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+        } else if (auto *own =
+                       chain_.edit<VkMemoryRangeBarriersInfoKHR>(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)) {
+            ranges_.assign(own->pMemoryRangeBarriers, own->pMemoryRangeBarriers + own->memoryRangeBarrierCount);
+            own->pMemoryRangeBarriers = translated(ranges_, own->memoryRangeBarrierCount);
+        } else {
+            for (uint32_t i = 0; i < ranges->memoryRangeBarrierCount; ++i)
+                warnOfUntranslated(driver_, ranges->pMemoryRangeBarriers[i]);
+        }
+    }
+
+    const Driver &driver_;
+    VkDependencyInfo info_;
+    Chain chain_;
+    std::vector<VkMemoryBarrier2> memory_;
+    std::vector<VkBufferMemoryBarrier2> buffers_;
+    std::vector<VkImageMemoryBarrier2> images_;
+    std::vector<VkMemoryRangeBarrierKHR> ranges_; // for a driver that knows them
+};
+
+std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo *infos, uint32_t count)
+{
+    std::vector<VkSemaphoreSubmitInfo> own(infos, infos + count);
+    for (VkSemaphoreSubmitInfo &info : own)
+        info.stageMask = driverStages(info.stageMask);
+    return own;
+}
+
+// Of commands that take exactly one stage.
+VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
+{
+    return stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT ? VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT : stage;
+}
+
+} // namespace
+
+void cmdPipelineBarrier2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
+{
+    const DriverDependency driver(device, *info);
+    device.driver.next.CmdPipelineBarrier2(commandBuffer, &driver.info());
+}
+
+void cmdSetEvent2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkEvent event,
+                  const VkDependencyInfo *info)
+{
+    const DriverDependency driver(device, *info);
+    device.driver.next.CmdSetEvent2(commandBuffer, event, &driver.info());
+}
+
+void cmdResetEvent2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkEvent event,
+                    VkPipelineStageFlags2 stages)
+{
+    device.driver.next.CmdResetEvent2(commandBuffer, event, driverStages(stages));
+}
+
+void cmdWaitEvents2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
+                    const VkDependencyInfo *infos)
+{
+    std::deque<DriverDependency> own;
+    std::vector<VkDependencyInfo> driverInfos;
+    for (uint32_t i = 0; i < count; ++i)
+        driverInfos.push_back(own.emplace_back(device, infos[i]).info());
+    device.driver.next.CmdWaitEvents2(commandBuffer, count, events, driverInfos.data());
+}
+
+void cmdWriteTimestamp2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                        VkQueryPool pool, uint32_t query)
+{
+    // VUID-vkCmdWriteTimestamp2-stage-03859
+    device.driver.next.CmdWriteTimestamp2(commandBuffer, driverStage(stage), pool, query);
+}
+
+void cmdWriteBufferMarker2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                           VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
+{
+    // A marker is written when a stage is complete, as a timestamp is.
+    device.driver.next.CmdWriteBufferMarker2AMD(commandBuffer, driverStage(stage), buffer, offset, marker);
+}
+
+VkResult queueSubmit2(DeviceCommandBuffers &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
+                      VkFence fence)
+{
+    device.validationLog.drain(device.driver.report());
+    std::vector<VkSubmitInfo2> own(submits, submits + count);
+    std::deque<std::vector<VkSemaphoreSubmitInfo>> semaphores;
+    for (VkSubmitInfo2 &submit : own) {
+        semaphores.push_back(driverSemaphores(submit.pWaitSemaphoreInfos, submit.waitSemaphoreInfoCount));
+        submit.pWaitSemaphoreInfos = semaphores.back().data();
+        semaphores.push_back(driverSemaphores(submit.pSignalSemaphoreInfos, submit.signalSemaphoreInfoCount));
+        submit.pSignalSemaphoreInfos = semaphores.back().data();
+    }
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    return device.driver.next.QueueSubmit2(queue, count, own.data(), fence);
+}
+
+VkResult queueBindSparse(DeviceCommandBuffers &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
+                         VkFence fence)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    return device.driver.next.QueueBindSparse(queue, count, infos, fence);
+}
+
+VkResult queuePresent(DeviceCommandBuffers &device, VkQueue queue, const VkPresentInfoKHR *info)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    return device.driver.next.QueuePresentKHR(queue, info);
+}
+
+void queueBeginDebugUtilsLabel(DeviceCommandBuffers &device, VkQueue queue, const VkDebugUtilsLabelEXT *label)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    device.driver.next.QueueBeginDebugUtilsLabelEXT(queue, label);
+}
+
+void queueEndDebugUtilsLabel(DeviceCommandBuffers &device, VkQueue queue)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    device.driver.next.QueueEndDebugUtilsLabelEXT(queue);
+}
+
+void queueInsertDebugUtilsLabel(DeviceCommandBuffers &device, VkQueue queue, const VkDebugUtilsLabelEXT *label)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    device.driver.next.QueueInsertDebugUtilsLabelEXT(queue, label);
+}
+
+VkResult createRenderPass2(DeviceCommandBuffers &device, VkDevice handle, const VkRenderPassCreateInfo2 *info,
+                           const VkAllocationCallbacks *allocator, VkRenderPass *renderPass)
+{
+    // A subpass dependency can carry a VkMemoryBarrier2.
+    VkRenderPassCreateInfo2 driverInfo = *info;
+    std::vector<VkSubpassDependency2> dependencies(info->pDependencies, info->pDependencies + info->dependencyCount);
+    std::deque<Chain> chains;
+    for (VkSubpassDependency2 &dependency : dependencies) {
+        Chain &chain = chains.emplace_back(dependency.pNext);
+        if (auto *barrier = chain.edit<VkMemoryBarrier2>(VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
+            translate(device.driver, *barrier);
+        else if (const auto *application =
+                     findInChain<VkMemoryBarrier2>(dependency.pNext, VK_STRUCTURE_TYPE_MEMORY_BARRIER_2))
+            warnOfUntranslated(device.driver, *application);
+        dependency.pNext = chain.head();
+    }
+    driverInfo.pDependencies = dependencies.data();
+    return device.driver.next.CreateRenderPass2(handle, &driverInfo, allocator, renderPass);
+}
+
+} // namespace vellum::layer

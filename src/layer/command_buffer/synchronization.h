@@ -1,0 +1,29 @@
+// Pipeline stages and accesses of micromap builds, which the driver does not know, wherever they can be passed. They
+// exist only as 64-bit flags: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, VK_ACCESS_2_MICROMAP_READ/WRITE_BIT_EXT.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+struct DeviceCommandBuffers;
+
+void cmdPipelineBarrier2(DeviceCommandBuffers &, VkCommandBuffer, const VkDependencyInfo *);
+void cmdSetEvent2(DeviceCommandBuffers &, VkCommandBuffer, VkEvent, const VkDependencyInfo *);
+void cmdResetEvent2(DeviceCommandBuffers &, VkCommandBuffer, VkEvent, VkPipelineStageFlags2);
+void cmdWaitEvents2(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkEvent *, const VkDependencyInfo *);
+void cmdWriteTimestamp2(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineStageFlags2, VkQueryPool, uint32_t);
+void cmdWriteBufferMarker2(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineStageFlags2, VkBuffer, VkDeviceSize,
+                           uint32_t);
+VkResult queueSubmit2(DeviceCommandBuffers &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
+// The layer may want the same queue (command_buffer/driver_probe.h).
+VkResult queueBindSparse(DeviceCommandBuffers &, VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);
+void queueBeginDebugUtilsLabel(DeviceCommandBuffers &, VkQueue, const VkDebugUtilsLabelEXT *);
+void queueEndDebugUtilsLabel(DeviceCommandBuffers &, VkQueue);
+void queueInsertDebugUtilsLabel(DeviceCommandBuffers &, VkQueue, const VkDebugUtilsLabelEXT *);
+VkResult queuePresent(DeviceCommandBuffers &, VkQueue, const VkPresentInfoKHR *);
+VkResult createRenderPass2(DeviceCommandBuffers &, VkDevice, const VkRenderPassCreateInfo2 *,
+                           const VkAllocationCallbacks *, VkRenderPass *);
+
+} // namespace vellum::layer

@@ -1,0 +1,163 @@
+// Copies, fills and updates of VK_KHR_device_address_commands. The regions of one command are not ordered among each
+// other, and neither are commands without a barrier between them: a command may become one for each pair of buffers.
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "layer/command_buffer/synchronization.h"
+#include "layer/device_address/address_lookup.h"
+#include "layer/device_address/device_address_commands.h"
+#include "layer/device_address/device_addresses.h"
+#include "layer/query_pool/query_pool.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// Regions by the buffer that they copy to or from, and by the layout of the image: the older commands take one.
+using ImageRegions = std::map<std::pair<VkBuffer, VkImageLayout>, std::vector<VkBufferImageCopy2>>;
+
+// Empty where a region has no buffer, or there is none.
+ImageRegions imageRegions(const AddressLookup &lookup, const VkCopyDeviceMemoryImageInfoKHR &info,
+                          VkBufferUsageFlags usage, const char *usageId)
+{
+    ImageRegions groups;
+    for (uint32_t i = 0; i < info.regionCount; ++i) {
+        const VkDeviceMemoryImageCopyKHR &region = info.pRegions[i];
+        const auto found =
+            lookup.find(region.addressRange,
+                        {.member = "addressRange of pRegions", .usage = usage, .usageId = usageId, .index = i});
+        if (!found)
+            return {};
+        groups[{found->buffer, region.imageLayout}].push_back(
+            {VK_STRUCTURE_TYPE_BUFFER_IMAGE_COPY_2, region.pNext, found->offset, region.addressRowLength,
+             region.addressImageHeight, region.imageSubresource, region.imageOffset, region.imageExtent});
+    }
+    return groups;
+}
+
+} // namespace
+
+void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyMemoryKHR");
+    std::map<std::pair<VkBuffer, VkBuffer>, std::vector<VkBufferCopy>> groups;
+    for (uint32_t i = 0; i < info->regionCount; ++i) {
+        const VkDeviceMemoryCopyKHR &region = info->pRegions[i];
+        if (region.dstRange.size < region.srcRange.size)
+            return lookup.reject("VELLUM-VUID-VkDeviceMemoryCopyKHR-size-13016",
+                                 "a destination is smaller than its source");
+        if (region.srcRange.size == 0) // which VkBufferCopy cannot say
+            continue;
+        const auto source = lookup.find(region.srcRange, {.member = "srcRange of pRegions",
+                                                          .usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
+                                                          .usageId = "VELLUM-VUID-VkDeviceMemoryCopyKHR-srcRange-13017",
+                                                          .index = i});
+        const auto target = lookup.find(region.dstRange, {.member = "dstRange of pRegions",
+                                                          .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                                          .usageId = "VELLUM-VUID-VkDeviceMemoryCopyKHR-dstRange-13018",
+                                                          .index = i});
+        if (!source || !target)
+            return;
+        groups[{source->buffer, target->buffer}].push_back({source->offset, target->offset, region.srcRange.size});
+    }
+    for (const auto &[buffers, regions] : groups)
+        device.driver.next.CmdCopyBuffer(commandBuffer, buffers.first, buffers.second,
+                                         static_cast<uint32_t>(regions.size()), regions.data());
+}
+
+void cmdCopyMemoryToImage(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyMemoryToImageKHR");
+    const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
+                                             "VELLUM-VUID-vkCmdCopyMemoryToImageKHR-addressRange-13128");
+    for (const auto &[key, regions] : groups) {
+        const VkCopyBufferToImageInfo2 copy{
+            VK_STRUCTURE_TYPE_COPY_BUFFER_TO_IMAGE_INFO_2, nullptr,       key.first, info->image, key.second,
+            static_cast<uint32_t>(regions.size()),         regions.data()};
+        device.driver.next.CmdCopyBufferToImage2(commandBuffer, &copy);
+    }
+}
+
+void cmdCopyImageToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyImageToMemoryKHR");
+    const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                             "VELLUM-VUID-vkCmdCopyImageToMemoryKHR-addressRange-13129");
+    for (const auto &[key, regions] : groups) {
+        const VkCopyImageToBufferInfo2 copy{
+            VK_STRUCTURE_TYPE_COPY_IMAGE_TO_BUFFER_INFO_2, nullptr,       info->image, key.second, key.first,
+            static_cast<uint32_t>(regions.size()),         regions.data()};
+        device.driver.next.CmdCopyImageToBuffer2(commandBuffer, &copy);
+    }
+}
+
+void cmdUpdateMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                     VkAddressCommandFlagsKHR, VkDeviceSize size, const void *data)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdUpdateMemoryKHR");
+    const auto target = lookup.find(*range, {.member = "pDstRange",
+                                             .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                             .usageId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dstRange-13005",
+                                             .least = size,
+                                             .leastId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dataSize-13008",
+                                             .part = AddressLookup::Part::Least});
+    if (target)
+        device.driver.next.CmdUpdateBuffer(commandBuffer, target->buffer, target->offset, size, data);
+}
+
+void cmdFillMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                   VkAddressCommandFlagsKHR, uint32_t data)
+{
+    if (range->size == 0) // which vkCmdFillBuffer cannot say
+        return;
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdFillMemoryKHR");
+    const auto target = lookup.find(*range, {.member = "pDstRange",
+                                             .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                             .usageId = "VELLUM-VUID-vkCmdFillMemoryKHR-dstRange-13000"});
+    if (target)
+        device.driver.next.CmdFillBuffer(commandBuffer, target->buffer, target->offset, range->size, data);
+}
+
+void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, VkQueryPool pool,
+                                     uint32_t first, uint32_t count, const VkStridedDeviceAddressRangeKHR *range,
+                                     VkAddressCommandFlagsKHR, VkQueryResultFlags flags)
+{
+    if (count == 0)
+        return;
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyQueryPoolResultsToMemoryKHR");
+    // Of a result only the least is known: a pool's type decides how many values it has.
+    const VkDeviceSize value = (flags & VK_QUERY_RESULT_64_BIT) != 0 ? 8 : 4;
+    const bool both = (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0;
+    const bool tooMany =
+        range->stride > range->size || (count - 1) > (range->size / std::max(range->stride, VkDeviceSize{1}));
+    const auto target =
+        lookup.find(*range, {.member = "pDstRange",
+                             .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                             .usageId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13080",
+                             .least = tooMany ? UINT64_MAX : (count - 1) * range->stride + value * (both ? 2 : 1),
+                             .leastId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079",
+                             .part = AddressLookup::Part::Least});
+    if (target)
+        cmdCopyQueryPoolResults(device.queries, commandBuffer, pool, first, count, target->buffer, target->offset,
+                                range->stride, flags);
+}
+
+void cmdWriteMarkerToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
+    const auto target = lookup.find(info->dstRange, {.member = "dstRange",
+                                                     .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                                     .usageId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13039",
+                                                     .least = sizeof(uint32_t),
+                                                     .leastId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13041",
+                                                     .part = AddressLookup::Part::Least});
+    if (target)
+        cmdWriteBufferMarker2(device.commands, commandBuffer, info->stage, target->buffer, target->offset,
+                              info->marker);
+}
+
+} // namespace vellum::layer

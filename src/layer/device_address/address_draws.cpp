@@ -1,0 +1,294 @@
+// Bindings, indirect commands and conditional rendering of VK_KHR_device_address_commands.
+#include <algorithm>
+#include <vector>
+
+#include "layer/base/pnext.h"
+#include "layer/command_buffer/command_state.h"
+#include "layer/device_address/address_lookup.h"
+#include "layer/device_address/device_address_commands.h"
+#include "layer/device_address/device_addresses.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkDeviceSize kZeroIndexBytes = 1 << 20;
+
+VkDeviceSize indexBytes(VkIndexType type)
+{
+    constexpr auto uint8 = static_cast<VkIndexType>(1000265000); // VK_INDEX_TYPE_UINT8_KHR
+    return type == uint8 ? 1 : type == VK_INDEX_TYPE_UINT16 ? 2 : 4;
+}
+
+bool isNull(VkDeviceAddress address, VkDeviceSize size)
+{
+    return address == 0 && size == 0;
+}
+
+// A kind of indirect draw.
+struct Kind {
+    const char *command;
+    VkDeviceSize commandBytes; // of what the device reads for each draw
+    const char *leastId;       // message where a range has too few of them
+    // Messages about the stride: of several draws it is 0, smaller than what is read, or no multiple of 4.
+    const char *noStrideId, *smallStrideId, *unalignedStrideId;
+};
+
+// The stride as the older commands take it; nothing, with a message, where it is wrong and there is a second draw.
+// Where there is none it may be 0, and they want a true one all the same (VUID-vkCmdDrawIndirectCount-stride-03110).
+std::optional<uint32_t> strideOf(const AddressLookup &lookup, const Kind &kind, VkDeviceSize stride, uint32_t draws)
+{
+    const bool several = draws > 1;
+    if (several && stride == 0) {
+        lookup.reject(kind.noStrideId, "several draws with a stride of 0");
+        return std::nullopt;
+    }
+    if (stride != 0 && stride < kind.commandBytes &&
+        !lookup.tolerateIf(!several, kind.smallStrideId,
+                           "the stride is smaller than what the device reads for each draw"))
+        return std::nullopt;
+    if (stride % 4 != 0 && !lookup.tolerateIf(!several, kind.unalignedStrideId, "the stride is not a multiple of 4"))
+        return std::nullopt;
+    if (several && stride > UINT32_MAX) {
+        lookup.reject("VELLUM-not-available", "strides of 4 GiB and more are not available");
+        return std::nullopt;
+    }
+    return static_cast<uint32_t>(several ? stride : kind.commandBytes);
+}
+
+struct Draws {
+    AddressLookup::Found at;
+    uint32_t stride;
+};
+
+// Where the commands of `draws` draws lie.
+std::optional<Draws> findDraws(const AddressLookup &lookup, const Kind &kind,
+                               const VkStridedDeviceAddressRangeKHR &range, uint32_t draws, const char *usageId)
+{
+    const auto stride = strideOf(lookup, kind, range.stride, draws);
+    if (!stride)
+        return std::nullopt;
+    const auto found = lookup.find(range, {.member = "addressRange",
+                                           .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                                           .usageId = usageId,
+                                           .least = (draws - VkDeviceSize{1}) * *stride + kind.commandBytes,
+                                           .leastId = kind.leastId,
+                                           .part = AddressLookup::Part::Least});
+    return found ? std::optional(Draws{*found, *stride}) : std::nullopt;
+}
+
+void drawIndirect(const DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR &info,
+                  const Kind &kind, PFN_vkCmdDrawIndirect next)
+{
+    if (info.drawCount == 0)
+        return;
+    const AddressLookup lookup(device.buffers, commandBuffer, kind.command);
+    const auto draws = findDraws(lookup, kind, info.addressRange, info.drawCount,
+                                 "VELLUM-VUID-VkDrawIndirect2InfoKHR-addressRange-13107");
+    if (draws)
+        next(commandBuffer, draws->at.buffer, draws->at.offset, info.drawCount, draws->stride);
+}
+
+void drawIndirectCount(const DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                       const VkDrawIndirectCount2InfoKHR &info, const Kind &kind, PFN_vkCmdDrawIndirectCount next)
+{
+    if (info.maxDrawCount == 0)
+        return;
+    const AddressLookup lookup(device.buffers, commandBuffer, kind.command);
+    if (!next)
+        return lookup.reject("VELLUM-VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119",
+                             "the driver has no indirect draws with counts");
+    const auto draws = findDraws(lookup, kind, info.addressRange, info.maxDrawCount,
+                                 "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-addressRange-13107");
+    const auto count = lookup.find(info.countAddressRange,
+                                   {.member = "countAddressRange",
+                                    .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                                    .usageId = "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13114",
+                                    .least = sizeof(uint32_t),
+                                    .leastId = "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13117",
+                                    .part = AddressLookup::Part::Least});
+    if (draws && count)
+        next(commandBuffer, draws->at.buffer, draws->at.offset, count->buffer, count->offset, info.maxDrawCount,
+             draws->stride);
+}
+
+} // namespace
+
+VkBuffer ZeroIndices::get(const GpuContext &context)
+{
+    std::lock_guard lock(mutex_);
+    if (!buffer_.buffer())
+        (void)buffer_.create(context, kZeroIndexBytes, VK_BUFFER_USAGE_INDEX_BUFFER_BIT);
+    return buffer_.buffer();
+}
+
+bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info)
+{
+    const auto *own = findInChain<newer::Maintenance6Features>(info.pNext, newer::kMaintenance6Features);
+    const auto *core = findInChain<newer::Vulkan14Features>(info.pNext, newer::kVulkan14Features);
+    return (own && own->maintenance6) || (core && core->maintenance6);
+}
+
+void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR *info)
+{
+    const VkDeviceAddressRangeKHR &range = info->addressRange;
+    if (isNull(range.address, range.size)) {
+        const VkBuffer null =
+            device.driver.nullIndexBuffer ? VK_NULL_HANDLE : device.zeroIndices.get(device.buffers.gpu);
+        return device.driver.next.CmdBindIndexBuffer(commandBuffer, null, 0, info->indexType);
+    }
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindIndexBuffer3KHR");
+    const auto found = lookup.find(range, {.member = "addressRange",
+                                           .usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
+                                           .usageId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051",
+                                           .least = 1,
+                                           .leastId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13056",
+                                           .part = AddressLookup::Part::UpToEnd});
+    if (!found)
+        return;
+    if (!device.driver.next.CmdBindIndexBuffer2)
+        return device.driver.next.CmdBindIndexBuffer(commandBuffer, found->buffer, found->offset, info->indexType);
+    // Whole indices (VUID-vkCmdBindIndexBuffer2-size-08767).
+    const VkDeviceSize size = found->size - found->size % indexBytes(info->indexType);
+    device.driver.next.CmdBindIndexBuffer2(commandBuffer, found->buffer, found->offset, size, info->indexType);
+}
+
+void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                           const VkBindVertexBuffer3InfoKHR *infos)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindVertexBuffers3KHR");
+    std::vector<VkBuffer> buffers(count);
+    std::vector<VkDeviceSize> offsets(count), sizes(count), strides(count);
+    for (uint32_t i = 0; i < count; ++i) {
+        const VkStridedDeviceAddressRangeKHR &range = infos[i].addressRange;
+        strides[i] = range.stride;
+        if (isNull(range.address, range.size))
+            continue; // stays VK_NULL_HANDLE
+        const auto found = lookup.find(range, {.member = "addressRange of pBindingInfos",
+                                               .usage = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
+                                               .usageId = "VELLUM-VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074",
+                                               .least = 1,
+                                               .leastId = "VELLUM-VUID-VkBindVertexBuffer3InfoKHR-addressRange-13075",
+                                               .index = i,
+                                               .part = AddressLookup::Part::UpToEnd});
+        if (!found)
+            return;
+        buffers[i] = found->buffer;
+        offsets[i] = found->offset;
+        sizes[i] = found->size;
+    }
+    if (!device.driver.next.CmdBindVertexBuffers2) // no dynamic strides either
+        return device.driver.next.CmdBindVertexBuffers(commandBuffer, first, count, buffers.data(), offsets.data());
+    // Each stretch of bindings whose stride is set, or is not.
+    for (uint32_t begin = 0, end = 0; begin < count; begin = end) {
+        while (end < count && infos[end].setStride == infos[begin].setStride)
+            ++end;
+        device.driver.next.CmdBindVertexBuffers2(commandBuffer, first + begin, end - begin, &buffers[begin],
+                                                 &offsets[begin], &sizes[begin],
+                                                 infos[begin].setStride ? &strides[begin] : nullptr);
+    }
+}
+
+void cmdDrawIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+{
+    drawIndirect(device, commandBuffer, *info,
+                 {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand),
+                  "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13110", "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13111",
+                  "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13112", "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13113"},
+                 device.driver.next.CmdDrawIndirect);
+}
+
+void cmdDrawIndexedIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+{
+    drawIndirect(device, commandBuffer, *info,
+                 {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand),
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110",
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13111",
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13112",
+                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13113"},
+                 device.driver.next.CmdDrawIndexedIndirect);
+}
+
+void cmdDrawMeshTasksIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                               const VkDrawIndirect2InfoKHR *info)
+{
+    drawIndirect(device, commandBuffer, *info,
+                 {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13110",
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13111",
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13112",
+                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13113"},
+                 device.driver.next.CmdDrawMeshTasksIndirectEXT);
+}
+
+void cmdDrawIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                           const VkDrawIndirectCount2InfoKHR *info)
+{
+    drawIndirectCount(
+        device, commandBuffer, *info,
+        {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
+         "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110", "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13111",
+         "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13112", "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13113"},
+        device.driver.next.CmdDrawIndirectCount);
+}
+
+void cmdDrawIndexedIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                                  const VkDrawIndirectCount2InfoKHR *info)
+{
+    drawIndirectCount(device, commandBuffer, *info,
+                      {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand),
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110",
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13111",
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13112",
+                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13113"},
+                      device.driver.next.CmdDrawIndexedIndirectCount);
+}
+
+void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                                    const VkDrawIndirectCount2InfoKHR *info)
+{
+    drawIndirectCount(device, commandBuffer, *info,
+                      {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13110",
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13111",
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13112",
+                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13113"},
+                      device.driver.next.CmdDrawMeshTasksIndirectCountEXT);
+}
+
+void cmdDispatchIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                          const VkDispatchIndirect2InfoKHR *info)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdDispatchIndirect2KHR");
+    const auto found =
+        lookup.find(info->addressRange, {.member = "addressRange",
+                                         .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                                         .usageId = "VELLUM-VUID-VkDispatchIndirect2InfoKHR-addressRange-13107",
+                                         .least = sizeof(VkDispatchIndirectCommand),
+                                         .leastId = "VELLUM-VUID-vkCmdDispatchIndirect2KHR-pInfo-13050",
+                                         .part = AddressLookup::Part::Least});
+    if (found)
+        device.driver.next.CmdDispatchIndirect(commandBuffer, found->buffer, found->offset);
+}
+
+void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
+                                   const VkConditionalRenderingBeginInfo2EXT *info)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBeginConditionalRendering2EXT");
+    const auto found = lookup.find(info->addressRange,
+                                   {.member = "addressRange",
+                                    .usage = VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT,
+                                    .usageId = "VELLUM-VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13064",
+                                    .least = sizeof(uint32_t),
+                                    .leastId = "VELLUM-VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13066",
+                                    .part = AddressLookup::Part::Least});
+    if (!found)
+        return;
+    // The layer's own, which remembers it for injected work.
+    const VkConditionalRenderingBeginInfoEXT begin{VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT, nullptr,
+                                                   found->buffer, found->offset, info->flags};
+    cmdBeginConditionalRendering(device.commands, commandBuffer, &begin);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,75 @@
+#include "layer/device_address/address_lookup.h"
+
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+
+#include "layer/memory/device_buffers.h"
+
+namespace vellum::layer
+{
+
+void AddressLookup::reject(const char *id, const std::string &text) const
+{
+    device_.driver.report().error(id, std::string(command_) + ": " + text + "; " + otherwise_,
+                                  VK_OBJECT_TYPE_COMMAND_BUFFER, reinterpret_cast<uint64_t>(commandBuffer_));
+}
+
+bool AddressLookup::tolerateIf(bool harmless, const char *id, const std::string &text) const
+{
+    if (harmless)
+        return device_.driver.report().tolerates(id, std::string(command_) + ": " + text, VK_OBJECT_TYPE_COMMAND_BUFFER,
+                                                 reinterpret_cast<uint64_t>(commandBuffer_));
+    reject(id, text);
+    return false;
+}
+
+std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,
+                                                        const Rules &rules) const
+{
+    const auto mayGoOn = [&](bool harmless, const char *id, const char *what) {
+        char text[256];
+        std::snprintf(text, sizeof text, "%s (element %" PRIu32 "), %" PRIu64 " bytes at address 0x%" PRIx64 ", %s",
+                      need.member, need.index, range.size, range.address, what);
+        return tolerateIf(harmless, id, text);
+    };
+    if (range.address == 0) {
+        mayGoOn(false, rules.null, "is a null range");
+        return std::nullopt;
+    }
+    const AddressMap &addresses = device_.addresses;
+    const VkDeviceSize wanted = std::max(range.size, need.least);
+    if (range.size < need.least && !mayGoOn(range.size > 0 && addresses.covering(range.address, need.least, 0).buffer,
+                                            need.leastId, "is smaller than what the command accesses"))
+        return std::nullopt;
+    AddressMap::Location location = addresses.covering(range.address, wanted, need.usage);
+    if (location.buffer)
+        return Found{location.buffer, location.offset, range.size};
+    location = addresses.covering(range.address, wanted, 0);
+    if (location.buffer)
+        return mayGoOn(true, need.usageId, "lies in no buffer with the usage that the command needs")
+                   ? std::optional(Found{location.buffer, location.offset, range.size})
+                   : std::nullopt;
+    if (need.part != Part::All)
+        location = addresses.covering(range.address, std::max(need.least, VkDeviceSize{1}), need.usage);
+    return mayGoOn(location.buffer, rules.buffer, "does not lie in one buffer")
+               ? std::optional(Found{location.buffer, location.offset, location.bytes})
+               : std::nullopt;
+}
+
+std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need) const
+{
+    return find(
+        range, need,
+        {"VELLUM-VUID-VkDeviceAddressRangeKHR-size-11411", "VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365"});
+}
+
+std::optional<AddressLookup::Found> AddressLookup::find(const VkStridedDeviceAddressRangeKHR &range,
+                                                        const Need &need) const
+{
+    return find({range.address, range.size}, need,
+                {"VELLUM-VUID-VkStridedDeviceAddressRangeKHR-size-11411",
+                 "VELLUM-VUID-VkStridedDeviceAddressRangeKHR-address-11365"});
+}
+
+} // namespace vellum::layer

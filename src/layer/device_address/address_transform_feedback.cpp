@@ -1,0 +1,123 @@
+// Transform feedback of VK_KHR_device_address_commands.
+#include <vector>
+
+#include "layer/command_buffer/command_state.h"
+#include "layer/device_address/address_lookup.h"
+#include "layer/device_address/device_address_commands.h"
+#include "layer/device_address/device_addresses.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// Counter buffers as the older commands take them; null where there is no array, or a range has a size of 0.
+struct Counters {
+    std::vector<VkBuffer> buffers;
+    std::vector<VkDeviceSize> offsets;
+    [[nodiscard]] const VkBuffer *bufferData() const { return buffers.empty() ? nullptr : buffers.data(); }
+    [[nodiscard]] const VkDeviceSize *offsetData() const { return offsets.empty() ? nullptr : offsets.data(); }
+};
+
+std::optional<Counters> findCounters(const AddressLookup &lookup, uint32_t count,
+                                     const VkBindTransformFeedbackBuffer2InfoEXT *infos, const char *usageId,
+                                     const char *leastId)
+{
+    Counters counters;
+    if (!infos)
+        return counters;
+    counters.buffers.resize(count);
+    counters.offsets.resize(count);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (infos[i].addressRange.size == 0)
+            continue;
+        const auto found =
+            lookup.find(infos[i].addressRange, {.member = "addressRange of pCounterInfos",
+                                                .usage = VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_COUNTER_BUFFER_BIT_EXT,
+                                                .usageId = usageId,
+                                                .least = sizeof(uint32_t),
+                                                .leastId = leastId,
+                                                .index = i,
+                                                .part = AddressLookup::Part::Least});
+        if (!found)
+            return std::nullopt;
+        counters.buffers[i] = found->buffer;
+        counters.offsets[i] = found->offset;
+    }
+    return counters;
+}
+
+} // namespace
+
+void cmdBindTransformFeedbackBuffers2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first,
+                                      uint32_t count, const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindTransformFeedbackBuffers2EXT");
+    std::vector<VkBuffer> buffers(count);
+    std::vector<VkDeviceSize> offsets(count), sizes(count);
+    for (uint32_t i = 0; i < count; ++i) {
+        const auto found = lookup.find(
+            infos[i].addressRange, {.member = "addressRange of pBindingInfos",
+                                    .usage = VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT,
+                                    .usageId = "VELLUM-VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091",
+                                    .index = i,
+                                    .part = AddressLookup::Part::UpToEnd});
+        if (!found)
+            return;
+        buffers[i] = found->buffer;
+        offsets[i] = found->offset;
+        sizes[i] = found->size;
+    }
+    device.driver.next.CmdBindTransformFeedbackBuffersEXT(commandBuffer, first, count, buffers.data(), offsets.data(),
+                                                          sizes.data());
+}
+
+void cmdBeginTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                                const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBeginTransformFeedback2EXT");
+    const auto counters =
+        findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094",
+                     "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13093");
+    if (const auto state = device.commands.states.get(commandBuffer))
+        state->refusedTransformFeedback = !counters;
+    if (counters)
+        device.driver.next.CmdBeginTransformFeedbackEXT(commandBuffer, first, count, counters->bufferData(),
+                                                        counters->offsetData());
+}
+
+void cmdEndTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                              const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+{
+    if (const auto state = device.commands.states.get(commandBuffer); state && state->refusedTransformFeedback) {
+        state->refusedTransformFeedback = false;
+        return;
+    }
+    // What was begun has to end.
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdEndTransformFeedback2EXT", "no counter is written");
+    const auto counters =
+        findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13096",
+                     "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13095")
+            .value_or(Counters{});
+    device.driver.next.CmdEndTransformFeedbackEXT(commandBuffer, first, count, counters.bufferData(),
+                                                  counters.offsetData());
+}
+
+void cmdDrawIndirectByteCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t instanceCount,
+                               uint32_t firstInstance, const VkBindTransformFeedbackBuffer2InfoEXT *info,
+                               uint32_t counterOffset, uint32_t vertexStride)
+{
+    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdDrawIndirectByteCount2EXT");
+    const auto found =
+        lookup.find(info->addressRange, {.member = "addressRange of pCounterInfo",
+                                         .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                                         .usageId = "VELLUM-VUID-vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
+                                         .least = sizeof(uint32_t),
+                                         .leastId = "VELLUM-counter-range",
+                                         .part = AddressLookup::Part::Least});
+    if (found)
+        device.driver.next.CmdDrawIndirectByteCountEXT(commandBuffer, instanceCount, firstInstance, found->buffer,
+                                                       found->offset, counterOffset, vertexStride);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,35 @@
+#include "layer/entry/debug_messages.h"
+
+#include <vector>
+
+#include "layer/entry/device.h"
+
+namespace vellum::layer
+{
+
+void submitDebugUtilsMessage(VkInstance handle, VkDebugUtilsMessageSeverityFlagBitsEXT severity,
+                             VkDebugUtilsMessageTypeFlagsEXT types, const VkDebugUtilsMessengerCallbackDataEXT *data)
+{
+    Instance &instance = instanceOf(handle);
+    // Layers below may look objects up by their types. The application's messengers are below, too, and get them still.
+    std::vector<VkDebugUtilsObjectNameInfoEXT> objects(data->pObjects, data->pObjects + data->objectCount);
+    for (VkDebugUtilsObjectNameInfoEXT &object : objects) {
+        if (isLayersOwn(instance, object.objectType, object.objectHandle))
+            object.objectType = VK_OBJECT_TYPE_UNKNOWN;
+    }
+    VkDebugUtilsMessengerCallbackDataEXT own = *data;
+    own.pObjects = objects.data();
+    instance.next.SubmitDebugUtilsMessageEXT(handle, severity, types, &own);
+}
+
+void debugReportMessage(VkInstance handle, VkDebugReportFlagsEXT flags, VkDebugReportObjectTypeEXT type,
+                        uint64_t object, size_t location, int32_t code, const char *prefix, const char *message)
+{
+    Instance &instance = instanceOf(handle);
+    // Micromaps have no type of their own here; as acceleration structures they have theirs, of the same number.
+    if (isLayersOwn(instance, static_cast<VkObjectType>(type), object))
+        type = VK_DEBUG_REPORT_OBJECT_TYPE_UNKNOWN_EXT;
+    instance.next.DebugReportMessageEXT(handle, flags, type, object, location, code, prefix, message);
+}
+
+} // namespace vellum::layer

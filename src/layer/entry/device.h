@@ -1,0 +1,59 @@
+// A device: the rooms of the layer put together, and its creation.
+#pragma once
+
+#include <tuple>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/device_address/device_addresses.h"
+#include "layer/entry/instance.h"
+#include "layer/khr_over_ext/device_khr_over_ext.h"
+#include "layer/pipelines/device_pipelines.h"
+
+namespace vellum::layer
+{
+
+struct Device : Registered<Device> {
+    Instance *instance = nullptr;
+
+    // Each uses those before it, and ends before they do.
+    Driver driver{};
+    DeviceBuffers buffers{driver};
+    DeviceState objects{driver, buffers};
+    DeviceCommandBuffers commands{driver, buffers, objects};
+    DeviceMicromaps micromaps{driver, buffers, objects, commands};
+    DeviceStructures structures{driver, buffers, objects, commands, micromaps};
+    DeviceQueryPools queries{driver, buffers, objects, commands, structures};
+    DevicePipelines pipelines{driver, buffers, objects, commands};
+    DeviceKhrOverExt translation{driver, buffers, objects, commands, queries, pipelines};
+    DeviceAddresses addresses{driver, buffers, commands, queries};
+};
+
+Device *deviceOfKey(void *key);
+template <typename DispatchableHandle>
+Device &deviceOf(DispatchableHandle handle)
+{
+    return *deviceOfKey(dispatchKey(handle));
+}
+
+// Whether an object of some device of the instance is the layer's own, which means nothing to the driver.
+bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle);
+
+// Devices that are alive when their instance is destroyed are no longer known, and neither they nor what the layer has
+// made on them are destroyed: the application's threads and the GPU may still be using it. Whether there were any.
+bool forgetDevices(const Instance &instance);
+
+// Part of a device that belongs to one subsystem. The commands of the subsystem take that as their first parameter.
+template <typename Subsystem>
+Subsystem &subsystemOf(Device &device)
+{
+    return std::get<Subsystem &>(std::tie(device.driver, device.buffers, device.objects, device.commands,
+                                          device.micromaps, device.structures, device.queries, device.pipelines,
+                                          device.translation, device.addresses));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device);
+VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice device, const VkAllocationCallbacks *allocator);
+
+} // namespace vellum::layer

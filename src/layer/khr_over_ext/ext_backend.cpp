@@ -1,0 +1,109 @@
+#include "layer/khr_over_ext/ext_backend.h"
+
+#include "layer/command_buffer/injected_work.h"
+#include "layer/khr_over_ext/device_khr_over_ext.h"
+#include "layer/khr_over_ext/placed_micromaps.h"
+
+namespace vellum::layer
+{
+
+bool ExtBackend::begin(VkCommandBuffer commandBuffer, const char *)
+{
+    if (const auto state = device_.commands.states.get(commandBuffer))
+        state->scratch.restart();
+    return true;
+}
+
+const MicromapLimits *ExtBackend::limits() const
+{
+    // The layer may be there for VK_KHR_device_address_commands alone.
+    return device_.driver.next.GetMicromapBuildSizesEXT ? &limits_ : nullptr;
+}
+
+MicromapBuildSizes ExtBackend::sizes(const MicromapBuild &build) const
+{
+    // Addresses and the target are ignored.
+    VkMicromapBuildInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
+    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    info.flags = build.flags & ~kLossyBuild;
+    info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
+    info.usageCountsCount = static_cast<uint32_t>(build.usages.size());
+    info.pUsageCounts = build.usages.data();
+    info.triangleArrayStride = build.triangleStride;
+    VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
+    device_.driver.next.GetMicromapBuildSizesEXT(device_.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                                                 &info, &sizes);
+    return {sizes.micromapSize, sizes.buildScratchSize};
+}
+
+bool ExtBackend::checkMicromap(const InputCheck &check, const BufferRange &range) const
+{
+    if (!device_.driver.next.CreateMicromapEXT)
+        return check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                            "type is OPACITY_MICROMAP, but VK_KHR_opacity_micromap is not enabled");
+    // VUID-VkMicromapCreateInfoEXT-buffer-07496
+    if ((device_.buffers.infos.get(range.buffer).usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) == 0)
+        return check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
+                            "the buffer was not created for acceleration structures");
+    return mayHaveMicromapAt(device_, range.buffer, range.offset) ||
+           check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
+                        "the address of a micromap is not a multiple of 256");
+}
+
+bool ExtBackend::createMicromap(AccelerationStructure &micromap)
+{
+    return micromapOfSize(device_, micromap, micromap.size) != VK_NULL_HANDLE;
+}
+
+void ExtBackend::recordMicromapAnswer(VkCommandBuffer commandBuffer, const Property &property)
+{
+    const DeviceTable &next = device_.driver.next;
+    const PlacedMicromap micromap = lastMicromap(device_, property.structure);
+    const VkQueryType own = property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR
+                                ? VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT
+                                : VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
+    switch (property.type) {
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
+        if (!micromap.handle)
+            return;
+        next.CmdWriteMicromapsPropertiesEXT(commandBuffer, 1, &micromap.handle, own, property.micromapPool,
+                                            property.query);
+        return next.CmdCopyQueryPoolResults(commandBuffer, property.micromapPool, property.query, 1, property.buffer,
+                                            property.offset, 8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR: {
+        // EXT has no such query. A clone has as many bytes as its source:
+        // VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
+        const uint64_t bytes = markedMicromapSize(micromap.bytes);
+        return next.CmdUpdateBuffer(commandBuffer, property.buffer, property.offset, sizeof bytes, &bytes);
+    }
+    default: return;
+    }
+}
+
+void ExtBackend::recordCorrection(InjectedWork &work, const Property &property)
+{
+    if (!property.micromap)
+        return;
+    // A structure of that size is to be known as one for a micromap.
+    if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+        work.dispatch(InjectedShader::MarkedSize, shared::MarkedSizePush{property.address}, 1, 1);
+    else if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR)
+        work.dispatch(InjectedShader::MarkedSize,
+                      shared::MarkedSizePush{property.address, shared::kSerializedTrailerBytes}, 1, 1);
+}
+
+VkAccelerationStructureCompatibilityKHR ExtBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
+{
+    // The headers of both are equally long, and serialized data is compatible only with the type it was made of.
+    const DeviceTable &next = device_.driver.next;
+    VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+    next.GetDeviceAccelerationStructureCompatibilityKHR(device_.driver.handle, &info, &result);
+    if (result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR || !device_.driver.enabled.khr)
+        return result;
+    const VkMicromapVersionInfoEXT micromap{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, info.pVersionData};
+    next.GetDeviceMicromapCompatibilityEXT(device_.driver.handle, &micromap, &result);
+    return result;
+}
+
+} // namespace vellum::layer

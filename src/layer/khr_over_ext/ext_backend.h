@@ -1,0 +1,53 @@
+// The back end whose micromaps are the driver's: each command of VK_KHR_opacity_micromap is put as
+// VK_EXT_opacity_micromap has it.
+#pragma once
+
+#include "layer/khr_over_ext/serialized_locations.h"
+#include "layer/structures/backend.h"
+
+namespace vellum::layer
+{
+
+struct DeviceKhrOverExt;
+
+class ExtBackend : public Backend
+{
+public:
+    ExtBackend(DeviceKhrOverExt &device, const MicromapLimits &limits) : device_(device), limits_(limits) {}
+
+    bool begin(VkCommandBuffer commandBuffer, const char *command) override;
+
+    [[nodiscard]] const MicromapLimits *limits() const override;
+    [[nodiscard]] MicromapBuildSizes sizes(const MicromapBuild &build) const override;
+    // ext_builds.cpp
+    void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) override;
+    [[nodiscard]] uint32_t micromapAlignment() const override { return 256; }
+    [[nodiscard]] bool checkMicromap(const InputCheck &check, const BufferRange &range) const override;
+    bool createMicromap(AccelerationStructure &micromap) override;
+
+    void created(const std::shared_ptr<AccelerationStructure> &) override {}
+    void addressTaken(AccelerationStructure &) override {}
+    // ext_builds.cpp
+    void getSizes(VkAccelerationStructureBuildTypeKHR type, StructureBuild &build, const uint32_t *primitives,
+                  VkAccelerationStructureBuildSizesInfoKHR &sizes) override;
+    void record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds) override;
+
+    VkAccelerationStructureKHR driverHandle(AccelerationStructure &structure) override { return structure.handle; }
+    void recordMicromapAnswer(VkCommandBuffer commandBuffer, const Property &property) override;
+    void recordCorrection(InjectedWork &work, const Property &property) override;
+
+    // ext_copies.cpp
+    [[nodiscard]] VkDeviceSize cloneBytes(const StructureCopy &copy) override;
+    void record(VkCommandBuffer commandBuffer, const StructureCopy &copy) override;
+    void recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy) override;
+    void recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy) override;
+    [[nodiscard]] VkAccelerationStructureCompatibilityKHR
+    compatibility(const VkAccelerationStructureVersionInfoKHR &info) override;
+
+private:
+    DeviceKhrOverExt &device_;
+    MicromapLimits limits_; // the driver's
+    SerializedLocations serialized_;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,313 @@
+// Builds of micromaps, and of structures that name them, as VK_EXT_opacity_micromap has them.
+#include <algorithm>
+#include <deque>
+#include <string>
+
+#include "layer/command_buffer/injected_work.h"
+#include "layer/khr_over_ext/device_khr_over_ext.h"
+#include "layer/khr_over_ext/ext_backend.h"
+#include "layer/khr_over_ext/placed_micromaps.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
+using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
+using Attachment = VkAccelerationStructureTrianglesOpacityMicromapEXT;
+
+// VUID-vkCmdBuildMicromapsEXT-pInfos-07515; KHR wants 128.
+constexpr VkDeviceSize kInputAlignment = 256;
+
+// --- micromaps ---
+
+// Whether the driver cannot be given the triangles as they lie.
+bool mustBeMoved(const MicromapBuild &build)
+{
+    return build.extent.triangles > 0 &&
+           (build.data.deviceAddress % kInputAlignment != 0 || build.triangles.deviceAddress % kInputAlignment != 0 ||
+            build.triangleStride < sizeof(VkMicromapTriangleKHR) || build.triangleStride % 4 != 0);
+}
+
+// Gives the build triangles that lie as EXT wants them: packed, at an aligned address, with offsets from an aligned
+// address of the data. False: no memory.
+bool moveTriangles(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, InjectedWork &work, MicromapBuild &build)
+{
+    const uint64_t triangles = build.extent.triangles;
+    const auto state = device.commands.states.get(commandBuffer);
+    const VkDeviceAddress copy = state ? state->scratch.allocate(triangles * sizeof(VkMicromapTriangleKHR)) : 0;
+    if (!copy)
+        return false;
+    shared::MicromapTrianglesPush push{};
+    push.source = build.triangles.deviceAddress;
+    push.target = copy;
+    push.stride = static_cast<uint32_t>(build.triangleStride);
+    push.count = static_cast<uint32_t>(triangles);
+    push.shift = static_cast<uint32_t>(build.data.deviceAddress % kInputAlignment);
+    push.readable =
+        device.buffers.addresses.elementsFrom(push.source, sizeof(VkMicromapTriangleKHR), build.triangleStride);
+    build.data.deviceAddress -= push.shift;
+    build.triangles.deviceAddress = copy;
+    build.triangleStride = sizeof(VkMicromapTriangleKHR);
+    return work.dispatch(InjectedShader::MicromapTriangles, push, triangles, 64);
+}
+
+VkMicromapBuildInfoEXT driverInfo(const MicromapBuild &build, VkMicromapEXT target)
+{
+    VkMicromapBuildInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
+    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    // A lossy build may be without losses.
+    info.flags = build.flags & ~kLossyBuild;
+    info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
+    info.dstMicromap = target;
+    info.usageCountsCount = static_cast<uint32_t>(build.usages.size());
+    info.pUsageCounts = build.usages.data();
+    info.data = build.data;
+    info.scratchData.deviceAddress = build.scratch;
+    info.triangleArray = build.triangles;
+    info.triangleArrayStride = build.triangleStride;
+    return info;
+}
+
+// --- other structures ---
+
+// EXT wants to know exactly how many triangles of a geometry have each level and format, and drivers size a structure
+// by it; but the indices that decide it are read on the device, later. So it is the most that is possible: every
+// triangle of the geometry has each level and format of the micromap, or any if nothing is known of the micromap. The
+// counts of the micromap's own build would be less where it is not indexed; but a build may follow the query of its
+// size after the micromap was built again with more, and must not get more than the query.
+std::vector<VkMicromapUsageEXT> mostUsages(const MicromapLimits &limits, const PlacedMicromap &micromap,
+                                           uint32_t primitives)
+{
+    std::vector<VkMicromapUsageEXT> result = micromap.usages;
+    if (!micromap.isKnown) {
+        for (uint32_t level = 0; level <= limits.twoStateLevel; ++level)
+            result.push_back({0, level, VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT});
+        for (uint32_t level = 0; level <= limits.fourStateLevel; ++level)
+            result.push_back({0, level, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT});
+    }
+    for (VkMicromapUsageEXT &usage : result)
+        usage.count = primitives;
+    return result;
+}
+
+// A build whose geometries' micromaps are given as EXT has them.
+class AttachedBuild
+{
+public:
+    AttachedBuild(DeviceKhrOverExt &device, const MicromapLimits &limits, StructureBuild &build,
+                  const uint32_t *primitives)
+        : build_(build)
+    {
+        build.info.flags &=
+            ~static_cast<VkBuildAccelerationStructureFlagsKHR>(VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR);
+        for (uint32_t g = 0; g < build.geometryCount(); ++g) {
+            if (build.inputs[g].micromap)
+                attach(device, limits, g, primitives ? primitives[g] : 0);
+        }
+    }
+
+    // Indices of 8 bits, which EXT does not have: 32-bit ones are to be written, and `attachment` is to name them.
+    struct Narrow {
+        VkDeviceAddress indices;
+        VkDeviceSize stride;
+        uint32_t count;
+        Attachment *attachment;
+    };
+    [[nodiscard]] const std::vector<Narrow> &narrow() const { return narrow_; }
+    [[nodiscard]] StructureBuild &build() const { return build_; }
+    // A micromap that the driver could not make.
+    [[nodiscard]] bool lacksMicromap() const { return lacksMicromap_; }
+
+private:
+    void attach(DeviceKhrOverExt &device, const MicromapLimits &limits, uint32_t g, uint32_t primitives)
+    {
+        const MicromapAttachment &given = *build_.inputs[g].micromap;
+        Attachment &ext = attachments_.emplace_back();
+        ext = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT};
+        ext.indexType = given.indexType;
+        if (given.indexType != VK_INDEX_TYPE_NONE_KHR) {
+            ext.indexBuffer.deviceAddress = given.indexBuffer;
+            ext.indexStride = given.indexStride;
+        }
+        ext.baseTriangle = given.baseTriangle;
+        if (given.indexType == VK_INDEX_TYPE_UINT8_EXT) {
+            ext.indexType = VK_INDEX_TYPE_UINT32;
+            ext.indexStride = sizeof(uint32_t);
+            narrow_.push_back({given.indexBuffer, given.indexStride, primitives, &ext});
+        }
+        std::vector<VkMicromapUsageEXT> &usages = usages_.emplace_back();
+        // A query of sizes does not check what it is given.
+        const auto structure = given.structure ? given.structure : device.objects.accelerationStructures.get(given.khr);
+        if (structure && canHoldMicromap(*structure)) {
+            const PlacedMicromap micromap = lastMicromap(device, *structure);
+            ext.micromap = micromap.handle;
+            lacksMicromap_ = lacksMicromap_ || !micromap.handle;
+            usages = mostUsages(limits, micromap, primitives);
+        }
+        ext.usageCountsCount = static_cast<uint32_t>(usages.size());
+        ext.pUsageCounts = usages.data();
+        Chain &chain = *build_.inputs[g].chain;
+        chain.prepend(reinterpret_cast<VkBaseInStructure *>(&ext));
+        build_.geometries[g].geometry.triangles.pNext = chain.head();
+    }
+
+    StructureBuild &build_;
+    std::deque<Attachment> attachments_;
+    std::deque<std::vector<VkMicromapUsageEXT>> usages_;
+    std::vector<Narrow> narrow_;
+    bool lacksMicromap_ = false;
+};
+
+void widen(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const char *command, InjectedWork &work,
+           const AttachedBuild::Narrow &narrow)
+{
+    const auto state = device.commands.states.get(commandBuffer);
+    const VkDeviceAddress wide =
+        state ? state->scratch.allocate(std::max<VkDeviceSize>(narrow.count, 1) * sizeof(uint32_t)) : 0;
+    shared::WideIndicesPush push{};
+    push.source = narrow.indices;
+    push.target = wide;
+    push.stride = static_cast<uint32_t>(narrow.stride);
+    push.count = narrow.count;
+    push.readable = device.buffers.addresses.elementsFrom(narrow.indices, 1, narrow.stride);
+    // No index is read where there are none, and their address may be anything.
+    if (wide &&
+        (narrow.count == 0 || (narrow.indices && work.dispatch(InjectedShader::WideIndices, push, narrow.count, 64)))) {
+        narrow.attachment->indexBuffer.deviceAddress = wide;
+        return;
+    }
+    // No index is read, and no micromap.
+    device.driver.report().error("VELLUM-out-of-memory",
+                                 std::string(command) + (narrow.indices
+                                                             ? ": no memory for the indices of micromaps"
+                                                             : ": the indices of a micromap are at a null address"));
+    narrow.attachment->indexType = VK_INDEX_TYPE_NONE_KHR;
+    narrow.attachment->indexBuffer.deviceAddress = 0;
+}
+
+// All narrow indices of the builds, with one barrier before and one after.
+void widenIndices(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const char *command,
+                  const std::deque<AttachedBuild> &builds)
+{
+    if (std::ranges::all_of(builds, [](const AttachedBuild &build) { return build.narrow().empty(); }))
+        return;
+    InjectedWork work(device.commands, commandBuffer);
+    work.barrier();
+    for (const AttachedBuild &build : builds) {
+        for (const AttachedBuild::Narrow &narrow : build.narrow())
+            widen(device, commandBuffer, command, work, narrow);
+    }
+    work.barrier();
+}
+
+void runDriver(const Driver &driver, VkCommandBuffer commandBuffer, const std::deque<AttachedBuild> &builds)
+{
+    std::vector<BuildInfo> infos, indirectInfos;
+    std::vector<const RangeInfo *> ranges;
+    std::vector<VkDeviceAddress> addresses;
+    std::vector<uint32_t> strides;
+    std::vector<const uint32_t *> most;
+    for (const AttachedBuild &attached : builds) {
+        const BuildRanges &given = attached.build().ranges;
+        if (given.direct) {
+            infos.push_back(attached.build().driverInfo());
+            ranges.push_back(given.direct);
+        } else {
+            indirectInfos.push_back(attached.build().driverInfo());
+            addresses.push_back(given.indirect);
+            strides.push_back(given.stride);
+            most.push_back(given.most);
+        }
+    }
+    if (!infos.empty())
+        driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer, static_cast<uint32_t>(infos.size()), infos.data(),
+                                                      ranges.data());
+    if (!indirectInfos.empty())
+        driver.next.CmdBuildAccelerationStructuresIndirectKHR(
+            commandBuffer, static_cast<uint32_t>(indirectInfos.size()), indirectInfos.data(), addresses.data(),
+            strides.data(), most.data());
+}
+
+} // namespace
+
+void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds)
+{
+    const auto check = [&](const MicromapBuild &build) {
+        return inputCheck(device_.driver, command, build.structure->handle);
+    };
+    std::vector<PlacedMicromap> micromaps(builds.size());
+    bool anyMoved = false;
+    for (size_t i = 0; i < builds.size(); ++i) {
+        PlacedMicromap &micromap = micromaps[i];
+        // Handles may reach into one another, whichever their types.
+        micromap.bytes = std::max<VkDeviceSize>(sizes(builds[i]).micromap, 1);
+        micromap.isKnown = true;
+        micromap.usages = builds[i].usages;
+        if (mustBeMoved(builds[i])) {
+            if (InjectedWork::refusedIn(device_.commands, commandBuffer, command))
+                continue;
+            anyMoved = true;
+        }
+        micromap.handle = micromapOfSize(device_, *builds[i].structure, micromap.bytes);
+        if (!micromap.handle)
+            check(builds[i]).reject("VELLUM-out-of-memory", "the driver could not make a micromap");
+    }
+    InjectedWork work(device_.commands, commandBuffer);
+    work.barrier();
+    std::vector<VkMicromapBuildInfoEXT> infos;
+    for (size_t i = 0; i < builds.size(); ++i) {
+        if (!micromaps[i].handle)
+            continue;
+        if (mustBeMoved(builds[i]) && !moveTriangles(device_, commandBuffer, work, builds[i])) {
+            check(builds[i]).reject("VELLUM-out-of-memory", "no memory for the triangles");
+            builds[i].usages.clear(); // nothing is read
+            builds[i].data.deviceAddress = builds[i].triangles.deviceAddress = 0;
+            micromaps[i].isKnown = false;
+        }
+        infos.push_back(driverInfo(builds[i], micromaps[i].handle));
+        becomesMicromap(device_, *builds[i].structure, std::move(micromaps[i]));
+    }
+    if (anyMoved)
+        work.barrier();
+    if (!infos.empty())
+        device_.driver.next.CmdBuildMicromapsEXT(commandBuffer, static_cast<uint32_t>(infos.size()), infos.data());
+    work.barrier();
+}
+
+void ExtBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, StructureBuild &build, const uint32_t *primitives,
+                          VkAccelerationStructureBuildSizesInfoKHR &sizes)
+{
+    const AttachedBuild attached(device_, limits_, build, primitives);
+    device_.driver.next.GetAccelerationStructureBuildSizesKHR(device_.driver.handle, type, &build.driverInfo(),
+                                                              primitives, &sizes);
+}
+
+void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds)
+{
+    std::deque<AttachedBuild> attached;
+    for (StructureBuild &build : builds) {
+        const std::vector<uint32_t> primitives = build.primitives();
+        const AttachedBuild &added = attached.emplace_back(device_, limits_, build, primitives.data());
+        if (added.lacksMicromap())
+            inputCheck(device_.driver, command, build.target->handle, build.element)
+                .reject("VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
+                        "the micromap of a geometry is not a micromap of this device");
+        if (added.lacksMicromap() ||
+            (!added.narrow().empty() && InjectedWork::refusedIn(device_.commands, commandBuffer, command))) {
+            attached.pop_back();
+            continue;
+        }
+        const bool named = std::ranges::any_of(
+            build.inputs, [](const GeometryInput &input) { return input.micromap && input.micromap->structure; });
+        becomesStructure(*build.target,
+                         build.topLevel ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
+                                        : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
+                         named || (build.source && namesMicromaps(*build.source)));
+    }
+    widenIndices(device_, commandBuffer, command, attached);
+    runDriver(device_.driver, commandBuffer, attached);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,365 @@
+#include "layer/state/acceleration_structure.h"
+
+#include <algorithm>
+#include <string>
+
+#include "core/records.h"
+#include "layer/base/undo.h"
+#include "layer/state/device_state.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+struct GpuError {
+    const char *id;
+    const char *text;
+};
+
+// In the order of kNotice*.
+constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the "
+     "layer, or from a device without the layer. The structure has no geometry now"},
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the memory does not hold serialized data, or not all of it, or it was "
+     "changed. The structure has no geometry now"},
+    {"VELLUM-serialized-type",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: top-level data for a bottom-level structure, or the other way round. "
+     "The structure has no geometry now"},
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: dst is smaller than the deserialized size. It has no geometry now"},
+    {"VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561",
+     "vkCmdCopyAccelerationStructureToMemoryKHR: the buffer ends before the serialized data does. Nothing was written"},
+    {"VELLUM-copy-reference",
+     "a copied or deserialized top-level structure names a bottom-level structure that does not exist; such instances "
+     "are inactive"},
+    {"VELLUM-copy-unbuilt-reference", "a top-level structure was copied or deserialized before the bottom-level "
+                                      "structures were built that it names; such instances are inactive"},
+    {"VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419",
+     "vkCmdCopyAccelerationStructureKHR: dst is too small for the copy, and has no geometry now"},
+    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
+     "vkCmdCopyMemoryToAccelerationStructureKHR: the data names a micromap that does not exist, or is smaller than the "
+     "one that was serialized. Its geometry has no micromap now"},
+    {"VELLUM-micromap-copy-size",
+     "a micromap was copied, serialized or deserialized to where there is less room than it "
+     "needs. Micromaps that were the target hold nothing now"},
+    {"VELLUM-micromap-not-constructed", "a micromap was copied or serialized before it was built"},
+    {"VELLUM-micromap-serialized",
+     "a micromap was deserialized from memory that does not hold a serialized micromap of "
+     "this version of the layer, or not all of it. It holds nothing now"},
+    {"VELLUM-micromap-copy-overlap",
+     "a micromap was to be copied to where it would overlap its source. The target is as it was"},
+};
+
+// With the place's mutex held, as below. Where one structure of a place is named all are: later, when one is destroyed,
+// the buffer may be gone, and with it what the driver says of the others.
+void letBeNamed(DeviceState &device, StructureLocation &location, AccelerationStructure &structure)
+{
+    if (structure.reference != 0 || isLayersOwn(structure))
+        return;
+    const VkDeviceAddress address = device.driver.structureAddress(structure.handle);
+    const auto known = std::ranges::find(location.references, address, &StructureLocation::Reference::address);
+    if (known != location.references.end()) {
+        ++known->structures;
+    } else {
+        location.references.reserve(location.references.size() + 1); // before the root knows the address
+        if (!location.descriptor.address) {
+            location.descriptor = device.root.acquireDescriptor(address);
+            if (!location.descriptor.address)
+                return;
+        } else {
+            const VkDeviceAddress leads =
+                location.references.empty() ? location.heldKey : location.references.front().address;
+            if (!device.root.addReference(address, leads))
+                return; // which the next one who asks tries again
+        }
+        location.references.push_back({address, 1});
+    }
+    structure.reference = address;
+}
+
+// A structure that had that address is gone. If it was the last one, the driver may give the address to a structure
+// somewhere else, whose descriptor must be another one. What was built here stays, for the other structures of this
+// place, whose own addresses lead to it then.
+void forgetReference(DeviceState &device, StructureLocation &location, VkDeviceAddress address)
+{
+    const auto gone = std::ranges::find(location.references, address, &StructureLocation::Reference::address);
+    if (--gone->structures > 0)
+        return;
+    if (location.references.size() == 1 && location.heldKey == 0)
+        location.heldKey = device.root.holdDescriptor(address);
+    if (location.references.size() == 1 && location.heldKey == 0)
+        return; // no memory
+    device.root.releaseDescriptor(address);
+    location.references.erase(gone);
+}
+
+} // namespace
+
+std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, VkAccelerationStructureTypeKHR type)
+{
+    auto structure = std::make_shared<AccelerationStructure>();
+    structure->buffer = range.buffer;
+    structure->offset = range.offset;
+    structure->size = range.size;
+    structure->type = type;
+    return structure;
+}
+
+void enterLocation(DeviceState &device, AccelerationStructure &structure)
+{
+    structure.key = {device.buffers.infos.get(structure.buffer).number, structure.offset};
+    structure.location = device.locations.acquire(structure.key);
+    Undo undo([&] { leaveLocation(device, structure); });
+    StructureLocation &location = *structure.location;
+    std::lock_guard lock(location.mutex);
+    // The last one that left, at the same moment, thought that the place would go, too.
+    if (location.structures.empty() && !location.references.empty() && location.references.front().structures > 0)
+        forgetReference(device, location, location.references.front().address);
+    location.structures.push_back(&structure);
+    if (location.descriptor.address)
+        letBeNamed(device, location, structure);
+    undo.keep();
+}
+
+void leaveLocation(DeviceState &device, const AccelerationStructure &structure)
+{
+    {
+        StructureLocation &location = *structure.location;
+        std::lock_guard lock(location.mutex);
+        std::erase(location.structures, &structure);
+        // The last one takes the place along, with all that leads to it.
+        if (structure.reference != 0 && !location.structures.empty())
+            forgetReference(device, location, structure.reference);
+    }
+    device.locations.release(structure.key);
+}
+
+StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &structure)
+{
+    StructureLocation &location = *structure.location;
+    std::lock_guard lock(location.mutex);
+    if (structure.reference == 0) {
+        letBeNamed(device, location, structure);
+        for (AccelerationStructure *other : location.structures)
+            letBeNamed(device, location, *other);
+    }
+    return location.descriptor;
+}
+
+namespace
+{
+
+// Takes over what the device has found in deserialized data, if it has looked at it.
+bool learns(StructureLocation &location)
+{
+    const auto word = [&location](uint32_t i) {
+        return __atomic_load_n(location.descriptor.words + i, __ATOMIC_ACQUIRE);
+    };
+    const uint32_t kind = word(2);
+    if (word(kind == kDescriptorBoxes ? 6 : 7) != location.deserialization)
+        return false;
+    switch (kind) {
+    case kDescriptorTop:
+        location.content = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+        location.lastInstances = location.mostInstances = word(4);
+        break;
+    case kDescriptorMicromap: location.content = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; break;
+    default: location.content = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR; break;
+    }
+    return true;
+}
+
+// With the place's mutex held.
+void setContent(StructureLocation &location, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
+{
+    location.content = type;
+    location.lastBytes = bytes;
+    location.deserialization = 0;
+}
+
+// What a structure is for whose size is just what a query or the header of serialized data tells.
+VkAccelerationStructureTypeKHR markedType(VkDeviceSize size)
+{
+    switch (size % 256) {
+    case kMicromapSizeMark: return VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    case kTopLevelSizeMark: return VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    default: return VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    }
+}
+
+} // namespace
+
+VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure)
+{
+    if (structure.type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        return structure.type;
+    StructureLocation &location = *structure.location;
+    std::lock_guard lock(location.mutex);
+    return location.deserialization != 0 && !learns(location) ? markedType(structure.size) : location.content;
+}
+
+void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization)
+{
+    StructureLocation &location = *structure.location;
+    std::lock_guard lock(location.mutex);
+    setContent(location, VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR, 0);
+    location.lastInstances = location.mostInstances = 0;
+    location.deserialization = deserialization;
+}
+
+void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
+{
+    std::lock_guard lock(structure.location->mutex);
+    setContent(*structure.location, type, bytes);
+}
+
+void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps)
+{
+    // Which of the driver's types it is, where only the device knows, makes no difference: it is not a micromap.
+    becomes(structure,
+            type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR : type,
+            0);
+    std::lock_guard lock(structure.location->mutex);
+    structure.location->namesMicromaps = namesMicromaps;
+}
+
+bool namesMicromaps(const AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.location->mutex);
+    return structure.location->namesMicromaps;
+}
+
+VkDeviceSize lastBytes(const AccelerationStructure &structure)
+{
+    std::lock_guard lock(structure.location->mutex);
+    return structure.location->lastBytes;
+}
+
+void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes)
+{
+    StructureLocation &location = *structure.location;
+    std::lock_guard lock(location.mutex);
+    setContent(location, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR, bytes);
+    location.lastInstances = instances;
+    location.mostInstances = std::max(location.mostInstances, instances);
+}
+
+VkDeviceSize capacityOf(const DeviceState &device, const AccelerationStructure &structure)
+{
+    return std::min(structure.size, device.locations.bytesToNext(structure.key));
+}
+
+std::shared_ptr<SlotRange> slotsFor(DeviceState &device, AccelerationStructure &structure, uint32_t count)
+{
+    StructureLocation &location = *structure.location;
+    std::lock_guard lock(location.mutex);
+    const uint32_t had = location.slots ? location.slots->count() : 0;
+    if (location.slots && had >= count)
+        return location.slots;
+    auto slots = device.root.allocateSlots(std::max(count, had + had / 2));
+    if (!slots)
+        slots = device.root.allocateSlots(count);
+    if (!slots)
+        return nullptr;
+    if (location.slots)
+        location.outgrownSlots.push_back(std::move(location.slots));
+    location.slots = slots;
+    return slots;
+}
+
+VkDeviceAddress beginOf(const Driver &driver, const AccelerationStructure &structure)
+{
+    return driver.bufferAddress(structure.buffer) + structure.offset;
+}
+
+uint32_t unitsOf(VkDeviceSize bytes)
+{
+    return static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / 16, UINT32_MAX));
+}
+
+void reportGpuErrors(DeviceState &device)
+{
+    const uint32_t bits = device.root.takeGpuErrors();
+    for (uint32_t i = 0; bits != 0 && i < kGpuErrors; ++i) {
+        if ((bits >> i & 1u) != 0)
+            device.driver.report().error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
+    }
+}
+
+bool canHoldMicromap(const AccelerationStructure &structure)
+{
+    return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
+           structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+}
+
+std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStructure &structure)
+{
+    const VkAccelerationStructureTypeKHR content = contentOf(structure);
+    if (content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        return content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    // Where micromaps are the driver's, the device leaves no trace of what it found.
+    const bool marked =
+        driver.translated && markedType(structure.size) == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    return marked ? std::optional(true) : std::nullopt;
+}
+
+Micromap micromapIn(const AccelerationStructure &structure)
+{
+    return {structure.buffer,
+            structure.offset,
+            structure.size,
+            {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure.handle)}};
+}
+
+void letMicromapBeNamed(DeviceState &device, AccelerationStructure &structure)
+{
+    if (!device.driver.enabled.khr || !canHoldMicromap(structure))
+        return;
+    std::lock_guard lock(structure.mutex);
+    if (!structure.micromapKey)
+        structure.micromapKey = device.root.acquireMicromap(beginOf(device.driver, structure), structure.size);
+}
+
+void letMicromapBeNamedOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure)
+{
+    if (device.buffers.addresses.addressOf(structure->buffer) != 0)
+        return letMicromapBeNamed(device, *structure);
+    if (!device.driver.enabled.khr || !canHoldMicromap(*structure))
+        return;
+    std::lock_guard lock(device.unnamedMutex);
+    device.unnamedMicromaps.push_back(structure);
+}
+
+void bufferHasAddress(DeviceState &device, VkBuffer buffer)
+{
+    std::lock_guard lock(device.unnamedMutex);
+    std::erase_if(device.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
+        const auto structure = unnamed.lock();
+        if (structure && structure->buffer != buffer)
+            return false;
+        if (structure)
+            letMicromapBeNamed(device, *structure);
+        return true;
+    });
+}
+
+void becomeMicromap(DeviceState &device, AccelerationStructure &structure)
+{
+    letMicromapBeNamed(device, structure);
+    becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, 0);
+}
+
+bool DeviceState::own(VkObjectType type, uint64_t handle) const
+{
+    if (type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
+        return type == VK_OBJECT_TYPE_MICROMAP_EXT && driver.emulated;
+    const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(handle));
+    return structure && isLayersOwn(*structure);
+}
+
+} // namespace vellum::layer

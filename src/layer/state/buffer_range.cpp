@@ -1,0 +1,65 @@
+#include "layer/state/buffer_range.h"
+
+#include <algorithm>
+#include <string>
+
+#include "layer/base/input_check.h"
+#include "layer/state/device_state.h"
+
+namespace vellum::layer
+{
+
+BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCreateInfo2KHR &info,
+                    VkDeviceSize micromapAlignment)
+{
+    const InputCheck check(device.driver.report(), "vkCreateAccelerationStructure2KHR");
+    const bool micromap = info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    const auto &[address, size] = info.addressRange;
+    if (size == 0) {
+        check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
+        return {};
+    }
+    if (micromap && !device.driver.enabled.khrFeature &&
+        !check.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                        "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled"))
+        return {};
+    AddressMap::Location found =
+        device.buffers.addresses.covering(address, size, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
+    if (!found.buffer) {
+        found = device.buffers.addresses.find(address);
+        if (!found.buffer) {
+            check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
+                         "addressRange.address is not in any buffer");
+            return {};
+        }
+        // Drivers need no usage, and what lies in the buffer may be enough for what is built there.
+        if (!check.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
+                            "addressRange, of " + std::to_string(size) +
+                                " bytes, is not in one buffer for acceleration structures"))
+            return {};
+    }
+    // Shaders of the layer read and write 16 bytes at once. What drivers do, they do not say.
+    if (address % 256 != 0 && !check.tolerateIf(micromap && address % micromapAlignment == 0,
+                                                "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
+                                                "addressRange.address is not a multiple of 256"))
+        return {};
+    return {found.buffer, found.offset, std::min(size, found.bytes)};
+}
+
+VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreateInfo2KHR &info,
+                       const BufferRange &range, const VkAllocationCallbacks *allocator,
+                       VkAccelerationStructureKHR &result)
+{
+    if (driver.next.CreateAccelerationStructure2KHR)
+        return driver.next.CreateAccelerationStructure2KHR(driver.handle, &info, allocator, &result);
+    VkAccelerationStructureCreateInfoKHR driverInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+    driverInfo.pNext = info.pNext;
+    driverInfo.createFlags = info.createFlags;
+    driverInfo.buffer = range.buffer;
+    driverInfo.offset = range.offset;
+    driverInfo.size = range.size;
+    driverInfo.type = info.type;
+    return driver.next.CreateAccelerationStructureKHR(driver.handle, &driverInfo, allocator, &result);
+}
+
+} // namespace vellum::layer

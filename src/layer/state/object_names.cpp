@@ -1,0 +1,56 @@
+#include "layer/state/object_names.h"
+
+#include "layer/state/device_state.h"
+
+namespace vellum::layer
+{
+
+namespace
+{
+
+// Names that the layer's messages use. A micromap is the layer's own object: its handle means nothing below. Other
+// structures, of which GENERIC ones may hold a micromap, are the driver's, too.
+bool staysInTheLayer(DeviceState &device, VkObjectType type, uint64_t object, const char *name)
+{
+    const bool own = device.own(type, object);
+    if (own || type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
+        device.driver.report().setName(object, name ? name : "");
+    return own;
+}
+
+} // namespace
+
+VkResult setDebugUtilsObjectName(DeviceState &device, VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
+{
+    if (staysInTheLayer(device, info->objectType, info->objectHandle, info->pObjectName))
+        return VK_SUCCESS;
+    return device.driver.next.SetDebugUtilsObjectNameEXT(handle, info);
+}
+
+VkResult setDebugUtilsObjectTag(DeviceState &device, VkDevice handle, const VkDebugUtilsObjectTagInfoEXT *info)
+{
+    if (device.own(info->objectType, info->objectHandle))
+        return VK_SUCCESS;
+    return device.driver.next.SetDebugUtilsObjectTagEXT(handle, info);
+}
+
+// VK_EXT_debug_marker has the object types of VK_EXT_debug_report: the same numbers, as far as acceleration structures
+// go, and none for VkMicromapEXT.
+static_assert(VkObjectType(VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT) ==
+              VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR);
+
+VkResult debugMarkerSetObjectName(DeviceState &device, VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
+{
+    if (staysInTheLayer(device, static_cast<VkObjectType>(info->objectType), info->object, info->pObjectName))
+        return VK_SUCCESS;
+    return device.driver.next.DebugMarkerSetObjectNameEXT(handle, info);
+}
+
+VkResult debugMarkerSetObjectTag(DeviceState &device, VkDevice handle, const VkDebugMarkerObjectTagInfoEXT *info)
+{
+    if (device.own(static_cast<VkObjectType>(info->objectType), info->object))
+        return VK_SUCCESS;
+    return device.driver.next.DebugMarkerSetObjectTagEXT(handle, info);
+}
+
+} // namespace vellum::layer

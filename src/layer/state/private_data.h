@@ -1,0 +1,32 @@
+// VK_EXT_private_data of the layer's own objects, whose handles mean nothing to the driver.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+struct DeviceState;
+
+class PrivateData
+{
+public:
+    void set(VkPrivateDataSlot slot, uint64_t object, uint64_t value);
+    [[nodiscard]] uint64_t get(VkPrivateDataSlot slot, uint64_t object) const; // 0 where nothing was set
+    void forgetObject(uint64_t object);
+    void forgetSlot(VkPrivateDataSlot slot);
+
+private:
+    mutable std::mutex mutex_;
+    std::map<std::pair<uint64_t, VkPrivateDataSlot>, uint64_t> values_;
+};
+
+VkResult setPrivateData(DeviceState &, VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t);
+void getPrivateData(DeviceState &, VkDevice, VkObjectType, uint64_t, VkPrivateDataSlot, uint64_t *);
+void destroyPrivateDataSlot(DeviceState &, VkDevice, VkPrivateDataSlot, const VkAllocationCallbacks *);
+
+} // namespace vellum::layer

@@ -1,0 +1,372 @@
+#include "layer/state/root_table.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <new>
+
+#include "core/opacity.h"
+#include "core/records.h"
+#include "layer/base/align.h"
+#include "layer/base/undo.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+constexpr VkDeviceAddress kHeldKey = 2; // and a multiple of 4: of a descriptor that no address leads to
+constexpr uint32_t kSlots = 1u << 24;   // instanceCustomIndex has 24 bits
+constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
+constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
+// A record of zeros leaves every hit but those in transparent micro-triangles to the shader.
+static_assert(hitInTable(0, kStateNone) == kHitNonOpaque && hitInTable(0, kStateOpaque) == kHitNonOpaque);
+// A shader that meets boxes takes a record of triangles for none of boxes (vellumCullsBox in lookup.comp).
+static_assert((hitTable(0) & kInstanceBoxes) == 0);
+static_assert(kFirstSlots <= kSlotsPerPage && kDirectoryPages * kSlotsPerPage == kSlots);
+constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
+constexpr uint32_t kFirstBuckets = 1024;
+constexpr VkDeviceAddress kDeletedKey = ~VkDeviceAddress{0};
+
+constexpr VkDeviceSize wholePages(VkDeviceSize bytes)
+{
+    return alignUp(bytes, FixedMemory::kAlignment);
+}
+
+// The tables that rewritten shaders have the address of, and their places in the fixed memory.
+constexpr size_t kRoot = 0;
+constexpr size_t kFirstPages = 1;
+constexpr std::array<VkDeviceSize, KeptAddresses::kTables> kTableBytes{kRootBytes, kPageBytes};
+constexpr std::array<size_t, KeptAddresses::kTables> kTablePlaces{0, wholePages(kRootBytes)};
+constexpr size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPageBytes);
+static_assert(kFixedBytes <= FixedMemory::kMostBytes);
+
+// The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's descriptor
+// before its key.
+void store64(uint32_t *words, uint64_t value)
+{
+    auto *target = reinterpret_cast<uint64_t *>(words);
+    std::atomic_ref<uint64_t>(*target).store(value, std::memory_order_release);
+}
+
+uint64_t load64(const uint32_t *words)
+{
+    return words[0] | uint64_t{words[1]} << 32;
+}
+
+// What `function` returns; nothing where it runs out of host memory.
+template <typename Function>
+auto orNothing(Function function) -> decltype(function())
+{
+    try {
+        return function();
+    } catch (const std::bad_alloc &) {
+        return {};
+    }
+}
+
+bool crossesWord(VkDeviceAddress address, VkDeviceSize bytes)
+{
+    return (address >> 32) != ((address + bytes - 1) >> 32);
+}
+
+uint32_t *bucketWords(const GpuBuffer &table, uint32_t bucket)
+{
+    return table.words() + kHashHeaderWords + size_t{bucket} * kHashBucketWords;
+}
+
+} // namespace
+
+SlotRange::~SlotRange()
+{
+    try {
+        table_.freeSlots(first_, count_);
+    } catch (const std::bad_alloc &) { // the slots are lost, and nothing else
+    }
+}
+
+VkResult RootTable::create(const GpuContext &context, const std::string &keptAddresses)
+{
+    context_ = context;
+    if (context.importsHostMemory)
+        fixed_.reserve(kFixedBytes);
+    else if (context.replaysAddresses && !keptAddresses.empty())
+        kept_.open(keptAddresses, kTableBytes);
+    const VkResult result = createTable(root_, kRoot, true);
+    if (result != VK_SUCCESS)
+        return result;
+    if (const VkResult made = gpuErrors_.create(context, (kGreatestRecordOffset + 1) * 4); made != VK_SUCCESS)
+        return made;
+    store64(root_.words() + kRootGpuErrors, gpuErrors_.address());
+    freeSlots_ = {{0, kSlots}};
+    if (!addPages(0) || !growHashTable())
+        return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    kept_.write();
+    return VK_SUCCESS;
+}
+
+// Shaders rely on it that neither the root nor a page crosses a multiple of 2^32.
+VkResult RootTable::createTable(GpuBuffer &buffer, size_t table, bool known)
+{
+    const VkDeviceSize bytes = kTableBytes[table];
+    const VkResult result = known ? createKnownTable(buffer, table) : buffer.create(context_, bytes);
+    if (result != VK_SUCCESS || !crossesWord(buffer.address(), bytes))
+        return result;
+    // Of two buffers that exist at once, only one can lie there.
+    GpuBuffer other;
+    const VkResult again = other.create(context_, bytes);
+    if (again == VK_SUCCESS)
+        buffer = std::move(other);
+    return again != VK_SUCCESS || !crossesWord(buffer.address(), bytes) ? again : VK_ERROR_OUT_OF_DEVICE_MEMORY;
+}
+
+VkResult RootTable::createKnownTable(GpuBuffer &buffer, size_t table)
+{
+    const VkDeviceSize bytes = kTableBytes[table];
+    if (fixed_.data() &&
+        buffer.createOn(context_, fixed_.data() + kTablePlaces[table], wholePages(bytes)) == VK_SUCCESS)
+        return VK_SUCCESS;
+    if (kept_.isOpen()) {
+        ReplayAddress address = kept_.known(table);
+        if (buffer.createAgain(context_, bytes, address) == VK_SUCCESS) {
+            // Where a table cannot stay, it is not to lie in the next run either.
+            kept_.set(table, crossesWord(buffer.address(), bytes) ? ReplayAddress{} : address);
+            return VK_SUCCESS;
+        }
+    }
+    return buffer.create(context_, bytes);
+}
+
+bool RootTable::addPages(uint32_t lastPage)
+{
+    if (pageCount_ > lastPage)
+        return true;
+    for (; pageCount_ <= lastPage; ++pageCount_) {
+        GpuBuffer buffer;
+        if (createTable(buffer, kFirstPages, pages_.empty()) != VK_SUCCESS)
+            return false;
+        const VkDeviceAddress address = pages_.emplace_back(std::move(buffer)).address();
+        if (pageCount_ == 0)
+            firstSlots_ = address;
+        setPage(pageCount_, address); // last, since nothing that shaders reach is freed
+    }
+    // A shader that reads the custom index where there is no hit reads some slot: every page must be readable.
+    for (uint32_t page = pageCount_; page < kDirectoryPages; ++page)
+        setPage(page, firstSlots_);
+    return true;
+}
+
+// Where the page would begin if it had the records of all slots before its own, but for the upper word, which is right
+// as it is: so shaders add the slot to it, and not what is left of the slot.
+void RootTable::setPage(uint32_t page, VkDeviceAddress address)
+{
+    const auto low = static_cast<uint32_t>(address) - static_cast<uint32_t>(page * kPageBytes);
+    store64(root_.words() + kRootHeaderWords + size_t{page} * 2, (address >> 32 << 32) | low);
+}
+
+std::shared_ptr<SlotRange> RootTable::allocateSlots(uint32_t count)
+{
+    return orNothing([&]() -> std::shared_ptr<SlotRange> {
+        std::lock_guard lock(mutex_);
+        for (auto it = freeSlots_.begin(); it != freeSlots_.end(); ++it) {
+            const auto [first, available] = *it;
+            if (available < count)
+                continue;
+            if (!addPages((first + std::max(count, 1u) - 1) >> kSlotsPerPageLog2))
+                return nullptr;
+            auto slots = std::make_shared<SlotRange>(*this, first, count); // nothing fails after this
+            auto rest = freeSlots_.extract(it);
+            if (available > count) {
+                rest.key() = first + count;
+                rest.mapped() = available - count;
+                freeSlots_.insert(std::move(rest));
+            }
+            return slots;
+        }
+        return nullptr;
+    });
+}
+
+void RootTable::freeSlots(uint32_t first, uint32_t count)
+{
+    if (count == 0)
+        return;
+    std::lock_guard lock(mutex_);
+    auto after = freeSlots_.lower_bound(first);
+    if (after != freeSlots_.end() && first + count == after->first) {
+        count += after->second;
+        after = freeSlots_.erase(after);
+    }
+    if (after != freeSlots_.begin()) {
+        const auto before = std::prev(after);
+        if (before->first + before->second == first) {
+            before->second += count;
+            return;
+        }
+    }
+    freeSlots_[first] = count;
+}
+
+StructureDescriptor RootTable::acquireDescriptor(VkDeviceAddress reference)
+{
+    std::lock_guard lock(mutex_);
+    return orNothing([&] { return acquireDescriptor(reference, structureDescriptors_); });
+}
+
+StructureDescriptor RootTable::acquireDescriptor(VkDeviceAddress key, StructureDescriptorPool &pool)
+{
+    if (const auto it = descriptors_.find(key); it != descriptors_.end()) {
+        ++it->second.users;
+        return pool.location(it->second.index);
+    }
+    if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
+        return {};
+    const auto entry = descriptors_.emplace(key, Cell{StructureDescriptorPool::kNone, 1, &pool, nullptr}).first;
+    Undo undo([&] { descriptors_.erase(entry); });
+    const uint32_t index = entry->second.index = pool.acquire(context_);
+    if (index == StructureDescriptorPool::kNone)
+        return {};
+    undo.keep();
+    insertBucket(key, pool.location(index).address);
+    return pool.location(index);
+}
+
+VkDeviceAddress RootTable::acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes)
+{
+    const VkDeviceAddress key = address + kMicromapKey;
+    std::lock_guard lock(mutex_);
+    if (!orNothing([&] { return acquireDescriptor(key, micromapDescriptors_); }).address)
+        return 0;
+    uint32_t *words = micromapDescriptors_.words(descriptors_.at(key).index);
+    words[2] = kDescriptorMicromap;
+    // Micromaps may share memory: there is room for the largest.
+    words[3] = std::max(words[3], static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / kDataUnitBytes, UINT32_MAX)));
+    return key;
+}
+
+void RootTable::releaseDescriptor(VkDeviceAddress key)
+{
+    std::lock_guard lock(mutex_);
+    const auto it = descriptors_.find(key);
+    if (it == descriptors_.end() || --it->second.users > 0)
+        return;
+    removeBucket(key);
+    if (!it->second.keys || --*it->second.keys == 0)
+        it->second.pool->release(it->second.index);
+    descriptors_.erase(it);
+}
+
+bool RootTable::addReference(VkDeviceAddress reference, VkDeviceAddress known)
+{
+    std::lock_guard lock(mutex_);
+    return orNothing([&] { return addKey(reference, known); });
+}
+
+VkDeviceAddress RootTable::holdDescriptor(VkDeviceAddress known)
+{
+    std::lock_guard lock(mutex_);
+    const VkDeviceAddress key = ++heldKeys_ * 4 + kHeldKey; // no structure has such an address
+    return orNothing([&] { return addKey(key, known); }) ? key : 0;
+}
+
+bool RootTable::addKey(VkDeviceAddress reference, VkDeviceAddress known)
+{
+    const auto leads = descriptors_.find(known);
+    if (leads == descriptors_.end())
+        return false;
+    if (const auto it = descriptors_.find(reference); it != descriptors_.end()) {
+        const bool same = it->second.pool == leads->second.pool && it->second.index == leads->second.index;
+        it->second.users += same ? 1 : 0;
+        return same;
+    }
+    if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
+        return false;
+    Cell &descriptor = leads->second;
+    if (!descriptor.keys)
+        descriptor.keys = std::make_shared<uint32_t>(1);
+    descriptors_.emplace(reference, Cell{descriptor.index, 1, descriptor.pool, descriptor.keys});
+    ++*descriptor.keys;
+    insertBucket(reference, descriptor.pool->location(descriptor.index).address);
+    return true;
+}
+
+uint32_t RootTable::greatestRecordOffset() const
+{
+    return __atomic_load_n(gpuErrors_.words() + kGreatestRecordOffset, __ATOMIC_ACQUIRE);
+}
+
+uint32_t RootTable::takeGpuErrors()
+{
+    const uint32_t *counters = gpuErrors_.words();
+    if (!counters || __atomic_load_n(counters + kGpuErrorTotal, __ATOMIC_ACQUIRE) ==
+                         __atomic_load_n(seenGpuErrors_ + kGpuErrorTotal, __ATOMIC_RELAXED))
+        return 0;
+    std::lock_guard lock(mutex_);
+    __atomic_store_n(seenGpuErrors_ + kGpuErrorTotal, __atomic_load_n(counters + kGpuErrorTotal, __ATOMIC_ACQUIRE),
+                     __ATOMIC_RELAXED);
+    uint32_t bits = 0;
+    for (uint32_t i = 0; i < kGpuErrors; ++i) {
+        const uint32_t counter = __atomic_load_n(counters + i, __ATOMIC_ACQUIRE);
+        if (counter != seenGpuErrors_[i])
+            bits |= 1u << i;
+        seenGpuErrors_[i] = counter;
+    }
+    return bits;
+}
+
+void RootTable::insertBucket(VkDeviceAddress reference, VkDeviceAddress descriptor)
+{
+    const GpuBuffer &table = hashTables_.back();
+    uint32_t bucket =
+        hashReference(static_cast<uint32_t>(reference), static_cast<uint32_t>(reference >> 32)) & (buckets_ - 1);
+    while (load64(bucketWords(table, bucket)) != 0 && load64(bucketWords(table, bucket)) != kDeletedKey)
+        bucket = (bucket + 1) & (buckets_ - 1);
+    if (load64(bucketWords(table, bucket)) == 0)
+        ++usedBuckets_;
+    store64(bucketWords(table, bucket) + 2, descriptor);
+    store64(bucketWords(table, bucket), reference);
+}
+
+// A deleted bucket may lie in the middle of another key's probe sequence, unless the one behind it is empty: then no
+// sequence runs through it, and it and the deleted ones before it can be empty again. So deleted buckets do not pile
+// up.
+void RootTable::removeBucket(VkDeviceAddress reference)
+{
+    const GpuBuffer &table = hashTables_.back();
+    const uint32_t mask = buckets_ - 1;
+    uint32_t bucket = hashReference(static_cast<uint32_t>(reference), static_cast<uint32_t>(reference >> 32)) & mask;
+    while (load64(bucketWords(table, bucket)) != reference)
+        bucket = (bucket + 1) & mask;
+    store64(bucketWords(table, bucket), kDeletedKey);
+    if (load64(bucketWords(table, (bucket + 1) & mask)) != 0)
+        return;
+    while (load64(bucketWords(table, bucket)) == kDeletedKey) {
+        store64(bucketWords(table, bucket), 0);
+        --usedBuckets_;
+        bucket = (bucket - 1) & mask;
+    }
+}
+
+// Makes a table with room for twice the live entries: deleted ones are left behind, so it may also stay as large as it
+// was.
+bool RootTable::growHashTable()
+{
+    uint32_t buckets = kFirstBuckets;
+    while (buckets < (descriptors_.size() + 1) * 4)
+        buckets *= 2;
+    GpuBuffer table;
+    if (table.create(context_, (kHashHeaderWords + VkDeviceSize{buckets} * kHashBucketWords) * 4) != VK_SUCCESS)
+        return false;
+    table.words()[0] = buckets - 1;
+    hashTables_.push_back(std::move(table)); // nothing fails after this
+    buckets_ = buckets;
+    usedBuckets_ = 0;
+    for (const auto &[reference, descriptor] : descriptors_)
+        insertBucket(reference, descriptor.pool->location(descriptor.index).address);
+    store64(root_.words() + kRootHashTable, hashTables_.back().address());
+    return true;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,58 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// The header of a serialized micromap. The driver writes sizes of its own into it and wants to find them there; applications
+// create a structure of the size that they read there, which has to be one by which the layer knows structures for micromaps
+// (kMicromapSizeMark). The driver's size is kept in a trailer. Data without one stays as it is.
+#include "shared.h"
+#include "records.h"
+#include "push.h"
+#include "base/memory.glsl"
+#include "base/micromap_layout.glsl"
+
+layout(local_size_x = 1) in;
+
+layout(push_constant, std430) uniform Push
+{
+    SerializedHeaderPush push;
+};
+
+// Words of the header, behind two UUIDs: 64-bit sizes.
+const uint kTotal = 8u;
+const uint kDeserialized = 10u;
+const uint kHeaderBytes = 48u;
+
+// The driver's data ends at `bytes`, and a trailer would lie in the buffer.
+bool fits(Words header, uint bytes)
+{
+    return header.w[kTotal + 1u] == 0u && bytes >= kHeaderBytes && bytes % 4u == 0u &&
+           bytes <= 0xffffffffu - kSerializedTrailerBytes && bytes + kSerializedTrailerBytes <= push.readable;
+}
+
+bool isTrailer(Words trailer)
+{
+    return trailer.w[2] == kSerializedTrailerMagic0 && trailer.w[3] == kSerializedTrailerMagic1;
+}
+
+void main()
+{
+    Words header = Words(push.data);
+    const bool open = push.mode == kSerializedOpen;
+    const uint total = header.w[kTotal];
+    const uint bytes = open ? total - min(total, kSerializedTrailerBytes) : total;
+    if (!fits(header, bytes))
+        return;
+    Words trailer = Words(addressPlus(push.data, bytes));
+    if (push.mode == kSerializedSeal) {
+        trailer.w[0] = header.w[kDeserialized];
+        trailer.w[1] = header.w[kDeserialized + 1u];
+        trailer.w[2] = kSerializedTrailerMagic0;
+        trailer.w[3] = kSerializedTrailerMagic1;
+    } else if (!isTrailer(trailer)) {
+        return;
+    }
+    const uvec2 own = uvec2(trailer.w[0], trailer.w[1]);
+    const uvec2 size = open ? own : marked(own);
+    header.w[kDeserialized] = size.x;
+    header.w[kDeserialized + 1u] = size.y;
+    header.w[kTotal] = open ? bytes : bytes + kSerializedTrailerBytes;
+}

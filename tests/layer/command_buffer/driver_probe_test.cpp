@@ -1,0 +1,108 @@
+// What the layer finds out about the driver by trying is tried on the application's queue, when something first depends
+// on it: while the application uses that queue, and from whichever threads ask.
+#include <atomic>
+#include <chrono>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "harness/pipeline_tracer.h"
+#include "harness/program/labels.h"
+#include "harness/scene.h"
+
+using namespace vt;
+
+namespace
+{
+
+const vt::Labels kLabels{{"Probes.*", "forcing"}};
+
+// On a fresh device: nothing was tried yet. The validation layer below judges who uses the queue at the same time.
+class Probes : public GpuTest
+{
+protected:
+    // Works while the queue is in use by this thread.
+    void besideSubmissions(const std::function<void(size_t thread)> &work)
+    {
+        constexpr size_t kThreads = 4;
+        std::atomic<size_t> running = kThreads;
+        std::vector<std::thread> threads;
+        for (size_t i = 0; i < kThreads; ++i)
+            threads.emplace_back([&, i] {
+                work(i);
+                --running;
+            });
+        VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+        while (running > 0) {
+            VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
+            VT_CHECK(vkQueueWaitIdle(gpu().queue()));
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+        for (std::thread &thread : threads)
+            thread.join();
+    }
+};
+
+// Recorded first of all, so that the driver's way to serialize is not known yet.
+TEST_F(Probes, OfSerializationRunBesideTheApplicationsSubmissions)
+{
+    const Blas blas(gpu(), {Geometry{.vertices = triangleRow(1)}});
+    const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, 4);
+    std::vector<VkCommandPool> pools(4);
+    std::vector<VkCommandBuffer> commands(4);
+    besideSubmissions([&](size_t thread) {
+        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, gpu().family()};
+        VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
+        const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
+                                                   pools[thread], VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
+        VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocate, &commands[thread]));
+        const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+        VT_CHECK(vkBeginCommandBuffer(commands[thread], &begin));
+        const auto query = static_cast<uint32_t>(thread);
+        vkCmdResetQueryPool(commands[thread], pool, query, 1);
+        const VkAccelerationStructureKHR structure = blas.handle();
+        gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands[thread], 1, &structure, pool.type(), pool,
+                                                               query);
+        VT_CHECK(vkEndCommandBuffer(commands[thread]));
+    });
+    std::vector<uint64_t> sizes(4);
+    for (size_t i = 0; i < sizes.size(); ++i) {
+        gpu().execute(commands[i]);
+        VT_CHECK(vkGetQueryPoolResults(gpu().device(), pool, static_cast<uint32_t>(i), 1, 8, &sizes[i], 8,
+                                       VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT));
+        EXPECT_GT(sizes[i], 56u); // the header that the specification gives
+        EXPECT_EQ(sizes[i], sizes[0]);
+        vkDestroyCommandPool(gpu().device(), pools[i], nullptr);
+    }
+}
+
+// The application signals what the queue waits for after it has made shaders and a pipeline, in the same thread.
+// Nothing that these need of the driver may be found out on the queue.
+TEST_F(Probes, CreationOfShadersDoesNotWaitForTheQueue)
+{
+    VkSemaphoreTypeCreateInfo type{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO};
+    type.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE;
+    const VkSemaphoreCreateInfo semaphoreInfo{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, &type, 0};
+    VkSemaphore semaphore = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateSemaphore(gpu().device(), &semaphoreInfo, nullptr, &semaphore));
+    const uint64_t value = 1;
+    VkTimelineSemaphoreSubmitInfo values{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO};
+    values.waitSemaphoreValueCount = 1;
+    values.pWaitSemaphoreValues = &value;
+    const VkPipelineStageFlags stage = VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO, &values};
+    submit.waitSemaphoreCount = 1;
+    submit.pWaitSemaphores = &semaphore;
+    submit.pWaitDstStageMask = &stage;
+    VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
+    // A trial would end with the message VELLUM-busy-queue, which no test expects.
+    const PipelineTracer pipelines(gpu(), {.groups = {{.anyHit = true}}});
+    const Tracer queries(gpu());
+    const VkSemaphoreSignalInfo signal{VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO, nullptr, semaphore, value};
+    VT_CHECK(vkSignalSemaphore(gpu().device(), &signal));
+    VT_CHECK(vkQueueWaitIdle(gpu().queue()));
+    vkDestroySemaphore(gpu().device(), semaphore, nullptr);
+}
+
+} // namespace

@@ -1,0 +1,156 @@
+// Queues that cannot do everything, as most GPUs have: the mock driver's quirk "queues" tells of what a family cannot
+// do.
+#include <cstring>
+
+#include "harness/copies.h"
+#include "harness/program/labels.h"
+
+namespace
+{
+
+const vt::Labels kLabels{{"QueueFamilies.*", "forcing"}};
+
+using namespace vt;
+
+class QueueFamilies : public GpuTest
+{
+protected:
+    explicit QueueFamilies(const Options &options = {.quirks = "queues"}) : GpuTest(options) {}
+
+    // The family with exactly these of the three purposes.
+    uint32_t family(VkQueueFlags purposes)
+    {
+        constexpr VkQueueFlags kAll = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT | VK_QUEUE_TRANSFER_BIT;
+        for (uint32_t i = 0; i < gpu().families().size(); ++i) {
+            if ((gpu().families()[i].queueFlags & kAll) == purposes)
+                return i;
+        }
+        throw std::runtime_error("no such queue family");
+    }
+
+    // Records for that family, submits there and waits.
+    void submit(uint32_t family, const std::function<void(VkCommandBuffer)> &record)
+    {
+        VkCommandPoolCreateInfo poolInfo{};
+        poolInfo.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
+        poolInfo.queueFamilyIndex = family;
+        VkCommandPool pool = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pool));
+        VkCommandBufferAllocateInfo allocation{};
+        allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
+        allocation.commandPool = pool;
+        allocation.commandBufferCount = 1;
+        VkCommandBuffer commands = VK_NULL_HANDLE;
+        VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, &commands));
+        VkCommandBufferBeginInfo begin{};
+        begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        VT_CHECK(vkBeginCommandBuffer(commands, &begin));
+        record(commands);
+        VT_CHECK(vkEndCommandBuffer(commands));
+        VkSubmitInfo submission{};
+        submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
+        submission.commandBufferCount = 1;
+        submission.pCommandBuffers = &commands;
+        const VkQueue queue = gpu().queueOf(family);
+        VT_CHECK(vkQueueSubmit(queue, 1, &submission, VK_NULL_HANDLE));
+        VT_CHECK(vkQueueWaitIdle(queue));
+        vkDestroyCommandPool(gpu().device(), pool, nullptr);
+    }
+};
+
+// Results of queries may be copied, and queries reset, where no compute shader runs: "Supported Queue Types" of both
+// commands has graphics, too. Each form of result, from pools whose values are the layer's.
+TEST_F(QueueFamilies, QueryResultsWithoutCompute)
+{
+    const Patchwork patchwork(gpu());
+    const Blas structure(gpu(), patchwork.geometries());
+    const uint32_t graphics = family(VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_TRANSFER_BIT);
+    constexpr uint32_t kQueries = 3; // the second one is never written
+    const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR, kQueries);
+    submit(graphics, [&](VkCommandBuffer commands) { vkCmdResetQueryPool(commands, pool, 0, kQueries); });
+    gpu().submit([&](VkCommandBuffer commands) {
+        const VkAccelerationStructureKHR handle = structure.handle();
+        for (const uint32_t query : {0u, 2u})
+            gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &handle, pool.type(), pool, query);
+    });
+    const uint64_t size = pool.value(0);
+    EXPECT_GT(size, 0u);
+    for (const VkQueryResultFlags flags :
+         {VkQueryResultFlags{0}, VkQueryResultFlags{VK_QUERY_RESULT_64_BIT},
+          VkQueryResultFlags{VK_QUERY_RESULT_WITH_AVAILABILITY_BIT},
+          VkQueryResultFlags{VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT}}) {
+        for (const VkDeviceSize spare : {0u, 24u}) {
+            SCOPED_TRACE(testing::Message() << "flags " << flags << ", spare " << spare);
+            const bool wide = (flags & VK_QUERY_RESULT_64_BIT) != 0;
+            const bool both = (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0;
+            const VkDeviceSize number = wide ? 8 : 4;
+            const VkDeviceSize stride = number * (both ? 2 : 1) + spare;
+            const Buffer out(gpu(), 16 + stride * kQueries, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+            std::memset(out.bytes(), 0xee, static_cast<size_t>(out.size()));
+            submit(graphics, [&](VkCommandBuffer commands) {
+                vkCmdCopyQueryPoolResults(commands, pool, 0, kQueries, out.handle(), 16, stride,
+                                          flags | VK_QUERY_RESULT_PARTIAL_BIT);
+            });
+            for (uint32_t i = 0; i < kQueries; ++i) {
+                const auto word = [&](VkDeviceSize at) {
+                    uint64_t value = 0;
+                    std::memcpy(&value, out.bytes() + 16 + i * stride + at, static_cast<size_t>(number));
+                    return value;
+                };
+                EXPECT_EQ(word(0), i == 1 ? 0 : size);
+                if (both) {
+                    EXPECT_EQ(word(number), i == 1 ? 0u : 1u);
+                }
+                if (spare > 0) {
+                    EXPECT_EQ(out.bytes()[16 + i * stride + stride - spare], 0xee);
+                }
+            }
+        }
+    }
+}
+
+class QueueFamiliesKhr : public QueueFamilies
+{
+protected:
+    QueueFamiliesKhr() : QueueFamilies({.quirks = "queues", .api = Api::Khr}) {}
+};
+
+// Transfers by address are recorded for the queue that an application uploads with, and say nothing of compute there.
+TEST_F(QueueFamiliesKhr, AddressCommandsOnATransferQueue)
+{
+    const Buffer from(gpu(), 1024,
+                      VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
+                          VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const Buffer to(gpu(), 1024, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    submit(family(VK_QUEUE_TRANSFER_BIT), [&](VkCommandBuffer commands) {
+        const VkDeviceAddressRangeKHR filled{from.address(), 512};
+        gpu().vk().CmdFillMemoryKHR(commands, &filled, 0, 0x01020304);
+        VkMemoryRangeBarrierKHR range{};
+        range.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIER_KHR;
+        range.srcStageMask = range.dstStageMask = VK_PIPELINE_STAGE_2_COPY_BIT | VK_PIPELINE_STAGE_2_CLEAR_BIT;
+        range.srcAccessMask = range.dstAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT | VK_ACCESS_2_TRANSFER_READ_BIT;
+        range.srcQueueFamilyIndex = range.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+        range.addressRange = {from.address(), 1024};
+        VkMemoryRangeBarriersInfoKHR ranges{};
+        ranges.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR;
+        ranges.memoryRangeBarrierCount = 1;
+        ranges.pMemoryRangeBarriers = &range;
+        VkDependencyInfo dependency{};
+        dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
+        dependency.pNext = &ranges;
+        vkCmdPipelineBarrier2(commands, &dependency);
+        VkDeviceMemoryCopyKHR region{};
+        region.sType = VK_STRUCTURE_TYPE_DEVICE_MEMORY_COPY_KHR;
+        region.srcRange = {from.address(), 512};
+        region.dstRange = {to.address() + 512, 512};
+        VkCopyDeviceMemoryInfoKHR copy{};
+        copy.sType = VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_INFO_KHR;
+        copy.regionCount = 1;
+        copy.pRegions = &region;
+        gpu().vk().CmdCopyMemoryKHR(commands, &copy);
+    });
+    EXPECT_EQ(to.as<uint32_t>()[0], 0u);
+    EXPECT_EQ(to.as<uint32_t>()[128], 0x01020304u);
+}
+
+} // namespace

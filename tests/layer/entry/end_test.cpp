@@ -1,0 +1,62 @@
+// Programs that end, or destroy their instance, without destroying their device: the layer does no more than a driver
+// would. Each is a process of its own (end_program.cpp).
+#include <cstdlib>
+#include <string>
+#include <tuple>
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+namespace
+{
+
+using Case = std::tuple<const char *, int, const char *>;
+
+class End : public testing::TestWithParam<Case>
+{
+};
+
+TEST_P(End, LeavesWhatIsNotDestroyedAlone)
+{
+    const auto &[way, threads, layers] = GetParam();
+    // Leaks are what the program is about, and not of interest.
+    const std::string command = std::string("ASAN_OPTIONS=detect_leaks=0 VELLUM_MOCK_DRIVER=failures '") +
+                                VELLUM_END_PROGRAM + "' " + way + ' ' + std::to_string(threads) + ' ' + layers;
+    const int status = std::system(command.c_str());
+    EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+    EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// The driver is gone when the layer's exit handlers would run: layers/failure_quirk.cpp.
+constexpr const char *kAboveADriver = "VK_LAYER_VELLUM_opacity_micromap VK_LAYER_VELLUM_test_mock_driver";
+constexpr const char *kAlone = "VK_LAYER_VELLUM_opacity_micromap";
+constexpr const char *kAboveValidation = "VK_LAYER_VELLUM_opacity_micromap VK_LAYER_KHRONOS_validation";
+
+std::string nameOf(const testing::TestParamInfo<Case> &info)
+{
+    std::string name;
+    bool capital = true;
+    for (const char *c = std::get<0>(info.param); *c != 0; ++c) {
+        if (*c != '_' && *c != '-')
+            name += static_cast<char>(capital ? std::toupper(*c) : *c);
+        else if (*c == '_')
+            name += "Immediate";
+        capital = *c == '-' || *c == '_';
+    }
+    return name + (std::get<1>(info.param) > 0 ? "WithThreads" : "") +
+           (std::get<2>(info.param) == kAboveValidation ? "AboveValidation" : "") +
+           (std::get<2>(info.param) == kAboveADriver ? "AboveADriver" : "");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Programs, End,
+    testing::Combine(testing::Values("exit", "_exit", "fork", "instance", "dlclose", "dlclose-after-instance"),
+                     testing::Values(0, 3), testing::Values(kAlone, kAboveValidation, kAboveADriver)),
+    nameOf);
+// Not above a validation layer: that of Debian 12 takes a device for the one before, whose key it has.
+INSTANTIATE_TEST_SUITE_P(SecondInstance, End,
+                         testing::Combine(testing::Values("second-instance"), testing::Values(0, 3),
+                                          testing::Values(kAlone)),
+                         nameOf);
+
+} // namespace

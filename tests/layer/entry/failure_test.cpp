@@ -1,0 +1,262 @@
+// A driver that runs out of memory, or is lost. Whatever command of its fails: the application is told, by a result or
+// a message, nothing is left behind, and the same works once there is memory again.
+#include <algorithm>
+
+#include "command_buffer/state_scene.h"
+#include "harness/copies.h"
+#include "harness/mock_driver.h"
+#include "harness/pipeline_tracer.h"
+#include "shaders/tracer_comp.h"
+
+namespace
+{
+
+using namespace vt;
+
+class Failures : public GpuTest
+{
+protected:
+    explicit Failures(const Options &options = {.quirks = "failures"}) : GpuTest(options) {}
+    void TearDown() override
+    {
+        failAt(0);
+        lose(false);
+        GpuTest::TearDown();
+    }
+
+    static uint64_t failAt(uint64_t n) { return testDriverFunction<uint64_t (*)(uint64_t)>("vellumDriverFailAt")(n); }
+    static void lose(bool value) { testDriverFunction<void (*)(int)>("vellumDriverLose")(value); }
+
+    // The command that failed last.
+    static std::string failedCommand() { return testDriverFunction<const char *(*)()>("vellumDriverFailed")(); }
+
+    // The layer's own messages; others are failures of the test.
+    size_t validationLog()
+    {
+        size_t count = 0;
+        for (const Message &m : gpu().takeUnexpectedMessages()) {
+            if (m.fromVellum()) {
+                ++count;
+                lastText_ = m.id + ": " + m.text;
+            }
+            // Validation layers (1.3.239) take what was refused by vkQueueSubmit for submitted.
+            if (!m.fromVellum() && failedCommand() != "vkQueueSubmit")
+                ADD_FAILURE() << m.id << ": " << m.text;
+        }
+        return count;
+    }
+
+    // Does it again and again, with another of the driver's commands failing each time. What was made once may be kept,
+    // so after a success it begins anew, until nothing of it can fail. `act` is given what lets the driver fail while a
+    // function runs, says whether it seems to have worked, and leaves nothing behind.
+    using WhileItFails = std::function<void(const std::function<void()> &)>;
+    void failEach(const std::function<bool(const WhileItFails &)> &act)
+    {
+        uint64_t failed = 0;
+        for (int round = 0; round < 12; ++round) {
+            for (uint64_t n = 1;; ++n) {
+                SCOPED_TRACE(testing::Message() << "round " << round << ", command " << n);
+                uint64_t calls = 0;
+                const bool works = act([&](const std::function<void()> &call) {
+                    failAt(n);
+                    call();
+                    calls = failAt(0);
+                });
+                const bool told = validationLog() > 0;
+                if (calls < n) {
+                    EXPECT_TRUE(works);
+                    EXPECT_FALSE(told) << lastText_;
+                    if (n == 1) {
+                        EXPECT_GT(failed, 0u) << "nothing of it can fail";
+                        return;
+                    }
+                    break;
+                }
+                ++failed;
+                EXPECT_TRUE(!works || told || hasOtherPath_) << "nobody was told of " << failedCommand();
+                if (works && !told && hasOtherPath_ && isRight_) {
+                    EXPECT_TRUE(isRight_()) << failedCommand();
+                }
+                if (HasFailure())
+                    return;
+            }
+        }
+    }
+
+    // A command that is recorded, and then carried out.
+    void failEachRecorded(const std::function<void(VkCommandBuffer)> &record)
+    {
+        failEach([&](const WhileItFails &whileItFails) {
+            gpu().submit([&](VkCommandBuffer commands) { whileItFails([&] { record(commands); }); });
+            gpu().submit([](VkCommandBuffer) {}); // what shaders found is told when the next one begins
+            return true;
+        });
+    }
+
+    std::function<bool()> isRight_; // what was made then
+    std::string lastText_;          // of the layer's messages
+    bool hasOtherPath_ = false;     // that needs not be told of: the smaller allocation, a shader for any driver
+};
+
+// Whose ray flags come from a buffer: the driver is tried with a ray.
+TEST_F(Failures, ShaderModule)
+{
+    const std::vector<uint32_t> code = gpu().code(tracer_comp);
+    hasOtherPath_ = true;
+    failEach([&](const WhileItFails &whileItFails) {
+        VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+        info.codeSize = code.size() * 4;
+        info.pCode = code.data();
+        VkShaderModule module = VK_NULL_HANDLE;
+        VkResult result = VK_SUCCESS;
+        whileItFails([&] { result = vkCreateShaderModule(gpu().device(), &info, nullptr, &module); });
+        if (result == VK_SUCCESS)
+            vkDestroyShaderModule(gpu().device(), module, nullptr);
+        return result == VK_SUCCESS;
+    });
+}
+
+TEST_F(Failures, RayTracingPipeline)
+{
+    for (const uint32_t count : {1u, 2u}) {
+        hasOtherPath_ = count > 1; // those of one call are made one by one where one cannot be made
+        const auto make = [&](Gpu &, const PipelineSetup &setup) {
+            const PipelineInfo info(gpu(), setup);
+            const std::vector<VkRayTracingPipelineCreateInfoKHR> infos(count, info.get());
+            const RayPipeline first(gpu(), setup); // the driver was tried
+            failEach([&](const WhileItFails &whileItFails) {
+                std::vector<VkPipeline> pipelines(count, reinterpret_cast<VkPipeline>(uintptr_t{1}));
+                VkResult result = VK_SUCCESS;
+                whileItFails([&] {
+                    result = gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE,
+                                                                     count, infos.data(), nullptr, pipelines.data());
+                });
+                size_t made = 0;
+                for (const VkPipeline pipeline : pipelines) {
+                    made += pipeline != VK_NULL_HANDLE;
+                    vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+                }
+                if (result == VK_SUCCESS) {
+                    EXPECT_EQ(made, count);
+                }
+                return result == VK_SUCCESS;
+            });
+            return MadePipeline{RayPipeline(gpu(), setup), {}};
+        };
+        const PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true}}, .make = make});
+    }
+}
+
+TEST_F(Failures, Builds)
+{
+    StateScene scene(gpu());
+    for (uint32_t step = 0; step < StateScene::kSteps; ++step) {
+        SCOPED_TRACE(testing::Message() << "step " << step);
+        failEachRecorded([&](VkCommandBuffer commands) { scene.recordStep(commands, step); });
+    }
+    scene.expectRight();
+}
+
+TEST_F(Failures, CopiesOfStructures)
+{
+    const Patchwork patchwork(gpu());
+    const Blas source(gpu(), patchwork.geometries());
+    const Tlas top(gpu(), {instance(source, {}, 7)});
+    const auto expected = seen(gpu(), top, Patchwork::rays());
+    hasOtherPath_ = true;
+    Structure copied(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+    copied.create(source.size());
+    const auto expectedOfBottom = seenOf(gpu(), source);
+    isRight_ = [&] { return seenOf(gpu(), copied) == expectedOfBottom; };
+    failEachRecorded([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle(), copied.handle()); });
+    EXPECT_EQ(seenOf(gpu(), copied), seenOf(gpu(), source));
+    Structure topCopy(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+    topCopy.create(top.size());
+    isRight_ = [&] { return seen(gpu(), topCopy, Patchwork::rays()) == expected; };
+    failEachRecorded([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, top.handle(), topCopy.handle()); });
+    EXPECT_EQ(seen(gpu(), topCopy, Patchwork::rays()), expected);
+}
+
+TEST_F(Failures, Serialization)
+{
+    const Patchwork patchwork(gpu());
+    const Blas source(gpu(), patchwork.geometries());
+    const Buffer data(gpu(), 1u << 20,
+                      VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                          VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const VkDeviceAddress begin = (data.address() + 255) & ~VkDeviceAddress{255};
+    hasOtherPath_ = true;
+    isRight_ = [&] {
+        uint64_t total = 0;
+        std::memcpy(&total, data.bytes() + (begin - data.address()) + 2 * VK_UUID_SIZE, 8);
+        return total > 56;
+    };
+    failEachRecorded([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, source, begin); });
+    Structure restored(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+    uint64_t deserializedSize = 0; // of the header that the specification gives
+    std::memcpy(&deserializedSize, data.bytes() + (begin - data.address()) + 2 * VK_UUID_SIZE + 8, 8);
+    restored.create(deserializedSize);
+    const auto expected = seenOf(gpu(), source);
+    isRight_ = [&] { return seenOf(gpu(), restored) == expected; };
+    failEachRecorded([&](VkCommandBuffer commands) {
+        VkCopyMemoryToAccelerationStructureInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        info.src.deviceAddress = begin;
+        info.dst = restored.handle();
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
+        gpu().vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info);
+    });
+    EXPECT_EQ(seenOf(gpu(), restored), expected);
+}
+
+TEST_F(Failures, QueryPools)
+{
+    hasOtherPath_ = true;
+    failEach([&](const WhileItFails &whileItFails) {
+        VkQueryPoolCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
+        info.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+        info.queryCount = 3u << 20; // more than there is memory for at first, each time
+        VkQueryPool pool = VK_NULL_HANDLE;
+        VkResult result = VK_SUCCESS;
+        whileItFails([&] { result = vkCreateQueryPool(gpu().device(), &info, nullptr, &pool); });
+        if (result == VK_SUCCESS)
+            vkDestroyQueryPool(gpu().device(), pool, nullptr);
+        return result == VK_SUCCESS;
+    });
+}
+
+// See complaints().
+class FailuresUnvalidated : public Failures
+{
+protected:
+    FailuresUnvalidated() : Failures({.validation = false, .quirks = "failures"}) {}
+};
+
+// What is recorded is lost with the device, and everything can be destroyed.
+TEST_F(FailuresUnvalidated, DeviceLost)
+{
+    StateScene scene(gpu());
+    VkCommandBuffer commands = gpu().begin();
+    scene.record(commands);
+    gpu().end(commands);
+    lose(true);
+    VkSubmitInfo submission{};
+    submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
+    submission.commandBufferCount = 1;
+    submission.pCommandBuffers = &commands;
+    EXPECT_EQ(vkQueueSubmit(gpu().queue(), 1, &submission, VK_NULL_HANDLE), VK_ERROR_DEVICE_LOST);
+    EXPECT_EQ(vkQueueWaitIdle(gpu().queue()), VK_ERROR_DEVICE_LOST);
+    EXPECT_EQ(vkDeviceWaitIdle(gpu().device()), VK_ERROR_DEVICE_LOST);
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+    // A query that waits for what will never be written ends, too.
+    const QueryPool pool(gpu(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR);
+    uint64_t value = 0;
+    EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, sizeof value, &value, sizeof value,
+                                    VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
+              VK_ERROR_DEVICE_LOST);
+    lose(false);
+    validationLog();
+}
+
+} // namespace

@@ -1,0 +1,46 @@
+// Functions of the mock driver (layers/) for tests.
+#pragma once
+
+#include <cstdlib>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+#include <dlfcn.h>
+
+namespace vt
+{
+
+// Whether all tests of this process run with that quirk.
+inline bool chosenQuirk(const std::string &name)
+{
+    const char *chosen = std::getenv("VELLUM_TEST_QUIRKS");
+    return chosen != nullptr && (std::string(",") + chosen + ',').find(',' + name + ',') != std::string::npos;
+}
+
+// What the layer adds to micromaps that the driver serializes: 16 bytes behind data that is translated, not emulated.
+inline unsigned serializedTrailer()
+{
+    return chosenQuirk("ext") && std::getenv("VELLUM_FORCE_EMULATION") == nullptr ? 16 : 0;
+}
+
+// By its name. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an
+// instance was made.
+template <class Function>
+Function testDriverFunction(const char *name)
+{
+    const std::string folders = std::getenv("VK_ADD_LAYER_PATH");
+    for (size_t begin = 0; begin != std::string::npos;) {
+        const size_t end = folders.find(':', begin);
+        const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_mock_driver.so";
+        const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
+        if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD)) {
+            if (void *symbol = dlsym(library, name))
+                return reinterpret_cast<Function>(symbol);
+        }
+        begin = end == std::string::npos ? end : end + 1;
+    }
+    throw std::runtime_error("the mock driver is not there");
+}
+
+} // namespace vt

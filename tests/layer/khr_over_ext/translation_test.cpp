@@ -1,0 +1,561 @@
+// VK_KHR_opacity_micromap where the driver has VK_EXT_opacity_micromap only (quirk "ext"): micromaps are the driver's.
+// The quirk tells of everything that such a driver does not know. That results are the same, the suites of
+// VK_KHR_opacity_micromap say that run there as layer_ext.*.
+#include <cstring>
+
+#include "harness/mock_driver.h"
+#include "micromaps/micromap_structures.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr auto kCompactedSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+constexpr auto kSerializedSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR;
+
+std::string layerTool(const Gpu &gpu)
+{
+    uint32_t count = 0;
+    vkGetPhysicalDeviceToolProperties(gpu.physical(), &count, nullptr);
+    std::vector<VkPhysicalDeviceToolProperties> tools(
+        count, {VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES, nullptr, {}, {}, 0, {}, {}});
+    vkGetPhysicalDeviceToolProperties(gpu.physical(), &count, tools.data());
+    for (const VkPhysicalDeviceToolProperties &tool : tools) {
+        if (std::strcmp(tool.layer, "VK_LAYER_VELLUM_opacity_micromap") == 0)
+            return tool.description;
+    }
+    return "";
+}
+
+uint64_t driverBuilds()
+{
+    return testDriverFunction<uint64_t (*)()>("vellumExtBuilds")();
+}
+
+class Translation : public MicromapStructure
+{
+protected:
+    explicit Translation(const Options &options = {.quirks = "ext", .api = Api::Khr}) : MicromapStructure(options) {}
+};
+
+class TranslationForced : public Translation
+{
+protected:
+    TranslationForced() : Translation(forced()) {}
+    static Options forced()
+    {
+        setenv("VELLUM_FORCE_EMULATION", "1", 1);
+        return {.quirks = "ext", .api = Api::Khr, .memory = Memory::Apart};
+    }
+    void SetUp() override
+    {
+        Translation::SetUp();
+        unsetenv("VELLUM_FORCE_EMULATION");
+    }
+};
+
+class TranslationBeside : public Translation
+{
+protected:
+    TranslationBeside() : Translation({.quirks = "ext", .api = Api::Khr, .bothApis = true}) {}
+};
+
+TEST_F(Translation, MicromapsAreTheDrivers)
+{
+    EXPECT_EQ(layerTool(gpu()), "translated");
+    const uint64_t before = driverBuilds();
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    EXPECT_EQ(driverBuilds(), before + 1);
+    EXPECT_EQ(tracedMicromap(micromap), kForwards);
+}
+
+TEST_F(TranslationForced, MicromapsAreTheLayers)
+{
+    EXPECT_EQ(layerTool(gpu()), "emulated");
+    const uint64_t before = driverBuilds();
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    EXPECT_EQ(tracedMicromap(micromap), kForwards);
+    EXPECT_EQ(driverBuilds(), before);
+}
+
+TEST_F(Translation, LimitsAreTheDrivers)
+{
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{};
+    ext.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
+    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{};
+    khr.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR;
+    khr.pNext = &ext;
+    VkPhysicalDeviceProperties2 properties{};
+    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
+    properties.pNext = &khr;
+    vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
+    EXPECT_GT(ext.maxOpacity4StateSubdivisionLevel, 0u);
+    EXPECT_EQ(khr.maxOpacity2StateSubdivisionLevel, ext.maxOpacity2StateSubdivisionLevel);
+    EXPECT_EQ(khr.maxOpacity4StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel);
+    EXPECT_EQ(khr.maxOpacityLossy4StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel);
+    EXPECT_GE(khr.maxMicromapTriangles, 1u << 24);
+}
+
+// VK_KHR_opacity_micromap takes multiples of 128, VK_EXT_opacity_micromap of 256.
+TEST_F(Translation, InputAtMultiplesOf128)
+{
+    MicromapInput input = eightStates();
+    for (const VkDeviceSize stride : {8u, 12u}) {
+        input.stride = stride;
+        const Micromap usual(gpu(), input);
+        const auto *const bytes = input.data.data();
+        const Buffer data(gpu(), 4096,
+                          VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
+                              VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        for (const auto &[dataAt, trianglesAt] : {std::pair{128u, 2048u}, {0u, 2176u}, {384u, 2176u}}) {
+            SCOPED_TRACE(testing::Message() << stride << " " << dataAt << " " << trianglesAt);
+            std::memset(data.bytes(), 0xff, 4096);
+            std::memcpy(data.bytes() + dataAt, bytes, input.data.size());
+            for (size_t i = 0; i < input.triangles.size(); ++i)
+                std::memcpy(data.bytes() + trianglesAt + i * stride, &input.triangles[i], sizeof input.triangles[i]);
+            const Placed target(gpu(), kMicromapType, usual.size());
+            StructureBuild build(usual.buildInfo(), target.handle());
+            build.data.data = data.address() + dataAt;
+            build.data.triangleArray = data.address() + trianglesAt;
+            this->build(build.info);
+            EXPECT_EQ(tracedMicromap(target.handle()), kForwards);
+        }
+    }
+}
+
+// Handles that reach to the end of the buffer, several for one content, and contents of many sizes in turn.
+TEST_F(Translation, GenericStructuresOfAnySize)
+{
+    const Buffer memory(gpu(), 1 << 18, kStorage);
+    const Placed first(gpu(), kGeneric, memory.address() + 4096, (1 << 18) - 4096);
+    const Placed again(gpu(), kGeneric, memory.address() + 4096, 1 << 17);
+    const Placed second(gpu(), kGeneric, memory.address() + (1 << 16), (1 << 18) - (1 << 16));
+    Micromap small(gpu(), eightStates(), kAllow);
+    MicromapInput more = eightStates(true);
+    more.add(6, kFourState, std::vector<uint8_t>(4096, 2));
+    const Micromap large(gpu(), more);
+    for (int round = 0; round < 2; ++round) {
+        buildInto(small, first.handle());
+        EXPECT_EQ(tracedMicromap(again.handle()), kForwards);
+        copy(again.handle(), second.handle());
+        buildInto(large, again.handle());
+        EXPECT_EQ(tracedMicromap(first.handle()), kBackwards);
+        EXPECT_EQ(tracedMicromap(second.handle()), kForwards);
+        copy(second.handle(), first.handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+        EXPECT_EQ(tracedMicromap(first.handle()), kForwards);
+        EXPECT_LE(query(first.handle(), VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR), small.size());
+    }
+}
+
+// Of one and the same query pool.
+TEST_F(Translation, SizesOfMicromapsAndOtherStructures)
+{
+    Micromap micromap(gpu(), repeated(), kAllow);
+    micromap.build();
+    Blas plain(gpu(), {mapped(nullptr)}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
+    for (const VkQueryType type : {kCompactedSize, kSerializedSize}) {
+        const auto both = queryAll({plain.handle(), micromap.handle().khr, plain.handle()}, type);
+        EXPECT_EQ(both[0], both[2]);
+        EXPECT_EQ(both[1], query(micromap.handle().khr, type));
+        EXPECT_NE(both[1], both[0]);
+        EXPECT_GT(both[1], 0u);
+    }
+    EXPECT_LT(query(micromap.handle().khr, kCompactedSize), micromap.size());
+}
+
+TEST_F(Translation, SerializedMicromapsForGenericStructures)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const VkDeviceSize bytes = query(micromap.handle().khr, kSerializedSize);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const Buffer read(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    ASSERT_EQ(data.address() % 256, 0u);
+    ASSERT_EQ(read.address() % 256, 0u);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
+    std::memcpy(read.bytes(), data.bytes(), bytes);
+    VkAccelerationStructureVersionInfoKHR version{};
+    version.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR;
+    version.pVersionData = read.bytes();
+    VkAccelerationStructureCompatibilityKHR compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
+    gpu().vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu().device(), &version, &compatibility);
+    EXPECT_EQ(compatibility, VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR);
+    // Known by where it was written to, and by the size of the structure.
+    const Placed large(gpu(), kGeneric, micromap.size() + 4096);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, data.address(), large.micromap()); });
+    EXPECT_EQ(tracedMicromap(large.handle()), kForwards);
+    const Placed fitting(gpu(), kGeneric, micromap.size());
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, read.address(), fitting.micromap()); });
+    EXPECT_EQ(tracedMicromap(fitting.handle()), kForwards);
+}
+
+// An application that reads the header creates a structure of the size that it finds there, and may read the data from
+// anywhere: the layer knows by the size that it is a micromap's.
+TEST_F(Translation, GenericStructuresOfTheSizeInTheHeader)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const VkDeviceSize bytes = query(micromap.handle().khr, kSerializedSize);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const Buffer elsewhere(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
+    std::memcpy(elsewhere.bytes(), data.bytes(), bytes);
+    uint64_t total = 0, size = 0;
+    std::memcpy(&total, elsewhere.bytes() + 2 * VK_UUID_SIZE, sizeof total);
+    std::memcpy(&size, elsewhere.bytes() + 2 * VK_UUID_SIZE + 8, sizeof size);
+    EXPECT_EQ(total, bytes);
+    EXPECT_EQ(size % 256, micromap.size() % 256);
+    EXPECT_LE(size, micromap.size());
+    const Placed structure(gpu(), kGeneric, size);
+    for (int times = 0; times < 2; ++times) {
+        gpu().submit([&](VkCommandBuffer commands) {
+            recordMemoryToMicromap(gpu(), commands, elsewhere.address(), structure.micromap());
+        });
+        EXPECT_EQ(tracedMicromap(structure.handle()), kForwards);
+        EXPECT_EQ(std::memcmp(elsewhere.bytes(), data.bytes(), bytes), 0) << "the data is only read";
+    }
+}
+
+// What VK_EXT_opacity_micromap has no place for.
+TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    const Blas with(gpu(), {mapped(&micromap)}), without(gpu(), {mapped(nullptr)});
+    const Buffer data(gpu(), 1 << 16, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const auto serialize = [&](VkAccelerationStructureKHR structure) {
+        VkCopyAccelerationStructureToMemoryInfoKHR info{};
+        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
+        info.src = structure;
+        info.dst.deviceAddress = data.address();
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
+        std::memset(data.bytes(), 0, data.size());
+        gpu().submit(
+            [&](VkCommandBuffer commands) { gpu().vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info); });
+        return std::any_of(data.bytes(), data.bytes() + data.size(), [](uint8_t byte) { return byte != 0; });
+    };
+    EXPECT_TRUE(serialize(without.handle()));
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+    EXPECT_FALSE(serialize(with.handle()));
+    expectRefused("not-available");
+    // Nor of a copy.
+    vt::Structure copied(gpu(), kBottom);
+    copied.create(with.size());
+    copy(with.handle(), copied.handle());
+    EXPECT_FALSE(serialize(copied.handle()));
+    expectRefused("not-available");
+}
+
+// The commands of VK_EXT_opacity_micromap are the driver's, and so are its handles.
+TEST_F(TranslationBeside, MicromapsOfBothExtensions)
+{
+    Micromap khr(gpu(), eightStates());
+    khr.build();
+    VkMicromapCreateInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    const Buffer storage(gpu(), khr.size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | kStorage);
+    info.buffer = storage.handle();
+    info.size = khr.size();
+    VkMicromapEXT ext = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &info, nullptr, &ext));
+    VkMicromapBuildInfoEXT build = khr.buildInfo();
+    build.dstMicromap = ext;
+    const uint64_t before = driverBuilds();
+    gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdBuildMicromapsEXT(commands, 1, &build); });
+    EXPECT_EQ(driverBuilds(), before + 1);
+    EXPECT_EQ(tracedMicromap(khr), kForwards);
+    gpu().vk().DestroyMicromapEXT(gpu().device(), ext, nullptr);
+}
+
+// --- how much a structure is said to have of each level and format ---
+
+using Usages = std::vector<VkMicromapUsageEXT>;
+
+class TranslationUsages : public Translation
+{
+protected:
+    static Usages usages(bool built)
+    {
+        Usages all;
+        testDriverFunction<void (*)(bool, Usages *)>("vellumExtUsages")(built, &all);
+        return all;
+    }
+    // A structure of eight triangles with that micromap, whose size was asked for at some time.
+    struct Bottom {
+        explicit Bottom(Gpu &gpu, VkAccelerationStructureKHR micromap) : any(gpu, eightStates()), blas(gpu)
+        {
+            blas.prepare({mapped(&any)});
+            geometry = blas.buildInfo().pGeometries[0];
+            attachment = *static_cast<const VkAccelerationStructureTrianglesOpacityMicromapKHR *>(
+                geometry.geometry.triangles.pNext);
+            attachment.micromap = micromap;
+            geometry.geometry.triangles.pNext = &attachment;
+        }
+        BuildInfo info()
+        {
+            BuildInfo result = blas.buildInfo();
+            result.pGeometries = &geometry;
+            return result;
+        }
+        Micromap any;
+        Blas blas;
+        VkAccelerationStructureGeometryKHR geometry{};
+        VkAccelerationStructureTrianglesOpacityMicromapKHR attachment{};
+    };
+    Usages measured(Bottom &bottom)
+    {
+        sizesOf(bottom.info());
+        return usages(false);
+    }
+    Usages built(Bottom &bottom)
+    {
+        build(bottom.info(), bottom.blas.ranges());
+        Usages told = usages(true);
+        EXPECT_EQ(tracedBottom(bottom.blas.address()), kForwards);
+        return told;
+    }
+    static void expectWithin(const Usages &inner, const Usages &outer)
+    {
+        EXPECT_FALSE(inner.empty());
+        for (const VkMicromapUsageEXT &usage : inner)
+            EXPECT_TRUE(std::any_of(outer.begin(), outer.end(),
+                                    [&](const VkMicromapUsageEXT &other) {
+                                        return other.subdivisionLevel == usage.subdivisionLevel &&
+                                               other.format == usage.format && other.count >= usage.count;
+                                    }))
+                << usage.count << " of level " << usage.subdivisionLevel << ", format " << usage.format;
+    }
+};
+
+TEST_F(TranslationUsages, MeasuredBeforeTheMicromap)
+{
+    for (const auto type : {kMicromapType, kGeneric}) {
+        const Micromap input(gpu(), eightStates());
+        const Placed target(gpu(), type, input.size());
+        Bottom bottom(gpu(), target.handle());
+        const Usages before = measured(bottom);
+        buildInto(input, target.handle());
+        const Usages after = built(bottom);
+        expectWithin(after, before);
+        EXPECT_EQ(after.size(), 1u);
+    }
+}
+
+// The same levels and formats, for more triangles; and others in between.
+TEST_F(TranslationUsages, MicromapsThatAreBuiltAgain)
+{
+    MicromapInput few;
+    few.add(4, kFourState, std::vector<uint8_t>(256, 2));
+    MicromapInput other;
+    other.add(2, kTwoState, std::vector<uint8_t>(16, 1));
+    const Micromap first(gpu(), few), second(gpu(), other), third(gpu(), eightStates());
+    const Placed target(gpu(), kMicromapType, third.size());
+    Bottom bottom(gpu(), target.handle());
+    buildInto(first, target.handle());
+    const Usages before = measured(bottom);
+    buildInto(third, target.handle());
+    expectWithin(built(bottom), before);
+    buildInto(second, target.handle());
+    const Usages between = measured(bottom);
+    buildInto(third, target.handle());
+    expectWithin(built(bottom), between);
+}
+
+TEST_F(TranslationUsages, SerializedAndBack)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    Bottom first(gpu(), micromap.handle().khr);
+    const Usages known = built(first);
+    const VkDeviceSize bytes = query(micromap.handle().khr, kSerializedSize);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    const Placed target(gpu(), kMicromapType, micromap.size());
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, data.address(), target.micromap()); });
+    Bottom second(gpu(), target.handle());
+    const Usages again = built(second);
+    expectWithin(again, known);
+    expectWithin(known, again);
+}
+
+// --- content, not handles ---
+
+TEST_F(Translation, TypedMicromapsOfOverlappingHandles)
+{
+    const Buffer memory(gpu(), 1 << 20, kStorage);
+    const Placed first(gpu(), kMicromapType, memory.address(), 1 << 20);
+    const Placed second(gpu(), kMicromapType, memory.address() + (1 << 19), 1 << 19);
+    const Placed third(gpu(), kMicromapType, memory.address() + (1 << 18), (1 << 20) - (1 << 18));
+    const Micromap input(gpu(), eightStates());
+    buildInto(input, first.handle());
+    copy(first.handle(), second.handle());
+    EXPECT_EQ(tracedMicromap(second.handle()), kForwards);
+    const VkDeviceSize bytes = query(second.handle(), kSerializedSize);
+    EXPECT_LT(bytes, 1u << 16);
+    const Buffer data(gpu(), bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, second.micromap(), data.address()); });
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, data.address(), third.micromap()); });
+    EXPECT_EQ(tracedMicromap(third.handle()), kForwards);
+    EXPECT_EQ(tracedMicromap(second.handle()), kForwards);
+}
+
+// Nothing was recorded, and the size is none of a micromap: what there is, a driver must not be told at random.
+TEST_F(Translation, GenericStructuresOfUnknownContent)
+{
+    const Placed from(gpu(), kGeneric, 4096), to(gpu(), kGeneric, 4096);
+    gpu().takeUnexpectedMessages();
+    copy(from.handle(), to.handle());
+    expectRefused("not-available");
+    const Buffer data(gpu(), 1 << 16, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, from.micromap(), data.address()); });
+    expectRefused("not-available");
+    query(from.handle(), kSerializedSize);
+    expectRefused("unknown-content");
+    // The size of a micromap tells, before it is built.
+    const Micromap input(gpu(), eightStates());
+    ASSERT_EQ(input.size() % 256, 64u);
+    const Placed marked(gpu(), kGeneric, input.size()), target(gpu(), kGeneric, input.size());
+    VkCommandBuffer copies = gpu().begin();
+    recordCopy(gpu(), copies, marked.handle(), target.handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
+    gpu().end(copies);
+    buildInto(input, marked.handle());
+    gpu().execute(copies);
+    EXPECT_EQ(tracedMicromap(target.handle()), kForwards);
+}
+
+// --- what is missing ---
+
+class TranslationMissing : public Translation
+{
+protected:
+    TranslationMissing() : Translation({.validation = false, .quirks = "ext", .api = Api::Khr}) {}
+};
+
+TEST_F(TranslationMissing, Geometries)
+{
+    Blas blas(gpu());
+    blas.prepare({mapped(nullptr)});
+    BuildInfo info = blas.buildInfo();
+    const VkAccelerationStructureGeometryKHR *none = nullptr;
+    info.pGeometries = nullptr;
+    for (const auto *const *all : {static_cast<decltype(&none)>(nullptr), &none}) {
+        info.ppGeometries = all;
+        EXPECT_EQ(sizesOf(info).accelerationStructureSize, 0u);
+        expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
+        build(info, blas.ranges());
+        expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
+    }
+    // None are needed, nor are ranges.
+    info.geometryCount = 0;
+    info.ppGeometries = nullptr;
+    build(info);
+    gpu().submit(
+        [&](VkCommandBuffer commands) { gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, nullptr); });
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// An index buffer that is not used may be anything.
+TEST_F(TranslationMissing, IndicesOfNoType)
+{
+    Micromap micromap(gpu(), eightStates());
+    micromap.build();
+    Blas blas(gpu());
+    blas.prepare({mapped(&micromap)});
+    VkAccelerationStructureGeometryKHR geometry = blas.buildInfo().pGeometries[0];
+    auto attachment =
+        *static_cast<const VkAccelerationStructureTrianglesOpacityMicromapKHR *>(geometry.geometry.triangles.pNext);
+    ASSERT_EQ(attachment.indexType, VK_INDEX_TYPE_NONE_KHR);
+    attachment.indexBuffer = 12345;
+    attachment.indexStride = 3;
+    geometry.geometry.triangles.pNext = &attachment;
+    BuildInfo info = blas.buildInfo();
+    info.pGeometries = &geometry;
+    build(info, blas.ranges());
+    EXPECT_EQ(tracedBottom(blas.address()), kForwards);
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// --- devices ---
+
+class TranslationDevices : public Translation
+{
+protected:
+    TranslationDevices() : Translation({.validation = false, .quirks = "ext,caching", .api = Api::Khr}) {}
+
+    VkResult create(const std::vector<const char *> &names, VkDevice &device)
+    {
+        const float priority = 1;
+        VkDeviceQueueCreateInfo queue{};
+        queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
+        queue.queueCount = 1;
+        queue.pQueuePriorities = &priority;
+        VkPhysicalDeviceOpacityMicromapFeaturesKHR micromaps{};
+        micromaps.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR;
+        micromaps.micromap = VK_TRUE;
+        VkDeviceCreateInfo info{};
+        info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+        info.pNext =
+            std::ranges::any_of(
+                names, [](const char *name) { return std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0; })
+                ? &micromaps
+                : nullptr;
+        info.queueCreateInfoCount = 1;
+        info.pQueueCreateInfos = &queue;
+        info.enabledExtensionCount = static_cast<uint32_t>(names.size());
+        info.ppEnabledExtensionNames = names.data();
+        return vkCreateDevice(gpu().physical(), &info, nullptr, &device);
+    }
+};
+
+TEST_F(TranslationDevices, EverythingThatIsListed)
+{
+    uint32_t count = 0;
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> list(count);
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu().physical(), nullptr, &count, list.data()));
+    std::vector<const char *> names;
+    for (const VkExtensionProperties &extension : list)
+        names.push_back(extension.extensionName);
+    for (const char *name : {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, "VK_KHR_pipeline_binary",
+                             VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME})
+        EXPECT_TRUE(std::ranges::any_of(names, [name](const char *n) { return std::strcmp(n, name) == 0; })) << name;
+    VkDevice device = VK_NULL_HANDLE;
+    EXPECT_EQ(create(names, device), VK_SUCCESS);
+    vkDestroyDevice(device, nullptr);
+    EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
+}
+
+// Commands that micromaps would take are not there, and nobody falls over that.
+TEST_F(TranslationDevices, AddressCommandsAlone)
+{
+    VkDevice device = VK_NULL_HANDLE;
+    ASSERT_EQ(create({VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+                      VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME},
+                     device),
+              VK_SUCCESS);
+    gpu().takeUnexpectedMessages();
+    const auto sizesOf = reinterpret_cast<PFN_vkGetAccelerationStructureBuildSizesKHR>(
+        vkGetDeviceProcAddr(device, "vkGetAccelerationStructureBuildSizesKHR"));
+    const Micromap input(gpu(), eightStates());
+    const StructureBuild build(input.buildInfo(), VK_NULL_HANDLE);
+    VkAccelerationStructureBuildSizesInfoKHR sizes{};
+    sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    sizesOf(device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, nullptr, &sizes);
+    EXPECT_EQ(sizes.accelerationStructureSize, 0u);
+    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559");
+    vkDestroyDevice(device, nullptr);
+}
+
+} // namespace

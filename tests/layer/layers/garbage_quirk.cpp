@@ -1,0 +1,210 @@
+// Garbage wherever a driver may leave it: the quirks "dirty" and "scratch". Lavapipe's memory begins as zeros, as that
+// of other drivers need not, and its builds leave most of their scratch memory as it was.
+#include "layers/driver.h"
+
+#include <cstring>
+#include <map>
+#include <vector>
+
+namespace
+{
+
+using namespace driver;
+constexpr Level kLevel = Level::Garbage;
+
+// --- "dirty": memory that was somebody else's ---
+
+constexpr uint8_t kOthers = 0xd7;
+constexpr VkDeviceSize kMostDirt = VkDeviceSize{64} << 20; // of one allocation
+
+VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice handle, const VkMemoryAllocateInfo *info,
+                                              const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+{
+    const VkResult result = DRIVER_NEXT(vkAllocateMemory)(handle, info, allocator, memory);
+    // What is imported has its owner's content.
+    const bool imported = inChain(info->pNext, VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT) != nullptr ||
+                          inChain(info->pNext, VK_STRUCTURE_TYPE_IMPORT_MEMORY_FD_INFO_KHR) != nullptr;
+    if (result != VK_SUCCESS || imported || !has(keyOf(handle), "dirty"))
+        return result;
+    void *data = nullptr;
+    if (DRIVER_NEXT(vkMapMemory)(handle, *memory, 0, VK_WHOLE_SIZE, 0, &data) == VK_SUCCESS) {
+        std::memset(data, kOthers, std::min(info->allocationSize, kMostDirt));
+        DRIVER_NEXT(vkUnmapMemory)(handle, *memory);
+    }
+    return result;
+}
+
+// --- "scratch": builds that need more of it, and write to all of it ---
+
+constexpr uint32_t kScratch = 0xabababab;
+
+struct Bound {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize size = 0;
+};
+std::mutex mutex;
+std::map<VkBuffer, VkDeviceSize> sizes; // of buffers that may be scratch memory
+std::map<std::pair<void *, VkDeviceAddress>, Bound> bound;
+std::map<void *, VkDevice> deviceHandles; // by dispatch key
+
+bool takesMore(void *key)
+{
+    return has(key, "scratch");
+}
+
+void claim(VkAccelerationStructureBuildSizesInfoKHR &needed)
+{
+    needed.buildScratchSize = needed.buildScratchSize * 2 + 1000;
+    // More than a build: nothing says which is the larger one.
+    needed.updateScratchSize = needed.buildScratchSize + 3000;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkDevice *device)
+{
+    const VkResult result = DRIVER_NEXT(vkCreateDevice)(handle, info, allocator, device);
+    std::lock_guard lock(mutex);
+    if (result == VK_SUCCESS)
+        deviceHandles[keyOf(*device)] = *device;
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreateInfo *info,
+                                            const VkAllocationCallbacks *allocator, VkBuffer *buffer)
+{
+    constexpr VkBufferUsageFlags scratch =
+        VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    VkBufferCreateInfo below = *info;
+    const bool mayBe = takesMore(keyOf(handle)) && (info->usage & scratch) == scratch;
+    if (mayBe)
+        below.usage |= VK_BUFFER_USAGE_TRANSFER_DST_BIT; // the garbage is written by a transfer
+    const VkResult result = DRIVER_NEXT(vkCreateBuffer)(handle, &below, allocator, buffer);
+    std::lock_guard lock(mutex);
+    if (result == VK_SUCCESS && mayBe)
+        sizes[*buffer] = info->size;
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
+{
+    {
+        std::lock_guard lock(mutex);
+        sizes.erase(buffer);
+        std::erase_if(bound, [buffer](const auto &entry) { return entry.second.buffer == buffer; });
+    }
+    DRIVER_NEXT(vkDestroyBuffer)(handle, buffer, allocator);
+}
+
+void noteBound(VkDevice handle, VkBuffer buffer)
+{
+    VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO};
+    info.buffer = buffer;
+    {
+        std::lock_guard lock(mutex);
+        if (!sizes.contains(buffer))
+            return;
+    }
+    const VkDeviceAddress address = DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, &info);
+    std::lock_guard lock(mutex);
+    bound[{keyOf(handle), address}] = {buffer, sizes[buffer]};
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice handle, VkBuffer buffer, VkDeviceMemory memory,
+                                                VkDeviceSize offset)
+{
+    const VkResult result = DRIVER_NEXT(vkBindBufferMemory)(handle, buffer, memory, offset);
+    noteBound(handle, buffer);
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
+{
+    const VkResult result = DRIVER_NEXT(vkBindBufferMemory2)(handle, count, infos);
+    for (const VkBindBufferMemoryInfo &info : std::span(infos, count))
+        noteBound(handle, info.buffer);
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
+                                         const VkAccelerationStructureBuildGeometryInfoKHR *info,
+                                         const uint32_t *counts, VkAccelerationStructureBuildSizesInfoKHR *needed)
+{
+    DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, counts, needed);
+    if (takesMore(keyOf(handle)))
+        claim(*needed);
+}
+
+// Over all of the scratch memory of a build, before it begins.
+void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                  const std::vector<uint32_t> &counts)
+{
+    VkDevice device = VK_NULL_HANDLE;
+    {
+        std::lock_guard lock(mutex);
+        device = deviceHandles[keyOf(handle)];
+    }
+    VkAccelerationStructureBuildSizesInfoKHR needed{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+    DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)
+    (device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts.data(), &needed);
+    claim(needed);
+    const VkDeviceSize bytes = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR ? needed.updateScratchSize
+                                                                                            : needed.buildScratchSize;
+    const VkDeviceAddress address = info.scratchData.deviceAddress;
+    Bound found;
+    VkDeviceSize offset = 0;
+    {
+        std::lock_guard lock(mutex);
+        // Buffers may share memory: any that holds all of it.
+        for (const auto &[at, one] : bound) {
+            if (at.first == keyOf(handle) && at.second <= address && address + bytes <= at.second + one.size) {
+                found = one;
+                offset = address - at.second;
+            }
+        }
+    }
+    if (found.buffer == VK_NULL_HANDLE)
+        return tell("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03671 or -03672: no buffer has the " +
+                    std::to_string(bytes) + " bytes of scratch memory at " + std::to_string(address));
+    DRIVER_NEXT(vkCmdFillBuffer)(handle, found.buffer, offset, bytes & ~VkDeviceSize{3}, kScratch);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count,
+                                    const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                    const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
+{
+    for (uint32_t i = 0; takesMore(keyOf(handle)) && i < count; ++i) {
+        std::vector<uint32_t> counts;
+        for (const auto &range : std::span(ranges[i], infos[i].geometryCount))
+            counts.push_back(range.primitiveCount);
+        writeGarbage(handle, infos[i], counts);
+    }
+    DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, infos, ranges);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t count,
+                                            const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                            const VkDeviceAddress *addresses, const uint32_t *strides,
+                                            const uint32_t *const *most)
+{
+    for (uint32_t i = 0; takesMore(keyOf(handle)) && i < count; ++i)
+        writeGarbage(handle, infos[i], {most[i], most[i] + infos[i].geometryCount});
+    DRIVER_NEXT(vkCmdBuildAccelerationStructuresIndirectKHR)(handle, count, infos, addresses, strides, most);
+}
+
+} // namespace
+
+driver::LevelRows driver::garbageRows()
+{
+    static const Row device[]{
+        {"vkAllocateMemory", DRIVER_FUNCTION(allocateMemory)},
+        {"vkCreateBuffer", DRIVER_FUNCTION(createBuffer)},
+        {"vkDestroyBuffer", DRIVER_FUNCTION(destroyBuffer)},
+        {"vkBindBufferMemory", DRIVER_FUNCTION(bindBufferMemory)},
+        {"vkBindBufferMemory2", DRIVER_FUNCTION(bindBufferMemory2)},
+        {"vkGetAccelerationStructureBuildSizesKHR", DRIVER_FUNCTION(getBuildSizes)},
+        {"vkCmdBuildAccelerationStructuresKHR", DRIVER_FUNCTION(cmdBuild)},
+        {"vkCmdBuildAccelerationStructuresIndirectKHR", DRIVER_FUNCTION(cmdBuildIndirect)},
+    };
+    static const Row instance[]{{"vkCreateDevice", DRIVER_FUNCTION(createDevice)}};
+    return {device, instance};
+}

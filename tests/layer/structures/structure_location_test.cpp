@@ -1,0 +1,219 @@
+// What is in a structure belongs to its place, not to a handle, and a handle's size says nothing: acceleration
+// structures of type GENERIC that are larger than what is in them, and several of them at one place.
+#include <array>
+
+#include "structures/copy_test.h"
+
+namespace
+{
+
+using namespace vt;
+
+constexpr auto kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+constexpr auto kBottom = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+constexpr uint8_t kUntouched = 0x5a;
+
+// Bytes that structures are placed in, all of them known.
+class StructureLocations : public Copies
+{
+protected:
+    static constexpr VkDeviceSize kRoomBytes = 1 << 20;
+
+    StructureLocations()
+        : room_(gpu(), kRoomBytes, 256,
+                VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
+    {
+        std::memset(room_.bytes(), kUntouched, kRoomBytes);
+    }
+    std::unique_ptr<Structure> placed(VkDeviceSize offset, VkDeviceSize size,
+                                      VkAccelerationStructureTypeKHR type = kGeneric)
+    {
+        auto structure = std::make_unique<Structure>(gpu(), type);
+        structure->placeIn(room_.buffer(), room_.offset() + offset);
+        structure->create(size);
+        return structure;
+    }
+    std::unique_ptr<Structure> toTheEnd(VkDeviceSize offset) { return placed(offset, kRoomBytes - offset); }
+    void expectUntouchedFrom(VkDeviceSize offset) const
+    {
+        for (VkDeviceSize i = offset; i < kRoomBytes; ++i)
+            ASSERT_EQ(room_.bytes()[i], kUntouched) << "byte " << i << ", " << i - offset << " behind the structure";
+    }
+    std::vector<std::string> seenIn(const Structure &scene)
+    {
+        const auto rays = Patchwork::rays();
+        return seen(gpu(), scene, rays);
+    }
+
+    Guarded room_;
+};
+
+// The size is no longer one of those that tell what is meant.
+TEST_F(StructureLocations, DataOfEitherLevelIntoHandlesOfAnySize)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas tlas(gpu(), {instance(blas, {}, 77)});
+    const auto expected = seenIn(tlas);
+    ASSERT_EQ(expected, seenOf(gpu(), blas));
+    for (const bool top : {false, true}) {
+        const Serialized data = serialize(gpu(), top ? static_cast<const Structure &>(tlas) : blas);
+        const VkDeviceSize least = data.deserializedSize();
+        for (const VkDeviceSize more : {0u, 16u, 64u, 128u, 192u, 65536u}) {
+            SCOPED_TRACE(std::to_string(top) + " + " + std::to_string(more));
+            std::memset(room_.bytes(), kUntouched, kRoomBytes);
+            const auto loaded = placed(256, least + more);
+            deserialize(gpu(), data, *loaded);
+            EXPECT_EQ(top ? seenIn(*loaded) : seenOf(gpu(), *loaded), expected);
+            expectUntouchedFrom(256 + least);
+            // Copies know by now what it is.
+            const auto clone = toTheEnd(kRoomBytes / 2);
+            copy(gpu(), *loaded, *clone);
+            EXPECT_EQ(top ? seenIn(*clone) : seenOf(gpu(), *clone), expected);
+            expectUntouchedFrom(kRoomBytes / 2 + least);
+        }
+    }
+}
+
+// Whatever the data is refused for, what lies behind the structure stays.
+TEST_F(StructureLocations, DamagedDataIntoALargeHandle)
+{
+    const Blas blas(gpu(), plain());
+    Serialized data = serialize(gpu(), blas);
+    data.bytes()[data.bytes().size() / 2] ^= 1; // of the driver's part, which the checksum covers
+    const auto loaded = toTheEnd(256);
+    deserialize(gpu(), data, *loaded);
+    EXPECT_EQ(seenOf(gpu(), *loaded), std::vector<std::string>(Patchwork::rays().size()));
+    gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is told with the next commands
+    const auto messages = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(messages.size(), 1u);
+    EXPECT_EQ(messages[0].id, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
+    expectUntouchedFrom(256 + data.deserializedSize());
+}
+
+TEST_F(StructureLocations, SeveralHandlesForOneContent)
+{
+    const Patchwork patchwork(gpu());
+    const Blas source(gpu(), patchwork.geometries());
+    const auto expected = seenOf(gpu(), source);
+    auto first = toTheEnd(256);
+    const auto second = placed(256, source.size());
+    copy(gpu(), source, *first);
+    // Neither the one that was written by nor the one that is read by need be there for the content.
+    EXPECT_EQ(seenOf(gpu(), *second), expected);
+    first.reset();
+    EXPECT_EQ(seenOf(gpu(), *second), expected);
+    const auto third = toTheEnd(256);
+    const auto clone = toTheEnd(kRoomBytes / 2);
+    copy(gpu(), *third, *clone);
+    EXPECT_EQ(seenOf(gpu(), *clone), expected);
+    EXPECT_EQ(queried(gpu(), *third, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
+              queried(gpu(), source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR));
+}
+
+// As an engine does it that compacts what it updates later: the copies lie side by side.
+TEST_F(StructureLocations, UpdatesOfPackedCompactedStructures)
+{
+    constexpr VkBuildAccelerationStructureFlagsKHR kFlags =
+        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
+    const Patchwork patchwork(gpu(), 1);
+    Blas blas(gpu(), patchwork.geometries(), kFlags);
+    const auto expected = seenOf(gpu(), blas);
+    const VkDeviceSize size =
+        (queried(gpu(), blas, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR) + 255) / 256 * 256;
+    std::array<std::unique_ptr<Structure>, 3> packed;
+    for (size_t i = 0; i < packed.size(); ++i) {
+        packed[i] = toTheEnd(256 + i * size);
+        copy(gpu(), blas, *packed[i], VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+    }
+    for (const size_t updated : {1u, 0u, 2u}) {
+        SCOPED_TRACE(updated);
+        blas.prepare(patchwork.geometries(), kFlags, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+        VkAccelerationStructureBuildGeometryInfoKHR info = blas.buildInfo();
+        info.srcAccelerationStructure = info.dstAccelerationStructure = packed[updated]->handle();
+        gpu().submit([&](VkCommandBuffer commands) {
+            const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+            gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        });
+        for (const auto &structure : packed)
+            EXPECT_EQ(seenOf(gpu(), *structure), expected);
+    }
+    expectUntouchedFrom(256 + packed.size() * size);
+}
+
+TEST_F(StructureLocations, TopLevelsSideBySide)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas source(gpu(), {instance(blas, {}, 77)});
+    const auto expected = seenIn(source);
+    std::array<std::unique_ptr<Structure>, 4> packed;
+    const VkDeviceSize size = (source.size() + 255) / 256 * 256;
+    for (size_t i = packed.size(); i-- > 0;) { // each one's handle reaches over those before it
+        packed[i] = toTheEnd(256 + i * size);
+        const Structure &from = i + 1 < packed.size() ? *packed[i + 1] : static_cast<const Structure &>(source);
+        copy(gpu(), from, *packed[i]);
+    }
+    for (const auto &structure : packed)
+        EXPECT_EQ(seenIn(*structure), expected);
+    expectUntouchedFrom(256 + packed.size() * size);
+}
+
+// The descriptor then holds what it held before.
+TEST_F(StructureLocations, TheSameDataTwice)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas tlas(gpu(), {instance(blas, {}, 77)});
+    const auto expected = seenIn(tlas);
+    const Serialized data = serialize(gpu(), tlas);
+    const auto loaded = toTheEnd(256);
+    for (int round = 0; round < 2; ++round) {
+        SCOPED_TRACE(round);
+        deserialize(gpu(), data, *loaded);
+        const auto clone = toTheEnd(kRoomBytes / 2);
+        copy(gpu(), *loaded, *clone);
+        EXPECT_EQ(seenIn(*clone), expected);
+    }
+}
+
+// As one does that is not used any more and not destroyed yet.
+TEST_F(StructureLocations, TopLevelDataWhereAnotherHandleBegins)
+{
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas tlas(gpu(), {instance(blas, {}, 77)});
+    const Serialized data = serialize(gpu(), tlas);
+    const auto old = placed(512, 256);
+    const auto loaded = placed(256, data.deserializedSize(), VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+    deserialize(gpu(), data, *loaded);
+    EXPECT_EQ(seenIn(*loaded), seenIn(tlas));
+}
+
+// Every count is another size, and another handle of the driver's.
+TEST_F(StructureLocations, ManySizesBesideANeighbour)
+{
+    constexpr size_t kCounts = 80;
+    const Patchwork patchwork(gpu());
+    const Blas blas(gpu(), patchwork.geometries());
+    const Tlas source(gpu(), {instance(blas, {}, 77)});
+    const auto expected = seenIn(source);
+    const auto changing = toTheEnd(256);
+    for (size_t count = 1; count <= kCounts; ++count) {
+        SCOPED_TRACE(count);
+        Tlas tlas(gpu());
+        tlas.prepare(std::vector<VkAccelerationStructureInstanceKHR>(count, instance(blas, {}, 77)));
+        // Behind it, as near as it may be.
+        const auto neighbour = toTheEnd((256 + tlas.size() + 255) / 256 * 256);
+        copy(gpu(), source, *neighbour);
+        VkAccelerationStructureBuildGeometryInfoKHR info = tlas.buildInfo();
+        info.dstAccelerationStructure = changing->handle();
+        gpu().submit([&](VkCommandBuffer commands) {
+            const VkAccelerationStructureBuildRangeInfoKHR *ranges = tlas.ranges();
+            gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        });
+        EXPECT_EQ(seenIn(*neighbour), expected);
+    }
+}
+
+} // namespace
