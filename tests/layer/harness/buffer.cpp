@@ -8,24 +8,18 @@ namespace vt
 
 Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gpu), size_(size)
 {
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.size = size;
-    info.usage = usage;
+    auto info = vkInit<VkBufferCreateInfo>({.size = size, .usage = usage});
     VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
 
     VkMemoryRequirements needs;
     vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
     const bool addressed = (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
-    VkMemoryAllocateFlagsInfo flags{};
-    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    VkMemoryAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    allocation.pNext = addressed ? &flags : nullptr;
-    allocation.allocationSize = needs.size;
-    allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
-                                                                          VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
+    auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
+    auto allocation = vkInit<VkMemoryAllocateInfo>(
+        {.pNext = addressed ? &flags : nullptr,
+         .allocationSize = needs.size,
+         .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
+                                                                     VK_MEMORY_PROPERTY_HOST_COHERENT_BIT)});
     VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
     VT_CHECK(vkBindBufferMemory(gpu.device(), buffer_, memory_, 0));
     void *mapped = nullptr;
@@ -33,9 +27,7 @@ Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gp
     bytes_ = static_cast<uint8_t *>(mapped);
     std::memset(bytes_, 0, static_cast<size_t>(size));
     if (addressed) {
-        VkBufferDeviceAddressInfo query{};
-        query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-        query.buffer = buffer_;
+        auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer_});
         // Of the extension, where it is enabled: programs of Vulkan 1.1.
         const auto extension = vkGetDeviceProcAddr(gpu.device(), "vkGetBufferDeviceAddressKHR");
         const auto addressOf =
@@ -64,10 +56,7 @@ void Buffer::swap(Buffer &other) noexcept
 
 QueryPool::QueryPool(Gpu &gpu, VkQueryType type, uint32_t count) : gpu_(&gpu), type_(type)
 {
-    VkQueryPoolCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-    info.queryType = type;
-    info.queryCount = count;
+    auto info = vkInit<VkQueryPoolCreateInfo>({.queryType = type, .queryCount = count});
     VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &pool_));
 }
 

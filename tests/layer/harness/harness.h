@@ -5,6 +5,7 @@
 #pragma once
 
 #include "vellum/vulkan_opacity_micromap.h"
+#include "vk/vk_init.h"
 
 #include <atomic>
 #include <cstdint>
@@ -21,6 +22,8 @@
 
 namespace vt
 {
+
+namespace newer = vellum::newer;
 
 struct Message {
     VkDebugUtilsMessageSeverityFlagBitsEXT severity;
