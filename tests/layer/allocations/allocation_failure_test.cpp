@@ -6,6 +6,7 @@
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
+#include "entry/micromap_device.h"
 #include "harness/copies.h"
 #include "harness/mock_driver.h"
 #include "harness/pipeline_tracer.h"
@@ -161,22 +162,10 @@ std::string nameOf(const testing::TestParamInfo<Failing> &info)
 TEST_P(Allocations, Device)
 {
     const long before = alive();
-    const float priority = 1;
-    const auto queue = vkInit<VkDeviceQueueCreateInfo>(
-        {.queueFamilyIndex = gpu().family(), .queueCount = 1, .pQueuePriorities = &priority});
-    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE});
-    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
-        {.pNext = &micromaps, .accelerationStructure = VK_TRUE});
-    const char *extensions[]{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
-                             VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
-    auto info = vkInit<VkDeviceCreateInfo>({.pNext = &structures,
-                                            .queueCreateInfoCount = 1,
-                                            .pQueueCreateInfos = &queue,
-                                            .enabledExtensionCount = 3,
-                                            .ppEnabledExtensionNames = extensions});
+    const MicromapDeviceInfo info(gpu().family());
     failCreation<VkDevice>(
         [&](VkDevice *device) {
-            const VkResult result = vkCreateDevice(gpu().physical(), &info, nullptr, device);
+            const VkResult result = vkCreateDevice(gpu().physical(), info.get(), nullptr, device);
             if (result == VK_SUCCESS) // it is found by its key
                 vkDeviceWaitIdle(*device);
             return result;

@@ -39,17 +39,8 @@ public:
         auto info =
             vkInit<VkBufferCreateInfo>({.size = bytes, .usage = usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
         VT_CHECK(vkCreateBuffer(gpu_.device(), &info, nullptr, &buffer_));
-        VkMemoryRequirements needs{};
-        vkGetBufferMemoryRequirements(gpu_.device(), buffer_, &needs);
-        auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
-        auto allocation = vkInit<VkMemoryAllocateInfo>(
-            {.pNext = &flags,
-             .allocationSize = needs.size,
-             .memoryTypeIndex = gpu_.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT)});
-        VT_CHECK(vkAllocateMemory(gpu_.device(), &allocation, nullptr, &memory_));
-        VT_CHECK(vkBindBufferMemory(gpu_.device(), buffer_, memory_, 0));
-        auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer_});
-        static_cast<void>(vkGetBufferDeviceAddress(gpu_.device(), &query)); // the layer takes note of it
+        memory_ = gpu_.bindMemory(buffer_, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+        static_cast<void>(gpu_.address(buffer_)); // the layer records it
     }
     void makeStructure(VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
     {

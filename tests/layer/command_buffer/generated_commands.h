@@ -276,15 +276,10 @@ private:
         VT_CHECK(vkCreateBuffer(gpu_.device(), &buffer, nullptr, &room_));
         VkMemoryRequirements own{};
         vkGetBufferMemoryRequirements(gpu_.device(), room_, &own);
-        auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
-        auto memory = vkInit<VkMemoryAllocateInfo>(
-            {.pNext = &flags,
-             .allocationSize = own.size,
-             .memoryTypeIndex = gpu_.memoryType(own.memoryTypeBits & needed.memoryTypeBits, 0)});
-        VT_CHECK(vkAllocateMemory(gpu_.device(), &memory, nullptr, &roomMemory_));
+        own.memoryTypeBits &= needed.memoryTypeBits;
+        roomMemory_ = gpu_.allocate(own);
         VT_CHECK(vkBindBufferMemory(gpu_.device(), room_, roomMemory_, 0));
-        auto address = vkInit<VkBufferDeviceAddressInfo>({.buffer = room_});
-        roomAddress_ = vkGetBufferDeviceAddress(gpu_.device(), &address);
+        roomAddress_ = gpu_.address(room_);
     }
 
     Gpu &gpu_;

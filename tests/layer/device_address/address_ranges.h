@@ -41,13 +41,8 @@ public:
             types &= needs.memoryTypeBits;
             bytes = std::max(bytes, needs.size);
         }
-        auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
-        auto allocation = vkInit<VkMemoryAllocateInfo>(
-            {.pNext = &flags,
-             .allocationSize = bytes,
-             .memoryTypeIndex =
-                 gpu.memoryType(types, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT)});
-        VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
+        memory_ = gpu.allocate({.size = bytes, .memoryTypeBits = types},
+                               VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
         for (const VkBuffer buffer : buffers_)
             VT_CHECK(vkBindBufferMemory(gpu.device(), buffer, memory_, 0));
         void *mapped = nullptr;
@@ -63,12 +58,7 @@ public:
         destroy(1);
         vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
-    // EnabledFeatures of one of them.
-    [[nodiscard]] VkDeviceAddress address(size_t which) const
-    {
-        auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffers_[which]});
-        return vkGetBufferDeviceAddress(gpu_.device(), &query);
-    }
+    [[nodiscard]] VkDeviceAddress address(size_t which) const { return gpu_.address(buffers_[which]); }
     void destroy(size_t which)
     {
         vkDestroyBuffer(gpu_.device(), buffers_[which], nullptr);

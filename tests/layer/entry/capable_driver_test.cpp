@@ -167,18 +167,8 @@ TEST_F(CapableDriverExt, CaptureReplayOfMicromaps)
          .usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
-    VkMemoryRequirements requirements{};
-    vkGetBufferMemoryRequirements(gpu().device(), buffer, &requirements);
-    auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
-    auto allocation =
-        vkInit<VkMemoryAllocateInfo>({.pNext = &flags,
-                                      .allocationSize = requirements.size,
-                                      .memoryTypeIndex = gpu().memoryType(requirements.memoryTypeBits, 0)});
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
-    auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
-    const VkDeviceAddress address = vkGetBufferDeviceAddress(gpu().device(), &query);
+    const VkDeviceMemory memory = gpu().bindMemory(buffer);
+    const VkDeviceAddress address = gpu().address(buffer);
 
     auto create =
         vkInit<VkMicromapCreateInfoEXT>({.createFlags = VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT,
@@ -231,20 +221,10 @@ TEST_F(CapableDriverKhr, CaptureReplayOfMicromaps)
          .usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
-    VkMemoryRequirements requirements{};
-    vkGetBufferMemoryRequirements(gpu().device(), buffer, &requirements);
-    auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
-    auto allocation =
-        vkInit<VkMemoryAllocateInfo>({.pNext = &flags,
-                                      .allocationSize = requirements.size,
-                                      .memoryTypeIndex = gpu().memoryType(requirements.memoryTypeBits, 0)});
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
-    auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
+    const VkDeviceMemory memory = gpu().bindMemory(buffer);
     auto create = vkInit<VkAccelerationStructureCreateInfo2KHR>(
         {.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR,
-         .addressRange = {vkGetBufferDeviceAddress(gpu().device(), &query) + 256, source.size()},
+         .addressRange = {gpu().address(buffer) + 256, source.size()},
          .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
     for (int run = 0; run < 2; ++run) { // capture, then replay
         VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;

@@ -14,7 +14,7 @@
 #define VK_NO_PROTOTYPES
 #include <vulkan/vulkan.h>
 
-#include "vk/vk_init.h"
+#include "micromap_device.h"
 
 namespace
 {
@@ -69,20 +69,8 @@ VkDevice makeDevice(const Loader &loader, VkInstance instance)
     uint32_t count = 1;
     if (COMMAND(vkEnumeratePhysicalDevices)(instance, &count, &physical) < 0 || count == 0)
         fail("vkEnumeratePhysicalDevices");
-    const float priority = 1;
-    const auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
-    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE});
-    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
-        {.pNext = &micromaps, .accelerationStructure = VK_TRUE});
-    const char *extensions[]{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
-                             VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
-    auto info = vkInit<VkDeviceCreateInfo>({.pNext = &structures,
-                                            .queueCreateInfoCount = 1,
-                                            .pQueueCreateInfos = &queue,
-                                            .enabledExtensionCount = 3,
-                                            .ppEnabledExtensionNames = extensions});
     VkDevice device = VK_NULL_HANDLE;
-    check(COMMAND(vkCreateDevice)(physical, &info, nullptr, &device), "vkCreateDevice");
+    check(COMMAND(vkCreateDevice)(physical, MicromapDeviceInfo(0).get(), nullptr, &device), "vkCreateDevice");
     // Queries of micromaps are the layer's own, and have memory of the driver's.
     auto pool =
         vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, .queryCount = 16});

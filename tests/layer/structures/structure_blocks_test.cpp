@@ -261,19 +261,12 @@ TEST_F(StructureBlocks, GenericStructuresMadeBeforeTheirMemory)
                                                                   .type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR});
         VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &structures[i]));
     }
-    VkMemoryRequirements needs{};
-    vkGetBufferMemoryRequirements(gpu().device(), buffer, &needs);
-    auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
-    auto allocation = vkInit<VkMemoryAllocateInfo>(
-        {.pNext = &flags, .allocationSize = needs.size, .memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, 0)});
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
+    const VkDeviceMemory memory = gpu().bindMemory(buffer);
 
-    auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
+    std::map auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
     std::map<uint64_t, uint64_t> moved;
     for (size_t i = 0; i < 2; ++i)
-        moved[addressOf(patchwork.micromap(i))] = vkGetBufferDeviceAddress(gpu().device(), &query) + i * second;
+        moved[addressOf(patchwork.micromap(i))] = gpu().address(buffer) + i * second;
     Blocks blocks(data);
     for (size_t i = 0; i < blocks.addresses(); ++i)
         blocks.setAddress(i, moved.at(blocks.address(i)));
