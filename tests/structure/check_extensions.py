@@ -13,12 +13,11 @@ the layer does. Extensions that the registry at hand is too old to have may be t
 
 usage: check_extensions.py [REGISTRY [ROOT]]
 """
-import pathlib
 import re
-import sys
 import xml.etree.ElementTree as ElementTree
 
-REGISTRY = "/usr/share/vulkan/registry/vk.xml"
+import findings
+
 PLACE = "docs/layer.md"
 MATTERS = {
     "VkAccelerationStructureKHR", "VkMicromapEXT", "VkShaderModule", "VkShaderEXT", "VkPipelineCache",
@@ -95,23 +94,11 @@ def check(registry_path, root):
     registry = Registry(registry_path)
     rows = described((root / PLACE).read_text(encoding="utf-8"))
     wanted = sorted(name for name, extension in registry.extensions.items() if registry.matters(extension))
-    complaints = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
-    complaints += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
-    complaints += [f"{PLACE}: nothing is said of {name}" for name, texts in rows.items() if not all(texts)]
-    return complaints, len(wanted)
-
-
-def main():
-    registry = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else REGISTRY)
-    root = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else pathlib.Path(__file__).parents[2])
-    if not registry.exists():
-        print(f"skipped: there is no {registry}")
-        return 77
-    complaints, count = check(registry, root)
-    print(*complaints, sep="\n")
-    print(f"{len(complaints)} complaints about {count} extensions")
-    return 1 if complaints else 0
+    found = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
+    found += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
+    found += [f"{PLACE}: nothing is said of {name}" for name, texts in rows.items() if not all(texts)]
+    return found, len(wanted)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    findings.run_with_registry(check, "extensions")

@@ -6,9 +6,9 @@ column of a table, those with a VUID without the prefix VELLUM-. The page's firs
 
 usage: check_refusals.py [ROOT]
 """
-import pathlib
 import re
-import sys
+
+import findings
 
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*')
 # What the formatter has broken in two.
@@ -50,26 +50,18 @@ def check(root):
     sections, counts = listed((root / "docs" / "refusals.md").read_text(encoding="utf-8"))
     names = [name for section in sections.values() for name in section]
     ids = told(root)
-    complaints = [f"{path}: {name} is put together at run time, and can be looked up nowhere"
-                  for name, path in ids.items() if name.endswith("-")]
-    complaints += [f"{path}: {name} is not in docs/refusals.md"
-                   for name, path in sorted(ids.items()) if not name.endswith("-") and name not in names]
-    complaints += [f"docs/refusals.md: there is no message {name}" for name in sorted(set(names) - ids.keys())]
-    complaints += [f"docs/refusals.md: {name} is there {names.count(name)} times"
-                   for name in sorted(set(names)) if names.count(name) > 1]
-    complaints += [f"docs/refusals.md: {len(sections.get(section, []))} messages are {section}, not {counts.get(section)}"
-                   for section in sorted(sections.keys() | counts.keys())
-                   if counts.get(section) != len(sections.get(section, []))]
-    return complaints, len(ids)
-
-
-def main():
-    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parents[2])
-    complaints, count = check(root)
-    print(*complaints, sep="\n")
-    print(f"{len(complaints)} complaints about {count} messages")
-    return 1 if complaints else 0
+    found = [f"{path}: {name} is put together at run time, and can be looked up nowhere"
+             for name, path in ids.items() if name.endswith("-")]
+    found += [f"{path}: {name} is not in docs/refusals.md"
+              for name, path in sorted(ids.items()) if not name.endswith("-") and name not in names]
+    found += [f"docs/refusals.md: there is no message {name}" for name in sorted(set(names) - ids.keys())]
+    found += [f"docs/refusals.md: {name} is there {names.count(name)} times"
+              for name in sorted(set(names)) if names.count(name) > 1]
+    found += [f"docs/refusals.md: {len(sections.get(section, []))} messages are {section}, not {counts.get(section)}"
+              for section in sorted(sections.keys() | counts.keys())
+              if counts.get(section) != len(sections.get(section, []))]
+    return found, len(ids)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    findings.run(check, "messages")

@@ -46,7 +46,7 @@ def run(code, page):
 
 
 class CheckRefusals(unittest.TestCase):
-    def expect_complaint(self, code, page, *words):
+    def expect_finding(self, code, page, *words):
         status, output = run(code, page)
         self.assertEqual(status, 1, output)
         self.assertEqual(len(output.splitlines()), 2, output)
@@ -57,24 +57,24 @@ class CheckRefusals(unittest.TestCase):
         self.assertEqual(run(CODE, PAGE)[0], 0, run(CODE, PAGE)[1])
 
     def test_not_listed(self):
-        self.expect_complaint(CODE + 'error("VELLUM-new");', PAGE, "code.cpp: VELLUM-new is not in")
+        self.expect_finding(CODE + 'error("VELLUM-new");', PAGE, "code.cpp: VELLUM-new is not in")
 
     def test_no_such_message(self):
-        self.expect_complaint(CODE.replace("00001", "00002") + 'error("VELLUM-VUID-vkCmdCopy-src-00001");', PAGE,
-                              "VELLUM-VUID-vkCmdCopy-src-00002 is not in")
-        self.expect_complaint(CODE, PAGE.replace("| 1 |\n\n## R", "| 2 |\n\n## R") + "| `VELLUM-gone` | |\n",
-                              "there is no message VELLUM-gone")
+        self.expect_finding(CODE.replace("00001", "00002") + 'error("VELLUM-VUID-vkCmdCopy-src-00001");', PAGE,
+                            "VELLUM-VUID-vkCmdCopy-src-00002 is not in")
+        self.expect_finding(CODE, PAGE.replace("| 1 |\n\n## R", "| 2 |\n\n## R") + "| `VELLUM-gone` | |\n",
+                            "there is no message VELLUM-gone")
 
     def test_put_together(self):
-        self.expect_complaint(CODE + 'error("VELLUM-VUID-" + name);', PAGE, "put together at run time")
+        self.expect_finding(CODE + 'error("VELLUM-VUID-" + name);', PAGE, "put together at run time")
 
     def test_twice(self):
-        self.expect_complaint(CODE, PAGE.replace("| 1 |\n\n## R", "| 2 |\n\n## R") + "| `VELLUM-shape` | |\n",
-                              "VELLUM-shape is there 2 times")
+        self.expect_finding(CODE, PAGE.replace("| 1 |\n\n## R", "| 2 |\n\n## R") + "| `VELLUM-shape` | |\n",
+                            "VELLUM-shape is there 2 times")
 
     def test_number(self):
-        self.expect_complaint(CODE, PAGE.replace("| 1 |\n\n## R", "| 3 |\n\n## R"),
-                              "1 messages are other messages, not 3")
+        self.expect_finding(CODE, PAGE.replace("| 1 |\n\n## R", "| 3 |\n\n## R"),
+                            "1 messages are other messages, not 3")
 
 
 if __name__ == "__main__":

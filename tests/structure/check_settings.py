@@ -7,9 +7,9 @@ environment variable, type and default, for Vulkan Configurator; the page has it
 usage: check_settings.py [ROOT]
 """
 import json
-import pathlib
 import re
-import sys
+
+import findings
 
 CODE = "src/layer/base/settings.cpp"
 HEADER = "src/layer/base/settings.h"
@@ -40,21 +40,13 @@ def of_page(root):
 
 def check(root):
     code, manifest, page = of_code(root), of_manifest(root), of_page(root)
-    findings = [f"{MANIFEST}: {key} is {manifest.get(key, 'not there')}, in the code {code.get(key, 'not there')}"
-                for key in sorted({*code, *manifest}) if code.get(key) != manifest.get(key)]
+    found = [f"{MANIFEST}: {key} is {manifest.get(key, 'not there')}, in the code {code.get(key, 'not there')}"
+             for key in sorted({*code, *manifest}) if code.get(key) != manifest.get(key)]
     named = {key: variable for variable, key in page.items()}
-    findings += [f"{PAGE}: {key} is {named.get(key, 'not there')}, in the code {code.get(key, ['not there'])[0]}"
-                 for key in sorted({*code, *named}) if code.get(key, [None])[0] != named.get(key)]
-    return findings, len(code)
-
-
-def main():
-    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parents[2])
-    findings, count = check(root)
-    print(*findings, sep="\n")
-    print(f"{len(findings)} differences in {count} settings")
-    return 1 if findings or not count else 0
+    found += [f"{PAGE}: {key} is {named.get(key, 'not there')}, in the code {code.get(key, ['not there'])[0]}"
+              for key in sorted({*code, *named}) if code.get(key, [None])[0] != named.get(key)]
+    return found, len(code)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    findings.run(check, "settings")
