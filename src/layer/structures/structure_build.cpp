@@ -7,6 +7,7 @@
 #include "layer/base/atomic_max.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/driver_builds.h"
 #include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
@@ -17,7 +18,6 @@ namespace
 {
 
 using namespace shared;
-using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
 using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 
 constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
@@ -244,33 +244,14 @@ private:
 
     void runDriver()
     {
-        std::vector<BuildInfo> infos, indirectInfos;
-        std::vector<const RangeInfo *> ranges;
-        std::vector<VkDeviceAddress> addresses;
-        std::vector<uint32_t> strides;
-        std::vector<const uint32_t *> most;
+        DriverBuilds builds;
         for (Part &part : parts_) {
-            if (part.skipped)
-                continue;
-            const BuildRanges &given = part.build.ranges;
-            if (part.build.topLevel || given.direct) {
-                // A top-level structure is built for as many instances as there may be; the rest are inactive.
-                infos.push_back(part.build.driverInfo());
-                ranges.push_back(part.build.topLevel ? &part.instanceRange : given.direct);
-            } else {
-                indirectInfos.push_back(part.build.driverInfo());
-                addresses.push_back(given.indirect);
-                strides.push_back(given.stride);
-                most.push_back(given.most);
-            }
+            // A top-level structure is built for as many instances as there may be; the rest are inactive.
+            if (!part.skipped)
+                builds.add(part.build.driverInfo(),
+                           part.build.topLevel ? BuildRanges{.direct = &part.instanceRange} : part.build.ranges);
         }
-        if (!infos.empty())
-            device_.driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer_, static_cast<uint32_t>(infos.size()),
-                                                                  infos.data(), ranges.data());
-        if (!indirectInfos.empty())
-            device_.driver.next.CmdBuildAccelerationStructuresIndirectKHR(
-                commandBuffer_, static_cast<uint32_t>(indirectInfos.size()), indirectInfos.data(), addresses.data(),
-                strides.data(), most.data());
+        builds.record(device_.driver, commandBuffer_);
     }
 
     // Descriptors of structures without records: what an earlier build put there must not be found any more. Whoever
@@ -351,7 +332,7 @@ private:
                 push.named = attachment->structure != nullptr;
                 push.baseTriangle = attachment->baseTriangle;
                 push.log = device_.commands.validationLog.address();
-                push.object = findingObject(attachment->micromap.object.type, attachment->micromap.object.handle);
+                push.object = findingObject(attachment->micromap);
                 setIndices(push, *attachment);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }
