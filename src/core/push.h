@@ -91,8 +91,9 @@ struct BlasRecordsPush {
 // Where the instances come from.
 VELLUM_CONST uint kFromArray = 0u;
 VELLUM_CONST uint kFromPointers = 1u;
-VELLUM_CONST uint kFromStructure = 2u;  // a copy: the instances are those of another structure
-VELLUM_CONST uint kFromSerialized = 3u; // with the references in an array of their own
+VELLUM_CONST uint kFromTarget = 2u;     // a transfer has put them there; only what differs is written
+VELLUM_CONST uint kFromStructure = 3u;  // a copy: the instances are those of another structure
+VELLUM_CONST uint kFromSerialized = 4u; // with the references in an array of their own
 struct TlasInstancesPush {
     VELLUM_ADDRESS source; // instances, pointers to them, or a descriptor that leads to them
     VELLUM_ADDRESS target; // instances for the driver

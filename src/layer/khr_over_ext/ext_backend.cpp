@@ -20,22 +20,6 @@ const MicromapLimits *ExtBackend::limits() const
     return device_.driver.next.GetMicromapBuildSizesEXT ? &limits_ : nullptr;
 }
 
-MicromapBuildSizes ExtBackend::sizes(const MicromapBuild &build) const
-{
-    // Addresses and the target are ignored.
-    VkMicromapBuildInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    info.flags = build.flags & ~kLossyBuild;
-    info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-    info.usageCountsCount = static_cast<uint32_t>(build.usages.size());
-    info.pUsageCounts = build.usages.data();
-    info.triangleArrayStride = build.triangleStride;
-    VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
-    device_.driver.next.GetMicromapBuildSizesEXT(device_.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
-                                                 &info, &sizes);
-    return {sizes.micromapSize, sizes.buildScratchSize};
-}
-
 bool ExtBackend::checkMicromap(const InputCheck &check, const BufferRange &range) const
 {
     if (!device_.driver.next.CreateMicromapEXT)

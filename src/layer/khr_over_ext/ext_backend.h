@@ -18,8 +18,8 @@ public:
     bool begin(VkCommandBuffer commandBuffer, const char *command) override;
 
     [[nodiscard]] const MicromapLimits *limits() const override;
-    [[nodiscard]] MicromapBuildSizes sizes(const MicromapBuild &build) const override;
     // ext_builds.cpp
+    [[nodiscard]] MicromapBuildSizes sizes(const MicromapBuild &build) const override;
     void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) override;
     [[nodiscard]] uint32_t micromapAlignment() const override { return 256; }
     [[nodiscard]] bool checkMicromap(const InputCheck &check, const BufferRange &range) const override;

@@ -7,14 +7,13 @@
 #include "layer/khr_over_ext/device_khr_over_ext.h"
 #include "layer/khr_over_ext/ext_backend.h"
 #include "layer/khr_over_ext/placed_micromaps.h"
+#include "layer/structures/driver_builds.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
-using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 using Attachment = VkAccelerationStructureTrianglesOpacityMicromapEXT;
 
 // VUID-vkCmdBuildMicromapsEXT-pInfos-07515; KHR wants 128.
@@ -53,6 +52,7 @@ bool moveTriangles(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, Inje
     return work.dispatch(InjectedShader::MicromapTriangles, push, triangles, 64);
 }
 
+// `target`: null for a query of sizes, which ignores it and all addresses.
 VkMicromapBuildInfoEXT driverInfo(const MicromapBuild &build, VkMicromapEXT target)
 {
     VkMicromapBuildInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
@@ -202,47 +202,25 @@ void widenIndices(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const
     work.barrier();
 }
 
-void runDriver(const Driver &driver, VkCommandBuffer commandBuffer, const std::deque<AttachedBuild> &builds)
-{
-    std::vector<BuildInfo> infos, indirectInfos;
-    std::vector<const RangeInfo *> ranges;
-    std::vector<VkDeviceAddress> addresses;
-    std::vector<uint32_t> strides;
-    std::vector<const uint32_t *> most;
-    for (const AttachedBuild &attached : builds) {
-        const BuildRanges &given = attached.build().ranges;
-        if (given.direct) {
-            infos.push_back(attached.build().driverInfo());
-            ranges.push_back(given.direct);
-        } else {
-            indirectInfos.push_back(attached.build().driverInfo());
-            addresses.push_back(given.indirect);
-            strides.push_back(given.stride);
-            most.push_back(given.most);
-        }
-    }
-    if (!infos.empty())
-        driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer, static_cast<uint32_t>(infos.size()), infos.data(),
-                                                      ranges.data());
-    if (!indirectInfos.empty())
-        driver.next.CmdBuildAccelerationStructuresIndirectKHR(
-            commandBuffer, static_cast<uint32_t>(indirectInfos.size()), indirectInfos.data(), addresses.data(),
-            strides.data(), most.data());
-}
-
 } // namespace
+
+MicromapBuildSizes ExtBackend::sizes(const MicromapBuild &build) const
+{
+    const VkMicromapBuildInfoEXT info = driverInfo(build, VK_NULL_HANDLE);
+    VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
+    device_.driver.next.GetMicromapBuildSizesEXT(device_.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                                                 &info, &sizes);
+    return {sizes.micromapSize, sizes.buildScratchSize};
+}
 
 void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds)
 {
-    const auto check = [&](const MicromapBuild &build) {
-        return inputCheck(device_.driver, command, build.structure->handle);
-    };
     std::vector<PlacedMicromap> micromaps(builds.size());
     bool anyMoved = false;
     for (size_t i = 0; i < builds.size(); ++i) {
         PlacedMicromap &micromap = micromaps[i];
         // Handles may reach into one another, whichever their types.
-        micromap.bytes = std::max<VkDeviceSize>(sizes(builds[i]).micromap, 1);
+        micromap.bytes = std::max<VkDeviceSize>(builds[i].bytes, 1);
         micromap.isKnown = true;
         micromap.usages = builds[i].usages;
         if (mustBeMoved(builds[i])) {
@@ -251,8 +229,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
             anyMoved = true;
         }
         micromap.handle = micromapOfSize(device_, *builds[i].structure, micromap.bytes);
-        if (!micromap.handle)
-            check(builds[i]).reject("VELLUM-out-of-memory", "the driver could not make a micromap");
+        checkDriverMicromap(device_, command, *builds[i].structure, micromap.handle);
     }
     InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
@@ -261,7 +238,8 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
         if (!micromaps[i].handle)
             continue;
         if (mustBeMoved(builds[i]) && !moveTriangles(device_, commandBuffer, work, builds[i])) {
-            check(builds[i]).reject("VELLUM-out-of-memory", "no memory for the triangles");
+            inputCheck(device_.driver, command, builds[i].structure->handle)
+                .reject("VELLUM-out-of-memory", "no memory for the triangles");
             builds[i].usages.clear(); // nothing is read
             builds[i].data.deviceAddress = builds[i].triangles.deviceAddress = 0;
             micromaps[i].isKnown = false;
@@ -301,13 +279,13 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
         }
         const bool named = std::ranges::any_of(
             build.inputs, [](const GeometryInput &input) { return input.micromap && input.micromap->structure; });
-        becomesStructure(*build.target,
-                         build.topLevel ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
-                                        : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
-                         named || (build.source && namesMicromaps(*build.source)));
+        becomesStructure(*build.target, build.type(), named || (build.source && namesMicromaps(*build.source)));
     }
     widenIndices(device_, commandBuffer, command, attached);
-    runDriver(device_.driver, commandBuffer, attached);
+    DriverBuilds driverBuilds;
+    for (const AttachedBuild &added : attached)
+        driverBuilds.add(added.build().driverInfo(), added.build().ranges);
+    driverBuilds.record(device_.driver, commandBuffer);
 }
 
 } // namespace vellum::layer

@@ -16,13 +16,6 @@ namespace
 constexpr VkAccelerationStructureTypeKHR kMicromap = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 constexpr VkAccelerationStructureTypeKHR kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
-bool lacksMicromap(const DeviceKhrOverExt &device, const char *command, const AccelerationStructure &structure,
-                   VkMicromapEXT micromap)
-{
-    return !micromap && !inputCheck(device.driver, command, structure.handle)
-                             .reject("VELLUM-out-of-memory", "the driver could not make a micromap");
-}
-
 // VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07542 and VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07547; KHR wants 128.
 bool checkAlignment(const DeviceKhrOverExt &device, VkDeviceAddress data, const char *what)
 {
@@ -64,13 +57,13 @@ void recordHeader(const DeviceKhrOverExt &device, InjectedWork &work, VkDeviceAd
 
 VkDeviceSize ExtBackend::cloneBytes(const StructureCopy &copy)
 {
-    return copy.micromap ? lastMicromap(device_, *copy.source).bytes : 0; // of others the driver knows it
+    return copy.isMicromap() ? lastMicromap(device_, *copy.source).bytes : 0; // of others the driver knows it
 }
 
 void ExtBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy)
 {
     constexpr const char *kCommand = "vkCmdCopyAccelerationStructureKHR";
-    if (!copy.micromap) {
+    if (!copy.isMicromap()) {
         becomesStructure(*copy.target, copy.type, namesMicromaps(*copy.source));
         VkCopyAccelerationStructureInfoKHR info{VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR};
         info.src = copy.source->handle;
@@ -85,7 +78,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy
     if (copy.compact)
         to.bytes = std::min(from.bytes, capacityOf(device_.objects, *copy.target));
     to.handle = micromapOfSize(device_, *copy.target, to.bytes);
-    if (lacksMicromap(device_, kCommand, *copy.target, from.handle && to.handle ? to.handle : VK_NULL_HANDLE))
+    if (!checkDriverMicromap(device_, kCommand, *copy.target, from.handle && to.handle ? to.handle : VK_NULL_HANDLE))
         return;
     VkCopyMicromapInfoEXT info{VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT};
     info.src = from.handle;
@@ -121,7 +114,7 @@ void ExtBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy 
         InjectedWork::refusedIn(device_.commands, commandBuffer, kCommand))
         return;
     PlacedMicromap micromap = lastMicromap(device_, source);
-    if (lacksMicromap(device_, kCommand, source, micromap.handle))
+    if (!checkDriverMicromap(device_, kCommand, source, micromap.handle))
         return;
     VkCopyMicromapToMemoryInfoEXT info{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
     info.src = micromap.handle;
@@ -157,7 +150,7 @@ void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCo
     micromap.isKnown = data.isKnown;
     micromap.usages = std::move(data.usages);
     micromap.handle = micromapOfSize(device_, target, micromap.bytes);
-    if (lacksMicromap(device_, kCommand, target, micromap.handle))
+    if (!checkDriverMicromap(device_, kCommand, target, micromap.handle))
         return;
     VkCopyMemoryToMicromapInfoEXT info{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
     info.src.deviceAddress = copy.data;

@@ -89,6 +89,13 @@ PlacedMicromap lastMicromap(DeviceKhrOverExt &device, const AccelerationStructur
     return micromap;
 }
 
+bool checkDriverMicromap(const DeviceKhrOverExt &device, const char *command, const AccelerationStructure &structure,
+                         VkMicromapEXT micromap)
+{
+    return micromap || inputCheck(device.driver, command, structure.handle)
+                           .reject("VELLUM-out-of-memory", "the driver could not make a micromap");
+}
+
 void becomesMicromap(DeviceKhrOverExt &device, AccelerationStructure &structure, PlacedMicromap micromap)
 {
     becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, micromap.bytes);

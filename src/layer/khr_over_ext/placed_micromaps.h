@@ -58,6 +58,9 @@ bool mayHaveMicromapAt(const DeviceKhrOverExt &device, VkBuffer buffer, VkDevice
 VkMicromapEXT micromapOfSize(DeviceKhrOverExt &device, const AccelerationStructure &structure, VkDeviceSize bytes);
 // What was recorded last at its place. If nothing was, what a micromap there would be of which nothing is known.
 PlacedMicromap lastMicromap(DeviceKhrOverExt &device, const AccelerationStructure &structure);
+// Whether the driver has made a micromap for the structure; reports that it could not.
+bool checkDriverMicromap(const DeviceKhrOverExt &device, const char *command, const AccelerationStructure &structure,
+                         VkMicromapEXT micromap);
 // Something of a micromap is recorded into the structure.
 void becomesMicromap(DeviceKhrOverExt &device, AccelerationStructure &structure, PlacedMicromap micromap);
 

@@ -7,6 +7,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/command_buffer/gpu_validation_log.h"
 #include "layer/micromaps/micromap_input.h"
 
 namespace vellum::layer
@@ -27,6 +28,12 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
 enum class DataThatIsNone { ClearsTheTarget, LeavesTheTarget };
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
                            VkDeviceAddress source, DataThatIsNone none = DataThatIsNone::ClearsTheTarget);
+
+// What the validation log names a micromap by.
+inline uint64_t findingObject(const Micromap &micromap)
+{
+    return findingObject(micromap.object.type, micromap.object.handle);
+}
 
 // Writes a property of a micromap, kQueryMicromap* of core/records.h, to the 64-bit number at `value`.
 void recordMicromapProperty(InjectedWork &work, const Driver &driver, const Micromap &micromap, uint32_t kind,

@@ -66,7 +66,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
     push.data = build.data.deviceAddress;
     push.scratch = alignUp(build.scratch, kBuildScratchAlignment);
     push.log = device.commands.validationLog.address();
-    push.object = findingObject(build.target.object.type, build.target.object.handle);
+    push.object = findingObject(build.target);
     push.triangleArrayStride = static_cast<uint32_t>(build.triangleStride);
     push.triangleCount = static_cast<uint32_t>(extent.triangles);
     push.capacityUnits = static_cast<uint32_t>(extent.units);
@@ -170,7 +170,7 @@ uint32_t staysPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
 
 // Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
 // buffer.
-void letStay(const DeviceMicromaps &device, VkDeviceSize micromapOffset, OneBuild &build)
+void letStay(const DeviceMicromaps &device, OneBuild &build)
 {
     MicromapPush &push = build.push;
     const AddressMap::Location location = device.buffers.addresses.find(push.scratch);
@@ -192,7 +192,6 @@ void letStay(const DeviceMicromaps &device, VkDeviceSize micromapOffset, OneBuil
     build.stays = true;
     build.scratch = location.buffer;
     build.scratchOffset = location.offset;
-    build.micromapOffset = micromapOffset;
 }
 
 // One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
@@ -207,6 +206,7 @@ public:
     void add(const MicromapBuild &given)
     {
         OneBuild build;
+        build.micromapOffset = given.target.offset;
         build.copy = dataCopyOf(device_, given);
         build.push = pushOf(device_, given);
         if (build.copy.from)
@@ -215,7 +215,7 @@ public:
             lossy_.emplace_back().push = coarseningOf(build.push, given.extent);
             build.push = coarsenedOf(build.push, given.extent);
         }
-        letStay(device_, given.target.offset, build);
+        letStay(device_, build);
         builds_.push_back(build);
     }
 

@@ -29,7 +29,7 @@ MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &microma
     push.micromap = micromapAddress(device.driver, micromap);
     push.micromapBytes = micromap.size;
     push.log = device.commands.validationLog.address();
-    push.object = findingObject(micromap.object.type, micromap.object.handle);
+    push.object = findingObject(micromap);
     push.root = device.objects.root.address();
     push.mode = mode;
     return push;

@@ -273,6 +273,7 @@ bool checkMicromapBuild(const DeviceState &objects, const InputCheck &check, con
         return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547",
                             "dstAccelerationStructure was created as neither OPACITY_MICROMAP nor GENERIC");
     build.target = micromapIn(*build.structure);
+    build.bytes = sizes.micromap;
     if (build.target.size < sizes.micromap)
         return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
                             "dstAccelerationStructure has " + std::to_string(build.target.size) +

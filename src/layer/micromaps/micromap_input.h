@@ -22,6 +22,7 @@ struct Driver;
 struct MicromapBuild {
     Micromap target;                                  // none where only sizes are queried
     std::shared_ptr<AccelerationStructure> structure; // the target, in VK_KHR_opacity_micromap
+    VkDeviceSize bytes = 0;                           // of the micromap, as the back end reports them; with `structure`
     VkBuildMicromapFlagsEXT flags = 0;                // may hold kLossyBuild
     std::vector<VkMicromapUsageEXT> usages;           // with counts above 0; unknown formats count as 4-state
     MicromapExtent extent;

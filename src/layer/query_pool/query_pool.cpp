@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -21,6 +24,8 @@ namespace
 {
 
 using namespace shared;
+
+constexpr const char *kWriteProperties = "vkCmdWriteAccelerationStructuresPropertiesKHR";
 
 bool isMicromapType(VkQueryType type)
 {
@@ -103,11 +108,6 @@ std::vector<VkBufferCopy> copiesOf(const QueryPool &pool, uint32_t first, uint32
     return regions;
 }
 
-bool isMicromap(const DeviceQueryPools &device, const AccelerationStructure &structure)
-{
-    return holdsMicromap(device.driver, structure).value_or(false);
-}
-
 // Of the driver's micromaps, where there is such a type.
 VkResult createMicromapPool(const DeviceQueryPools &device, const VkQueryPoolCreateInfo &info, VkQueryPool &result)
 {
@@ -125,10 +125,9 @@ VkResult createMicromapPool(const DeviceQueryPools &device, const VkQueryPoolCre
     return device.driver.next.CreateQueryPool(device.driver.handle, &micromaps, nullptr, &result);
 }
 
-} // namespace
-
-bool queriesInRange(const DeviceQueryPools &device, const QueryPool &pool, uint32_t first, uint64_t count,
-                    const char *command)
+// Whether a command's queries are all in the pool.
+bool checkQueries(const DeviceQueryPools &device, const QueryPool &pool, uint32_t first, uint64_t count,
+                  const char *command)
 {
     if (first + count <= pool.count)
         return true;
@@ -138,6 +137,7 @@ bool queriesInRange(const DeviceQueryPools &device, const QueryPool &pool, uint3
     return false;
 }
 
+// Comes after the values, so that whoever sees that a query is available sees its value.
 void makeAvailable(InjectedWork &work, const DeviceQueryPools &device, VkCommandBuffer commandBuffer,
                    const QueryPool &pool, uint32_t first, uint32_t count)
 {
@@ -147,38 +147,58 @@ void makeAvailable(InjectedWork &work, const DeviceQueryPools &device, VkCommand
     work.barrier(true);
 }
 
-bool mayWriteProperty(const DeviceQueryPools &device, const InputCheck &check, VkAccelerationStructureKHR structure,
-                      uint32_t element, VkQueryType type)
-{
-    const auto known = device.objects.accelerationStructures.get(structure);
-    if (!known)
-        return check.reject(
-            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter",
-            "pAccelerationStructures[" + std::to_string(element) + "] is not an acceleration structure of this device");
-    return type != VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR ||
-           !isMicromap(device, *known) ||
-           check.tolerate("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
-                          "pAccelerationStructures[" + std::to_string(element) +
-                              "] is a micromap, which has no bottom-level pointers");
-}
-
-bool mayWriteProperties(const DeviceQueryPools &device, const QueryPool *pool, VkQueryType type)
+// Whether values of that type can be written to queries of that pool. True for no queries.
+bool checkPropertyType(const DeviceQueryPools &device, const QueryPool *pool, VkQueryType type)
 {
     // The driver knows neither the layer's micromaps nor its types of queries: what is wrong must not reach it.
     if (pool ? pool->type != type : isStructureProperty(type)) {
-        device.driver.report().error(
-            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryPool was created with another queryType");
+        device.driver.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
+                                     std::string(kWriteProperties) + ": queryPool was created with another queryType");
         return false;
     }
     if (!isStructureProperty(type)) {
-        device.driver.report().error(
-            "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
-            "vkCmdWriteAccelerationStructuresPropertiesKHR: queryType is not a type of acceleration structure queries");
+        device.driver.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
+                                     std::string(kWriteProperties) +
+                                         ": queryType is not a type of acceleration structure queries");
         return false;
     }
     return true;
 }
+
+// Finds the structures of a command and the properties to be queried. False, after a message, if one cannot be queried.
+bool findProperties(const DeviceQueryPools &device, const InputCheck &check, const QueryPool &pool, uint32_t first,
+                    std::span<const VkAccelerationStructureKHR> handles,
+                    std::vector<std::shared_ptr<AccelerationStructure>> &structures,
+                    std::vector<Backend::Property> &properties)
+{
+    for (const VkAccelerationStructureKHR handle : handles) {
+        const auto i = static_cast<uint32_t>(structures.size());
+        const std::string element = "pAccelerationStructures[" + std::to_string(i) + "]";
+        const auto &structure = structures.emplace_back(device.objects.accelerationStructures.get(handle));
+        if (!structure)
+            return check.reject(
+                "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter",
+                element + " is not an acceleration structure of this device");
+        // The device may find out meanwhile what a structure holds, so this is looked up once.
+        const std::optional<bool> micromap = holdsMicromap(device.driver, *structure);
+        if (pool.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR &&
+            micromap.value_or(false) &&
+            !check.tolerate("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
+                            element + " is a micromap, which has no bottom-level pointers"))
+            return false;
+        if (!micromap && device.driver.translated())
+            device.driver.report().warning("VELLUM-unknown-content",
+                                           std::string(kWriteProperties) + ": " + element +
+                                               " is of type GENERIC, and nothing was recorded into it so far: it is "
+                                               "taken for no micromap");
+        const uint32_t query = first + i;
+        properties.push_back({pool.type, *structure, micromap.value_or(false), pool.memory.buffer(),
+                              pool.valueInBuffer(query), pool.valueAddress(query), pool.micromaps, query});
+    }
+    return true;
+}
+
+} // namespace
 
 uint64_t QueryPool::value(uint32_t query) const
 {
@@ -237,7 +257,7 @@ void destroyQueryPool(DeviceQueryPools &device, VkDevice handle, VkQueryPool poo
 void resetQueryPool(DeviceQueryPools &device, VkDevice handle, VkQueryPool queryPool, uint32_t first, uint32_t count)
 {
     const auto pool = device.pools.get(queryPool);
-    if (pool && !queriesInRange(device, *pool, first, count, "vkResetQueryPool"))
+    if (pool && !checkQueries(device, *pool, first, count, "vkResetQueryPool"))
         return;
     if (pool) {
         uint32_t *words = pool->memory.words();
@@ -253,7 +273,7 @@ void cmdResetQueryPool(DeviceQueryPools &device, VkCommandBuffer commandBuffer, 
                        uint32_t count)
 {
     const auto pool = device.pools.get(queryPool);
-    if (pool && !queriesInRange(device, *pool, first, count, "vkCmdResetQueryPool"))
+    if (pool && !checkQueries(device, *pool, first, count, "vkCmdResetQueryPool"))
         return;
     if (pool && count > 0) {
         InjectedWork work(device.commands, commandBuffer);
@@ -275,7 +295,7 @@ VkResult getQueryPoolResults(DeviceQueryPools &device, VkDevice handle, VkQueryP
     const auto pool = device.pools.get(queryPool);
     if (!pool)
         return device.driver.next.GetQueryPoolResults(handle, queryPool, first, count, size, data, stride, flags);
-    if (!queriesInRange(device, *pool, first, count, "vkGetQueryPoolResults"))
+    if (!checkQueries(device, *pool, first, count, "vkGetQueryPoolResults"))
         return VK_ERROR_UNKNOWN;
     bool complete = true;
     for (uint32_t i = 0; i < count && i * stride + Format(flags).bytes() <= size; ++i) {
@@ -298,7 +318,7 @@ void cmdCopyQueryPoolResults(DeviceQueryPools &device, VkCommandBuffer commandBu
     if (!pool)
         return device.driver.next.CmdCopyQueryPoolResults(commandBuffer, queryPool, first, count, buffer, offset,
                                                           stride, flags);
-    if (count == 0 || !queriesInRange(device, *pool, first, count, "vkCmdCopyQueryPoolResults"))
+    if (count == 0 || !checkQueries(device, *pool, first, count, "vkCmdCopyQueryPoolResults"))
         return;
     InjectedWork work(device.commands, commandBuffer);
     // The barrier waits for all that came before on this queue, which is the command's first synchronization scope:
@@ -333,7 +353,7 @@ void cmdWriteMicromapsProperties(DeviceQueryPools &device, VkCommandBuffer comma
         return;
     }
     // VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528
-    if (count == 0 || !queriesInRange(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT") ||
+    if (count == 0 || !checkQueries(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT") ||
         InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT"))
         return;
     const uint32_t kind =
@@ -349,35 +369,18 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &device, VkComman
                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
                                               VkQueryPool queryPool, uint32_t first)
 {
-    constexpr const char *kCommand = "vkCmdWriteAccelerationStructuresPropertiesKHR";
     const auto pool = device.pools.get(queryPool);
-    if (!mayWriteProperties(device, pool.get(), type))
+    if (!checkPropertyType(device, pool.get(), type) || count == 0 ||
+        !checkQueries(device, *pool, first, count, kWriteProperties) ||
+        InjectedWork::refusedIn(device.commands, commandBuffer, kWriteProperties))
         return;
-    if (count == 0 || !queriesInRange(device, *pool, first, count, kCommand) ||
-        InjectedWork::refusedIn(device.commands, commandBuffer, kCommand))
-        return;
-    const InputCheck check(device.driver.report(), kCommand);
-    for (uint32_t i = 0; i < count; ++i) {
-        if (!mayWriteProperty(device, check, structures[i], i, type))
-            return;
-    }
-    // The driver's answers are taken over, and corrected in place. What a structure holds may be what the device finds
-    // meanwhile: it is asked once.
-    Backend &backend = *device.structures.backend;
     std::vector<std::shared_ptr<AccelerationStructure>> known;
     std::vector<Backend::Property> properties;
-    for (uint32_t i = 0; i < count; ++i) {
-        known.push_back(device.objects.accelerationStructures.get(structures[i]));
-        const std::optional<bool> micromap = holdsMicromap(device.driver, *known.back());
-        if (!micromap && device.driver.translated())
-            device.driver.report().warning(
-                "VELLUM-unknown-content",
-                std::string(kCommand) + ": pAccelerationStructures[" + std::to_string(i) +
-                    "] is of type GENERIC, and nothing was recorded into it so far: it is taken for no micromap");
-        const uint32_t query = first + i;
-        properties.push_back({type, *known.back(), micromap.value_or(false), pool->memory.buffer(),
-                              pool->valueInBuffer(query), pool->valueAddress(query), pool->micromaps, query});
-    }
+    if (!findProperties(device, {device.driver.report(), kWriteProperties}, *pool, first, {structures, count}, known,
+                        properties))
+        return;
+    // The driver's answers are copied to the pool's memory, and corrected there.
+    Backend &backend = *device.structures.backend;
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     for (uint32_t begin = 0; begin < count;) {

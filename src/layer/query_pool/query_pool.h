@@ -21,8 +21,6 @@ namespace vellum::layer
 {
 
 struct DeviceQueryPools;
-class InjectedWork;
-class InputCheck;
 
 struct QueryPool {
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
@@ -43,18 +41,6 @@ struct QueryPool {
     [[nodiscard]] uint64_t value(uint32_t query) const;
     [[nodiscard]] bool available(uint32_t query) const;
 };
-
-// All of a command's queries, from the first on.
-bool queriesInRange(const DeviceQueryPools &device, const QueryPool &pool, uint32_t first, uint64_t count,
-                    const char *command);
-// Whether values of that type can be written to queries of that pool; tells, if not. True for no queries.
-bool mayWriteProperties(const DeviceQueryPools &device, const QueryPool *pool, VkQueryType type);
-// Whether the type is one that a structure can be asked for; tells, if not.
-bool mayWriteProperty(const DeviceQueryPools &device, const InputCheck &check, VkAccelerationStructureKHR structure,
-                      uint32_t element, VkQueryType type);
-// After the values, so that whoever sees that a query is available sees its value.
-void makeAvailable(InjectedWork &work, const DeviceQueryPools &device, VkCommandBuffer commandBuffer,
-                   const QueryPool &pool, uint32_t first, uint32_t count);
 
 VkResult createQueryPool(DeviceQueryPools &, VkDevice, const VkQueryPoolCreateInfo *, const VkAllocationCallbacks *,
                          VkQueryPool *);

@@ -194,13 +194,18 @@ VkAccelerationStructureTypeKHR markedType(VkDeviceSize size)
 
 } // namespace
 
-VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure)
+VkAccelerationStructureTypeKHR contentOf(const Driver &driver, const AccelerationStructure &structure)
 {
-    if (structure.type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+    constexpr VkAccelerationStructureTypeKHR kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    if (structure.type != kGeneric)
         return structure.type;
+    const VkAccelerationStructureTypeKHR marked = markedType(structure.size);
     StructureLocation &location = *structure.location;
     std::lock_guard lock(location.mutex);
-    return location.deserialization != 0 && !learns(location) ? markedType(structure.size) : location.content;
+    if (location.deserialization != 0 && !learns(location))
+        return marked;
+    const bool markedMicromap = driver.translated() && marked == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    return location.content == kGeneric && markedMicromap ? marked : location.content;
 }
 
 void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization)
@@ -299,13 +304,10 @@ bool canHoldMicromap(const AccelerationStructure &structure)
 
 std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStructure &structure)
 {
-    const VkAccelerationStructureTypeKHR content = contentOf(structure);
-    if (content != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        return content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    // Where micromaps are the driver's, the device leaves no trace of what it found.
-    const bool marked =
-        driver.translated() && markedType(structure.size) == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    return marked ? std::optional(true) : std::nullopt;
+    const VkAccelerationStructureTypeKHR content = contentOf(driver, structure);
+    return content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+               ? std::nullopt
+               : std::optional(content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
 }
 
 Micromap micromapIn(const AccelerationStructure &structure)

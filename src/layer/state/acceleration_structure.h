@@ -54,8 +54,9 @@ StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &str
 
 // What is in a structure by what was recorded last into it or into another one at its place: its type, unless it is
 // GENERIC. Of a GENERIC one that data was deserialized to that only the device has looked at: what it found; before
-// that copy was executed, what the structure's size is marked for. GENERIC: nothing tells.
-VkAccelerationStructureTypeKHR contentOf(const AccelerationStructure &structure);
+// that copy was executed, what the structure's size is marked for. GENERIC: unknown; where micromaps are the driver's,
+// the device leaves no trace of what it found, and a structure whose size is marked for a micromap is taken for one.
+VkAccelerationStructureTypeKHR contentOf(const Driver &driver, const AccelerationStructure &structure);
 // Something of that type, and of so many bytes, is recorded into a structure. 0 bytes: only the device knows.
 void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes);
 // Data is deserialized into a GENERIC structure of which only the device knows what it holds. The structure has a

@@ -1,5 +1,6 @@
 // Builds and updates of acceleration structures: the patched instances and the records around the driver's build.
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <string>
 
@@ -7,6 +8,7 @@
 #include "layer/base/atomic_max.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
+#include "layer/structures/driver_builds.h"
 #include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
@@ -17,14 +19,13 @@ namespace
 {
 
 using namespace shared;
-using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
 using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 
 constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
 constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
 
 // An intersection shader cannot know whether its geometry is opaque: the descriptor says it.
-void setBoxes(uint32_t (&descriptor)[kDescriptorWords], const StructureBuild &build)
+void setBoxes(std::array<uint32_t, kDescriptorWords> &descriptor, const StructureBuild &build)
 {
     bool alike = true;
     uint32_t opaque = 0;
@@ -65,6 +66,13 @@ public:
     }
 
 private:
+    // The copies of the application's instances, by transfers, which are faster than a shader that copies them: before
+    // the driver's build to what it builds from, and after it to the tail. Null buffers: the shader copies.
+    struct InstanceTransfers {
+        VkBuffer source = VK_NULL_HANDLE, patched = VK_NULL_HANDLE, structure = VK_NULL_HANDLE;
+        VkBufferCopy toPatched{}, toTail{};
+    };
+
     struct Part {
         explicit Part(StructureBuild &&given) : build(std::move(given)) {}
         StructureBuild build;
@@ -75,6 +83,7 @@ private:
         StructureDescriptor descriptor;
         RangeInfo instanceRange{}; // of the patched instances
         TlasInstancesPush instances{};
+        InstanceTransfers transfers;
         bool skipped = false;
 
         [[nodiscard]] AccelerationStructure &target() const { return *build.target; }
@@ -196,7 +205,31 @@ private:
         instances.arrayOfPointers = VK_FALSE;
         instances.data.deviceAddress = push.target;
         part.instanceRange = {count, 0, 0, 0};
+        prepareTransfers(part, layout.tailOffset);
         return true;
+    }
+
+    void prepareTransfers(Part &part, VkDeviceSize tailOffset)
+    {
+        TlasInstancesPush &push = part.instances;
+        const AddressMap &addresses = device_.buffers.addresses;
+        const AccelerationStructure &target = part.target();
+        const VkDeviceSize bytes = push.count * sizeof(VkAccelerationStructureInstanceKHR);
+        const bool hostKnowsRange = push.from == kFromArray && push.range == 0 && bytes > 0;
+        if (!hostKnowsRange || (device_.buffers.infos.get(target.buffer).usage & VK_BUFFER_USAGE_TRANSFER_DST_BIT) == 0)
+            return;
+        const AddressMap::Location source = addresses.covering(push.source, bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+        const AddressMap::Location patched = addresses.covering(push.target, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+        const auto overlaps = [&](VkDeviceAddress to) { return push.source < to + bytes && to < push.source + bytes; };
+        if (!source.buffer || !patched.buffer || overlaps(push.target) || overlaps(push.tail))
+            return;
+        part.transfers = {source.buffer,
+                          patched.buffer,
+                          target.buffer,
+                          {source.offset, patched.offset, bytes},
+                          {source.offset, target.offset + tailOffset, bytes}};
+        push.source = push.target;
+        push.from = kFromTarget;
     }
 
     void patchInstances(InjectedWork &work)
@@ -209,6 +242,17 @@ private:
         if (!any)
             return;
         work.barrier();
+        bool transferred = false;
+        for (const Part &part : parts_) {
+            const InstanceTransfers &transfers = part.transfers;
+            if (!transfers.source)
+                continue;
+            device_.driver.next.CmdCopyBuffer(commandBuffer_, transfers.source, transfers.patched, 1,
+                                              &transfers.toPatched);
+            transferred = true;
+        }
+        if (transferred)
+            work.barrier();
         for (Part &part : parts_) {
             if (!part.skipped && part.build.topLevel)
                 part.skipped = !work.dispatch(InjectedShader::TlasInstances, part.instances,
@@ -244,58 +288,58 @@ private:
 
     void runDriver()
     {
-        std::vector<BuildInfo> infos, indirectInfos;
-        std::vector<const RangeInfo *> ranges;
-        std::vector<VkDeviceAddress> addresses;
-        std::vector<uint32_t> strides;
-        std::vector<const uint32_t *> most;
+        DriverBuilds builds;
         for (Part &part : parts_) {
-            if (part.skipped)
-                continue;
-            const BuildRanges &given = part.build.ranges;
-            if (part.build.topLevel || given.direct) {
-                // A top-level structure is built for as many instances as there may be; the rest are inactive.
-                infos.push_back(part.build.driverInfo());
-                ranges.push_back(part.build.topLevel ? &part.instanceRange : given.direct);
-            } else {
-                indirectInfos.push_back(part.build.driverInfo());
-                addresses.push_back(given.indirect);
-                strides.push_back(given.stride);
-                most.push_back(given.most);
-            }
+            // A top-level structure is built for as many instances as there may be; the rest are inactive.
+            if (!part.skipped)
+                builds.add(part.build.driverInfo(),
+                           part.build.topLevel ? BuildRanges{.direct = &part.instanceRange} : part.build.ranges);
         }
-        if (!infos.empty())
-            device_.driver.next.CmdBuildAccelerationStructuresKHR(commandBuffer_, static_cast<uint32_t>(infos.size()),
-                                                                  infos.data(), ranges.data());
-        if (!indirectInfos.empty())
-            device_.driver.next.CmdBuildAccelerationStructuresIndirectKHR(
-                commandBuffer_, static_cast<uint32_t>(indirectInfos.size()), indirectInfos.data(), addresses.data(),
-                strides.data(), most.data());
+        builds.record(device_.driver, commandBuffer_);
+    }
+
+    [[nodiscard]] std::array<uint32_t, kDescriptorWords> plainDescriptor(const Part &part) const
+    {
+        std::array<uint32_t, kDescriptorWords> words{};
+        words[2] = kDescriptorPlain;
+        setBoxes(words, part.build);
+        if (part.driverBytes > 0) {
+            const VkDeviceAddress end = beginOf(device_.driver, part.target()) + part.driverBytes;
+            std::memcpy(words.data(), &end, sizeof end);
+        }
+        return words;
     }
 
     // Descriptors of structures without records: what an earlier build put there must not be found any more. Whoever
     // reads or writes a descriptor in a shader waits for everything before it, and lets everything after it wait. But
     // before it in another command buffer may only be the stage of builds, after a semaphore or an event: the barrier
-    // puts the descriptors before what comes in that stage.
+    // puts the descriptors before what comes in that stage. Descriptors that are next to each other, as those of
+    // structures that were made one after the other, are written at once.
     void writeDescriptors()
     {
-        bool any = false;
+        constexpr size_t kMostUpdatedBytes = 65536; // of vkCmdUpdateBuffer
+        std::vector<std::array<uint32_t, kDescriptorWords>> words;
+        StructureDescriptor first;
+        const auto bytes = [&] { return words.size() * kDescriptorWords * 4; };
+        const auto flush = [&] {
+            if (!words.empty())
+                device_.driver.next.CmdUpdateBuffer(commandBuffer_, first.buffer, first.offset, bytes(), words.data());
+            words.clear();
+        };
         for (const Part &part : parts_) {
             if (!writesPlainDescriptor(part))
                 continue;
-            uint32_t words[kDescriptorWords]{};
-            words[2] = kDescriptorPlain;
-            setBoxes(words, part.build);
-            if (part.driverBytes > 0) {
-                const VkDeviceAddress end = beginOf(device_.driver, part.target()) + part.driverBytes;
-                std::memcpy(words, &end, sizeof end);
+            const StructureDescriptor &descriptor = part.descriptor;
+            if (descriptor.buffer != first.buffer || descriptor.offset != first.offset + bytes() ||
+                bytes() == kMostUpdatedBytes) {
+                flush();
+                first = descriptor;
             }
-            device_.driver.next.CmdUpdateBuffer(commandBuffer_, part.descriptor.buffer, part.descriptor.offset,
-                                                sizeof words, words);
-            any = true;
+            words.push_back(plainDescriptor(part));
         }
-        if (!any)
+        if (!first.buffer)
             return;
+        flush();
         const VkMemoryBarrier descriptors{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_TRANSFER_WRITE_BIT,
                                           VK_ACCESS_TRANSFER_WRITE_BIT | VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR};
         device_.driver.next.CmdPipelineBarrier(commandBuffer_, VK_PIPELINE_STAGE_TRANSFER_BIT,
@@ -315,6 +359,9 @@ private:
                 continue;
             if (part.tail) {
                 writeRecords(work, part);
+            } else if (const InstanceTransfers &transfers = part.transfers; transfers.source) {
+                device_.driver.next.CmdCopyBuffer(commandBuffer_, transfers.source, transfers.structure, 1,
+                                                  &transfers.toTail);
             } else {
                 part.instances.pass = 1;
                 work.dispatch(InjectedShader::TlasInstances, part.instances, part.instances.count, 64);
@@ -351,7 +398,7 @@ private:
                 push.named = attachment->structure != nullptr;
                 push.baseTriangle = attachment->baseTriangle;
                 push.log = device_.commands.validationLog.address();
-                push.object = findingObject(attachment->micromap.object.type, attachment->micromap.object.handle);
+                push.object = findingObject(attachment->micromap);
                 setIndices(push, *attachment);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }

@@ -302,7 +302,7 @@ VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, 
     if (device.driver.emulated())
         return rejectOnHost(device, kCommand);
     // A deferred build reads its input later: the driver gets the application's, unless there are micromaps.
-    std::vector<bool> topLevel;
+    std::vector<VkAccelerationStructureTypeKHR> types;
     for (uint32_t i = 0; i < count; ++i) {
         if (isMicromapBuild(infos[i]))
             return rejectOnHost(device, std::string(kCommand) + " with micromaps");
@@ -314,12 +314,10 @@ VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, 
         if (build->hasMicromaps || !isDrivers(device, infos[i].dstAccelerationStructure) ||
             (update && !isDrivers(device, infos[i].srcAccelerationStructure)))
             return rejectOnHost(device, std::string(kCommand) + " with micromaps");
-        topLevel.push_back(build->topLevel);
+        types.push_back(build->type());
     }
     for (uint32_t i = 0; i < count; ++i)
-        becomesStructure(*device.objects.accelerationStructures.get(infos[i].dstAccelerationStructure),
-                         topLevel[i] ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
-                                     : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
+        becomesStructure(*device.objects.accelerationStructures.get(infos[i].dstAccelerationStructure), types[i],
                          false);
     return device.driver.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
 }
@@ -332,7 +330,7 @@ VkResult copyAccelerationStructure(DeviceStructures &device, VkDevice handle, Vk
     if (!isDrivers(device, info->src) || !isDrivers(device, info->dst) ||
         holdsMicromap(device.driver, *source).value_or(target->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR))
         return rejectOnHost(device, "vkCopyAccelerationStructureKHR of a micromap");
-    becomesStructure(*target, contentOf(*source), namesMicromaps(*source));
+    becomesStructure(*target, contentOf(device.driver, *source), namesMicromaps(*source));
     return device.driver.next.CopyAccelerationStructureKHR(handle, operation, info);
 }
 

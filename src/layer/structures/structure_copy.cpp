@@ -131,7 +131,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
 VkDeviceSize EmulatedBackend::cloneBytes(const StructureCopy &copy)
 {
     // What is in use of a micromap, only the device knows.
-    if (copy.micromap)
+    if (copy.isMicromap())
         return 0;
     // With VK_KHR_ray_tracing_maintenance1 it is what a query has reported, and of a GENERIC structure the size of the
     // handle says nothing.
@@ -143,7 +143,7 @@ VkDeviceSize EmulatedBackend::cloneBytes(const StructureCopy &copy)
 void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy)
 {
     AccelerationStructure &source = *copy.source, &target = *copy.target;
-    if (copy.micromap) {
+    if (copy.isMicromap()) {
         becomeMicromap(device_.objects, target);
         return recordMicromapCopy(device_.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target));
     }

@@ -185,19 +185,16 @@ std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, cons
     if (!copy.target)
         return reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter",
                       "dst is not an acceleration structure of this device");
-    copy.type = contentOf(*copy.source);
-    if (isLayerObject(*copy.target) || holdsMicromap(objects.driver, *copy.source).value_or(false))
-        copy.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    else if (copy.type == kGeneric)
+    copy.type = isLayerObject(*copy.target) ? copy.target->type : contentOf(objects.driver, *copy.source);
+    if (copy.type == kGeneric)
         copy.type = copy.target->type;
-    copy.micromap = copy.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    if (copy.micromap && (!canHoldMicromap(*copy.source) || !canHoldMicromap(*copy.target)))
+    if (copy.isMicromap() && (!canHoldMicromap(*copy.source) || !canHoldMicromap(*copy.target)))
         return reject("VELLUM-copy-type", "one of src and dst is not a micromap");
     if (copy.source->location == copy.target->location ||
-        (!copy.micromap && objects.driver.structureAddress(info.src) == objects.driver.structureAddress(info.dst)))
-        return copy.micromap ? reject("VELLUM-micromap-copy-overlap", "src and dst overlap")
-                             : reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791",
-                                      "src and dst are the same memory");
+        (!copy.isMicromap() && objects.driver.structureAddress(info.src) == objects.driver.structureAddress(info.dst)))
+        return copy.isMicromap() ? reject("VELLUM-micromap-copy-overlap", "src and dst overlap")
+                                 : reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791",
+                                          "src and dst are the same memory");
     copy.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
     // Other modes are clones, as drivers do it.
     if (!copy.compact &&
@@ -227,8 +224,8 @@ std::optional<SerializedCopy> parseSave(const DeviceState &objects, const char *
     if (!checkMode(check, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR,
                    "VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", "mode is not SERIALIZE"))
         return std::nullopt;
-    const bool micromap = holdsMicromap(objects.driver, *copy.structure).value_or(false);
-    copy.content = micromap ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR : contentOf(*copy.structure);
+    copy.content = contentOf(objects.driver, *copy.structure);
+    const bool micromap = copy.content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     if (copy.content == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR) {
         objects.driver.report().notAvailable(std::string(command) +
                                              " of a GENERIC structure recorded before any build of it");

@@ -61,6 +61,11 @@ struct StructureBuild {
     // Once checked. The source: of an update.
     std::shared_ptr<AccelerationStructure> target, source;
 
+    [[nodiscard]] VkAccelerationStructureTypeKHR type() const
+    {
+        return topLevel ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
+                        : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    }
     [[nodiscard]] uint32_t geometryCount() const { return static_cast<uint32_t>(geometries.size()); }
     // The most primitives of each geometry.
     [[nodiscard]] std::vector<uint32_t> primitives() const;
@@ -81,9 +86,9 @@ bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, co
 struct StructureCopy {
     std::shared_ptr<AccelerationStructure> source, target;
     bool compact = false; // otherwise a clone
-    bool micromap = false;
     // Of the copy: never GENERIC. Where micromaps are the driver's, it may be, of other structures.
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    [[nodiscard]] bool isMicromap() const { return type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; }
 };
 std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, const char *command,
                                                 const VkCopyAccelerationStructureInfoKHR &info);

@@ -85,6 +85,8 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
 // The driver reads hit records of all instances: tables of the layer reach as far (hit_records.comp).
 void noteRecordOffset(uint offset)
 {
+    if (offset == 0u)
+        return;
     Words header = Words(push.root);
     Words counters = Words(uvec2(header.w[kRootGpuErrors], header.w[kRootGpuErrors + 1u]));
     if (counters.w[kGreatestRecordOffset] < offset)
@@ -97,13 +99,19 @@ bool isIndirect()
     return (push.range.x | push.range.y) != 0u;
 }
 
+// Whether the structure is a copy, and `source` the address of a descriptor.
+bool isCopy()
+{
+    return push.from == kFromStructure || push.from == kFromSerialized;
+}
+
 // Where instance i is read from.
 uvec2 sourceOf(uint i, Cell copied)
 {
     const uvec2 array = isIndirect() ? addressPlus(push.source, Words(readable(push.range, push.root)).w[1]) : push.source;
     if (push.from == kFromPointers)
         return loadAddress(elementAddress(array, i, 8u));
-    return elementAddress(push.from == kFromArray ? array : copied.tail, i, kInstanceBytes);
+    return elementAddress(isCopy() ? copied.tail : array, i, kInstanceBytes);
 }
 
 uvec2 referenceOf(uint i, Words source, Cell copied)
@@ -127,7 +135,7 @@ void keep(uint i, Cell copied)
 void main()
 {
     const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
-    const bool copying = push.from >= kFromStructure;
+    const bool copying = isCopy();
     Cell copied = Cell(uvec2(0), kDescriptorTop, 0u, push.count, 0u, uvec2(0));
     if (copying) {
         copied = loadDescriptor(push.source);
@@ -163,8 +171,11 @@ void main()
         return;
     }
     Words source = Words(sourceOf(i, copied));
-    for (uint w = 0u; w < kCustomIndexWord; ++w)
-        target.w[w] = source.w[w];
+    const bool inPlace = push.from == kFromTarget;
+    if (!inPlace) {
+        for (uint w = 0u; w < kCustomIndexWord; ++w)
+            target.w[w] = source.w[w];
+    }
     const uint customAndMask = source.w[kCustomIndexWord];
     const uint offsetAndFlags = source.w[kFlagsWord];
     const uvec2 reference = referenceOf(i, source, copied);
@@ -182,8 +193,10 @@ void main()
 
     target.w[kCustomIndexWord] = slot | (customAndMask & 0xff000000u);
     target.w[kFlagsWord] = offsetAndFlags & ~(hidden << 24u);
-    target.w[kReferenceWord] = dead ? 0u : reference.x;
-    target.w[kReferenceWord + 1u] = dead ? 0u : reference.y;
+    if (!inPlace || dead) {
+        target.w[kReferenceWord] = dead ? 0u : reference.x;
+        target.w[kReferenceWord + 1u] = dead ? 0u : reference.y;
+    }
     writeRecord(slot, customAndMask & 0x00ffffffu, offsetAndFlags >> 24u, found);
     noteRecordOffset(offsetAndFlags & 0x00ffffffu);
 }
