@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that docs/layer.md says of every Vulkan extension that may matter to the layer what the layer does about it, and
-prints what is missing.
+"""Checks that docs/extensions.md has every Vulkan extension that may matter to the layer, once, and prints what is missing.
 
 Extensions matter that, by the registry (vk.xml), have to do with ray tracing, shaders, pipelines or their caches:
 - their name says so;
@@ -8,10 +7,11 @@ Extensions matter that, by the registry (vk.xml), have to do with ray tracing, s
 - a structure of theirs extends or has one of MATTERS, or a command of theirs takes one;
 - they bring SPIR-V extensions or capabilities, or flags for pipelines, shaders or acceleration structures.
 
-The page has each in backticks in the first column of a table below "## Vulkan extensions", once; the second column says what
-the layer does. Extensions that the registry at hand is too old to have may be there.
+The page has each in backticks, in the first column of a table whose second column says what the layer does, or in the list
+of those that pass through. The table of hidden ones is generated from the code; with --write, it is written anew. Extensions
+that the registry at hand is too old to have may be there.
 
-usage: check_extensions.py [REGISTRY [ROOT]]
+usage: check_extensions.py [--write] [REGISTRY [ROOT]]
 """
 import pathlib
 import re
@@ -19,7 +19,10 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 REGISTRY = "/usr/share/vulkan/registry/vk.xml"
-PLACE = "docs/layer.md"
+PLACE = "docs/extensions.md"
+HIDDEN = "src/layer/entry/hidden_extensions.cpp"
+DISPLACEMENT = "VK_NV_displacement_micromap"
+BEGIN, END = "<!-- begin hidden -->\n", "<!-- end hidden -->\n"
 MATTERS = {
     "VkAccelerationStructureKHR", "VkMicromapEXT", "VkShaderModule", "VkShaderEXT", "VkPipelineCache",
     "VkPipelineBinaryKHR", "VkRayTracingPipelineCreateInfoKHR", "VkPipelineShaderStageCreateInfo",
@@ -79,38 +82,59 @@ class Registry:
 
 
 def described(page):
-    """Extension: what the layer does, and how often it is there."""
-    rows, inside = {}, False
+    """Extension: what the page says of it, each time."""
+    rows, passed = {}, False
     for line in page.splitlines():
         if line.startswith("## "):
-            inside = line == "## Vulkan extensions"
-        elif inside and line.startswith("|"):
-            columns = [column.strip() for column in line.strip("|").split("|")]
-            for name in re.findall(r"`(VK_\w+)`", columns[0]):
-                rows.setdefault(name, []).append(columns[1] if len(columns) > 1 else "")
+            passed = line == "## Passed through"
+        columns = [column.strip() for column in line.strip("|").split("|")] if line.startswith("|") else []
+        for name in re.findall(r"`(VK_\w+)`", columns[0] if columns else line if passed else ""):
+            rows.setdefault(name, []).append("passed through" if passed else "".join(columns[1:2]))
     return rows
+
+
+def hidden_table(code):
+    """Of the rows of kHidden: name, reason, and whether translated micromaps hide the extension as well."""
+    lines = ["| extension | why | also hidden from translated micromaps |", "|---|---|---|"]
+    for row in re.findall(r"^    \{((?:\"VK_|newer::).*?)\},$", code, re.M | re.S):
+        name = re.match(r'"(VK_\w+)"', row)
+        reason = re.findall(r'"([^"]*)"', row)[1 if name else 0]
+        lines.append(f"| `{name[1] if name else DISPLACEMENT}` | {reason} | {'yes' if 'Translated::' in row else 'no'} |")
+    return "\n".join(lines) + "\n"
+
+
+def generated(root):
+    page = (root / PLACE).read_text(encoding="utf-8")
+    before, rest = page.split(BEGIN)
+    return before + BEGIN + hidden_table((root / HIDDEN).read_text(encoding="utf-8")) + END + rest.split(END)[1]
 
 
 def check(registry_path, root):
     registry = Registry(registry_path)
-    rows = described((root / PLACE).read_text(encoding="utf-8"))
+    page = (root / PLACE).read_text(encoding="utf-8")
+    rows = described(page)
     wanted = sorted(name for name, extension in registry.extensions.items() if registry.matters(extension))
-    complaints = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
-    complaints += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
-    complaints += [f"{PLACE}: nothing is said of {name}" for name, texts in rows.items() if not all(texts)]
-    return complaints, len(wanted)
+    findings = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
+    findings += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
+    findings += [f"{PLACE}: an empty cell about {name}" for name, texts in rows.items() if not all(texts)]
+    if page != generated(root):
+        findings.append(f"{PLACE}: the table of hidden extensions is stale; run tests/structure/check_extensions.py --write")
+    return findings, len(wanted)
 
 
 def main():
-    registry = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else REGISTRY)
-    root = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else pathlib.Path(__file__).parents[2])
+    arguments = [argument for argument in sys.argv[1:] if argument != "--write"]
+    registry = pathlib.Path(arguments[0] if arguments else REGISTRY)
+    root = pathlib.Path(arguments[1] if len(arguments) > 1 else pathlib.Path(__file__).parents[2])
+    if "--write" in sys.argv[1:]:
+        (root / PLACE).write_text(generated(root), encoding="utf-8")
     if not registry.exists():
         print(f"skipped: there is no {registry}")
         return 77
-    complaints, count = check(registry, root)
-    print(*complaints, sep="\n")
-    print(f"{len(complaints)} complaints about {count} extensions")
-    return 1 if complaints else 0
+    findings, count = check(registry, root)
+    print(*findings, sep="\n")
+    print(f"{len(findings)} findings about {count} extensions")
+    return 1 if findings else 0
 
 
 if __name__ == "__main__":
