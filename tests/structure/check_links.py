@@ -1,0 +1,79 @@
+#!/usr/bin/env python3
+"""Checks the documents' links to files of the project and to their headings, and prints those that lead nowhere:
+
+- links and pictures of Markdown files, outside of code;
+- names of documents ("docs/baking.md", "docs/design/map.md") in sources and scripts.
+
+usage: check_links.py [ROOT]
+"""
+import pathlib
+import re
+import subprocess
+import sys
+
+FENCE = re.compile(r"^```.*?^```", re.M | re.S)
+CODE = re.compile(r"`[^`\n]*`")
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+ +(.*?)\s*$", re.M)
+NAMED = re.compile(r"\bdocs/[\w/-]+\.md\b")
+SOURCES = {".c", ".cpp", ".h", ".py", ".in", ".txt", ".cmake", ".comp", ".glsl", ".rahit", ".json", ""}
+# Tests of these scripts make up documents.
+EXCLUDED = re.compile(r"tests/structure/\w+_test\.py$")
+
+
+def files(root):
+    """Those that git knows or would add; in a tree without git, all."""
+    git = subprocess.run(["git", "-C", str(root), "ls-files", "-co", "--exclude-standard"], stdout=subprocess.PIPE,
+                         stderr=subprocess.DEVNULL, text=True, check=False)
+    paths = map(root.joinpath, git.stdout.split("\n")) if git.returncode == 0 else root.rglob("*")
+    return sorted(path for path in set(paths) if path.is_file())
+
+
+def anchors(text):
+    """Of the headings, as GitHub makes them."""
+    found = {}
+    for heading in HEADING.findall(FENCE.sub("", text)):
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)
+        anchor = re.sub(r"[^\w\- ]", "", plain.lower()).replace(" ", "-")
+        count = found[anchor] = found.get(anchor, -1) + 1
+        if count:
+            found[f"{anchor}-{count}"] = 0
+    return set(found)
+
+
+def findings_of_document(root, path, text):
+    here = path.relative_to(root)
+    for link in LINK.findall(CODE.sub("", FENCE.sub("", text))):
+        if re.match(r"[a-z]+:", link):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (path.parent / name).resolve() if name else path
+        if not target.exists():
+            yield f"{here}: there is no {link}"
+        elif anchor and target.suffix == ".md" and anchor not in anchors(target.read_text(encoding="utf-8")):
+            yield f"{here}: {name or here} has no heading #{anchor}"
+
+
+def check(root):
+    root = root.resolve()
+    findings, count = [], 0
+    for path in files(root):
+        if path.suffix == ".md":
+            count += 1
+            findings += findings_of_document(root, path, path.read_text(encoding="utf-8"))
+        elif path.suffix in SOURCES and not EXCLUDED.search(path.as_posix()):
+            names = NAMED.findall(path.read_text(encoding="utf-8", errors="replace"))
+            findings += [f"{path.relative_to(root)}: there is no {name}" for name in sorted(set(names))
+                         if not (root / name).is_file()]
+    return findings, count
+
+
+def main():
+    findings, count = check(pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parents[2]))
+    print(*findings, sep="\n")
+    print(f"{len(findings)} dead links in {count} documents and the sources")
+    return 1 if findings or not count else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
