@@ -7,12 +7,11 @@ all pass; the layer itself returns the same. Names that the registry at hand is 
 
 usage: check_commands.py [REGISTRY [ROOT]]
 """
-import pathlib
 import re
-import sys
 import xml.etree.ElementTree as ElementTree
 
-REGISTRY = "/usr/share/vulkan/registry/vk.xml"
+import findings
+
 ROWS = "src/layer/entry/entry.cpp"
 MANIFEST = "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in"
 RETURNED = "src/layer/entry/instance.cpp"
@@ -39,25 +38,13 @@ def versions(root):
 def check(registry, root):
     rows = set(re.findall(r'row<\w+>\(\s*"(vk\w+)"', (root / ROWS).read_text(encoding="utf-8")))
     names = names_of(registry)
-    findings = [f"{ROWS}: {name} is not there, {', '.join(sorted(all_names & rows))} is"
-                for all_names in names.values() if all_names & rows for name in sorted(all_names - rows - OTHERS)]
+    found = [f"{ROWS}: {name} is not there, {', '.join(sorted(all_names & rows))} is"
+             for all_names in names.values() if all_names & rows for name in sorted(all_names - rows - OTHERS)]
     manifest, returned = versions(root)
     if manifest != returned or not manifest:
-        findings.append(f"{MANIFEST}: the version is {manifest}, in {RETURNED} {returned}")
-    return sorted(findings), len(rows)
-
-
-def main():
-    registry = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else REGISTRY)
-    root = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else pathlib.Path(__file__).parents[2])
-    if not registry.exists():
-        print(f"skipped: there is no {registry}")
-        return 77
-    findings, count = check(registry, root)
-    print(*findings, sep="\n")
-    print(f"{len(findings)} names missing beside {count}")
-    return 1 if findings or not count else 0
+        found.append(f"{MANIFEST}: the version is {manifest}, in {RETURNED} {returned}")
+    return sorted(found), len(rows)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    findings.run_with_registry(check, "intercepted commands")

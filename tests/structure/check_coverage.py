@@ -8,12 +8,11 @@
 usage: check_coverage.py [REGISTRY [ROOT]]
 """
 import fnmatch
-import pathlib
 import re
-import sys
 import xml.etree.ElementTree as ElementTree
 
-REGISTRY = "/usr/share/vulkan/registry/vk.xml"
+import findings
+
 PAGE = "docs/coverage.md"
 EXTENSIONS = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
               "VK_KHR_device_address_commands")
@@ -63,22 +62,10 @@ def missing_tests(page, tests):
 def check(registry, root):
     page = (root / PAGE).read_text(encoding="utf-8")
     wanted, tests = of_registry(registry), of_sources(root)
-    findings = [f"{PAGE}: nothing about {name}" for name in sorted(wanted) if not is_named(name, page)]
-    findings += [f"{PAGE}: there is no test {name}" for name in sorted(set(missing_tests(page, tests)))]
-    return findings, len(wanted)
-
-
-def main():
-    registry = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else REGISTRY)
-    root = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else pathlib.Path(__file__).parents[2])
-    if not registry.exists():
-        print(f"skipped: there is no {registry}")
-        return 77
-    findings, count = check(registry, root)
-    print(*findings, sep="\n")
-    print(f"{len(findings)} findings about {count} parts of the extensions")
-    return 1 if findings or not count else 0
+    found = [f"{PAGE}: nothing about {name}" for name in sorted(wanted) if not is_named(name, page)]
+    found += [f"{PAGE}: there is no test {name}" for name in sorted(set(missing_tests(page, tests)))]
+    return found, len(wanted)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    findings.run_with_registry(check, "parts of the extensions")

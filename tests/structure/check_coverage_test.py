@@ -43,7 +43,7 @@ class CheckCoverage(unittest.TestCase):
         self.assertIn(expected, out)
 
     def test_complete(self):
-        self.assertEqual(run(), (0, "\n0 findings about 3 parts of the extensions\n"))
+        self.assertEqual(run(), (0, "\n0 findings in 3 parts of the extensions\n"))
 
     def test_missing_parts(self):
         self.expect_finding("nothing about vkOneEXT\n", page=PAGE.replace("vkOneEXT, ", ""))

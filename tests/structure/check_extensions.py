@@ -13,12 +13,12 @@ that the registry at hand is too old to have may be there.
 
 usage: check_extensions.py [--write] [REGISTRY [ROOT]]
 """
-import pathlib
 import re
 import sys
 import xml.etree.ElementTree as ElementTree
 
-REGISTRY = "/usr/share/vulkan/registry/vk.xml"
+import findings
+
 PLACE = "docs/extensions.md"
 HIDDEN = "src/layer/entry/hidden_extensions.cpp"
 DISPLACEMENT = "VK_NV_displacement_micromap"
@@ -109,33 +109,25 @@ def generated(root):
     return before + BEGIN + hidden_table((root / HIDDEN).read_text(encoding="utf-8")) + END + rest.split(END)[1]
 
 
+def write(root):
+    (root / PLACE).write_text(generated(root), encoding="utf-8")
+
+
 def check(registry_path, root):
     registry = Registry(registry_path)
     page = (root / PLACE).read_text(encoding="utf-8")
     rows = described(page)
     wanted = sorted(name for name, extension in registry.extensions.items() if registry.matters(extension))
-    findings = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
-    findings += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
-    findings += [f"{PLACE}: an empty cell about {name}" for name, texts in rows.items() if not all(texts)]
+    found = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
+    found += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
+    found += [f"{PLACE}: an empty cell about {name}" for name, texts in rows.items() if not all(texts)]
     if page != generated(root):
-        findings.append(f"{PLACE}: the table of hidden extensions is stale; run tests/structure/check_extensions.py --write")
-    return findings, len(wanted)
-
-
-def main():
-    arguments = [argument for argument in sys.argv[1:] if argument != "--write"]
-    registry = pathlib.Path(arguments[0] if arguments else REGISTRY)
-    root = pathlib.Path(arguments[1] if len(arguments) > 1 else pathlib.Path(__file__).parents[2])
-    if "--write" in sys.argv[1:]:
-        (root / PLACE).write_text(generated(root), encoding="utf-8")
-    if not registry.exists():
-        print(f"skipped: there is no {registry}")
-        return 77
-    findings, count = check(registry, root)
-    print(*findings, sep="\n")
-    print(f"{len(findings)} findings about {count} extensions")
-    return 1 if findings else 0
+        found.append(f"{PLACE}: the table of hidden extensions is stale; run tests/structure/check_extensions.py --write")
+    return found, len(wanted)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    if "--write" in sys.argv:
+        sys.argv.remove("--write")
+        write(findings.root_from(sys.argv[2:]))
+    findings.run_with_registry(check, "extensions")

@@ -69,7 +69,7 @@ def run(rows, passed=(), table=TABLE, options=()):
 class CheckExtensions(unittest.TestCase):
     def test_complete(self):
         code, out = run(ROWS.items())
-        self.assertEqual((code, out.strip()), (0, "0 findings about 6 extensions"))
+        self.assertEqual((code, out.strip()), (0, "0 findings in 6 extensions"))
 
     def test_passed_through(self):
         names = list(ROWS)

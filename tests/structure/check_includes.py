@@ -10,7 +10,8 @@ usage: check_includes.py [ROOT]
 """
 import pathlib
 import re
-import sys
+
+import findings
 
 # Parts of src/ and the other parts that each may use.
 PARTS = {
@@ -105,39 +106,31 @@ def finding_of_include(here, there):
 
 def check(root):
     root = root.resolve()
-    findings = []
+    found = []
     for path in sources(root, "src"):
         here = path.relative_to(root / "src")
         part, subsystem = place(here)
         if part not in PARTS:
-            findings.append(f"src/{here}: in no part that {pathlib.Path(__file__).name} knows")
+            found.append(f"src/{here}: in no part that {pathlib.Path(__file__).name} knows")
         elif part in SUBSYSTEMS and subsystem not in SUBSYSTEMS[part]:
-            findings.append(f"src/{here}: in no subsystem of src/{part} that {pathlib.Path(__file__).name} knows")
+            found.append(f"src/{here}: in no subsystem of src/{part} that {pathlib.Path(__file__).name} knows")
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             if match := INCLUDE.match(line):
                 there = included(root, path, match[1])
                 if there and (wrong := finding_of_include(here, there)):
-                    findings.append(f'src/{here}:{number}: "{match[1]}": {wrong}')
+                    found.append(f'src/{here}:{number}: "{match[1]}": {wrong}')
     for folder in FOLDERS:
         counts = {}
         for path in sources(root, folder):
             counts[path.parent] = counts.get(path.parent, 0) + 1
             lines = len(path.read_text(encoding="utf-8").splitlines())
             if lines > MOST_LINES:
-                findings.append(f"{path.relative_to(root)}: {lines} lines, more than {MOST_LINES}")
+                found.append(f"{path.relative_to(root)}: {lines} lines, more than {MOST_LINES}")
         for parent, count in counts.items():
             if count > MOST_FILES:
-                findings.append(f"{parent.relative_to(root)}: {count} source files, more than {MOST_FILES}")
-    return findings
-
-
-def main():
-    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parents[2])
-    findings = check(root)
-    print(*findings, sep="\n")
-    print(f"{len(findings)} findings about {sum(len(sources(root, folder)) for folder in FOLDERS)} files")
-    return 1 if findings else 0
+                found.append(f"{parent.relative_to(root)}: {count} source files, more than {MOST_FILES}")
+    return found, sum(len(sources(root, folder)) for folder in FOLDERS)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    findings.run(check, "files")

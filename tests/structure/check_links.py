@@ -2,19 +2,21 @@
 """Checks the documents' links to files of the project and to their headings, and prints those that lead nowhere:
 
 - links and pictures of Markdown files, outside of code;
-- names of documents ("docs/baking.md", "docs/design/map.md") in sources and scripts.
+- names of source files in code of Markdown files (`hit_records.cpp`, `pipelines/hit_records.cpp`), which may lack folders;
+- names of documents ("docs/baking.md") in sources and scripts.
 
 usage: check_links.py [ROOT]
 """
-import pathlib
 import re
 import subprocess
-import sys
+
+import findings
 
 FENCE = re.compile(r"^```.*?^```", re.M | re.S)
 CODE = re.compile(r"`[^`\n]*`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+ +(.*?)\s*$", re.M)
+SOURCE = re.compile(r"`([\w./-]+\.(?:cpp|h|comp|glsl|rahit|py|cmake))`")
 NAMED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 SOURCES = {".c", ".cpp", ".h", ".py", ".in", ".txt", ".cmake", ".comp", ".glsl", ".rahit", ".json", ""}
 # Tests of these scripts make up documents.
@@ -41,8 +43,11 @@ def anchors(text):
     return set(found)
 
 
-def findings_of_document(root, path, text):
+def findings_of_document(root, path, text, known):
     here = path.relative_to(root)
+    for name in SOURCE.findall(FENCE.sub("", text)):
+        if not any(("/" + file).endswith("/" + name) for file in known):
+            yield f"{here}: there is no file {name}"
     for link in LINK.findall(CODE.sub("", FENCE.sub("", text))):
         if re.match(r"[a-z]+:", link):
             continue
@@ -56,24 +61,18 @@ def findings_of_document(root, path, text):
 
 def check(root):
     root = root.resolve()
-    findings, count = [], 0
-    for path in files(root):
+    found, count, paths = [], 0, files(root)
+    known = [path.relative_to(root).as_posix() for path in paths]
+    for path in paths:
         if path.suffix == ".md":
             count += 1
-            findings += findings_of_document(root, path, path.read_text(encoding="utf-8"))
+            found += findings_of_document(root, path, path.read_text(encoding="utf-8"), known)
         elif path.suffix in SOURCES and not EXCLUDED.search(path.as_posix()):
             names = NAMED.findall(path.read_text(encoding="utf-8", errors="replace"))
-            findings += [f"{path.relative_to(root)}: there is no {name}" for name in sorted(set(names))
-                         if not (root / name).is_file()]
-    return findings, count
-
-
-def main():
-    findings, count = check(pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parents[2]))
-    print(*findings, sep="\n")
-    print(f"{len(findings)} dead links in {count} documents and the sources")
-    return 1 if findings or not count else 0
+            found += [f"{path.relative_to(root)}: there is no {name}" for name in sorted(set(names))
+                      if not (root / name).is_file()]
+    return found, count
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    findings.run(check, "documents")

@@ -10,7 +10,7 @@ CHECK = pathlib.Path(__file__).resolve().with_name("check_links.py")
 FILES = {
     "README.md": "[page](docs/page.md), [part](docs/page.md#a-part-of-it), [web](https://example.org), `[code](none)`\n"
                  "```\n# comment\n[code](none)\n```\n",
-    "docs/page.md": "# Page\n[back](../README.md) [down](#same-1)\n## A part: of [it](page.md)\n## Same\n## Same\n",
+    "docs/page.md": "# Page of `code.cpp` and `src/code.cpp`\n[back](../README.md) [down](#same-1)\n## A part: of [it](page.md)\n## Same\n## Same\n",
     "src/code.cpp": "// docs/page.md has it.\n",
 }
 
@@ -33,7 +33,7 @@ class CheckLinks(unittest.TestCase):
         self.assertIn(expected, out)
 
     def test_sound(self):
-        self.assertEqual(run(), (0, "\n0 dead links in 2 documents and the sources\n"))
+        self.assertEqual(run(), (0, "\n0 findings in 2 documents\n"))
 
     def test_file(self):
         self.expect_finding("docs/page.md: there is no ../READ.md", "docs/page.md", "README", "READ")
@@ -41,6 +41,10 @@ class CheckLinks(unittest.TestCase):
     def test_heading(self):
         self.expect_finding("README.md: docs/page.md has no heading #a-part-of-it", "docs/page.md", "A part", "Part")
         self.expect_finding("docs/page.md: docs/page.md has no heading #same-1", "docs/page.md", "## Same\n## Same", "## Same")
+
+    def test_source(self):
+        self.expect_finding("docs/page.md: there is no file src/codes.cpp", "docs/page.md", "src/code.", "src/codes.")
+        self.expect_finding("docs/page.md: there is no file ode.cpp", "docs/page.md", "`code", "`ode")
 
     def test_comment(self):
         self.expect_finding("code.cpp: there is no docs/pages.md", "src/code.cpp", "page", "pages")

@@ -8,9 +8,10 @@ where it is passed on first, the page's counts. With --write, the table is broug
 
 usage: check_messages.py [--write] [ROOT]
 """
-import pathlib
 import re
 import sys
+
+import findings
 
 PAGE = "docs/messages.md"
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*')
@@ -86,39 +87,35 @@ def updated(page, ids):
     return "\n".join(lines[:first] + rows + rest) + "\n"
 
 
+def write(root):
+    page = root / PAGE
+    page.write_text(updated(page.read_text(encoding="utf-8"), messages(root)), encoding="utf-8")
+
+
 def check(root):
     page = (root / PAGE).read_text(encoding="utf-8")
     ids = messages(root)
     rows = rows_of(page)
     names = [name for name, _, _ in rows]
-    findings = [f"{path}: {name} is put together at run time, and cannot be looked up"
-                for name, (path, _) in ids.items() if name.endswith("-")]
+    found = [f"{path}: {name} is put together at run time, and cannot be looked up"
+             for name, (path, _) in ids.items() if name.endswith("-")]
     known = {shown(name): path for name, (path, _) in ids.items() if not name.endswith("-")}
-    findings += [f"{path}: {name} is not in {PAGE}" for name, path in sorted(known.items()) if name not in names]
-    findings += [f"{PAGE}: there is no message {name}" for name in sorted(set(names) - known.keys())]
-    findings += [f"{PAGE}: {name} is there {names.count(name)} times" for name in sorted(set(names)) if names.count(name) > 1]
-    findings += [f"{PAGE}: {name} is not in order" for name, after in zip(names[1:], names) if order(name) < order(after)]
+    found += [f"{path}: {name} is not in {PAGE}" for name, path in sorted(known.items()) if name not in names]
+    found += [f"{PAGE}: there is no message {name}" for name in sorted(set(names) - known.keys())]
+    found += [f"{PAGE}: {name} is there {names.count(name)} times" for name in sorted(set(names)) if names.count(name) > 1]
+    found += [f"{PAGE}: {name} is not in order" for name, after in zip(names[1:], names) if order(name) < order(after)]
     for name, level, text in rows:
         full = name if name in ids else "VELLUM-" + name
-        found = severity(ids[full][1]) if full in ids else None
-        if found and level != found:
-            findings.append(f"{PAGE}: {name} is \"{level}\", in the code \"{found}\"")
+        sent = severity(ids[full][1]) if full in ids else None
+        if sent and level != sent:
+            found.append(f"{PAGE}: {name} is \"{level}\", in the code \"{sent}\"")
         if not level or not all(cell.strip() for cell in text.split(" | ")):
-            findings.append(f"{PAGE}: {name} has an empty cell")
-    return findings, len(known)
-
-
-def main():
-    arguments = [argument for argument in sys.argv[1:] if argument != "--write"]
-    root = pathlib.Path(arguments[0] if arguments else pathlib.Path(__file__).parents[2])
-    if "--write" in sys.argv[1:]:
-        page = root / PAGE
-        page.write_text(updated(page.read_text(encoding="utf-8"), messages(root)), encoding="utf-8")
-    findings, count = check(root)
-    print(*findings, sep="\n")
-    print(f"{len(findings)} findings about {count} messages")
-    return 1 if findings else 0
+            found.append(f"{PAGE}: {name} has an empty cell")
+    return found, len(known)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    if "--write" in sys.argv:
+        sys.argv.remove("--write")
+        write(findings.root_from(sys.argv[1:]))
+    findings.run(check, "messages")

@@ -8,9 +8,10 @@ environment variable, type and default, for Vulkan Configurator. The table of th
 usage: check_settings.py [--write] [ROOT]
 """
 import json
-import pathlib
 import re
 import sys
+
+import findings
 
 CODE = "src/layer/base/settings.cpp"
 HEADER = "src/layer/base/settings.h"
@@ -64,29 +65,25 @@ def generated(page, settings):
     return before + BEGIN + table(settings) + END + rest.split(END)[1]
 
 
+def write(root):
+    page = root / PAGE
+    page.write_text(generated(page.read_text(encoding="utf-8"), settings_of_manifest(root)), encoding="utf-8")
+
+
 def check(root):
     settings = settings_of_manifest(root)
     manifest = {row["key"]: (row["env"], row["type"], row["default"]) for row in settings}
     code_has = of_code(root)
-    findings = [f"{MANIFEST}: {key} is {manifest.get(key, 'not there')}, in the code {code_has.get(key, 'not there')}"
-                for key in sorted({*code_has, *manifest}) if code_has.get(key) != manifest.get(key)]
+    found = [f"{MANIFEST}: {key} is {manifest.get(key, 'not there')}, in the code {code_has.get(key, 'not there')}"
+             for key in sorted({*code_has, *manifest}) if code_has.get(key) != manifest.get(key)]
     page = (root / PAGE).read_text(encoding="utf-8")
     if page != generated(page, settings):
-        findings.append(f"{PAGE}: the table is stale; run tests/structure/check_settings.py --write")
-    return findings, len(code_has)
-
-
-def main():
-    arguments = [argument for argument in sys.argv[1:] if argument != "--write"]
-    root = pathlib.Path(arguments[0] if arguments else pathlib.Path(__file__).parents[2])
-    if "--write" in sys.argv[1:]:
-        page = root / PAGE
-        page.write_text(generated(page.read_text(encoding="utf-8"), settings_of_manifest(root)), encoding="utf-8")
-    findings, count = check(root)
-    print(*findings, sep="\n")
-    print(f"{len(findings)} differences in {count} settings")
-    return 1 if findings or not count else 0
+        found.append(f"{PAGE}: the table is stale; run tests/structure/check_settings.py --write")
+    return found, len(code_has)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    if "--write" in sys.argv:
+        sys.argv.remove("--write")
+        write(findings.root_from(sys.argv[1:]))
+    findings.run(check, "settings")
