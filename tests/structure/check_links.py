@@ -3,13 +3,15 @@
 
 - links and pictures of Markdown files, outside of code;
 - names of source files in code of Markdown files (`hit_records.cpp`, `pipelines/hit_records.cpp`), which may lack folders;
-- names of documents ("docs/baking.md") in sources and scripts.
+- names of documents ("docs/baking.md") in sources and scripts;
+- arrows of the diagram of subsystems that check_includes.py does not know, and the other way round.
 
 usage: check_links.py [ROOT]
 """
 import re
 import subprocess
 
+import check_includes
 import findings
 
 FENCE = re.compile(r"^```.*?^```", re.M | re.S)
@@ -19,6 +21,7 @@ HEADING = re.compile(r"^#+ +(.*?)\s*$", re.M)
 SOURCE = re.compile(r"`([\w./-]+\.(?:cpp|h|comp|glsl|rahit|py|cmake))`")
 NAMED = re.compile(r"\bdocs/[\w/-]+\.md\b")
 SOURCES = {".c", ".cpp", ".h", ".py", ".in", ".txt", ".cmake", ".comp", ".glsl", ".rahit", ".json", ""}
+DIAGRAM = "docs/design/map.md"
 # Tests of these scripts make up documents.
 EXCLUDED = re.compile(r"tests/structure/\w+_test\.py$")
 
@@ -59,6 +62,22 @@ def findings_of_document(root, path, text, known):
             yield f"{here}: {name or here} has no heading #{anchor}"
 
 
+def findings_of_diagram(root):
+    """An arrow means that a subsystem may include all that it reaches."""
+    page = root / DIAGRAM
+    if not page.is_file():
+        return
+    arrows = re.findall(r"^  (\w+) --> (\w+)$", page.read_text(encoding="utf-8"), re.M)
+
+    def reached(name):
+        return {there for here, there in arrows if here == name}.union(
+            *(reached(there) for here, there in arrows if here == name))
+
+    for name, allowed in check_includes.SUBSYSTEMS["layer"].items():
+        if reached(name) != set(allowed):
+            yield f"{DIAGRAM}: {name} reaches {sorted(reached(name))}, in check_includes.py {sorted(allowed)}"
+
+
 def check(root):
     root = root.resolve()
     found, count, paths = [], 0, files(root)
@@ -71,7 +90,7 @@ def check(root):
             names = NAMED.findall(path.read_text(encoding="utf-8", errors="replace"))
             found += [f"{path.relative_to(root)}: there is no {name}" for name in sorted(set(names))
                       if not (root / name).is_file()]
-    return found, count
+    return found + list(findings_of_diagram(root)), count
 
 
 if __name__ == "__main__":

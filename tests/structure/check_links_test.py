@@ -6,6 +6,9 @@ import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import check_includes  # noqa: E402
+
 CHECK = pathlib.Path(__file__).resolve().with_name("check_links.py")
 FILES = {
     "README.md": "[page](docs/page.md), [part](docs/page.md#a-part-of-it), [web](https://example.org), `[code](none)`\n"
@@ -45,6 +48,13 @@ class CheckLinks(unittest.TestCase):
     def test_source(self):
         self.expect_finding("docs/page.md: there is no file src/codes.cpp", "docs/page.md", "src/code.", "src/codes.")
         self.expect_finding("docs/page.md: there is no file ode.cpp", "docs/page.md", "`code", "`ode")
+
+    def test_diagram(self):
+        layer = check_includes.SUBSYSTEMS["layer"]
+        FILES["docs/design/map.md"] = "".join(f"  {name} --> {below}\n" for name in layer for below in layer[name])
+        self.assertEqual(run()[0], 0)
+        self.expect_finding("docs/design/map.md: memory reaches []", "docs/design/map.md", "  memory --> base\n", "")
+        del FILES["docs/design/map.md"]
 
     def test_comment(self):
         self.expect_finding("code.cpp: there is no docs/pages.md", "src/code.cpp", "page", "pages")
