@@ -43,7 +43,7 @@ def code(text):
 def values_of(row):
     if row["type"] == "BOOL":
         return code("true") + ", " + code("false")
-    return ", ".join(code(flag["key"]) for flag in row.get("flags", ())) or "a folder"
+    return ", ".join(code(flag["key"]) for flag in row.get("flags", ())) or "a " + row["type"].split("_")[-1].lower()
 
 
 def default_of(row):
