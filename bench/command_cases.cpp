@@ -24,12 +24,10 @@ auto times(Call call)
 VkDependencyInfo dependency(const std::vector<VkMemoryBarrier2> &memory,
                             const std::vector<VkBufferMemoryBarrier2> &buffers)
 {
-    VkDependencyInfo info{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-    info.memoryBarrierCount = static_cast<uint32_t>(memory.size());
-    info.pMemoryBarriers = memory.data();
-    info.bufferMemoryBarrierCount = static_cast<uint32_t>(buffers.size());
-    info.pBufferMemoryBarriers = buffers.data();
-    return info;
+    return vkInit<VkDependencyInfo>({.memoryBarrierCount = static_cast<uint32_t>(memory.size()),
+                                     .pMemoryBarriers = memory.data(),
+                                     .bufferMemoryBarrierCount = static_cast<uint32_t>(buffers.size()),
+                                     .pBufferMemoryBarriers = buffers.data()});
 }
 
 VkMemoryBarrier2 memoryBarrier()
@@ -92,8 +90,7 @@ void addBindings(std::vector<CommandCase> &cases)
                          side.vk.CmdSetRayTracingPipelineStackSizeKHR(commands, 1024);
                      })});
     cases.push_back({"vkCmdBegin/EndConditionalRenderingEXT", times([](Side side, Commands commands, Count) {
-                         const VkConditionalRenderingBeginInfoEXT info{
-                             VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT, nullptr, side.buffer.buffer, 0, 0};
+                         const auto info = vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = side.buffer.buffer});
                          side.vk.CmdBeginConditionalRenderingEXT(commands, &info);
                          side.vk.CmdEndConditionalRenderingEXT(commands);
                      }),
@@ -165,9 +162,9 @@ void addCommandBuffers(std::vector<CommandCase> &cases)
 void addObjects(std::vector<CommandCase> &cases)
 {
     cases.push_back({"vkCreate/DestroyBuffer", times([](Side side, Commands, Count) {
-                         VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
-                         info.size = 1024;
-                         info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+                         auto info = vkInit<VkBufferCreateInfo>(
+                             {.size = 1024,
+                              .usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
                          VkBuffer buffer = VK_NULL_HANDLE;
                          side.vk.CreateBuffer(side.device, &info, nullptr, &buffer);
                          side.vk.DestroyBuffer(side.device, buffer, nullptr);
@@ -182,8 +179,7 @@ void addObjects(std::vector<CommandCase> &cases)
                          side.vk.UnmapMemory(side.device, side.buffer.memory);
                      })});
     cases.push_back({"vkGetBufferDeviceAddress", times([](Side side, Commands, Count) {
-                         const VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr,
-                                                              side.buffer.buffer};
+                         const auto info = vkInit<VkBufferDeviceAddressInfo>({.buffer = side.buffer.buffer});
                          side.vk.GetBufferDeviceAddress(side.device, &info);
                      })});
     cases.push_back({"vkSet/GetPrivateData", times([](Side side, Commands, Count i) {
@@ -193,25 +189,24 @@ void addObjects(std::vector<CommandCase> &cases)
                          side.vk.GetPrivateData(side.device, VK_OBJECT_TYPE_BUFFER, handle, side.slot, &value);
                      })});
     cases.push_back({"vkCreate/DestroyQueryPool", times([](Side side, Commands, Count) {
-                         const VkQueryPoolCreateInfo info{
-                             VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_OCCLUSION, 8, 0};
+                         const auto info =
+                             vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_OCCLUSION, .queryCount = 8});
                          VkQueryPool pool = VK_NULL_HANDLE;
                          side.vk.CreateQueryPool(side.device, &info, nullptr, &pool);
                          side.vk.DestroyQueryPool(side.device, pool, nullptr);
                      })});
     cases.push_back({"vkCreate/DestroyAccelerationStructureKHR", times([](Side side, Commands, Count) {
-                         VkAccelerationStructureCreateInfoKHR info{
-                             VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-                         info.buffer = side.storage.buffer;
-                         info.size = 16384;
-                         info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+                         auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+                             {.buffer = side.storage.buffer,
+                              .size = 16384,
+                              .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
                          VkAccelerationStructureKHR made = VK_NULL_HANDLE;
                          side.vk.CreateAccelerationStructureKHR(side.device, &info, nullptr, &made);
                          side.vk.DestroyAccelerationStructureKHR(side.device, made, nullptr);
                      })});
     cases.push_back({"vkGetAccelerationStructureDeviceAddressKHR", times([](Side side, Commands, Count) {
-                         const VkAccelerationStructureDeviceAddressInfoKHR info{
-                             VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, side.structure};
+                         const auto info = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>(
+                             {.accelerationStructure = side.structure});
                          side.vk.GetAccelerationStructureDeviceAddressKHR(side.device, &info);
                      })});
 }
@@ -243,36 +238,28 @@ void addFrame(std::vector<CommandCase> &cases)
 // By addresses with the layer, by buffers without.
 void addAddressCommands(std::vector<CommandCase> &cases)
 {
-    cases.push_back(
-        {"vkCmdCopyMemoryKHR / vkCmdCopyBuffer", times([](Side side, Commands commands, Count) {
-             if (!side.vk.CmdCopyMemoryKHR) {
-                 const VkBufferCopy region{0, 0, 64};
-                 return side.vk.CmdCopyBuffer(commands, side.buffer.buffer, side.other.buffer, 1, &region);
-             }
-             const VkDeviceMemoryCopyKHR region{VK_STRUCTURE_TYPE_DEVICE_MEMORY_COPY_KHR,
-                                                nullptr,
-                                                {side.buffer.address, 64},
-                                                0,
-                                                {side.other.address, 64},
-                                                0};
-             const VkCopyDeviceMemoryInfoKHR info{VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_INFO_KHR, nullptr, 1, &region};
-             side.vk.CmdCopyMemoryKHR(commands, &info);
-         })});
-    cases.push_back({"vkCmdDispatchIndirect2KHR / ...Indirect", times([](Side side, Commands commands, Count) {
-                         if (!side.vk.CmdDispatchIndirect2KHR)
-                             return side.vk.CmdDispatchIndirect(commands, side.buffer.buffer, 0);
-                         const VkDispatchIndirect2InfoKHR info{
-                             VK_STRUCTURE_TYPE_DISPATCH_INDIRECT_2_INFO_KHR, nullptr, {side.buffer.address, 12}, 0};
-                         side.vk.CmdDispatchIndirect2KHR(commands, &info);
+    cases.push_back({"vkCmdCopyMemoryKHR / vkCmdCopyBuffer", times([](Side side, Commands commands, Count) {
+                         if (!side.vk.CmdCopyMemoryKHR) {
+                             const VkBufferCopy region{0, 0, 64};
+                             return side.vk.CmdCopyBuffer(commands, side.buffer.buffer, side.other.buffer, 1, &region);
+                         }
+                         const auto region = vkInit<VkDeviceMemoryCopyKHR>(
+                             {.srcRange = {side.buffer.address, 64}, .dstRange = {side.other.address, 64}});
+                         const auto info = vkInit<VkCopyDeviceMemoryInfoKHR>({.regionCount = 1, .pRegions = &region});
+                         side.vk.CmdCopyMemoryKHR(commands, &info);
                      })});
+    cases.push_back(
+        {"vkCmdDispatchIndirect2KHR / ...Indirect", times([](Side side, Commands commands, Count) {
+             if (!side.vk.CmdDispatchIndirect2KHR)
+                 return side.vk.CmdDispatchIndirect(commands, side.buffer.buffer, 0);
+             const auto info = vkInit<VkDispatchIndirect2InfoKHR>({.addressRange = {side.buffer.address, 12}});
+             side.vk.CmdDispatchIndirect2KHR(commands, &info);
+         })});
     cases.push_back({"vkCmdBindIndexBuffer3KHR / ...Buffer", times([](Side side, Commands commands, Count) {
                          if (!side.vk.CmdBindIndexBuffer3KHR)
                              return side.vk.CmdBindIndexBuffer(commands, side.buffer.buffer, 0, VK_INDEX_TYPE_UINT32);
-                         const VkBindIndexBuffer3InfoKHR info{VK_STRUCTURE_TYPE_BIND_INDEX_BUFFER_3_INFO_KHR,
-                                                              nullptr,
-                                                              {side.buffer.address, 65536},
-                                                              0,
-                                                              VK_INDEX_TYPE_UINT32};
+                         const auto info = vkInit<VkBindIndexBuffer3InfoKHR>(
+                             {.addressRange = {side.buffer.address, 65536}, .indexType = VK_INDEX_TYPE_UINT32});
                          side.vk.CmdBindIndexBuffer3KHR(commands, &info);
                      })});
 }

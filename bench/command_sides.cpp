@@ -48,32 +48,20 @@ CommandSide::CommandSide(std::string sideName, const cli::DeviceInfo &info, std:
 
 void CommandSide::createDevice(const cli::DeviceInfo &info)
 {
-    VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR, nullptr, VK_TRUE};
-    VkPhysicalDeviceOpacityMicromapFeaturesKHR khr{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR,
-                                                   nullptr, VK_TRUE};
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT ext{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT,
-                                                   nullptr, VK_TRUE, VK_FALSE, VK_FALSE};
-    VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT, nullptr, VK_TRUE, VK_FALSE};
-    VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
-    pipelines.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR;
-    pipelines.rayTracingPipeline = VK_TRUE;
-    VkPhysicalDeviceRayQueryFeaturesKHR rayQuery{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR, &pipelines,
-                                                 VK_TRUE};
-    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
-    structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
-    structures.pNext = &rayQuery;
-    structures.accelerationStructure = VK_TRUE;
-    VkPhysicalDeviceVulkan13Features features13{};
-    features13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
-    features13.pNext = &structures;
+    auto addressCommands = vkInit<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>({.deviceAddressCommands = VK_TRUE});
+    auto khr = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>({.micromap = VK_TRUE});
+    auto ext = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
+        {.micromap = VK_TRUE, .micromapCaptureReplay = VK_FALSE, .micromapHostCommands = VK_FALSE});
+    auto conditional = vkInit<VkPhysicalDeviceConditionalRenderingFeaturesEXT>(
+        {.conditionalRendering = VK_TRUE, .inheritedConditionalRendering = VK_FALSE});
+    auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>({.rayTracingPipeline = VK_TRUE});
+    auto rayQuery = vkInit<VkPhysicalDeviceRayQueryFeaturesKHR>({.pNext = &pipelines, .rayQuery = VK_TRUE});
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+        {.pNext = &rayQuery, .accelerationStructure = VK_TRUE});
+    auto features13 = vkInit<VkPhysicalDeviceVulkan13Features>({.pNext = &structures});
     features13.synchronization2 = features13.dynamicRendering = features13.privateData = VK_TRUE;
-    VkPhysicalDeviceVulkan12Features features12{};
-    features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
-    features12.pNext = &features13;
-    features12.bufferDeviceAddress = VK_TRUE;
-    const VkPhysicalDeviceFeatures2 features{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2, &features12, {}};
+    auto features12 = vkInit<VkPhysicalDeviceVulkan12Features>({.pNext = &features13, .bufferDeviceAddress = VK_TRUE});
+    const auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &features12});
     std::vector<const char *> extensions = {
         VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
         VK_KHR_RAY_QUERY_EXTENSION_NAME, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME};
@@ -90,17 +78,12 @@ void CommandSide::createDevice(const cli::DeviceInfo &info)
         add(ext, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     }
     const float priority = 1;
-    VkDeviceQueueCreateInfo queueInfo{};
-    queueInfo.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queueInfo.queueCount = 1;
-    queueInfo.pQueuePriorities = &priority;
-    VkDeviceCreateInfo deviceInfo{};
-    deviceInfo.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
-    deviceInfo.pNext = &features;
-    deviceInfo.queueCreateInfoCount = 1;
-    deviceInfo.pQueueCreateInfos = &queueInfo;
-    deviceInfo.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
-    deviceInfo.ppEnabledExtensionNames = extensions.data();
+    auto queueInfo = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto deviceInfo = vkInit<VkDeviceCreateInfo>({.pNext = &features,
+                                                  .queueCreateInfoCount = 1,
+                                                  .pQueueCreateInfos = &queueInfo,
+                                                  .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                                  .ppEnabledExtensionNames = extensions.data()});
     check(vkCreateDevice(info.handle, &deviceInfo, nullptr, &device), "creating a Vulkan device");
     const auto load = [this](auto &function, const char *command) {
         function = reinterpret_cast<std::remove_reference_t<decltype(function)>>(vkGetDeviceProcAddr(device, command));
@@ -124,12 +107,11 @@ void CommandSide::createObjects(uint32_t objects)
         {0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr},
         {1, VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1,
          VK_SHADER_STAGE_COMPUTE_BIT | VK_SHADER_STAGE_RAYGEN_BIT_KHR, nullptr}};
-    const VkDescriptorSetLayoutCreateInfo setInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, 2,
-                                                  bindings};
+    const auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 2, .pBindings = bindings});
     check(vk.CreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout), "creating a descriptor set layout");
     const VkPushConstantRange range{VK_SHADER_STAGE_ALL, 0, 128};
-    const VkPipelineLayoutCreateInfo layoutInfo{
-        VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout, 1, &range};
+    const auto layoutInfo = vkInit<VkPipelineLayoutCreateInfo>(
+        {.setLayoutCount = 1, .pSetLayouts = &setLayout, .pushConstantRangeCount = 1, .pPushConstantRanges = &range});
     check(vk.CreatePipelineLayout(device, &layoutInfo, nullptr, &layout), "creating a pipeline layout");
     plain = makeModule(command_bench_compute, sizeof command_bench_compute);
     queries = makeModule(command_bench_queries, sizeof command_bench_queries);
@@ -147,20 +129,17 @@ void CommandSide::createObjects(uint32_t objects)
     other = makeBuffer(65536, kUsage);
     storage = makeBuffer(65536, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
                                     VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    VkAccelerationStructureCreateInfoKHR structureInfo{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-    structureInfo.buffer = storage.buffer;
-    structureInfo.size = 16384;
-    structureInfo.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    auto structureInfo = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = storage.buffer, .size = 16384, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
     check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structure),
           "creating an acceleration structure");
-    const VkQueryPoolCreateInfo queryInfo{
-        VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_TIMESTAMP, 64, 0};
+    const auto queryInfo = vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = 64});
     check(vk.CreateQueryPool(device, &queryInfo, nullptr, &timestamps), "creating a query pool");
-    const VkEventCreateInfo eventInfo{VK_STRUCTURE_TYPE_EVENT_CREATE_INFO, nullptr, 0};
+    const auto eventInfo = vkInit<VkEventCreateInfo>();
     check(vk.CreateEvent(device, &eventInfo, nullptr, &event), "creating an event");
-    const VkFenceCreateInfo fenceInfo{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO, nullptr, VK_FENCE_CREATE_SIGNALED_BIT};
+    const auto fenceInfo = vkInit<VkFenceCreateInfo>({.flags = VK_FENCE_CREATE_SIGNALED_BIT});
     check(vk.CreateFence(device, &fenceInfo, nullptr, &fence), "creating a fence");
-    const VkPrivateDataSlotCreateInfo slotInfo{VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO, nullptr, 0};
+    const auto slotInfo = vkInit<VkPrivateDataSlotCreateInfo>();
     check(vk.CreatePrivateDataSlot(device, &slotInfo, nullptr, &slot), "creating a private data slot");
 
     secondaryPool = makePool();
@@ -177,8 +156,8 @@ void CommandSide::createObjects(uint32_t objects)
         structureInfo.offset = i * kSmall;
         check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structures_.emplace_back()),
               "creating an acceleration structure");
-        const VkAccelerationStructureDeviceAddressInfoKHR query{
-            VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, structures_.back()};
+        const auto query =
+            vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structures_.back()});
         (void)vk.GetAccelerationStructureDeviceAddressKHR(device, &query);
         if (i % 256 == 0)
             pools_.push_back(makePool());
@@ -215,8 +194,7 @@ CommandSide::~CommandSide()
 
 VkCommandPool CommandSide::makePool() const
 {
-    const VkCommandPoolCreateInfo info{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr,
-                                       VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT, 0};
+    const auto info = vkInit<VkCommandPoolCreateInfo>({.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT});
     VkCommandPool pool = VK_NULL_HANDLE;
     check(vk.CreateCommandPool(device, &info, nullptr, &pool), "creating a command pool");
     return pool;
@@ -224,7 +202,8 @@ VkCommandPool CommandSide::makePool() const
 
 VkCommandBuffer CommandSide::allocate(VkCommandPool pool, VkCommandBufferLevel level) const
 {
-    const VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool, level, 1};
+    const auto info =
+        vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool, .level = level, .commandBufferCount = 1});
     VkCommandBuffer commands = VK_NULL_HANDLE;
     // Of the loader, like the queue.
     check(vkAllocateCommandBuffers(device, &info, &commands), "allocating a command buffer");
@@ -233,17 +212,15 @@ VkCommandBuffer CommandSide::allocate(VkCommandPool pool, VkCommandBufferLevel l
 
 void CommandSide::begin(VkCommandBuffer commands, VkCommandBufferUsageFlags flags) const
 {
-    const VkCommandBufferInheritanceInfo inherited{VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO};
-    const VkCommandBufferBeginInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO, nullptr, flags, &inherited};
+    const auto inherited = vkInit<VkCommandBufferInheritanceInfo>();
+    const auto info = vkInit<VkCommandBufferBeginInfo>({.flags = flags, .pInheritanceInfo = &inherited});
     check(vk.BeginCommandBuffer(commands, &info), "recording");
 }
 
 BenchBuffer CommandSide::makeBuffer(VkDeviceSize bytes, VkBufferUsageFlags usage) const
 {
     BenchBuffer result;
-    VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
-    info.size = bytes;
-    info.usage = usage;
+    auto info = vkInit<VkBufferCreateInfo>({.size = bytes, .usage = usage});
     check(vk.CreateBuffer(device, &info, nullptr, &result.buffer), "creating a buffer");
     VkMemoryRequirements needs{};
     vk.GetBufferMemoryRequirements(device, result.buffer, &needs);
@@ -253,12 +230,12 @@ BenchBuffer CommandSide::makeBuffer(VkDeviceSize bytes, VkBufferUsageFlags usage
     while ((needs.memoryTypeBits >> type & 1u) == 0 ||
            (memory.memoryTypes[type].propertyFlags & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) == 0)
         ++type;
-    const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
-                                          VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-    const VkMemoryAllocateInfo allocation{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size, type};
+    const auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
+    const auto allocation =
+        vkInit<VkMemoryAllocateInfo>({.pNext = &flags, .allocationSize = needs.size, .memoryTypeIndex = type});
     check(vk.AllocateMemory(device, &allocation, nullptr, &result.memory), "allocating memory");
     check(vk.BindBufferMemory(device, result.buffer, result.memory, 0), "binding memory");
-    const VkBufferDeviceAddressInfo query{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, result.buffer};
+    const auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = result.buffer});
     result.address = vk.GetBufferDeviceAddress(device, &query);
     return result;
 }
@@ -271,7 +248,7 @@ void CommandSide::destroy(const BenchBuffer &b) const
 
 VkShaderModule CommandSide::makeModule(const uint32_t *words, size_t bytes) const
 {
-    const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, words};
+    const auto info = vkInit<VkShaderModuleCreateInfo>({.codeSize = bytes, .pCode = words});
     VkShaderModule module = VK_NULL_HANDLE;
     check(vk.CreateShaderModule(device, &info, nullptr, &module), "creating a shader module");
     return module;
@@ -279,12 +256,10 @@ VkShaderModule CommandSide::makeModule(const uint32_t *words, size_t bytes) cons
 
 VkPipeline CommandSide::makeCompute(VkShaderModule module) const
 {
-    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.module = module;
-    info.stage.pName = "main";
-    info.layout = layout;
+    auto info = vkInit<VkComputePipelineCreateInfo>(
+        {.stage = vkInit<VkPipelineShaderStageCreateInfo>(
+             {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"}),
+         .layout = layout});
     VkPipeline pipeline = VK_NULL_HANDLE;
     check(vk.CreateComputePipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "creating a pipeline");
     return pipeline;
@@ -294,41 +269,35 @@ VkPipeline CommandSide::makeGraphics() const
 {
     VkPipelineShaderStageCreateInfo stages[2] = {};
     for (auto &stage : stages) {
-        stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+        stage = vkInit<VkPipelineShaderStageCreateInfo>();
         stage.stage = &stage == stages ? VK_SHADER_STAGE_VERTEX_BIT : VK_SHADER_STAGE_FRAGMENT_BIT;
         stage.module = &stage == stages ? vertex : fragment;
         stage.pName = "main";
     }
     const VkFormat format = VK_FORMAT_R8G8B8A8_UNORM;
-    VkPipelineRenderingCreateInfo rendering{VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO};
-    rendering.colorAttachmentCount = 1;
-    rendering.pColorAttachmentFormats = &format;
-    const VkPipelineVertexInputStateCreateInfo vertexInput{VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
-    VkPipelineInputAssemblyStateCreateInfo assembly{VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO};
-    assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP;
+    auto rendering =
+        vkInit<VkPipelineRenderingCreateInfo>({.colorAttachmentCount = 1, .pColorAttachmentFormats = &format});
+    const auto vertexInput = vkInit<VkPipelineVertexInputStateCreateInfo>();
+    auto assembly = vkInit<VkPipelineInputAssemblyStateCreateInfo>({.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP});
     const VkViewport viewport{0, 0, 16, 16, 0, 1};
     const VkRect2D scissor{{0, 0}, {16, 16}};
-    const VkPipelineViewportStateCreateInfo viewports{
-        VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO, nullptr, 0, 1, &viewport, 1, &scissor};
-    VkPipelineRasterizationStateCreateInfo raster{VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO};
-    raster.lineWidth = 1;
-    VkPipelineMultisampleStateCreateInfo samples{VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO};
-    samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
+    const auto viewports = vkInit<VkPipelineViewportStateCreateInfo>(
+        {.viewportCount = 1, .pViewports = &viewport, .scissorCount = 1, .pScissors = &scissor});
+    auto raster = vkInit<VkPipelineRasterizationStateCreateInfo>({.lineWidth = 1});
+    auto samples = vkInit<VkPipelineMultisampleStateCreateInfo>({.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT});
     VkPipelineColorBlendAttachmentState attachment{};
     attachment.colorWriteMask = 0xf;
-    VkPipelineColorBlendStateCreateInfo blend{VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO};
-    blend.attachmentCount = 1;
-    blend.pAttachments = &attachment;
-    VkGraphicsPipelineCreateInfo info{VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO, &rendering};
-    info.stageCount = 2;
-    info.pStages = stages;
-    info.pVertexInputState = &vertexInput;
-    info.pInputAssemblyState = &assembly;
-    info.pViewportState = &viewports;
-    info.pRasterizationState = &raster;
-    info.pMultisampleState = &samples;
-    info.pColorBlendState = &blend;
-    info.layout = layout;
+    auto blend = vkInit<VkPipelineColorBlendStateCreateInfo>({.attachmentCount = 1, .pAttachments = &attachment});
+    auto info = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &rendering,
+                                                      .stageCount = 2,
+                                                      .pStages = stages,
+                                                      .pVertexInputState = &vertexInput,
+                                                      .pInputAssemblyState = &assembly,
+                                                      .pViewportState = &viewports,
+                                                      .pRasterizationState = &raster,
+                                                      .pMultisampleState = &samples,
+                                                      .pColorBlendState = &blend,
+                                                      .layout = layout});
     VkPipeline pipeline = VK_NULL_HANDLE;
     check(vk.CreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "creating a pipeline");
     return pipeline;
@@ -359,14 +328,14 @@ VkPipeline CommandSide::makeRayTracing(bool micromaps) const
     const std::array groups = {group(VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR, 0, kNone, kNone),
                                group(VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR, 1, kNone, kNone),
                                group(VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR, kNone, 2, 3)};
-    VkRayTracingPipelineCreateInfoKHR info{VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR};
-    info.flags = micromaps ? VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT : 0;
-    info.stageCount = static_cast<uint32_t>(stages.size());
-    info.pStages = stages.data();
-    info.groupCount = static_cast<uint32_t>(groups.size());
-    info.pGroups = groups.data();
-    info.maxPipelineRayRecursionDepth = 1;
-    info.layout = layout;
+    auto info = vkInit<VkRayTracingPipelineCreateInfoKHR>(
+        {.flags = micromaps ? VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT : 0,
+         .stageCount = static_cast<uint32_t>(stages.size()),
+         .pStages = stages.data(),
+         .groupCount = static_cast<uint32_t>(groups.size()),
+         .pGroups = groups.data(),
+         .maxPipelineRayRecursionDepth = 1,
+         .layout = layout});
     VkPipeline pipeline = VK_NULL_HANDLE;
     check(vk.CreateRayTracingPipelinesKHR(device, VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
           "creating a pipeline");

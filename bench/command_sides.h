@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/vulkan/context.h"
+#include "vk/vk_init.h"
 
 namespace vellum::bench
 {

@@ -15,6 +15,7 @@
 #include "cli/vulkan/layer_path.h"
 #include "cli/vulkan/resources.h"
 #include "core/micromap.h"
+#include "vk/vk_init.h"
 
 namespace
 {
@@ -77,23 +78,17 @@ public:
     {
         for (const MicromapUsage &u : input.buildUsage())
             usage_.push_back({u.count, u.subdivisionLevel, static_cast<uint32_t>(u.format)});
-        info_.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
-        info_.flags = flags;
-        info_.usageCountsCount = static_cast<uint32_t>(usage_.size());
-        info_.pUsageCounts = usage_.data();
+        info_ = vkInit<VkMicromapBuildInfoEXT>(
+            {.flags = flags, .usageCountsCount = static_cast<uint32_t>(usage_.size()), .pUsageCounts = usage_.data()});
         info_.data.deviceAddress = data_.address(kAlignment);
         info_.triangleArray.deviceAddress = triangles_.address(kAlignment);
         info_.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
-        VkMicromapBuildSizesInfoEXT sizes{};
-        sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
+        auto sizes = vkInit<VkMicromapBuildSizesInfoEXT>();
         const cli::DeviceFunctions &vk = device.functions();
         vk.getMicromapBuildSizes(device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_, &sizes);
         storage_ = Buffer(device, sizes.micromapSize, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT,
                           Buffer::Place::Device);
-        VkMicromapCreateInfoEXT create{};
-        create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-        create.buffer = storage_.handle();
-        create.size = sizes.micromapSize;
+        auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = storage_.handle(), .size = sizes.micromapSize});
         cli::check(vk.createMicromap(device.handle(), &create, nullptr, &micromap_), "creating a micromap");
         const VkDeviceSize alignment = std::max(kAlignment, device.scratchAlignment());
         scratch_ = Buffer(device, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
@@ -101,8 +96,7 @@ public:
         info_.dstMicromap = micromap_;
         info_.scratchData.deviceAddress = scratch_.address(alignment);
         commands_ = device.allocateCommands();
-        VkCommandBufferBeginInfo begin{};
-        begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        auto begin = vkInit<VkCommandBufferBeginInfo>();
         cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
         vk.cmdBuildMicromaps(commands_, 1, &info_);
         cli::check(vkEndCommandBuffer(commands_), "recording");
@@ -136,8 +130,7 @@ public:
         : device_(device), to_(device, bytesOf(input), VK_BUFFER_USAGE_TRANSFER_DST_BIT, Buffer::Place::Device),
           commands_(device.allocateCommands())
     {
-        VkCommandBufferBeginInfo begin{};
-        begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        auto begin = vkInit<VkCommandBufferBeginInfo>();
         cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
         const VkDeviceSize data = input.data.size();
         const VkBufferCopy regions[]{{0, 0, data}, {0, data, bytesOf(input) - data}};

@@ -10,6 +10,7 @@
 #include "cli/vulkan/resources.h"
 #include "layer_comparison.h"
 #include "side_by_side.h"
+#include "vk/vk_init.h"
 
 namespace
 {
@@ -28,12 +29,9 @@ public:
               const VkAccelerationStructureGeometryKHR &geometry, uint32_t primitives)
         : device_(device), geometry_(geometry), range_{primitives, 0, 0, 0}
     {
-        info_.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-        info_.type = type;
-        info_.geometryCount = 1;
-        info_.pGeometries = &geometry_;
-        VkAccelerationStructureBuildSizesInfoKHR sizes{};
-        sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+        info_ = vkInit<VkAccelerationStructureBuildGeometryInfoKHR>(
+            {.type = type, .geometryCount = 1, .pGeometries = &geometry_});
+        auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
         const cli::DeviceFunctions &vk = device.functions();
         vk.getAccelerationStructureBuildSizes(device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_,
                                               &primitives, &sizes);
@@ -42,11 +40,8 @@ public:
         const VkDeviceSize alignment = device.scratchAlignment();
         scratch_ = Buffer(device, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
                           Buffer::Place::Device);
-        VkAccelerationStructureCreateInfoKHR create{};
-        create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-        create.buffer = storage_.handle();
-        create.size = sizes.accelerationStructureSize;
-        create.type = type;
+        auto create = vkInit<VkAccelerationStructureCreateInfoKHR>(
+            {.buffer = storage_.handle(), .size = sizes.accelerationStructureSize, .type = type});
         cli::check(vk.createAccelerationStructure(device.handle(), &create, nullptr, &info_.dstAccelerationStructure),
                    "creating an acceleration structure");
         info_.scratchData.deviceAddress = scratch_.address(alignment);
@@ -62,9 +57,8 @@ public:
     [[nodiscard]] const VkAccelerationStructureBuildRangeInfoKHR &range() const { return range_; }
     [[nodiscard]] VkDeviceAddress address() const
     {
-        VkAccelerationStructureDeviceAddressInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        info.accelerationStructure = info_.dstAccelerationStructure;
+        auto info = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>(
+            {.accelerationStructure = info_.dstAccelerationStructure});
         return device_.functions().getAccelerationStructureDeviceAddress(device_.handle(), &info);
     }
 
@@ -89,8 +83,7 @@ public:
             infos.push_back(structure->info());
             ranges.push_back(&structure->range());
         }
-        VkCommandBufferBeginInfo begin{};
-        begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        auto begin = vkInit<VkCommandBufferBeginInfo>();
         cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
         device.functions().cmdBuildAccelerationStructures(commands_, static_cast<uint32_t>(infos.size()), infos.data(),
                                                           ranges.data());
@@ -134,10 +127,8 @@ public:
             instance.accelerationStructureReference = bottoms_[0]->address();
         }
         instances_.push_back(cli::uploadBuffer(device_, std::as_bytes(std::span(instances)), kInput, 16));
-        VkAccelerationStructureGeometryKHR geometry{};
-        geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-        geometry.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR;
-        geometry.geometry.instances.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR;
+        auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR});
+        geometry.geometry.instances = vkInit<VkAccelerationStructureGeometryInstancesDataKHR>();
         geometry.geometry.instances.data.deviceAddress = instances_.back().address(16);
         std::vector<std::unique_ptr<Structure>> one;
         one.push_back(
@@ -163,12 +154,10 @@ private:
 
     std::unique_ptr<Structure> bottom()
     {
-        VkAccelerationStructureGeometryKHR geometry{};
-        geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-        geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
+        auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR});
         auto &triangles = geometry.geometry.triangles;
-        triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
-        triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+        triangles =
+            vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>({.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT});
         triangles.vertexData.deviceAddress = vertices_.address(16);
         triangles.vertexStride = 3 * sizeof(float);
         triangles.maxVertex = 2;

@@ -15,6 +15,7 @@
 #include "core/curve.h"
 #include "process_times.h"
 #include "vellum/gpu_bake.h"
+#include "vk/vk_init.h"
 
 namespace
 {
@@ -74,8 +75,8 @@ public:
         device_.run([&](VkCommandBuffer commands) {
             if (!baker_->record(commands, *alpha_, input(), options, scratch(), room_, result_.address()))
                 throw cli::Error("the GPU baker does not take these options");
-            const VkMemoryBarrier all{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_SHADER_WRITE_BIT,
-                                      VK_ACCESS_MEMORY_READ_BIT};
+            const auto all = vkInit<VkMemoryBarrier>(
+                {.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT, .dstAccessMask = VK_ACCESS_MEMORY_READ_BIT});
             vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0,
                                  1, &all, 0, nullptr, 0, nullptr);
         });

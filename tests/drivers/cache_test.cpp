@@ -45,24 +45,19 @@ TEST_F(CompilerNames, IdentifierOfAQuery)
         GTEST_SKIP() << "the driver does not have VK_EXT_shader_module_identifier";
     const auto identify = reinterpret_cast<PFN_vkGetShaderModuleIdentifierEXT>(
         vkGetDeviceProcAddr(gpu().device(), "vkGetShaderModuleIdentifierEXT"));
-    VkShaderModuleIdentifierEXT identifier{};
-    identifier.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_IDENTIFIER_EXT;
+    auto identifier = vkInit<VkShaderModuleIdentifierEXT>();
     const VkShaderModule module = gpu().shader(compiler_query);
     identify(gpu().device(), module, &identifier);
     const Layout layout(gpu(), {factsOf(compiler_query)});
-    VkPipelineCacheCreateInfo cacheInfo{VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO};
+    auto cacheInfo = vkInit<VkPipelineCacheCreateInfo>();
     VkPipelineCache cache = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePipelineCache(gpu().device(), &cacheInfo, nullptr, &cache));
 
-    VkPipelineShaderStageModuleIdentifierCreateInfoEXT name{
-        VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT};
-    name.identifierSize = identifier.identifierSize;
-    name.pIdentifier = identifier.identifier;
-    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.pName = "main";
-    info.layout = layout.handle();
+    auto name = vkInit<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(
+        {.identifierSize = identifier.identifierSize, .pIdentifier = identifier.identifier});
+    auto info = vkInit<VkComputePipelineCreateInfo>(
+        {.stage = vkInit<VkPipelineShaderStageCreateInfo>({.stage = VK_SHADER_STAGE_COMPUTE_BIT, .pName = "main"}),
+         .layout = layout.handle()});
     const auto create = [&](bool byName) {
         info.flags = byName ? 0u + VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT : 0u;
         info.stage.module = byName ? VK_NULL_HANDLE : module;
@@ -83,7 +78,6 @@ TEST_F(CompilerNames, IdentifierOfAQuery)
 
 TEST_F(CompilerNames, BinariesOfARayTracingPipeline)
 {
-    namespace newer = vellum::newer;
     if (!gpu().has("VK_KHR_pipeline_binary"))
         GTEST_SKIP() << "the driver does not have VK_KHR_pipeline_binary";
     vt::PipelineSetup setup;
@@ -103,8 +97,7 @@ TEST_F(CompilerNames, BinariesOfARayTracingPipeline)
     const Layout layout(gpu(), facts);
     setup.layout = layout.handle();
 
-    newer::PipelineCreateFlags2CreateInfo flags{newer::kPipelineCreateFlags2CreateInfo, nullptr,
-                                                vt::kMicromapBit | vt::kCaptureData};
+    auto flags = vkInit<vt::newer::PipelineCreateFlags2CreateInfo>({.flags = vt::kMicromapBit | vt::kCaptureData});
     vt::PipelineInfo described(gpu(), setup);
     VkRayTracingPipelineCreateInfoKHR info = described.get();
     info.pNext = &flags;
@@ -118,14 +111,14 @@ TEST_F(CompilerNames, BinariesOfARayTracingPipeline)
     const auto key = binaries.key(&info);
     EXPECT_EQ(binaries.key(&info), key);
     const VkPipeline captured = create();
-    const std::vector<newer::PipelineBinary> first = binaries.allFrom(captured);
+    const std::vector<vt::newer::PipelineBinary> first = binaries.allFrom(captured);
     ASSERT_GT(first.size(), 1u);
     vkDestroyPipeline(gpu().device(), captured, nullptr);
-    std::vector<newer::PipelineBinary> again;
-    for (const newer::PipelineBinary binary : first)
+    std::vector<vt::newer::PipelineBinary> again;
+    for (const vt::newer::PipelineBinary binary : first)
         again.push_back(binaries.from(binaries.keep(binary)));
-    const newer::PipelineBinaryInfo made{newer::kPipelineBinaryInfo, &flags, static_cast<uint32_t>(again.size()),
-                                         again.data()};
+    const auto made = vkInit<vt::newer::PipelineBinaryInfo>(
+        {.pNext = &flags, .binaryCount = static_cast<uint32_t>(again.size()), .pPipelineBinaries = again.data()});
     flags.flags = vt::kMicromapBit;
     std::vector<VkPipelineShaderStageCreateInfo> stages(info.pStages, info.pStages + info.stageCount);
     for (VkPipelineShaderStageCreateInfo &stage : stages)

@@ -21,11 +21,7 @@ Function load(const vt::Gpu &gpu, const char *name)
 
 VkPipelineShaderStageCreateInfo stageInfo(VkShaderStageFlagBits stage, VkShaderModule module, const char *entry)
 {
-    VkPipelineShaderStageCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO};
-    info.stage = stage;
-    info.module = module;
-    info.pName = entry;
-    return info;
+    return vkInit<VkPipelineShaderStageCreateInfo>({.stage = stage, .module = module, .pName = entry});
 }
 
 std::optional<std::string> manifestOf(Driver driver)
@@ -85,17 +81,15 @@ Layout::Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules) : gpu_(gpu
         std::vector<VkDescriptorSetLayoutBinding> bindings;
         for (const auto &[number, binding] : sets[set])
             bindings.push_back(binding);
-        VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
-        info.bindingCount = static_cast<uint32_t>(bindings.size());
-        info.pBindings = bindings.data();
+        auto info = vkInit<VkDescriptorSetLayoutCreateInfo>(
+            {.bindingCount = static_cast<uint32_t>(bindings.size()), .pBindings = bindings.data()});
         VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &info, nullptr, &sets_.emplace_back()));
     }
     const VkPushConstantRange range{VK_SHADER_STAGE_ALL, 0, kPushBytes};
-    VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
-    info.setLayoutCount = static_cast<uint32_t>(sets_.size());
-    info.pSetLayouts = sets_.data();
-    info.pushConstantRangeCount = 1;
-    info.pPushConstantRanges = &range;
+    auto info = vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = static_cast<uint32_t>(sets_.size()),
+                                                    .pSetLayouts = sets_.data(),
+                                                    .pushConstantRangeCount = 1,
+                                                    .pPushConstantRanges = &range});
     VT_CHECK(vkCreatePipelineLayout(gpu.device(), &info, nullptr, &layout_));
 }
 
@@ -111,10 +105,10 @@ Compiled Compiled::compute(vt::Gpu &gpu, std::span<const uint32_t> words, const 
     Compiled made(gpu);
     const Layout layout(gpu, {factsOf(words)});
     const VkShaderModule module = gpu.shader(words);
-    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
-    info.flags = kStatistics;
-    info.stage = stageInfo(VK_SHADER_STAGE_COMPUTE_BIT, module, entry.c_str());
-    info.layout = layout.handle();
+    auto info =
+        vkInit<VkComputePipelineCreateInfo>({.flags = kStatistics,
+                                             .stage = stageInfo(VK_SHADER_STAGE_COMPUTE_BIT, module, entry.c_str()),
+                                             .layout = layout.handle()});
     const VkResult result = vkCreateComputePipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &made.pipeline_);
     vkDestroyShaderModule(gpu.device(), module, nullptr);
     VT_CHECK(result);
@@ -128,38 +122,33 @@ Compiled Compiled::graphics(vt::Gpu &gpu, std::span<const uint32_t> vertex, std:
     const VkShaderModule modules[]{gpu.shader(vertex), gpu.shader(fragment)};
     const VkPipelineShaderStageCreateInfo stages[]{stageInfo(VK_SHADER_STAGE_VERTEX_BIT, modules[0], "main"),
                                                    stageInfo(VK_SHADER_STAGE_FRAGMENT_BIT, modules[1], "main")};
-    VkPipelineVertexInputStateCreateInfo input{VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO};
-    VkPipelineInputAssemblyStateCreateInfo assembly{VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO};
-    assembly.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+    auto input = vkInit<VkPipelineVertexInputStateCreateInfo>();
+    auto assembly = vkInit<VkPipelineInputAssemblyStateCreateInfo>({.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST});
     const VkViewport viewport{0, 0, 16, 16, 0, 1};
     const VkRect2D scissor{{0, 0}, {16, 16}};
-    VkPipelineViewportStateCreateInfo view{VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO};
+    auto view = vkInit<VkPipelineViewportStateCreateInfo>();
     view.viewportCount = view.scissorCount = 1;
     view.pViewports = &viewport;
     view.pScissors = &scissor;
-    VkPipelineRasterizationStateCreateInfo raster{VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO};
-    raster.lineWidth = 1;
-    VkPipelineMultisampleStateCreateInfo samples{VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO};
-    samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
+    auto raster = vkInit<VkPipelineRasterizationStateCreateInfo>({.lineWidth = 1});
+    auto samples = vkInit<VkPipelineMultisampleStateCreateInfo>({.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT});
     VkPipelineColorBlendAttachmentState attachment{};
     attachment.colorWriteMask = 0xf;
-    VkPipelineColorBlendStateCreateInfo blend{VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO};
-    blend.attachmentCount = 1;
-    blend.pAttachments = &attachment;
+    auto blend = vkInit<VkPipelineColorBlendStateCreateInfo>({.attachmentCount = 1, .pAttachments = &attachment});
     const VkFormat format = VK_FORMAT_R8G8B8A8_UNORM;
-    VkPipelineRenderingCreateInfo rendering{VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO};
-    rendering.colorAttachmentCount = 1;
-    rendering.pColorAttachmentFormats = &format;
-    VkGraphicsPipelineCreateInfo info{VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO, &rendering, kStatistics};
-    info.stageCount = 2;
-    info.pStages = stages;
-    info.pVertexInputState = &input;
-    info.pInputAssemblyState = &assembly;
-    info.pViewportState = &view;
-    info.pRasterizationState = &raster;
-    info.pMultisampleState = &samples;
-    info.pColorBlendState = &blend;
-    info.layout = layout.handle();
+    auto rendering =
+        vkInit<VkPipelineRenderingCreateInfo>({.colorAttachmentCount = 1, .pColorAttachmentFormats = &format});
+    auto info = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &rendering,
+                                                      .flags = kStatistics,
+                                                      .stageCount = 2,
+                                                      .pStages = stages,
+                                                      .pVertexInputState = &input,
+                                                      .pInputAssemblyState = &assembly,
+                                                      .pViewportState = &view,
+                                                      .pRasterizationState = &raster,
+                                                      .pMultisampleState = &samples,
+                                                      .pColorBlendState = &blend,
+                                                      .layout = layout.handle()});
     const VkResult result = vkCreateGraphicsPipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &made.pipeline_);
     for (const VkShaderModule module : modules)
         vkDestroyShaderModule(gpu.device(), module, nullptr);
@@ -199,14 +188,14 @@ std::vector<Executable> Compiled::executables() const
         load<PFN_vkGetPipelineExecutablePropertiesKHR>(*gpu_, "vkGetPipelineExecutablePropertiesKHR");
     const auto statistics =
         load<PFN_vkGetPipelineExecutableStatisticsKHR>(*gpu_, "vkGetPipelineExecutableStatisticsKHR");
-    const VkPipelineInfoKHR pipeline{VK_STRUCTURE_TYPE_PIPELINE_INFO_KHR, nullptr, pipeline_};
+    const auto pipeline = vkInit<VkPipelineInfoKHR>({.pipeline = pipeline_});
     uint32_t count = 0;
     VT_CHECK(properties(gpu_->device(), &pipeline, &count, nullptr));
     std::vector<VkPipelineExecutablePropertiesKHR> all(count, {VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_PROPERTIES_KHR});
     VT_CHECK(properties(gpu_->device(), &pipeline, &count, all.data()));
     std::vector<Executable> made;
     for (uint32_t i = 0; i < count; ++i) {
-        const VkPipelineExecutableInfoKHR info{VK_STRUCTURE_TYPE_PIPELINE_EXECUTABLE_INFO_KHR, nullptr, pipeline_, i};
+        const auto info = vkInit<VkPipelineExecutableInfoKHR>({.pipeline = pipeline_, .executableIndex = i});
         uint32_t values = 0;
         VT_CHECK(statistics(gpu_->device(), &info, &values, nullptr));
         std::vector<VkPipelineExecutableStatisticKHR> found(values,

@@ -34,21 +34,20 @@ AlphaImage::AlphaImage(Gpu &gpu, std::span<const vellum::AlphaTexture> levels, F
     info_.filter = first.filter == vellum::Filter::Nearest ? VK_FILTER_NEAREST : VK_FILTER_LINEAR;
     info_.border = first.border;
 
-    VkImageCreateInfo image{};
-    image.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
-    image.imageType = VK_IMAGE_TYPE_2D;
-    image.format = format == Format::Float ? VK_FORMAT_R32_SFLOAT : VK_FORMAT_R8G8B8A8_UNORM;
-    image.extent = {first.width, first.height, 1};
-    image.mipLevels = info_.mipLevels;
-    image.arrayLayers = 1;
-    image.samples = VK_SAMPLE_COUNT_1_BIT;
-    image.tiling = VK_IMAGE_TILING_OPTIMAL;
-    image.usage = VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+    auto image =
+        vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
+                                   .format = format == Format::Float ? VK_FORMAT_R32_SFLOAT : VK_FORMAT_R8G8B8A8_UNORM,
+                                   .extent = {first.width, first.height, 1},
+                                   .mipLevels = info_.mipLevels,
+                                   .arrayLayers = 1,
+                                   .samples = VK_SAMPLE_COUNT_1_BIT,
+                                   .tiling = VK_IMAGE_TILING_OPTIMAL,
+                                   .usage = VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
     VT_CHECK(vkCreateImage(gpu.device(), &image, nullptr, &image_));
     VkMemoryRequirements needs;
     vkGetImageMemoryRequirements(gpu.device(), image_, &needs);
-    const VkMemoryAllocateInfo allocation{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, nullptr, needs.size,
-                                          gpu.memoryType(needs.memoryTypeBits, 0)};
+    const auto allocation = vkInit<VkMemoryAllocateInfo>(
+        {.allocationSize = needs.size, .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0)});
     VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
     VT_CHECK(vkBindImageMemory(gpu.device(), image_, memory_, 0));
     upload(levels, format, image.format);
@@ -78,10 +77,8 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
     }
     const Buffer staging = gpu_.upload(std::span<const uint8_t>(bytes), VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
     gpu_.submit([&](VkCommandBuffer commands) {
-        VkImageMemoryBarrier barrier{};
-        barrier.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER;
-        barrier.dstAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
-        barrier.newLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
+        auto barrier = vkInit<VkImageMemoryBarrier>(
+            {.dstAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT, .newLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL});
         barrier.srcQueueFamilyIndex = barrier.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
         barrier.image = image_;
         barrier.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, VK_REMAINING_MIP_LEVELS, 0, 1};
@@ -96,12 +93,11 @@ void AlphaImage::upload(std::span<const vellum::AlphaTexture> levels, Format for
         vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0, 0,
                              nullptr, 0, nullptr, 1, &barrier);
     });
-    VkImageViewCreateInfo view{};
-    view.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
-    view.image = image_;
-    view.viewType = VK_IMAGE_VIEW_TYPE_2D;
-    view.format = texels;
-    view.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, VK_REMAINING_MIP_LEVELS, 0, 1};
+    auto view = vkInit<VkImageViewCreateInfo>(
+        {.image = image_,
+         .viewType = VK_IMAGE_VIEW_TYPE_2D,
+         .format = texels,
+         .subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, VK_REMAINING_MIP_LEVELS, 0, 1}});
     VT_CHECK(vkCreateImageView(gpu_.device(), &view, nullptr, &info_.view));
 }
 

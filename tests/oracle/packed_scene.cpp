@@ -27,19 +27,12 @@ class Recording
 public:
     explicit Recording(vt::Gpu &gpu) : gpu_(gpu)
     {
-        VkCommandPoolCreateInfo pool{};
-        pool.queueFamilyIndex = gpu.family();
-        pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
+        const auto pool = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = gpu.family()});
         VT_CHECK(vkCreateCommandPool(gpu.device(), &pool, nullptr, &pool_));
-        VkCommandBufferAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-        allocation.commandPool = pool_;
-        allocation.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
-        allocation.commandBufferCount = 1;
+        auto allocation = vkInit<VkCommandBufferAllocateInfo>(
+            {.commandPool = pool_, .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY, .commandBufferCount = 1});
         VT_CHECK(vkAllocateCommandBuffers(gpu.device(), &allocation, &commands_));
-        VkCommandBufferBeginInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-        info.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
+        auto info = vkInit<VkCommandBufferBeginInfo>({.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT});
         VT_CHECK(vkBeginCommandBuffer(commands_, &info));
     }
     Recording(const Recording &) = delete;
@@ -48,10 +41,7 @@ public:
     [[nodiscard]] VkCommandBuffer commands() const { return commands_; }
     void submit(VkQueue queue) const
     {
-        VkSubmitInfo submission{};
-        submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-        submission.commandBufferCount = 1;
-        submission.pCommandBuffers = &commands_;
+        auto submission = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands_});
         VT_CHECK(vkQueueSubmit(queue, 1, &submission, VK_NULL_HANDLE));
     }
 
@@ -279,8 +269,7 @@ std::unique_ptr<vt::Structure> PackedScene::reloaded(const vt::Structure &source
     std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
     target->create(bytes);
     run("loaded", {target->range()}, [&](VkCommandBuffer commands) {
-        VkCopyMemoryToAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = data.address();
         info.dst = target->handle();
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;

@@ -119,12 +119,11 @@ protected:
         if (way < 2) {
             copied.create(scene.size());
             gpu().submit([&](VkCommandBuffer commands) {
-                VkCopyAccelerationStructureInfoKHR info{};
-                info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-                info.src = scene.handle();
-                info.dst = copied.handle();
-                info.mode = way == 0 ? VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR
-                                     : VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+                auto info = vkInit<VkCopyAccelerationStructureInfoKHR>(
+                    {.src = scene.handle(),
+                     .dst = copied.handle(),
+                     .mode = way == 0 ? VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR
+                                      : VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR});
                 gpu().vk().CmdCopyAccelerationStructureKHR(commands, &info);
             });
             return;
@@ -132,9 +131,7 @@ protected:
         const Guarded memory(gpu(), scene.size() + 65536, 256,
                              VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
         gpu().submit([&](VkCommandBuffer commands) {
-            VkCopyAccelerationStructureToMemoryInfoKHR info{};
-            info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-            info.src = scene.handle();
+            auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = scene.handle()});
             info.dst.deviceAddress = memory.address();
             info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
             gpu().vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
@@ -143,8 +140,7 @@ protected:
         std::memcpy(&size, memory.bytes() + 40, 8);
         copied.create(size);
         gpu().submit([&](VkCommandBuffer commands) {
-            VkCopyMemoryToAccelerationStructureInfoKHR info{};
-            info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+            auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
             info.src.deviceAddress = memory.address();
             info.dst = copied.handle();
             info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;

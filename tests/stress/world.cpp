@@ -76,12 +76,12 @@ struct World::Description {
         ranges.assign(extent.geometries, {extent.triangles, 0, 0, 0});
         for (uint32_t g = 0; g < extent.geometries; ++g)
             describe(world, blas, g);
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-        info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
-        info.flags = kFlags;
-        info.mode = mode;
-        info.geometryCount = extent.geometries;
-        info.pGeometries = geometries.data();
+        info = vkInit<VkAccelerationStructureBuildGeometryInfoKHR>(
+            {.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
+             .flags = kFlags,
+             .mode = mode,
+             .geometryCount = extent.geometries,
+             .pGeometries = geometries.data()});
         if (world.scratch_.size() != 0)
             info.scratchData.deviceAddress = world.scratch_.address();
     }
@@ -104,8 +104,8 @@ struct World::Description {
                 usages[g].push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : uint32_t{kFourState}});
         }
         VkAccelerationStructureTrianglesOpacityMicromapEXT &attachment = attachments[g];
-        attachment.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
-        attachment.indexType = g % 3 == 0 ? VK_INDEX_TYPE_NONE_KHR : VK_INDEX_TYPE_UINT32;
+        attachment = vkInit<VkAccelerationStructureTrianglesOpacityMicromapEXT>(
+            {.indexType = g % 3 == 0 ? VK_INDEX_TYPE_NONE_KHR : VK_INDEX_TYPE_UINT32});
         if (g % 3 != 0) {
             attachment.indexBuffer.deviceAddress = world.indices_.address() + VkDeviceSize{g} * extent.triangles * 4;
             attachment.indexStride = 4;
@@ -114,21 +114,20 @@ struct World::Description {
         attachment.pUsageCounts = usages[g].data();
         attachment.micromap = world.micromaps_[map].handle.ext;
         VkAccelerationStructureTrianglesOpacityMicromapKHR &khr = attachmentsKhr[g];
-        khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
-        khr.indexType = attachment.indexType;
-        khr.indexBuffer = attachment.indexBuffer.deviceAddress;
-        khr.indexStride = attachment.indexStride;
-        khr.micromap = world.micromaps_[map].handle.khr;
+        khr = vkInit<VkAccelerationStructureTrianglesOpacityMicromapKHR>(
+            {.indexType = attachment.indexType,
+             .indexBuffer = attachment.indexBuffer.deviceAddress,
+             .indexStride = attachment.indexStride,
+             .micromap = world.micromaps_[map].handle.khr});
         VkAccelerationStructureGeometryKHR &geometry = geometries[g];
-        geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-        geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
-        geometry.flags = opaque(g) ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
+        geometry = vkInit<VkAccelerationStructureGeometryKHR>(
+            {.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR, .flags = opaque(g) ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0});
         VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
-        triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
-        triangles.pNext = world.gpu_.khr() ? static_cast<const void *>(&khr) : &attachment;
-        triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
-        triangles.vertexStride = sizeof(Vec3);
-        triangles.maxVertex = 3 * extent.triangles - 1;
+        triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
+            {.pNext = world.gpu_.khr() ? static_cast<const void *>(&khr) : &attachment,
+             .vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
+             .vertexStride = sizeof(Vec3),
+             .maxVertex = 3 * extent.triangles - 1});
         triangles.vertexData.deviceAddress =
             world.vertices_.address() + VkDeviceSize{g} * extent.triangles * 3 * sizeof(Vec3);
         triangles.indexType = VK_INDEX_TYPE_NONE_KHR;
@@ -157,12 +156,11 @@ struct MicromapDescription {
             if (used[u] != 0)
                 usage.push_back({used[u], u / 2, u % 2 == 1 ? kTwoState : uint32_t{kFourState}});
         }
-        info.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
-        info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-        info.flags = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
-        info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-        info.usageCountsCount = static_cast<uint32_t>(usage.size());
-        info.pUsageCounts = usage.data();
+        info = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT,
+                                               .flags = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT,
+                                               .mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT,
+                                               .usageCountsCount = static_cast<uint32_t>(usage.size()),
+                                               .pUsageCounts = usage.data()});
     }
     MicromapDescription(const MicromapDescription &) = delete;
     MicromapDescription &operator=(const MicromapDescription &) = delete;
@@ -185,8 +183,7 @@ World::World(Gpu &gpu, const Extent &extent)
     }
     {
         const Description description(*this, 0, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
-        VkAccelerationStructureBuildSizesInfoKHR sizes{};
-        sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+        auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
         gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                         &description.info, description.counts.data(), &sizes);
         blasBytes_ = sizes.accelerationStructureSize;
@@ -330,17 +327,12 @@ World::Bottom World::replaceBlas(uint32_t blas, VkDeviceSize bytes)
 {
     Bottom bottom;
     bottom.room = Guarded(gpu_, bytes, 256, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | kAddress);
-    VkAccelerationStructureCreateInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    info.buffer = bottom.room.buffer();
-    info.offset = bottom.room.offset();
-    info.size = bottom.room.handleSize();
+    auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = bottom.room.buffer(), .offset = bottom.room.offset(), .size = bottom.room.handleSize()});
     info.type = info.size != bytes ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
                                    : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
     VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &bottom.handle));
-    VkAccelerationStructureDeviceAddressInfoKHR query{};
-    query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-    query.accelerationStructure = bottom.handle;
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = bottom.handle});
     bottom.address = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
     return std::exchange(blases_[blas], std::move(bottom));
 }
@@ -368,11 +360,8 @@ void World::copy(uint32_t blas, VkCopyAccelerationStructureModeKHR mode)
             : blases_[blas].room.size();
     Bottom old = replaceBlas(blas, bytes);
     gpu_.submit([&](VkCommandBuffer commands) {
-        VkCopyAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-        info.src = old.handle;
-        info.dst = blases_[blas].handle;
-        info.mode = mode;
+        auto info =
+            vkInit<VkCopyAccelerationStructureInfoKHR>({.src = old.handle, .dst = blases_[blas].handle, .mode = mode});
         gpu_.vk().CmdCopyAccelerationStructureKHR(commands, &info);
     });
     destroy(std::move(old));
@@ -384,9 +373,7 @@ void World::reload(uint32_t blas)
                          askedOf(blases_[blas].handle, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR),
                          256, kSerializedUsage);
     gpu_.submit([&](VkCommandBuffer commands) {
-        VkCopyAccelerationStructureToMemoryInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-        info.src = blases_[blas].handle;
+        auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = blases_[blas].handle});
         info.dst.deviceAddress = memory.address();
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
         gpu_.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
@@ -395,8 +382,7 @@ void World::reload(uint32_t blas)
     std::memcpy(&size, memory.bytes() + 40, 8);
     destroy(replaceBlas(blas, size));
     gpu_.submit([&](VkCommandBuffer commands) {
-        VkCopyMemoryToAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = memory.address();
         info.dst = blases_[blas].handle;
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "core/align.h"
 #include "shaders/render_rahit.h"
 #include "shaders/render_rchit.h"
 #include "shaders/render_rgen.h"

@@ -4,6 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "core/align.h"
+
 namespace vellum::cli
 {
 namespace
@@ -34,11 +36,6 @@ VkSamplerAddressMode addressMode(Wrap wrap)
 }
 
 } // namespace
-
-VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
-{
-    return (value + alignment - 1) / alignment * alignment;
-}
 
 // Constructors delegate to the empty one, so that the destructor also runs where they throw.
 Buffer::Buffer(Device &device, VkDeviceSize size, VkBufferUsageFlags usage, Place place) : Buffer()

@@ -11,9 +11,6 @@
 namespace vellum::cli
 {
 
-// `alignment` must be above zero.
-VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment);
-
 class Buffer
 {
 public:

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <cstdint>
 
 #include <vulkan/vulkan.h>
@@ -34,6 +33,14 @@ struct EnabledFeatures {
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
+// What the layer does on a device.
+enum class Mode {
+    PassThrough, // nothing: every command except vkDestroyDevice goes to the next layer
+    Identifiers, // the same, but shader module identifiers are those that emulated devices have
+    Emulated,    // the layer provides micromaps
+    KhrOverExt,  // the driver provides VK_EXT_opacity_micromap, and the layer translates VK_KHR_opacity_micromap to it
+};
+
 // A device as the next layer or the driver made it.
 struct Driver {
     VkDevice handle = VK_NULL_HANDLE;
@@ -44,10 +51,7 @@ struct Driver {
     Reporter *reporter = nullptr;
     DeviceTable next;
 
-    // At most one of them. Of none, every call but vkDestroyDevice goes straight through.
-    bool emulated = false;   // micromaps are the layer's
-    bool translated = false; // micromaps are the driver's, which has VK_EXT_opacity_micromap only: room of translation
-    bool identifies = false; // without micromaps; only identifiers of shader modules are the layer's
+    Mode mode = Mode::PassThrough;
     EnabledFeatures enabled;
     bool ownAddressCommands = false;   // VK_KHR_device_address_commands is enabled, and the layer's
     bool nullIndexBuffer = false;      // VK_NULL_HANDLE may be bound as index buffer
@@ -61,6 +65,8 @@ struct Driver {
     bool keepsOldPushConstants = false;
     uint32_t threads = 0; // of a device that is a CPU; 0: it is none
 
+    [[nodiscard]] bool emulated() const { return mode == Mode::Emulated; }
+    [[nodiscard]] bool translated() const { return mode == Mode::KhrOverExt; }
     [[nodiscard]] Reporter &report() const { return *reporter; }
     [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;
     // The reference that instances name a bottom-level structure by.

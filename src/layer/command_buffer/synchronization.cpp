@@ -39,7 +39,7 @@ VkAccessFlags2 driverAccess(VkAccessFlags2 access)
 template <typename Barrier>
 void translate(const Driver &driver, Barrier &barrier)
 {
-    if (!driver.emulated)
+    if (!driver.emulated())
         return;
     barrier.srcAccessMask = driverAccess(barrier.srcAccessMask);
     barrier.dstAccessMask = driverAccess(barrier.dstAccessMask);

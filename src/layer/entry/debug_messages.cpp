@@ -14,7 +14,7 @@ void submitDebugUtilsMessage(VkInstance handle, VkDebugUtilsMessageSeverityFlagB
     // Layers below may look objects up by their types. The application's messengers are below, too, and get them still.
     std::vector<VkDebugUtilsObjectNameInfoEXT> objects(data->pObjects, data->pObjects + data->objectCount);
     for (VkDebugUtilsObjectNameInfoEXT &object : objects) {
-        if (isLayersOwn(instance, object.objectType, object.objectHandle))
+        if (isLayerObject(instance, object.objectType, object.objectHandle))
             object.objectType = VK_OBJECT_TYPE_UNKNOWN;
     }
     VkDebugUtilsMessengerCallbackDataEXT own = *data;
@@ -27,7 +27,7 @@ void debugReportMessage(VkInstance handle, VkDebugReportFlagsEXT flags, VkDebugR
 {
     Instance &instance = instanceOf(handle);
     // Micromaps have no type of their own here; as acceleration structures they have theirs, of the same number.
-    if (isLayersOwn(instance, static_cast<VkObjectType>(type), object))
+    if (isLayerObject(instance, static_cast<VkObjectType>(type), object))
         type = VK_DEBUG_REPORT_OBJECT_TYPE_UNKNOWN_EXT;
     instance.next.DebugReportMessageEXT(handle, flags, type, object, location, code, prefix, message);
 }

@@ -83,8 +83,7 @@ EnabledFeatures enabledFeaturesOf(const VkDeviceCreateInfo &info)
 // What a device that is being made may need of the layer.
 struct Provided {
     // There is something that the layer provides, by emulation, or by the driver's VK_EXT_opacity_micromap.
-    bool emulated = false;
-    bool translated = false;
+    Mode mode = Mode::PassThrough;
     Implementations have;
     std::vector<VkExtensionProperties> extensions; // the driver's; empty where nothing was asked for
 };
@@ -107,22 +106,22 @@ VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const
         provides |= implementation == Implementation::Emulation || implementation == Implementation::Translation;
     }
     // A device of a driver with one of the two micromap extensions has the driver's micromaps, whichever it enables.
-    provided.translated = provides && have.khr == Implementation::Translation;
-    provided.emulated = provides && !provided.translated;
+    const bool translated = provides && have.khr == Implementation::Translation;
+    if (provides)
+        provided.mode = translated ? Mode::KhrOverExt : Mode::Emulated;
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
         const char *name = info.ppEnabledExtensionNames[i];
         hidden = nullptr;
-        if (provided.emulated || have.ext == Implementation::Emulation)
+        if (provided.mode == Mode::Emulated || have.ext == Implementation::Emulation)
             hidden = hiddenByEmulation(name);
-        else if (provided.translated)
+        else if (translated)
             hidden = hiddenByTranslation(name);
         // Without KHR the micromaps of a translated device are as the driver knows them.
-        if (!hidden ||
-            (provided.translated && !enabled.khr && hidden->translated != HiddenExtension::Translated::NotBesideWork))
+        if (!hidden || (translated && !enabled.khr && hidden->translated != HiddenExtension::Translated::NotBesideWork))
             continue;
         instance.report.error("VELLUM-hidden-extension",
-                              std::string(name) + " is not there beside " +
-                                  (provided.translated ? "translated" : "emulated") + " micromaps: " + hidden->reason,
+                              std::string(name) + " is not there beside " + (translated ? "translated" : "emulated") +
+                                  " micromaps: " + hidden->reason,
                               VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
@@ -177,8 +176,8 @@ struct DriverDeviceInfo {
         : info(application), chain(application.pNext)
     {
         const bool ownAddressCommands = driver.ownAddressCommands;
-        const bool keepsExt = driver.translated;
-        const bool keepsPipelines = driver.translated && have.pipelines == Implementation::PassThrough;
+        const bool keepsExt = driver.translated();
+        const bool keepsPipelines = driver.translated() && have.pipelines == Implementation::PassThrough;
         const auto provided = [=](const char *name) {
             if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
                 return ownAddressCommands;
@@ -192,14 +191,14 @@ struct DriverDeviceInfo {
         }
         if (gpu.importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
             extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
-        if (driver.translated && driver.enabled.khr && !driver.enabled.ext)
+        if (driver.translated() && driver.enabled.khr && !driver.enabled.ext)
             extensions.push_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
         info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
         info.ppEnabledExtensionNames = extensions.data();
         chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
-        if (driver.translated && !setExtFeature(driver.enabled.khr))
+        if (driver.translated() && !setExtFeature(driver.enabled.khr))
             impossible = "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable micromap";
-        if (!driver.translated)
+        if (!driver.translated())
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
         if (ownAddressCommands)
             chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
@@ -342,7 +341,7 @@ Device *deviceOfKey(void *key)
     return devices.find(key);
 }
 
-bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle)
+bool isLayerObject(const Instance &instance, VkObjectType type, uint64_t handle)
 {
     return devices.any(
         [&](const Device &device) { return device.instance == &instance && device.objects.own(type, handle); });
@@ -367,24 +366,25 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (result != VK_SUCCESS)
         return result;
     auto device = std::make_unique<Device>();
-    device->driver.emulated = provided.emulated;
-    device->driver.translated = provided.translated;
+    device->driver.mode = provided.mode;
     DriverFacts facts;
-    if (!provided.emulated && !provided.translated && asksFor(*info, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME)) {
-        device->driver.identifies = implementationsOn(instance, physicalDevice).mixesIdentifiers();
+    const bool provides = provided.mode != Mode::PassThrough;
+    if (!provides && asksFor(*info, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME)) {
+        if (implementationsOn(instance, physicalDevice).mixesIdentifiers())
+            device->driver.mode = Mode::Identifiers;
         device->driver.enabled = enabledFeaturesOf(*info);
     }
-    if (provided.emulated || provided.translated) {
+    if (provides) {
         facts = driverFactsOf(instance, physicalDevice, provided.extensions);
         device->driver.enabled = enabledFeaturesOf(*info);
         device->driver.ownAddressCommands =
             device->driver.enabled.addressCommands && provided.have.addressCommands == Implementation::Emulation;
     }
-    if (provided.translated) {
+    if (device->driver.translated()) {
         device->buffers.gpu.driversMicromaps = device->driver.enabled.ext || device->driver.enabled.khr;
         device->structures.backend =
             std::make_unique<ExtBackend>(device->translation, driverLimits(instance, physicalDevice));
-    } else if (provided.emulated) {
+    } else if (device->driver.emulated()) {
         device->structures.backend = std::make_unique<EmulatedBackend>(device->structures);
         if (device->driver.enabled.captureReplay && !replaysAddresses(instance, physicalDevice)) {
             instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
@@ -395,7 +395,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
                                                replaysAddresses(instance, physicalDevice);
     }
-    if (provided.translated || provided.emulated) {
+    if (provides) {
         const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
         if (driverInfo.impossible) {
             instance.report.error("VELLUM-device-features",
@@ -424,7 +424,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     device->driver.instance = &instance.next;
     device->driver.settings = &instance.settings;
     device->driver.reporter = &instance.report;
-    if (device->driver.emulated || device->driver.translated) {
+    if (provides) {
         instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
         device->buffers.gpu.device = *handle;
         device->buffers.gpu.next = &device->driver.next;
@@ -432,14 +432,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
         device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
         device->driver.clearsWholeHandles = device->driver.keepsOldPushConstants = facts.isLavapipeBefore26;
         device->driver.driverUuid = facts.driverUuid;
-        result = device->driver.emulated ? startEmulation(instance, physicalDevice, *info, facts, *device)
-                                         : startTranslation(facts, *device);
+        result = device->driver.emulated() ? startEmulation(instance, physicalDevice, *info, facts, *device)
+                                           : startTranslation(facts, *device);
         if (result != VK_SUCCESS) {
             instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
             return result;
         }
         instance.report.info("VELLUM-device",
-                             device->driver.emulated
+                             device->driver.emulated()
                                  ? "opacity micromaps are emulated on this device"
                                  : "VK_KHR_opacity_micromap is translated to the driver's VK_EXT_opacity_micromap on "
                                    "this device");

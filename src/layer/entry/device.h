@@ -37,7 +37,7 @@ Device &deviceOf(DispatchableHandle handle)
 }
 
 // Whether an object of some device of the instance is the layer's own, which means nothing to the driver.
-bool isLayersOwn(const Instance &instance, VkObjectType type, uint64_t handle);
+bool isLayerObject(const Instance &instance, VkObjectType type, uint64_t handle);
 
 // Devices that are alive when their instance is destroyed are no longer known, and neither they nor what the layer has
 // made on them are destroyed: the application's threads and the GPU may still be using it. Whether there were any.

@@ -308,17 +308,17 @@ const Row *find(const char *name, const Row *after = nullptr)
 // Whether the row counts on a device, `next` being the command of the next layer.
 bool applies(const Row &row, const Driver &driver, PFN_vkVoidFunction next)
 {
-    const bool provided = driver.emulated || driver.translated;
+    const bool provided = driver.emulated() || driver.translated();
     switch (row.scope) {
     case Scope::Global:
     case Scope::Instance: return false;
     case Scope::Device: return true;
     case Scope::Debug: return next;
-    case Scope::Emulated: return next && driver.emulated;
-    case Scope::Identified: return next && (driver.emulated || driver.identifies);
-    case Scope::Translated: return next && driver.translated;
+    case Scope::Emulated: return next && driver.emulated();
+    case Scope::Identified: return next && (driver.emulated() || driver.mode == Mode::Identifiers);
+    case Scope::Translated: return next && driver.translated();
     case Scope::Provided: return next && provided;
-    case Scope::Own: return driver.emulated && driver.enabled.ext;
+    case Scope::Own: return driver.emulated() && driver.enabled.ext;
     case Scope::Address: return provided && driver.ownAddressCommands;
     case Scope::Create2: return provided && driver.enabled.addressCommands;
     }
@@ -354,11 +354,11 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     if (!device)
         return nullptr;
     const Driver &driver = device->driver;
-    if ((driver.emulated || driver.translated) && first && first->from &&
+    if ((driver.emulated() || driver.translated()) && first && first->from &&
         !driver.next.GetDeviceProcAddr(handle, first->from))
         return nullptr;
     // On translated devices, what the layer itself enabled.
-    if (driver.translated && !driver.enabled.ext && first && first->scope == Scope::Own)
+    if (driver.translated() && !driver.enabled.ext && first && first->scope == Scope::Own)
         return nullptr;
     const PFN_vkVoidFunction next = driver.next.GetDeviceProcAddr(handle, name);
     for (const Row *r = first; r; r = find(name, r)) {

@@ -23,9 +23,9 @@ VkFlags64 sameUsage(VkFlags64 usage, VkBufferCreateFlags)
 
 VkFlags64 (*usageOn(const Driver &driver))(VkFlags64, VkBufferCreateFlags)
 {
-    if (driver.emulated)
+    if (driver.emulated())
         return emulatedUsage;
-    return driver.translated && driver.enabled.khr ? translatedUsage : sameUsage;
+    return driver.translated() && driver.enabled.khr ? translatedUsage : sameUsage;
 }
 
 // The application's create info as the driver is to see it.

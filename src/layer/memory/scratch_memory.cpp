@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "layer/base/align.h"
+#include "core/align.h"
 
 namespace vellum::layer
 {

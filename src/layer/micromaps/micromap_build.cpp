@@ -4,10 +4,10 @@
 #include <cstring>
 #include <vector>
 
+#include "core/align.h"
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/records.h"
-#include "layer/base/align.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap_input.h"
 

@@ -86,7 +86,7 @@ Mask deviceMask(DevicePipelines &device)
 
 Mask tracingMask(DevicePipelines &device)
 {
-    return device.driver.emulated ? deviceMask(device) : untouchedMask();
+    return device.driver.emulated() ? deviceMask(device) : untouchedMask();
 }
 
 void mix(uint8_t *bytes, uint32_t count, const Mask &mask)
@@ -167,7 +167,8 @@ void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handl
 {
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
-    const bool known = !device.driver.emulated || rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
+    const bool known =
+        !device.driver.emulated() || rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
     device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
     if (known)
         give(device, *identifier, spirv::scan({info->pCode, info->codeSize / 4}).tracesRays);

@@ -257,7 +257,7 @@ HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const newer::Pipelin
 VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryCreateInfo *info,
                                 const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo *binaries)
 {
-    const bool emulated = device.driver.emulated;
+    const bool emulated = device.driver.emulated();
     const uint32_t count = binaries->pipelineBinaryCount; // of the array, which the driver may be given again
     const uint32_t capacity = binaries->pPipelineBinaries ? count : 0;
     std::fill_n(binaries->pPipelineBinaries, capacity, nullptr);
@@ -311,7 +311,7 @@ VkResult getPipelineKey(DevicePipelines &device, VkDevice handle, const newer::P
         result = device.driver.next.GetPipelineKeyKHR(handle, nullptr, key); // for its size
         giveStandIn(device, *info, *key);
     }
-    if (result == VK_SUCCESS && device.driver.emulated)
+    if (result == VK_SUCCESS && device.driver.emulated())
         mixKey(*key, deviceMask(device));
     return withoutShaderError(result, VK_ERROR_UNKNOWN);
 }

@@ -71,7 +71,7 @@ public:
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
         groupsOfOurs_.emplace_back();
-        if (!device_.driver.emulated)
+        if (!device_.driver.emulated())
             return takeIdentifiers(own);
         const bool available = device_.driver.enabled.anyFeature();
         bool asked =
@@ -566,7 +566,7 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
         return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,
                                                                pipelines);
     // Nobody would tell here when it is complete; and where only identifiers are changed, the driver compiles nothing.
-    if (!device.driver.emulated) {
+    if (!device.driver.emulated()) {
         const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
             handle, VK_NULL_HANDLE, cache, count, creation->infos().data(), allocator, pipelines);
         return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;

@@ -51,7 +51,7 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
 {
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
-    const bool emulated = device.driver.emulated;
+    const bool emulated = device.driver.emulated();
     const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
     const spirv::ModuleScan scan = spirv::scan(words);
     if (emulated && scan.tracesRays && !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
@@ -82,7 +82,7 @@ void destroyShaderModule(DevicePipelines &device, VkDevice handle, VkShaderModul
 VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, DriverStages &stages,
                    DriverIdentifiers &identifiers, std::deque<Chain> &chains)
 {
-    const bool emulated = device.driver.emulated;
+    const bool emulated = device.driver.emulated();
     if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
                                   "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593", "vkCreateComputePipelines"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
@@ -102,7 +102,7 @@ VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, D
 VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, DriverStages &stages,
                    DriverIdentifiers &identifiers, std::deque<Chain> &chains)
 {
-    const bool emulated = device.driver.emulated;
+    const bool emulated = device.driver.emulated();
     if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
                                   "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595", "vkCreateGraphicsPipelines"))
         return VK_ERROR_VALIDATION_FAILED_EXT;

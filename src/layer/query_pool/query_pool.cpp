@@ -195,7 +195,7 @@ bool QueryPool::available(uint32_t query) const
 VkResult createQueryPool(DeviceQueryPools &device, VkDevice handle, const VkQueryPoolCreateInfo *info,
                          const VkAllocationCallbacks *allocator, VkQueryPool *result)
 {
-    const bool micromaps = isMicromapType(info->queryType) && device.driver.emulated;
+    const bool micromaps = isMicromapType(info->queryType) && device.driver.emulated();
     if (!micromaps && !isStructureProperty(info->queryType))
         return device.driver.next.CreateQueryPool(handle, info, allocator, result);
     auto pool = std::make_shared<QueryPool>();
@@ -217,7 +217,7 @@ VkResult createQueryPool(DeviceQueryPools &device, VkDevice handle, const VkQuer
         device.driver.next.DestroyQueryPool(handle, *result, allocator);
         *result = VK_NULL_HANDLE;
     });
-    if (device.driver.translated && device.driver.enabled.khr)
+    if (device.driver.translated() && device.driver.enabled.khr)
         driver = createMicromapPool(device, *info, pool->micromaps);
     if (driver != VK_SUCCESS)
         return driver;
@@ -369,7 +369,7 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &device, VkComman
     for (uint32_t i = 0; i < count; ++i) {
         known.push_back(device.objects.accelerationStructures.get(structures[i]));
         const std::optional<bool> micromap = holdsMicromap(device.driver, *known.back());
-        if (!micromap && device.driver.translated)
+        if (!micromap && device.driver.translated())
             device.driver.report().warning(
                 "VELLUM-unknown-content",
                 std::string(kCommand) + ": pAccelerationStructures[" + std::to_string(i) +
@@ -407,7 +407,7 @@ VkResult writeAccelerationStructuresProperties(DeviceQueryPools &device, VkDevic
                                                size_t bytes, void *data, size_t stride)
 {
     // The host does not know what a structure with emulated micromaps holds.
-    bool possible = device.driver.translated;
+    bool possible = device.driver.translated();
     for (uint32_t i = 0; possible && i < count; ++i) {
         const auto structure = device.objects.accelerationStructures.get(structures[i]);
         possible = structure && !holdsMicromap(device.driver, *structure).value_or(true);
@@ -415,7 +415,7 @@ VkResult writeAccelerationStructuresProperties(DeviceQueryPools &device, VkDevic
     if (possible)
         return device.driver.next.WriteAccelerationStructuresPropertiesKHR(handle, count, structures, type, bytes, data,
                                                                            stride);
-    device.driver.report().notAvailable(device.driver.translated
+    device.driver.report().notAvailable(device.driver.translated()
                                             ? "vkWriteAccelerationStructuresPropertiesKHR of a micromap"
                                             : "vkWriteAccelerationStructuresPropertiesKHR");
     return VK_ERROR_FEATURE_NOT_PRESENT;

@@ -59,7 +59,7 @@ constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
 // the buffer may be gone, and with it what the driver says of the others.
 void letBeNamed(DeviceState &device, StructureLocation &location, AccelerationStructure &structure)
 {
-    if (structure.reference != 0 || isLayersOwn(structure))
+    if (structure.reference != 0 || isLayerObject(structure))
         return;
     const VkDeviceAddress address = device.driver.structureAddress(structure.handle);
     const auto known = std::ranges::find(location.references, address, &StructureLocation::Reference::address);
@@ -304,7 +304,7 @@ std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStruct
         return content == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     // Where micromaps are the driver's, the device leaves no trace of what it found.
     const bool marked =
-        driver.translated && markedType(structure.size) == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+        driver.translated() && markedType(structure.size) == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     return marked ? std::optional(true) : std::nullopt;
 }
 
@@ -316,7 +316,7 @@ Micromap micromapIn(const AccelerationStructure &structure)
             {VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure.handle)}};
 }
 
-void letMicromapBeNamed(DeviceState &device, AccelerationStructure &structure)
+void publishMicromap(DeviceState &device, AccelerationStructure &structure)
 {
     if (!device.driver.enabled.khr || !canHoldMicromap(structure))
         return;
@@ -325,10 +325,10 @@ void letMicromapBeNamed(DeviceState &device, AccelerationStructure &structure)
         structure.micromapKey = device.root.acquireMicromap(beginOf(device.driver, structure), structure.size);
 }
 
-void letMicromapBeNamedOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure)
+void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure)
 {
     if (device.buffers.addresses.addressOf(structure->buffer) != 0)
-        return letMicromapBeNamed(device, *structure);
+        return publishMicromap(device, *structure);
     if (!device.driver.enabled.khr || !canHoldMicromap(*structure))
         return;
     std::lock_guard lock(device.unnamedMutex);
@@ -343,23 +343,23 @@ void bufferHasAddress(DeviceState &device, VkBuffer buffer)
         if (structure && structure->buffer != buffer)
             return false;
         if (structure)
-            letMicromapBeNamed(device, *structure);
+            publishMicromap(device, *structure);
         return true;
     });
 }
 
 void becomeMicromap(DeviceState &device, AccelerationStructure &structure)
 {
-    letMicromapBeNamed(device, structure);
+    publishMicromap(device, structure);
     becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, 0);
 }
 
 bool DeviceState::own(VkObjectType type, uint64_t handle) const
 {
     if (type != VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
-        return type == VK_OBJECT_TYPE_MICROMAP_EXT && driver.emulated;
+        return type == VK_OBJECT_TYPE_MICROMAP_EXT && driver.emulated();
     const auto structure = accelerationStructures.get(reinterpret_cast<VkAccelerationStructureKHR>(handle));
-    return structure && isLayersOwn(*structure);
+    return structure && isLayerObject(*structure);
 }
 
 } // namespace vellum::layer

@@ -89,7 +89,7 @@ void reportGpuErrors(DeviceState &device);
 // Whether a structure is a micromap, or a GENERIC one, which may become one.
 bool canHoldMicromap(const AccelerationStructure &structure);
 // Whether the layer made the handle: the driver must not see it.
-inline bool isLayersOwn(const AccelerationStructure &structure)
+inline bool isLayerObject(const AccelerationStructure &structure)
 {
     return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
@@ -102,9 +102,9 @@ Micromap micromapIn(const AccelerationStructure &structure);
 void becomeMicromap(DeviceState &device, AccelerationStructure &structure);
 
 // Serialized structures may name the micromap that a structure is or may become, by the address of its memory.
-void letMicromapBeNamed(DeviceState &device, AccelerationStructure &structure);
+void publishMicromap(DeviceState &device, AccelerationStructure &structure);
 // The same of one that vkCreateAccelerationStructureKHR has made: now, or when its buffer gets memory.
-void letMicromapBeNamedOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure);
+void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure);
 void bufferHasAddress(DeviceState &device, VkBuffer buffer);
 
 } // namespace vellum::layer

@@ -5,9 +5,9 @@
 #include <atomic>
 #include <new>
 
+#include "core/align.h"
 #include "core/opacity.h"
 #include "core/records.h"
-#include "layer/base/align.h"
 #include "layer/base/undo.h"
 
 namespace vellum::layer

@@ -39,7 +39,7 @@ void EmulatedBackend::record(VkCommandBuffer commandBuffer, const char *, std::v
 
 void EmulatedBackend::created(const std::shared_ptr<AccelerationStructure> &structure)
 {
-    letMicromapBeNamedOnceBound(device_.objects, structure);
+    publishMicromapOnceBound(device_.objects, structure);
 }
 
 void EmulatedBackend::addressTaken(AccelerationStructure &structure)

@@ -43,7 +43,7 @@ void addStructure(DeviceStructures &device, const std::shared_ptr<AccelerationSt
     enterLocation(device.objects, *structure);
     Undo undo([&] { forgetStructure(device, *structure); });
     device.backend->created(structure);
-    if (isLayersOwn(*structure) && !device.backend->createMicromap(*structure))
+    if (isLayerObject(*structure) && !device.backend->createMicromap(*structure))
         throw std::bad_alloc(); // the one error that vkCreateMicromapEXT has
     device.objects.accelerationStructures.set(handle, structure);
     undo.keep();
@@ -126,7 +126,7 @@ VkResult rejectOnHost(const DeviceStructures &device, const std::string &what)
 bool isDrivers(const DeviceStructures &device, VkAccelerationStructureKHR handle)
 {
     const auto structure = device.objects.accelerationStructures.get(handle);
-    return device.driver.translated && structure && !isLayersOwn(*structure);
+    return device.driver.translated() && structure && !isLayerObject(*structure);
 }
 
 } // namespace
@@ -175,7 +175,7 @@ void destroyAccelerationStructure(DeviceStructures &device, VkDevice handle, VkA
     if (known)
         forgetStructure(device, *known);
     device.driver.report().setName(reinterpret_cast<uint64_t>(structure), "");
-    if (known && isLayersOwn(*known)) {
+    if (known && isLayerObject(*known)) {
         device.objects.privateData.forgetObject(reinterpret_cast<uint64_t>(structure));
         return;
     }
@@ -186,7 +186,7 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceStructures &device, 
                                                       const VkAccelerationStructureDeviceAddressInfoKHR *info)
 {
     const auto structure = device.objects.accelerationStructures.get(info->accelerationStructure);
-    if (structure && isLayersOwn(*structure)) {
+    if (structure && isLayerObject(*structure)) {
         // VUID-VkBufferDeviceAddressInfo-buffer-02601
         const bool hasAddress =
             (device.buffers.infos.get(structure->buffer).usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
@@ -202,7 +202,7 @@ VkResult getAccelerationStructureCaptureData(DeviceStructures &device, VkDevice 
                                              void *data)
 {
     const auto structure = device.objects.accelerationStructures.get(info->accelerationStructure);
-    if (!structure || !isLayersOwn(*structure))
+    if (!structure || !isLayerObject(*structure))
         return device.driver.next.GetAccelerationStructureOpaqueCaptureDescriptorDataEXT(handle, info, data);
     // The driver knows nothing of it that it could replay.
     VkPhysicalDeviceDescriptorBufferPropertiesEXT sizes{
@@ -299,7 +299,7 @@ VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, 
                                      uint32_t count, const BuildInfo *infos, const RangeInfo *const *ranges)
 {
     constexpr const char *kCommand = "vkBuildAccelerationStructuresKHR";
-    if (device.driver.emulated)
+    if (device.driver.emulated())
         return rejectOnHost(device, kCommand);
     // A deferred build reads its input later: the driver gets the application's, unless there are micromaps.
     std::vector<bool> topLevel;

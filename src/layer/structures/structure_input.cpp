@@ -20,7 +20,7 @@ std::optional<MicromapAttachment> attachmentIn(const Driver &driver, const void 
             khr->indexType, khr->indexBuffer, khr->indexStride, khr->baseTriangle, VK_NULL_HANDLE, khr->micromap, {},
             nullptr};
     const auto *ext = findInChain<VkAccelerationStructureTrianglesOpacityMicromapEXT>(chain, kAttachmentEXT);
-    if (ext && driver.emulated)
+    if (ext && driver.emulated())
         return MicromapAttachment{ext->indexType,
                                   ext->indexBuffer.deviceAddress,
                                   ext->indexStride,
@@ -40,7 +40,7 @@ void parseTriangles(const Driver &driver, VkAccelerationStructureGeometryTriangl
         return;
     Chain &chain = input.chain.emplace(triangles.pNext);
     chain.remove(kAttachmentKHR);
-    if (driver.emulated) {
+    if (driver.emulated()) {
         chain.remove(kAttachmentEXT);
         // Carries a VkMicromapEXT, and was rejected with its extension.
         chain.remove(newer::kTrianglesDisplacementMicromap);
@@ -136,7 +136,7 @@ bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, co
 {
     build.target = objects.accelerationStructures.get(build.info.dstAccelerationStructure);
     // A micromap's handle means nothing to the driver.
-    if (!build.target || isLayersOwn(*build.target))
+    if (!build.target || isLayerObject(*build.target))
         return check.reject(
             "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
             "dstAccelerationStructure is not an acceleration structure of this device");
@@ -150,7 +150,7 @@ bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, co
     }
     if (build.info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR) {
         build.source = objects.accelerationStructures.get(build.info.srcAccelerationStructure);
-        if (!build.source || isLayersOwn(*build.source))
+        if (!build.source || isLayerObject(*build.source))
             return check.reject(
                 build.info.srcAccelerationStructure
                     ? "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629"
@@ -186,7 +186,7 @@ std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, cons
         return reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter",
                       "dst is not an acceleration structure of this device");
     copy.type = contentOf(*copy.source);
-    if (isLayersOwn(*copy.target) || holdsMicromap(objects.driver, *copy.source).value_or(false))
+    if (isLayerObject(*copy.target) || holdsMicromap(objects.driver, *copy.source).value_or(false))
         copy.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     else if (copy.type == kGeneric)
         copy.type = copy.target->type;
@@ -257,8 +257,8 @@ std::optional<SerializedCopy> parseRestore(const DeviceState &objects, const cha
                    "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", "mode is not DESERIALIZE") ||
         !check.checkSerializedAddress(
             copy.data, micromap ? 128 : 256, "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
-            isLayersOwn(*copy.structure) ? "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700"
-                                         : "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743"))
+            isLayerObject(*copy.structure) ? "VELLUM-VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700"
+                                           : "VELLUM-VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03743"))
         return std::nullopt;
     return copy;
 }

@@ -5,7 +5,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/align.h"
+#include "core/align.h"
 #include "layer/structures/structure_input.h"
 
 namespace vellum::layer

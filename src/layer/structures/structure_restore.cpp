@@ -206,7 +206,7 @@ struct Restore {
             work.barrier(true); // the host looks at the descriptor
         }
         if (mayBeMicromap()) {
-            letMicromapBeNamed(device.objects, *target);
+            publishMicromap(device.objects, *target);
             recordMicromapRestore(device.micromaps, commandBuffer, micromapIn(*target), data,
                                   DataThatIsNone::LeavesTheTarget);
         }
@@ -237,7 +237,7 @@ struct Restore {
 void EmulatedBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
 {
     AccelerationStructure &target = *copy.structure;
-    if (isLayersOwn(target)) {
+    if (isLayerObject(target)) {
         becomeMicromap(device_.objects, target);
         return recordMicromapRestore(device_.micromaps, commandBuffer, micromapIn(target), copy.data);
     }

@@ -6,6 +6,7 @@
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
+#include "entry/micromap_device.h"
 #include "harness/copies.h"
 #include "harness/mock_driver.h"
 #include "harness/pipeline_tracer.h"
@@ -161,25 +162,10 @@ std::string nameOf(const testing::TestParamInfo<Failing> &info)
 TEST_P(Allocations, Device)
 {
     const long before = alive();
-    const float priority = 1;
-    const VkDeviceQueueCreateInfo queue{
-        VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO, nullptr, 0, gpu().family(), 1, &priority};
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
-    micromaps.micromap = VK_TRUE;
-    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR, &micromaps};
-    structures.accelerationStructure = VK_TRUE;
-    const char *extensions[]{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
-                             VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
-    VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &structures};
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
-    info.enabledExtensionCount = 3;
-    info.ppEnabledExtensionNames = extensions;
+    const MicromapDeviceInfo info(gpu().family());
     failCreation<VkDevice>(
         [&](VkDevice *device) {
-            const VkResult result = vkCreateDevice(gpu().physical(), &info, nullptr, device);
+            const VkResult result = vkCreateDevice(gpu().physical(), info.get(), nullptr, device);
             if (result == VK_SUCCESS) // it is found by its key
                 vkDeviceWaitIdle(*device);
             return result;
@@ -190,9 +176,9 @@ TEST_P(Allocations, Device)
 
 TEST_P(Allocations, Messenger)
 {
-    VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
-    info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
+    auto info =
+        vkInit<VkDebugUtilsMessengerCreateInfoEXT>({.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT,
+                                                    .messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT});
     info.pfnUserCallback = [](auto, auto, auto, auto) -> VkBool32 { return VK_FALSE; };
     const Commands &vk = gpu().vk();
     // Of which the vector in the layer has no room: the first of many.
@@ -217,9 +203,8 @@ TEST_P(Allocations, Messenger)
 
 TEST_P(Allocations, BufferWithMemory)
 {
-    VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
-    info.size = 65536;
-    info.usage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    auto info = vkInit<VkBufferCreateInfo>(
+        {.size = 65536, .usage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT});
     failEach([&](const WhileItFails &whileItFails) {
         VkBuffer buffer = VK_NULL_HANDLE;
         VkDeviceMemory memory = VK_NULL_HANDLE;
@@ -233,11 +218,12 @@ TEST_P(Allocations, BufferWithMemory)
             }
             VkMemoryRequirements requirements{};
             vkGetBufferMemoryRequirements(gpu().device(), buffer, &requirements);
-            const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
-                                                  VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-            const VkMemoryAllocateInfo allocate{
-                VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, requirements.size,
-                gpu().memoryType(requirements.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT)};
+            const auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
+            const auto allocate =
+                vkInit<VkMemoryAllocateInfo>({.pNext = &flags,
+                                              .allocationSize = requirements.size,
+                                              .memoryTypeIndex = gpu().memoryType(
+                                                  requirements.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT)});
             result = vkAllocateMemory(gpu().device(), &allocate, nullptr, &memory);
             if (result != VK_SUCCESS)
                 memory = VK_NULL_HANDLE;
@@ -245,7 +231,7 @@ TEST_P(Allocations, BufferWithMemory)
                 result = vkBindBufferMemory(gpu().device(), buffer, memory, 0);
             if (result != VK_SUCCESS)
                 return;
-            const VkBufferDeviceAddressInfo addressInfo{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
+            const auto addressInfo = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
             address = vkGetBufferDeviceAddress(gpu().device(), &addressInfo);
         });
         vkDestroyBuffer(gpu().device(), buffer, nullptr);
@@ -262,19 +248,16 @@ TEST_P(Allocations, Micromap)
                                          : VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT));
     const Commands &vk = gpu().vk();
     if (gpu().khr()) {
-        VkAccelerationStructureCreateInfo2KHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-        info.addressRange = {(buffer.address() + 255) & ~VkDeviceAddress{255}, 4096};
-        info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = {(buffer.address() + 255) & ~VkDeviceAddress{255}, 4096},
+             .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
         failCreation<VkAccelerationStructureKHR>(
             [&](auto *made) { return vk.CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, made); },
             [&](auto made) { vk.DestroyAccelerationStructureKHR(gpu().device(), made, nullptr); });
         return;
     }
-    VkMicromapCreateInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT};
-    info.buffer = buffer.handle();
-    info.size = 4096;
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    auto info = vkInit<VkMicromapCreateInfoEXT>(
+        {.buffer = buffer.handle(), .size = 4096, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
     failCreation<VkMicromapEXT>([&](auto *made) { return vk.CreateMicromapEXT(gpu().device(), &info, nullptr, made); },
                                 [&](auto made) { vk.DestroyMicromapEXT(gpu().device(), made, nullptr); });
 }
@@ -289,11 +272,8 @@ TEST_P(Allocations, Structure)
           VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR}) {
         VkDeviceSize offset = 0;
         failEach([&](const WhileItFails &whileItFails) {
-            VkAccelerationStructureCreateInfoKHR info{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-            info.buffer = buffer.handle();
-            info.offset = offset++ % 64 * 256;
-            info.size = 4096;
-            info.type = type;
+            auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+                {.buffer = buffer.handle(), .offset = offset++ % 64 * 256, .size = 4096, .type = type});
             VkAccelerationStructureKHR made = VK_NULL_HANDLE;
             VkResult result = VK_SUCCESS;
             VkDeviceAddress address = 0;
@@ -301,8 +281,8 @@ TEST_P(Allocations, Structure)
                 result = vk.CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &made);
                 if (result != VK_SUCCESS)
                     return;
-                const VkAccelerationStructureDeviceAddressInfoKHR addressInfo{
-                    VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR, nullptr, made};
+                const auto addressInfo =
+                    vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = made});
                 address = vk.GetAccelerationStructureDeviceAddressKHR(gpu().device(), &addressInfo);
             });
             if (result == VK_SUCCESS)
@@ -315,9 +295,7 @@ TEST_P(Allocations, Structure)
 TEST_P(Allocations, ShaderModule)
 {
     const std::vector<uint32_t> code = gpu().code(tracer_comp);
-    VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
-    info.codeSize = code.size() * 4;
-    info.pCode = code.data();
+    auto info = vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * 4, .pCode = code.data()});
     failCreation<VkShaderModule>(
         [&](VkShaderModule *module) { return vkCreateShaderModule(gpu().device(), &info, nullptr, module); },
         [&](VkShaderModule module) { vkDestroyShaderModule(gpu().device(), module, nullptr); });
@@ -327,12 +305,10 @@ TEST_P(Allocations, ComputePipeline)
 {
     const Tracer tracer(gpu());
     const VkShaderModule module = gpu().shader(tracer_comp);
-    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.module = module;
-    info.stage.pName = "main";
-    info.layout = tracer.layout();
+    auto info = vkInit<VkComputePipelineCreateInfo>(
+        {.stage = vkInit<VkPipelineShaderStageCreateInfo>(
+             {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"}),
+         .layout = tracer.layout()});
     failCreation<VkPipeline>(
         [&](VkPipeline *pipeline) {
             return vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, pipeline);
@@ -350,9 +326,7 @@ TEST_P(Allocations, QueryPools)
 {
     for (const VkQueryType type :
          {VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT}) {
-        VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
-        info.queryType = type;
-        info.queryCount = 1000;
+        auto info = vkInit<VkQueryPoolCreateInfo>({.queryType = type, .queryCount = 1000});
         failCreation<VkQueryPool>(
             [&](VkQueryPool *pool) { return vkCreateQueryPool(gpu().device(), &info, nullptr, pool); },
             [&](VkQueryPool pool) { vkDestroyQueryPool(gpu().device(), pool, nullptr); });
@@ -361,9 +335,7 @@ TEST_P(Allocations, QueryPools)
 
 TEST_P(Allocations, CommandBuffers)
 {
-    VkCommandBufferAllocateInfo info{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
-    info.commandPool = gpu().pool();
-    info.commandBufferCount = 3;
+    auto info = vkInit<VkCommandBufferAllocateInfo>({.commandPool = gpu().pool(), .commandBufferCount = 3});
     std::array<VkCommandBuffer, 3> made{};
     failCreation<VkCommandBuffer>(
         [&](VkCommandBuffer *) {
@@ -449,13 +421,12 @@ TEST_P(BinaryAllocations, Binaries)
 {
     const Tracer tracer(gpu());
     const VkShaderModule module = gpu().shader(tracer_comp);
-    const PipelineFlags2 capture{.flags = kCaptureData};
-    VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO, &capture};
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.module = module;
-    info.stage.pName = "main";
-    info.layout = tracer.layout();
+    const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData});
+    auto info = vkInit<VkComputePipelineCreateInfo>(
+        {.pNext = &capture,
+         .stage = vkInit<VkPipelineShaderStageCreateInfo>(
+             {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"}),
+         .layout = tracer.layout()});
     VkPipeline pipeline = VK_NULL_HANDLE;
     VT_CHECK(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
     const auto create = reinterpret_cast<newer::PFN_CreatePipelineBinaries>(
@@ -509,10 +480,8 @@ TEST_P(TranslatedAllocations, MicromapAndStructure)
     const Commands &vk = gpu().vk();
     for (const VkAccelerationStructureTypeKHR type :
          {VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR}) {
-        VkAccelerationStructureCreateInfo2KHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-        info.addressRange = {(buffer.address() + 255) & ~VkDeviceAddress{255}, 4096};
-        info.type = type;
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = {(buffer.address() + 255) & ~VkDeviceAddress{255}, 4096}, .type = type});
         failCreation<VkAccelerationStructureKHR>(
             [&](auto *made) { return vk.CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, made); },
             [&](auto made) { vk.DestroyAccelerationStructureKHR(gpu().device(), made, nullptr); });
@@ -520,9 +489,8 @@ TEST_P(TranslatedAllocations, MicromapAndStructure)
 }
 TEST_P(TranslatedAllocations, QueryPool)
 {
-    VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
-    info.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
-    info.queryCount = 1000;
+    auto info = vkInit<VkQueryPoolCreateInfo>(
+        {.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, .queryCount = 1000});
     failCreation<VkQueryPool>(
         [&](VkQueryPool *pool) { return vkCreateQueryPool(gpu().device(), &info, nullptr, pool); },
         [&](VkQueryPool pool) { vkDestroyQueryPool(gpu().device(), pool, nullptr); });

@@ -36,45 +36,22 @@ public:
 
     void allocate(VkDeviceSize bytes, VkBufferUsageFlags usage)
     {
-        VkBufferCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-        info.size = bytes;
-        info.usage = usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+        auto info =
+            vkInit<VkBufferCreateInfo>({.size = bytes, .usage = usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
         VT_CHECK(vkCreateBuffer(gpu_.device(), &info, nullptr, &buffer_));
-        VkMemoryRequirements needs{};
-        vkGetBufferMemoryRequirements(gpu_.device(), buffer_, &needs);
-        VkMemoryAllocateFlagsInfo flags{};
-        flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-        flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-        VkMemoryAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-        allocation.pNext = &flags;
-        allocation.allocationSize = needs.size;
-        allocation.memoryTypeIndex = gpu_.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
-        VT_CHECK(vkAllocateMemory(gpu_.device(), &allocation, nullptr, &memory_));
-        VT_CHECK(vkBindBufferMemory(gpu_.device(), buffer_, memory_, 0));
-        VkBufferDeviceAddressInfo query{};
-        query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-        query.buffer = buffer_;
-        static_cast<void>(vkGetBufferDeviceAddress(gpu_.device(), &query)); // the layer takes note of it
+        memory_ = gpu_.bindMemory(buffer_, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+        static_cast<void>(gpu_.address(buffer_)); // the layer records it
     }
     void makeStructure(VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
     {
-        VkAccelerationStructureCreateInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-        info.buffer = buffer_;
-        info.size = bytes;
-        info.type = type;
+        auto info = vkInit<VkAccelerationStructureCreateInfoKHR>({.buffer = buffer_, .size = bytes, .type = type});
         VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &info, nullptr, &structure_));
     }
 
     void makeMicromap(VkDeviceSize bytes)
     {
-        VkMicromapCreateInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-        info.buffer = buffer_;
-        info.size = bytes;
-        info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+        auto info = vkInit<VkMicromapCreateInfoEXT>(
+            {.buffer = buffer_, .size = bytes, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
         VT_CHECK(gpu_.vk().CreateMicromapEXT(gpu_.device(), &info, nullptr, &micromap_));
     }
 
@@ -150,11 +127,10 @@ protected:
         pieces->allocate(source.size(), VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
         pieces->makeStructure(type, source.size());
         gpu().submit([&](VkCommandBuffer commands) {
-            VkCopyAccelerationStructureInfoKHR info{};
-            info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-            info.src = source.handle();
-            info.dst = pieces->structure();
-            info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+            auto info =
+                vkInit<VkCopyAccelerationStructureInfoKHR>({.src = source.handle(),
+                                                            .dst = pieces->structure(),
+                                                            .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR});
             gpu().vk().CmdCopyAccelerationStructureKHR(commands, &info);
         });
         return pieces;
@@ -188,11 +164,8 @@ TEST_F(Destruction, MicromapsBuffersAndMemoryInAnyOrder)
         pieces.allocate(micromap->size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
         pieces.makeMicromap(micromap->size());
         gpu().submit([&](VkCommandBuffer commands) {
-            VkCopyMicromapInfoEXT info{};
-            info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-            info.src = micromap->handle().ext;
-            info.dst = pieces.micromap();
-            info.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
+            auto info = vkInit<VkCopyMicromapInfoEXT>(
+                {.src = micromap->handle().ext, .dst = pieces.micromap(), .mode = VK_COPY_MICROMAP_MODE_CLONE_EXT});
             gpu().vk().CmdCopyMicromapEXT(commands, &info);
         });
         pieces.destroy(order);

@@ -6,13 +6,6 @@
 namespace vt
 {
 
-// VkPipelineCreateFlags2CreateInfo (VK_KHR_maintenance5).
-struct PipelineFlags2 {
-    VkStructureType sType = static_cast<VkStructureType>(1000470005);
-    const void *pNext = nullptr;
-    VkFlags64 flags = 0;
-};
-
 class ComputePipeline
 {
 public:
@@ -21,21 +14,18 @@ public:
                     bool inlineModule = false)
         : gpu_(gpu)
     {
-        const PipelineFlags2 flags2{.flags = flags};
+        const auto flags2 = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = flags});
         const std::vector<uint32_t> code = gpu.code(words);
-        VkShaderModuleCreateInfo inlined{};
-        inlined.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        inlined.codeSize = code.size() * sizeof(uint32_t);
-        inlined.pCode = code.data();
-        VkComputePipelineCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        info.pNext = &flags2;
-        info.layout = layout;
-        info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        info.stage.pNext = inlineModule ? &inlined : nullptr;
-        info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.stage.module = inlineModule ? VK_NULL_HANDLE : gpu.shader(words);
-        info.stage.pName = "main";
+        auto inlined =
+            vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * sizeof(uint32_t), .pCode = code.data()});
+        auto info =
+            vkInit<VkComputePipelineCreateInfo>({.pNext = &flags2,
+                                                 .stage = vkInit<VkPipelineShaderStageCreateInfo>(
+                                                     {.pNext = inlineModule ? &inlined : nullptr,
+                                                      .stage = VK_SHADER_STAGE_COMPUTE_BIT,
+                                                      .module = inlineModule ? VK_NULL_HANDLE : gpu.shader(words),
+                                                      .pName = "main"}),
+                                                 .layout = layout});
         VT_CHECK(vkCreateComputePipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline_));
         vkDestroyShaderModule(gpu.device(), info.stage.module, nullptr);
     }

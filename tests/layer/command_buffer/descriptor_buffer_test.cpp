@@ -48,23 +48,18 @@ public:
             bindings.push_back(
                 {i, i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
                  VK_SHADER_STAGE_ALL, nullptr});
-        VkDescriptorSetLayoutCreateInfo set{};
-        set.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-        set.flags = VK_DESCRIPTOR_SET_LAYOUT_CREATE_DESCRIPTOR_BUFFER_BIT_EXT;
-        set.bindingCount = static_cast<uint32_t>(bindings.size());
-        set.pBindings = bindings.data();
+        auto set =
+            vkInit<VkDescriptorSetLayoutCreateInfo>({.flags = VK_DESCRIPTOR_SET_LAYOUT_CREATE_DESCRIPTOR_BUFFER_BIT_EXT,
+                                                     .bindingCount = static_cast<uint32_t>(bindings.size()),
+                                                     .pBindings = bindings.data()});
         VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &set, nullptr, &setLayout_));
-        VkPipelineLayoutCreateInfo layout{};
-        layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-        layout.setLayoutCount = 1;
-        layout.pSetLayouts = &setLayout_;
-        layout.pushConstantRangeCount = 1;
-        layout.pPushConstantRanges = &push;
+        auto layout = vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = 1,
+                                                          .pSetLayouts = &setLayout_,
+                                                          .pushConstantRangeCount = 1,
+                                                          .pPushConstantRanges = &push});
         VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
-        properties_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_PROPERTIES_EXT;
-        VkPhysicalDeviceProperties2 properties{};
-        properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-        properties.pNext = &properties_;
+        properties_ = vkInit<VkPhysicalDeviceDescriptorBufferPropertiesEXT>();
+        auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &properties_});
         vkGetPhysicalDeviceProperties2(gpu.physical(), &properties);
         VkDeviceSize size = 0;
         commands_.layoutSize(gpu.device(), setLayout_, &size);
@@ -80,16 +75,12 @@ public:
 
     void write(VkDeviceAddress scene, std::span<const Buffer *const> buffers)
     {
-        VkDescriptorGetInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_GET_INFO_EXT;
-        info.type = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
+        auto info = vkInit<VkDescriptorGetInfoEXT>({.type = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR});
         info.data.accelerationStructure = scene;
         put(0, info, properties_.accelerationStructureDescriptorSize);
         for (size_t i = 0; i < buffers.size(); ++i) {
-            VkDescriptorAddressInfoEXT range{};
-            range.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_ADDRESS_INFO_EXT;
-            range.address = buffers[i]->address();
-            range.range = buffers[i]->size();
+            auto range =
+                vkInit<VkDescriptorAddressInfoEXT>({.address = buffers[i]->address(), .range = buffers[i]->size()});
             info.type = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
             info.data.pStorageBuffer = &range;
             put(static_cast<uint32_t>(i + 1), info, properties_.storageBufferDescriptorSize);
@@ -99,16 +90,9 @@ public:
     // `flags2`: the usage comes in VkBufferUsageFlags2CreateInfo.
     void bind(VkCommandBuffer commands, VkPipelineBindPoint point, bool flags2 = false) const
     {
-        struct { // VkBufferUsageFlags2CreateInfo
-            VkStructureType sType = static_cast<VkStructureType>(1000470006);
-            const void *pNext = nullptr;
-            VkFlags64 usage;
-        } own{.usage = usage()};
-        VkDescriptorBufferBindingInfoEXT binding{};
-        binding.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_BUFFER_BINDING_INFO_EXT;
-        binding.pNext = flags2 ? &own : nullptr;
-        binding.address = buffer_.address();
-        binding.usage = flags2 ? 0 : usage();
+        const auto own = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = usage()});
+        auto binding = vkInit<VkDescriptorBufferBindingInfoEXT>(
+            {.pNext = flags2 ? &own : nullptr, .address = buffer_.address(), .usage = flags2 ? 0 : usage()});
         commands_.bindBuffers(commands, 1, &binding);
         const uint32_t index = 0;
         const VkDeviceSize offset = 0;
@@ -154,11 +138,8 @@ protected:
     }
     bool lavapipeBefore26()
     {
-        VkPhysicalDeviceDriverProperties driver{};
-        driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
-        VkPhysicalDeviceProperties2 properties{};
-        properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-        properties.pNext = &driver;
+        auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
+        auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &driver});
         vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
         return driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE && !gpu().onLavapipe26();
     }

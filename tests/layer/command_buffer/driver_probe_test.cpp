@@ -33,7 +33,7 @@ protected:
                 work(i);
                 --running;
             });
-        VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+        auto submit = vkInit<VkSubmitInfo>();
         while (running > 0) {
             VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
             VT_CHECK(vkQueueWaitIdle(gpu().queue()));
@@ -52,12 +52,12 @@ TEST_F(Probes, OfSerializationRunBesideTheApplicationsSubmissions)
     std::vector<VkCommandPool> pools(4);
     std::vector<VkCommandBuffer> commands(4);
     besideSubmissions([&](size_t thread) {
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, gpu().family()};
+        const auto poolInfo = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = gpu().family()});
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pools[thread]));
-        const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
-                                                   pools[thread], VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
+        const auto allocate = vkInit<VkCommandBufferAllocateInfo>(
+            {.commandPool = pools[thread], .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY, .commandBufferCount = 1});
         VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocate, &commands[thread]));
-        const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+        const auto begin = vkInit<VkCommandBufferBeginInfo>();
         VT_CHECK(vkBeginCommandBuffer(commands[thread], &begin));
         const auto query = static_cast<uint32_t>(thread);
         vkCmdResetQueryPool(commands[thread], pool, query, 1);
@@ -81,25 +81,20 @@ TEST_F(Probes, OfSerializationRunBesideTheApplicationsSubmissions)
 // Nothing that these need of the driver may be found out on the queue.
 TEST_F(Probes, CreationOfShadersDoesNotWaitForTheQueue)
 {
-    VkSemaphoreTypeCreateInfo type{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO};
-    type.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE;
-    const VkSemaphoreCreateInfo semaphoreInfo{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, &type, 0};
+    auto type = vkInit<VkSemaphoreTypeCreateInfo>({.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE});
+    const auto semaphoreInfo = vkInit<VkSemaphoreCreateInfo>({.pNext = &type});
     VkSemaphore semaphore = VK_NULL_HANDLE;
     VT_CHECK(vkCreateSemaphore(gpu().device(), &semaphoreInfo, nullptr, &semaphore));
     const uint64_t value = 1;
-    VkTimelineSemaphoreSubmitInfo values{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO};
-    values.waitSemaphoreValueCount = 1;
-    values.pWaitSemaphoreValues = &value;
+    auto values = vkInit<VkTimelineSemaphoreSubmitInfo>({.waitSemaphoreValueCount = 1, .pWaitSemaphoreValues = &value});
     const VkPipelineStageFlags stage = VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
-    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO, &values};
-    submit.waitSemaphoreCount = 1;
-    submit.pWaitSemaphores = &semaphore;
-    submit.pWaitDstStageMask = &stage;
+    auto submit = vkInit<VkSubmitInfo>(
+        {.pNext = &values, .waitSemaphoreCount = 1, .pWaitSemaphores = &semaphore, .pWaitDstStageMask = &stage});
     VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
     // A trial would end with the message VELLUM-busy-queue, which no test expects.
     const PipelineTracer pipelines(gpu(), {.groups = {{.anyHit = true}}});
     const Tracer queries(gpu());
-    const VkSemaphoreSignalInfo signal{VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO, nullptr, semaphore, value};
+    const auto signal = vkInit<VkSemaphoreSignalInfo>({.semaphore = semaphore, .value = value});
     VT_CHECK(vkSignalSemaphore(gpu().device(), &signal));
     VT_CHECK(vkQueueWaitIdle(gpu().queue()));
     vkDestroySemaphore(gpu().device(), semaphore, nullptr);

@@ -234,8 +234,7 @@ public:
                                            .indirectCommandsLayout = layout_,
                                            .maxSequenceCount = count,
                                            .maxDrawCount = 1};
-        VkMemoryRequirements2 needed{};
-        needed.sType = VK_STRUCTURE_TYPE_MEMORY_REQUIREMENTS_2;
+        auto needed = vkInit<VkMemoryRequirements2>();
         vk_.memoryRequirements(gpu.device(), &memory, &needed);
         if (needed.memoryRequirements.size > 0)
             makeRoom(needed.memoryRequirements);
@@ -271,32 +270,16 @@ private:
     // A buffer whose usage needs more than 32 bits.
     void makeRoom(const VkMemoryRequirements &needed)
     {
-        const struct {
-            VkStructureType sType = static_cast<VkStructureType>(1000470006); // VkBufferUsageFlags2CreateInfo
-            const void *pNext = nullptr;
-            VkFlags64 usage = generated::kPreprocessBufferBit | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-        } usage;
-        VkBufferCreateInfo buffer{};
-        buffer.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-        buffer.pNext = &usage;
-        buffer.size = needed.size;
+        const auto usage = vkInit<newer::BufferUsageFlags2CreateInfo>(
+            {.usage = generated::kPreprocessBufferBit | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
+        auto buffer = vkInit<VkBufferCreateInfo>({.pNext = &usage, .size = needed.size});
         VT_CHECK(vkCreateBuffer(gpu_.device(), &buffer, nullptr, &room_));
         VkMemoryRequirements own{};
         vkGetBufferMemoryRequirements(gpu_.device(), room_, &own);
-        VkMemoryAllocateFlagsInfo flags{};
-        flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-        flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-        VkMemoryAllocateInfo memory{};
-        memory.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-        memory.pNext = &flags;
-        memory.allocationSize = own.size;
-        memory.memoryTypeIndex = gpu_.memoryType(own.memoryTypeBits & needed.memoryTypeBits, 0);
-        VT_CHECK(vkAllocateMemory(gpu_.device(), &memory, nullptr, &roomMemory_));
+        own.memoryTypeBits &= needed.memoryTypeBits;
+        roomMemory_ = gpu_.allocate(own);
         VT_CHECK(vkBindBufferMemory(gpu_.device(), room_, roomMemory_, 0));
-        VkBufferDeviceAddressInfo address{};
-        address.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-        address.buffer = room_;
-        roomAddress_ = vkGetBufferDeviceAddress(gpu_.device(), &address);
+        roomAddress_ = gpu_.address(room_);
     }
 
     Gpu &gpu_;

@@ -155,7 +155,8 @@ public:
         PipelineTracerSetup bindable = setup;
         bindable.make = [](Gpu &g, const PipelineSetup &from) {
             class PipelineInfo info(g, from);
-            const PipelineFlags2 flags{.flags = generated::kIndirectBindableBit | from.flags};
+            const auto flags =
+                vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = generated::kIndirectBindableBit | from.flags});
             info.get().pNext = &flags;
             VkPipeline pipeline = VK_NULL_HANDLE;
             VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),

@@ -10,22 +10,14 @@ namespace vt
 // Begun; to be freed by the caller.
 inline VkCommandBuffer beginInheritingCondition(Gpu &gpu)
 {
-    VkCommandBufferAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-    allocation.commandPool = gpu.pool();
-    allocation.level = VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-    allocation.commandBufferCount = 1;
+    auto allocation = vkInit<VkCommandBufferAllocateInfo>(
+        {.commandPool = gpu.pool(), .level = VK_COMMAND_BUFFER_LEVEL_SECONDARY, .commandBufferCount = 1});
     VkCommandBuffer secondary = VK_NULL_HANDLE;
     VT_CHECK(vkAllocateCommandBuffers(gpu.device(), &allocation, &secondary));
-    VkCommandBufferInheritanceConditionalRenderingInfoEXT conditional{};
-    conditional.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_CONDITIONAL_RENDERING_INFO_EXT;
-    conditional.conditionalRenderingEnable = VK_TRUE;
-    VkCommandBufferInheritanceInfo inheritance{};
-    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
-    inheritance.pNext = &conditional;
-    VkCommandBufferBeginInfo begin{};
-    begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-    begin.pInheritanceInfo = &inheritance;
+    auto conditional =
+        vkInit<VkCommandBufferInheritanceConditionalRenderingInfoEXT>({.conditionalRenderingEnable = VK_TRUE});
+    auto inheritance = vkInit<VkCommandBufferInheritanceInfo>({.pNext = &conditional});
+    auto begin = vkInit<VkCommandBufferBeginInfo>({.pInheritanceInfo = &inheritance});
     VT_CHECK(vkBeginCommandBuffer(secondary, &begin));
     return secondary;
 }

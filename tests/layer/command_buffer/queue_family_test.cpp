@@ -31,26 +31,17 @@ protected:
     // Records for that family, submits there and waits.
     void submit(uint32_t family, const std::function<void(VkCommandBuffer)> &record)
     {
-        VkCommandPoolCreateInfo poolInfo{};
-        poolInfo.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
-        poolInfo.queueFamilyIndex = family;
+        auto poolInfo = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = family});
         VkCommandPool pool = VK_NULL_HANDLE;
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pool));
-        VkCommandBufferAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-        allocation.commandPool = pool;
-        allocation.commandBufferCount = 1;
+        auto allocation = vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool, .commandBufferCount = 1});
         VkCommandBuffer commands = VK_NULL_HANDLE;
         VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, &commands));
-        VkCommandBufferBeginInfo begin{};
-        begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        auto begin = vkInit<VkCommandBufferBeginInfo>();
         VT_CHECK(vkBeginCommandBuffer(commands, &begin));
         record(commands);
         VT_CHECK(vkEndCommandBuffer(commands));
-        VkSubmitInfo submission{};
-        submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-        submission.commandBufferCount = 1;
-        submission.pCommandBuffers = &commands;
+        auto submission = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
         const VkQueue queue = gpu().queueOf(family);
         VT_CHECK(vkQueueSubmit(queue, 1, &submission, VK_NULL_HANDLE));
         VT_CHECK(vkQueueWaitIdle(queue));
@@ -125,28 +116,18 @@ TEST_F(QueueFamiliesKhr, AddressCommandsOnATransferQueue)
     submit(family(VK_QUEUE_TRANSFER_BIT), [&](VkCommandBuffer commands) {
         const VkDeviceAddressRangeKHR filled{from.address(), 512};
         gpu().vk().CmdFillMemoryKHR(commands, &filled, 0, 0x01020304);
-        VkMemoryRangeBarrierKHR range{};
-        range.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIER_KHR;
+        auto range = vkInit<VkMemoryRangeBarrierKHR>();
         range.srcStageMask = range.dstStageMask = VK_PIPELINE_STAGE_2_COPY_BIT | VK_PIPELINE_STAGE_2_CLEAR_BIT;
         range.srcAccessMask = range.dstAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT | VK_ACCESS_2_TRANSFER_READ_BIT;
         range.srcQueueFamilyIndex = range.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
         range.addressRange = {from.address(), 1024};
-        VkMemoryRangeBarriersInfoKHR ranges{};
-        ranges.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR;
-        ranges.memoryRangeBarrierCount = 1;
-        ranges.pMemoryRangeBarriers = &range;
-        VkDependencyInfo dependency{};
-        dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-        dependency.pNext = &ranges;
+        auto ranges =
+            vkInit<VkMemoryRangeBarriersInfoKHR>({.memoryRangeBarrierCount = 1, .pMemoryRangeBarriers = &range});
+        auto dependency = vkInit<VkDependencyInfo>({.pNext = &ranges});
         vkCmdPipelineBarrier2(commands, &dependency);
-        VkDeviceMemoryCopyKHR region{};
-        region.sType = VK_STRUCTURE_TYPE_DEVICE_MEMORY_COPY_KHR;
-        region.srcRange = {from.address(), 512};
-        region.dstRange = {to.address() + 512, 512};
-        VkCopyDeviceMemoryInfoKHR copy{};
-        copy.sType = VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_INFO_KHR;
-        copy.regionCount = 1;
-        copy.pRegions = &region;
+        auto region =
+            vkInit<VkDeviceMemoryCopyKHR>({.srcRange = {from.address(), 512}, .dstRange = {to.address() + 512, 512}});
+        auto copy = vkInit<VkCopyDeviceMemoryInfoKHR>({.regionCount = 1, .pRegions = &region});
         gpu().vk().CmdCopyMemoryKHR(commands, &copy);
     });
     EXPECT_EQ(to.as<uint32_t>()[0], 0u);

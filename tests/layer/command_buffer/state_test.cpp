@@ -34,21 +34,18 @@ protected:
         setLayouts_[1] = setLayout(1, pushed_ ? VK_DESCRIPTOR_SET_LAYOUT_CREATE_PUSH_DESCRIPTOR_BIT_KHR : 0);
         const std::array<VkPushConstantRange, 2> ranges{
             {{VK_SHADER_STAGE_VERTEX_BIT, 0, 64}, {VK_SHADER_STAGE_COMPUTE_BIT, 64, computeBytes_}}};
-        VkPipelineLayoutCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-        info.setLayoutCount = 2;
-        info.pSetLayouts = setLayouts_.data();
-        info.pushConstantRangeCount = 2;
-        info.pPushConstantRanges = ranges.data();
+        auto info = vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = 2,
+                                                        .pSetLayouts = setLayouts_.data(),
+                                                        .pushConstantRangeCount = 2,
+                                                        .pPushConstantRanges = ranges.data()});
         VT_CHECK(vkCreatePipelineLayout(gpu().device(), &info, nullptr, &layout_));
 
-        VkComputePipelineCreateInfo pipeline{};
-        pipeline.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        pipeline.layout = layout_;
-        pipeline.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        pipeline.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        pipeline.stage.module = few ? gpu().shader(state_compute_few) : gpu().shader(state_compute);
-        pipeline.stage.pName = "main";
+        auto pipeline = vkInit<VkComputePipelineCreateInfo>(
+            {.stage = vkInit<VkPipelineShaderStageCreateInfo>(
+                 {.stage = VK_SHADER_STAGE_COMPUTE_BIT,
+                  .module = few ? gpu().shader(state_compute_few) : gpu().shader(state_compute),
+                  .pName = "main"}),
+             .layout = layout_});
         VT_CHECK(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
         vkDestroyShaderModule(gpu().device(), pipeline.stage.module, nullptr);
         graphics_ = std::make_unique<Graphics>(
@@ -56,17 +53,10 @@ protected:
             4);
 
         const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 8};
-        VkDescriptorPoolCreateInfo pool{};
-        pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-        pool.maxSets = 2;
-        pool.poolSizeCount = 1;
-        pool.pPoolSizes = &size;
+        auto pool = vkInit<VkDescriptorPoolCreateInfo>({.maxSets = 2, .poolSizeCount = 1, .pPoolSizes = &size});
         VT_CHECK(vkCreateDescriptorPool(gpu().device(), &pool, nullptr, &pool_));
-        VkDescriptorSetAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-        allocation.descriptorPool = pool_;
-        allocation.descriptorSetCount = pushed_ ? 1 : 2;
-        allocation.pSetLayouts = setLayouts_.data();
+        auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
+            {.descriptorPool = pool_, .descriptorSetCount = pushed_ ? 1 : 2, .pSetLayouts = setLayouts_.data()});
         VT_CHECK(vkAllocateDescriptorSets(gpu().device(), &allocation, sets_.data()));
         seen_ = Buffer(gpu(), 128 * 4, kStorage);
         first_ = gpu().upload(std::span<const uint32_t>(std::array{0xabcd0001u}), kStorage);
@@ -155,24 +145,18 @@ private:
         std::array<VkDescriptorSetLayoutBinding, 2> bindings{};
         for (uint32_t i = 0; i < count; ++i)
             bindings[i] = {i, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, kBoth, nullptr};
-        VkDescriptorSetLayoutCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-        info.flags = flags;
-        info.bindingCount = count;
-        info.pBindings = bindings.data();
+        auto info = vkInit<VkDescriptorSetLayoutCreateInfo>(
+            {.flags = flags, .bindingCount = count, .pBindings = bindings.data()});
         VkDescriptorSetLayout layout = VK_NULL_HANDLE;
         VT_CHECK(vkCreateDescriptorSetLayout(gpu().device(), &info, nullptr, &layout));
         return layout;
     }
     static VkWriteDescriptorSet storageWrite(uint32_t binding, const VkDescriptorBufferInfo *buffer)
     {
-        VkWriteDescriptorSet write{};
-        write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-        write.dstBinding = binding;
-        write.descriptorCount = 1;
-        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-        write.pBufferInfo = buffer;
-        return write;
+        return vkInit<VkWriteDescriptorSet>({.dstBinding = binding,
+                                             .descriptorCount = 1,
+                                             .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                             .pBufferInfo = buffer});
     }
 
     bool pushed_ = false;
@@ -272,8 +256,7 @@ TEST_F(State, CommandBufferSubmittedTwice)
         scene_->expectRight();
     }
     // And again after a reset, with other content.
-    VkCommandBufferBeginInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+    auto info = vkInit<VkCommandBufferBeginInfo>();
     VT_CHECK(vkBeginCommandBuffer(commands, &info));
     scene_->record(commands);
     bindAll(commands);
@@ -297,9 +280,7 @@ TEST_F(State, ConditionalRendering)
         StateScene fresh(gpu());
         Buffer condition(gpu(), 16, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
         condition.as<uint32_t>()[0] = predicate;
-        VkConditionalRenderingBeginInfoEXT begin{};
-        begin.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT;
-        begin.buffer = condition.handle();
+        auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = condition.handle()});
         gpu().submit([&](VkCommandBuffer commands) {
             bindAll(commands);
             gpu().vk().CmdBeginConditionalRenderingEXT(commands, &begin);

@@ -19,13 +19,8 @@ constexpr VkAccessFlags2 kMicromapWrite = VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT;
 VkMemoryBarrier2 memoryBarrier(VkPipelineStageFlags2 from, VkAccessFlags2 written, VkPipelineStageFlags2 to,
                                VkAccessFlags2 read)
 {
-    VkMemoryBarrier2 out{};
-    out.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2;
-    out.srcStageMask = from;
-    out.srcAccessMask = written;
-    out.dstStageMask = to;
-    out.dstAccessMask = read;
-    return out;
+    return vkInit<VkMemoryBarrier2>(
+        {.srcStageMask = from, .srcAccessMask = written, .dstStageMask = to, .dstAccessMask = read});
 }
 
 const VkMemoryBarrier2 kBefore = memoryBarrier(VK_PIPELINE_STAGE_2_HOST_BIT, VK_ACCESS_2_HOST_WRITE_BIT, kMicromapBuild,
@@ -95,17 +90,12 @@ protected:
 
     static VkDependencyInfo dependency(const VkMemoryBarrier2 &memory)
     {
-        VkDependencyInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-        info.memoryBarrierCount = 1;
-        info.pMemoryBarriers = &memory;
-        return info;
+        return vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &memory});
     }
 
     VkSemaphore semaphore()
     {
-        VkSemaphoreCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO;
+        auto info = vkInit<VkSemaphoreCreateInfo>();
         VkSemaphore out = VK_NULL_HANDLE;
         VT_CHECK(vkCreateSemaphore(gpu().device(), &info, nullptr, &out));
         return out;
@@ -117,10 +107,7 @@ TEST(SyncWithoutLayer, TheSpyIsAwake)
 {
     Gpu gpu({.vellum = false, .validation = false, .micromaps = false});
     const VkMemoryBarrier2 memory = kMicromapToStructure;
-    VkDependencyInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-    info.memoryBarrierCount = 1;
-    info.pMemoryBarriers = &memory;
+    auto info = vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &memory});
     gpu.submit([&](VkCommandBuffer commands) { vkCmdPipelineBarrier2(commands, &info); });
     const std::vector<Message> messages = gpu.takeMessages();
     EXPECT_EQ(messages.size(), 3u) << "one stage, two accesses";
@@ -152,12 +139,10 @@ TEST_F(Sync, BufferBarriers)
 {
     const Buffer some(gpu(), 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
     run([&some](VkCommandBuffer commands, const VkMemoryBarrier2 &memory) {
-        VkBufferMemoryBarrier2 buffer{};
-        buffer.sType = VK_STRUCTURE_TYPE_BUFFER_MEMORY_BARRIER_2;
-        buffer.srcStageMask = memory.srcStageMask;
-        buffer.srcAccessMask = memory.srcAccessMask;
-        buffer.dstStageMask = memory.dstStageMask;
-        buffer.dstAccessMask = memory.dstAccessMask;
+        auto buffer = vkInit<VkBufferMemoryBarrier2>({.srcStageMask = memory.srcStageMask,
+                                                      .srcAccessMask = memory.srcAccessMask,
+                                                      .dstStageMask = memory.dstStageMask,
+                                                      .dstAccessMask = memory.dstAccessMask});
         buffer.srcQueueFamilyIndex = buffer.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
         buffer.buffer = some.handle();
         buffer.size = VK_WHOLE_SIZE;
@@ -170,9 +155,7 @@ TEST_F(Sync, BufferBarriers)
 
 TEST_F(Sync, Events)
 {
-    VkEventCreateInfo create{};
-    create.sType = VK_STRUCTURE_TYPE_EVENT_CREATE_INFO;
-    create.flags = VK_EVENT_CREATE_DEVICE_ONLY_BIT;
+    auto create = vkInit<VkEventCreateInfo>({.flags = VK_EVENT_CREATE_DEVICE_ONLY_BIT});
     std::vector<VkEvent> events;
     run([&](VkCommandBuffer commands, const VkMemoryBarrier2 &memory) {
         VkDependencyInfo info = dependency(memory);
@@ -208,17 +191,13 @@ TEST_F(Sync, Submissions)
     std::array<VkCommandBufferSubmitInfo, 2> commands{};
     std::array<VkSemaphoreSubmitInfo, 2> semaphores{};
     for (size_t i = 0; i < 2; ++i) {
-        commands[i].sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO;
-        commands[i].commandBuffer = i == 0 ? builds : rest;
-        semaphores[i].sType = VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO;
-        semaphores[i].semaphore = ready;
-        semaphores[i].stageMask = ofApi(i == 0 ? kMicromapBuild : kMicromapBuild | kStructureBuild);
+        commands[i] = vkInit<VkCommandBufferSubmitInfo>({.commandBuffer = i == 0 ? builds : rest});
+        semaphores[i] = vkInit<VkSemaphoreSubmitInfo>(
+            {.semaphore = ready, .stageMask = ofApi(i == 0 ? kMicromapBuild : kMicromapBuild | kStructureBuild)});
     }
     std::array<VkSubmitInfo2, 2> submissions{};
     for (size_t i = 0; i < 2; ++i) {
-        submissions[i].sType = VK_STRUCTURE_TYPE_SUBMIT_INFO_2;
-        submissions[i].commandBufferInfoCount = 1;
-        submissions[i].pCommandBufferInfos = &commands[i];
+        submissions[i] = vkInit<VkSubmitInfo2>({.commandBufferInfoCount = 1, .pCommandBufferInfos = &commands[i]});
     }
     submissions[0].signalSemaphoreInfoCount = 1;
     submissions[0].pSignalSemaphoreInfos = &semaphores[0];
@@ -270,21 +249,15 @@ TEST_F(SyncUnvalidated, BufferMarkers)
 
 TEST_F(Sync, RenderPassDependencies)
 {
-    VkAttachmentDescription2 attachment{};
-    attachment.sType = VK_STRUCTURE_TYPE_ATTACHMENT_DESCRIPTION_2;
-    attachment.format = VK_FORMAT_R8G8B8A8_UNORM;
-    attachment.samples = VK_SAMPLE_COUNT_1_BIT;
-    attachment.loadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
-    attachment.finalLayout = VK_IMAGE_LAYOUT_GENERAL;
-    VkAttachmentReference2 reference{};
-    reference.sType = VK_STRUCTURE_TYPE_ATTACHMENT_REFERENCE_2;
-    reference.layout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
-    reference.aspectMask = VK_IMAGE_ASPECT_COLOR_BIT;
-    VkSubpassDescription2 subpass{};
-    subpass.sType = VK_STRUCTURE_TYPE_SUBPASS_DESCRIPTION_2;
-    subpass.pipelineBindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
-    subpass.colorAttachmentCount = 1;
-    subpass.pColorAttachments = &reference;
+    auto attachment = vkInit<VkAttachmentDescription2>({.format = VK_FORMAT_R8G8B8A8_UNORM,
+                                                        .samples = VK_SAMPLE_COUNT_1_BIT,
+                                                        .loadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE,
+                                                        .finalLayout = VK_IMAGE_LAYOUT_GENERAL});
+    auto reference = vkInit<VkAttachmentReference2>(
+        {.layout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL, .aspectMask = VK_IMAGE_ASPECT_COLOR_BIT});
+    auto subpass = vkInit<VkSubpassDescription2>({.pipelineBindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS,
+                                                  .colorAttachmentCount = 1,
+                                                  .pColorAttachments = &reference});
     const VkMemoryBarrier2 in = ofApi(memoryBarrier(
         kMicromapBuild | kStructureBuild, kMicromapWrite | VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
         VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, VK_ACCESS_2_ACCELERATION_STRUCTURE_READ_BIT_KHR));
@@ -292,19 +265,16 @@ TEST_F(Sync, RenderPassDependencies)
         ofApi(memoryBarrier(VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, 0, kMicromapBuild, kMicromapWrite));
     std::array<VkSubpassDependency2, 2> dependencies{};
     for (size_t i = 0; i < 2; ++i) {
-        dependencies[i].sType = VK_STRUCTURE_TYPE_SUBPASS_DEPENDENCY_2;
-        dependencies[i].pNext = i == 0 ? &in : &out;
-        dependencies[i].srcSubpass = i == 0 ? VK_SUBPASS_EXTERNAL : 0;
-        dependencies[i].dstSubpass = i == 0 ? 0 : VK_SUBPASS_EXTERNAL;
+        dependencies[i] = vkInit<VkSubpassDependency2>({.pNext = i == 0 ? &in : &out,
+                                                        .srcSubpass = i == 0 ? VK_SUBPASS_EXTERNAL : 0,
+                                                        .dstSubpass = i == 0 ? 0 : VK_SUBPASS_EXTERNAL});
     }
-    VkRenderPassCreateInfo2 info{};
-    info.sType = VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO_2;
-    info.attachmentCount = 1;
-    info.pAttachments = &attachment;
-    info.subpassCount = 1;
-    info.pSubpasses = &subpass;
-    info.dependencyCount = 2;
-    info.pDependencies = dependencies.data();
+    auto info = vkInit<VkRenderPassCreateInfo2>({.attachmentCount = 1,
+                                                 .pAttachments = &attachment,
+                                                 .subpassCount = 1,
+                                                 .pSubpasses = &subpass,
+                                                 .dependencyCount = 2,
+                                                 .pDependencies = dependencies.data()});
     VkRenderPass pass = VK_NULL_HANDLE;
     VT_CHECK(vkCreateRenderPass2(gpu().device(), &info, nullptr, &pass));
     vkDestroyRenderPass(gpu().device(), pass, nullptr);

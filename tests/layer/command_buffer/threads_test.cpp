@@ -30,23 +30,21 @@ protected:
     // Records by a pool of the thread's, and waits for a fence while others submit.
     void submit(const std::function<void(VkCommandBuffer)> &record)
     {
-        const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, gpu().family()};
+        const auto poolInfo = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = gpu().family()});
         VkCommandPool pool = VK_NULL_HANDLE;
         VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pool));
-        const VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool,
-                                                   VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
+        const auto allocate = vkInit<VkCommandBufferAllocateInfo>(
+            {.commandPool = pool, .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY, .commandBufferCount = 1});
         VkCommandBuffer commands = VK_NULL_HANDLE;
         VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocate, &commands));
-        const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+        const auto begin = vkInit<VkCommandBufferBeginInfo>();
         VT_CHECK(vkBeginCommandBuffer(commands, &begin));
         record(commands);
         VT_CHECK(vkEndCommandBuffer(commands));
-        const VkFenceCreateInfo fenceInfo{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO, nullptr, 0};
+        const auto fenceInfo = vkInit<VkFenceCreateInfo>();
         VkFence fence = VK_NULL_HANDLE;
         VT_CHECK(vkCreateFence(gpu().device(), &fenceInfo, nullptr, &fence));
-        VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
-        info.commandBufferCount = 1;
-        info.pCommandBuffers = &commands;
+        auto info = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
         {
             std::lock_guard lock(queueMutex_);
             VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &info, fence));

@@ -18,8 +18,7 @@ AddressGraphics::AddressGraphics(Gpu &gpu)
     : gpu_(gpu), image_(gpu, kFormat, kWidth, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT),
       out_(gpu, kWidth * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT)
 {
-    VkPipelineLayoutCreateInfo layout{};
-    layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    auto layout = vkInit<VkPipelineLayoutCreateInfo>();
     VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
 }
 
@@ -38,65 +37,48 @@ VkPipeline AddressGraphics::pipeline(Kind kind)
                                                  : Words(address_draws_vertex);
     std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
     for (size_t i = 0; i < 2; ++i) {
-        stages[i].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        stages[i].stage = i == 1               ? VK_SHADER_STAGE_FRAGMENT_BIT
-                          : kind == Kind::Mesh ? VK_SHADER_STAGE_MESH_BIT_EXT
-                                               : VK_SHADER_STAGE_VERTEX_BIT;
-        stages[i].module = gpu_.shader(i == 1 ? Words(address_draws_fragment) : first);
-        stages[i].pName = "main";
+        stages[i] = vkInit<VkPipelineShaderStageCreateInfo>(
+            {.stage = i == 1               ? VK_SHADER_STAGE_FRAGMENT_BIT
+                      : kind == Kind::Mesh ? VK_SHADER_STAGE_MESH_BIT_EXT
+                                           : VK_SHADER_STAGE_VERTEX_BIT,
+             .module = gpu_.shader(i == 1 ? Words(address_draws_fragment) : first),
+             .pName = "main"});
     }
     const std::array<VkVertexInputBindingDescription, 2> bindings{
         {{0, 4, VK_VERTEX_INPUT_RATE_VERTEX}, {1, 8, VK_VERTEX_INPUT_RATE_VERTEX}}};
     const std::array<VkVertexInputAttributeDescription, 2> attributes{{{0, 0, kFormat, 0}, {1, 1, kFormat, 0}}};
-    VkPipelineVertexInputStateCreateInfo input{};
-    input.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO;
+    auto input = vkInit<VkPipelineVertexInputStateCreateInfo>();
     input.vertexBindingDescriptionCount = input.vertexAttributeDescriptionCount = 2;
     input.pVertexBindingDescriptions = bindings.data();
     input.pVertexAttributeDescriptions = attributes.data();
-    VkPipelineInputAssemblyStateCreateInfo assembly{};
-    assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
-    assembly.topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST;
+    auto assembly = vkInit<VkPipelineInputAssemblyStateCreateInfo>({.topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST});
     const VkViewport viewport{0, 0, kWidth, 1, 0, 1};
     const VkRect2D scissor{{0, 0}, {kWidth, 1}};
-    VkPipelineViewportStateCreateInfo viewports{};
-    viewports.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;
+    auto viewports = vkInit<VkPipelineViewportStateCreateInfo>();
     viewports.viewportCount = viewports.scissorCount = 1;
     viewports.pViewports = &viewport;
     viewports.pScissors = &scissor;
-    VkPipelineRasterizationStateCreateInfo raster{};
-    raster.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO;
-    raster.lineWidth = 1;
-    VkPipelineMultisampleStateCreateInfo samples{};
-    samples.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
-    samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
+    auto raster = vkInit<VkPipelineRasterizationStateCreateInfo>({.lineWidth = 1});
+    auto samples = vkInit<VkPipelineMultisampleStateCreateInfo>({.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT});
     VkPipelineColorBlendAttachmentState attachment{};
     attachment.colorWriteMask = 0xf;
-    VkPipelineColorBlendStateCreateInfo blend{};
-    blend.sType = VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO;
-    blend.attachmentCount = 1;
-    blend.pAttachments = &attachment;
+    auto blend = vkInit<VkPipelineColorBlendStateCreateInfo>({.attachmentCount = 1, .pAttachments = &attachment});
     const VkDynamicState stride = VK_DYNAMIC_STATE_VERTEX_INPUT_BINDING_STRIDE;
-    VkPipelineDynamicStateCreateInfo dynamic{};
-    dynamic.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO;
-    dynamic.dynamicStateCount = kind == Kind::DynamicStrides ? 1 : 0;
-    dynamic.pDynamicStates = &stride;
-    VkPipelineRenderingCreateInfo rendering{};
-    rendering.sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO;
-    rendering.colorAttachmentCount = 1;
-    rendering.pColorAttachmentFormats = &kFormat;
-    VkGraphicsPipelineCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
-    info.pNext = &rendering;
-    info.stageCount = 2;
-    info.pStages = stages.data();
-    info.pVertexInputState = kind == Kind::Mesh ? nullptr : &input;
-    info.pInputAssemblyState = kind == Kind::Mesh ? nullptr : &assembly;
-    info.pViewportState = &viewports;
-    info.pRasterizationState = &raster;
-    info.pMultisampleState = &samples;
-    info.pColorBlendState = &blend;
-    info.pDynamicState = &dynamic;
-    info.layout = layout_;
+    auto dynamic = vkInit<VkPipelineDynamicStateCreateInfo>(
+        {.dynamicStateCount = kind == Kind::DynamicStrides ? 1 : 0, .pDynamicStates = &stride});
+    auto rendering =
+        vkInit<VkPipelineRenderingCreateInfo>({.colorAttachmentCount = 1, .pColorAttachmentFormats = &kFormat});
+    auto info = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &rendering,
+                                                      .stageCount = 2,
+                                                      .pStages = stages.data(),
+                                                      .pVertexInputState = kind == Kind::Mesh ? nullptr : &input,
+                                                      .pInputAssemblyState = kind == Kind::Mesh ? nullptr : &assembly,
+                                                      .pViewportState = &viewports,
+                                                      .pRasterizationState = &raster,
+                                                      .pMultisampleState = &samples,
+                                                      .pColorBlendState = &blend,
+                                                      .pDynamicState = &dynamic,
+                                                      .layout = layout_});
     VkPipeline pipeline = VK_NULL_HANDLE;
     VT_CHECK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
     pipelines_.push_back(pipeline);
@@ -108,8 +90,7 @@ VkPipeline AddressGraphics::pipeline(Kind kind)
 std::vector<uint32_t> AddressGraphics::render(VkPipeline pipeline, const std::function<void(VkCommandBuffer)> &record)
 {
     const auto transition = [this](VkCommandBuffer commands, VkImageLayout before, VkImageLayout after) {
-        VkImageMemoryBarrier2 ready{};
-        ready.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2;
+        auto ready = vkInit<VkImageMemoryBarrier2>();
         ready.srcStageMask = ready.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
         ready.srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT;
         ready.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
@@ -118,26 +99,19 @@ std::vector<uint32_t> AddressGraphics::render(VkPipeline pipeline, const std::fu
         ready.srcQueueFamilyIndex = ready.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
         ready.image = image_.handle();
         ready.subresourceRange = RowImage::kAll;
-        VkDependencyInfo dependency{};
-        dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-        dependency.imageMemoryBarrierCount = 1;
-        dependency.pImageMemoryBarriers = &ready;
+        auto dependency = vkInit<VkDependencyInfo>({.imageMemoryBarrierCount = 1, .pImageMemoryBarriers = &ready});
         vkCmdPipelineBarrier2(commands, &dependency);
     };
     gpu_.submit([&](VkCommandBuffer commands) {
         transition(commands, VK_IMAGE_LAYOUT_UNDEFINED, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL);
-        VkRenderingAttachmentInfo attachment{};
-        attachment.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO;
-        attachment.imageView = image_.view();
-        attachment.imageLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
-        attachment.loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
-        attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
-        VkRenderingInfo rendering{};
-        rendering.sType = VK_STRUCTURE_TYPE_RENDERING_INFO;
-        rendering.renderArea = {{0, 0}, {kWidth, 1}};
-        rendering.layerCount = 1;
-        rendering.colorAttachmentCount = 1;
-        rendering.pColorAttachments = &attachment;
+        auto attachment = vkInit<VkRenderingAttachmentInfo>({.imageView = image_.view(),
+                                                             .imageLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
+                                                             .loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR,
+                                                             .storeOp = VK_ATTACHMENT_STORE_OP_STORE});
+        auto rendering = vkInit<VkRenderingInfo>({.renderArea = {{0, 0}, {kWidth, 1}},
+                                                  .layerCount = 1,
+                                                  .colorAttachmentCount = 1,
+                                                  .pColorAttachments = &attachment});
         vkCmdBeginRendering(commands, &rendering);
         vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
         record(commands);

@@ -34,26 +34,15 @@ public:
         uint32_t types = ~0u;
         VkDeviceSize bytes = 0;
         for (size_t i = 0; i < 2; ++i) {
-            VkBufferCreateInfo info{};
-            info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-            info.size = size;
-            info.usage = usages[i] | kAddressed;
+            auto info = vkInit<VkBufferCreateInfo>({.size = size, .usage = usages[i] | kAddressed});
             VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffers_[i]));
             VkMemoryRequirements needs;
             vkGetBufferMemoryRequirements(gpu.device(), buffers_[i], &needs);
             types &= needs.memoryTypeBits;
             bytes = std::max(bytes, needs.size);
         }
-        VkMemoryAllocateFlagsInfo flags{};
-        flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-        flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-        VkMemoryAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-        allocation.pNext = &flags;
-        allocation.allocationSize = bytes;
-        allocation.memoryTypeIndex =
-            gpu.memoryType(types, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
-        VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
+        memory_ = gpu.allocate({.size = bytes, .memoryTypeBits = types},
+                               VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
         for (const VkBuffer buffer : buffers_)
             VT_CHECK(vkBindBufferMemory(gpu.device(), buffer, memory_, 0));
         void *mapped = nullptr;
@@ -69,14 +58,7 @@ public:
         destroy(1);
         vkFreeMemory(gpu_.device(), memory_, nullptr);
     }
-    // EnabledFeatures of one of them.
-    [[nodiscard]] VkDeviceAddress address(size_t which) const
-    {
-        VkBufferDeviceAddressInfo query{};
-        query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-        query.buffer = buffers_[which];
-        return vkGetBufferDeviceAddress(gpu_.device(), &query);
-    }
+    [[nodiscard]] VkDeviceAddress address(size_t which) const { return gpu_.address(buffers_[which]); }
     void destroy(size_t which)
     {
         vkDestroyBuffer(gpu_.device(), buffers_[which], nullptr);

@@ -22,17 +22,14 @@ protected:
                                              uint32_t from = VK_QUEUE_FAMILY_IGNORED,
                                              uint32_t to = VK_QUEUE_FAMILY_IGNORED)
     {
-        VkMemoryRangeBarrierKHR barrier{};
-        barrier.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIER_KHR;
-        barrier.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
-        barrier.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-        barrier.dstStageMask = VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT;
-        barrier.dstAccessMask = VK_ACCESS_2_SHADER_STORAGE_READ_BIT;
-        barrier.srcQueueFamilyIndex = from;
-        barrier.dstQueueFamilyIndex = to;
-        barrier.addressRange = range;
-        barrier.addressFlags = kAnyUsage;
-        return barrier;
+        return vkInit<VkMemoryRangeBarrierKHR>({.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
+                                                .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+                                                .dstStageMask = VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+                                                .dstAccessMask = VK_ACCESS_2_SHADER_STORAGE_READ_BIT,
+                                                .srcQueueFamilyIndex = from,
+                                                .dstQueueFamilyIndex = to,
+                                                .addressRange = range,
+                                                .addressFlags = kAnyUsage});
     }
     // A dependency info with these barriers, and one memory barrier of the application's own.
     class Dependency
@@ -40,16 +37,13 @@ protected:
     public:
         explicit Dependency(std::vector<VkMemoryRangeBarrierKHR> barriers) : barriers_(std::move(barriers))
         {
-            own_.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2;
+            own_ = vkInit<VkMemoryBarrier2>();
             own_.srcStageMask = own_.dstStageMask = VK_PIPELINE_STAGE_2_CLEAR_BIT;
             own_.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-            ranges_.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR;
-            ranges_.memoryRangeBarrierCount = static_cast<uint32_t>(barriers_.size());
-            ranges_.pMemoryRangeBarriers = barriers_.data();
-            info_.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-            info_.pNext = &ranges_;
-            info_.memoryBarrierCount = 1;
-            info_.pMemoryBarriers = &own_;
+            ranges_ = vkInit<VkMemoryRangeBarriersInfoKHR>(
+                {.memoryRangeBarrierCount = static_cast<uint32_t>(barriers_.size()),
+                 .pMemoryRangeBarriers = barriers_.data()});
+            info_ = vkInit<VkDependencyInfo>({.pNext = &ranges_, .memoryBarrierCount = 1, .pMemoryBarriers = &own_});
         }
         Dependency(const Dependency &) = delete;
         Dependency &operator=(const Dependency &) = delete;
@@ -154,9 +148,8 @@ TEST_F(AddressBarriers, BehindOtherStructures)
 {
     const Buffer some = buffer(256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
     const Dependency dependency({barrierOf(rangeOf(some, 16, 32))});
-    VkMemoryBarrier2 first{}; // of a known size; what it says here is nothing to anybody
-    first.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2;
-    first.pNext = dependency.info().pNext;
+    // of a known size; what it says here is nothing to anybody
+    auto first = vkInit<VkMemoryBarrier2>({.pNext = dependency.info().pNext});
     VkDependencyInfo info = dependency.info();
     info.pNext = &first;
     Texts barriers = barriersIn([&](VkCommandBuffer commands) { vkCmdPipelineBarrier2(commands, &info); });
@@ -204,9 +197,7 @@ TEST_F(AddressTransfers, AreOfTheRightBuffers)
 TEST_F(AddressBarriers, Events)
 {
     const Buffer some = buffer(256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    VkEventCreateInfo create{};
-    create.sType = VK_STRUCTURE_TYPE_EVENT_CREATE_INFO;
-    create.flags = VK_EVENT_CREATE_DEVICE_ONLY_BIT;
+    auto create = vkInit<VkEventCreateInfo>({.flags = VK_EVENT_CREATE_DEVICE_ONLY_BIT});
     std::array<VkEvent, 2> events{};
     for (VkEvent &event : events)
         VT_CHECK(vkCreateEvent(gpu().device(), &create, nullptr, &event));
@@ -234,12 +225,10 @@ TEST_F(AddressBarriers, OrderCopies)
     range.dstAccessMask = VK_ACCESS_2_TRANSFER_READ_BIT;
     const Dependency dependency({range});
     const auto copy = [&](VkCommandBuffer commands, const Buffer &from, const Buffer &to) {
-        VkDeviceMemoryCopyKHR region{};
-        region.sType = VK_STRUCTURE_TYPE_DEVICE_MEMORY_COPY_KHR;
-        region.srcRange = rangeOf(from, 0, 256);
-        region.dstRange = rangeOf(to, 0, 256);
+        auto region =
+            vkInit<VkDeviceMemoryCopyKHR>({.srcRange = rangeOf(from, 0, 256), .dstRange = rangeOf(to, 0, 256)});
         region.srcFlags = region.dstFlags = kAnyUsage;
-        const VkCopyDeviceMemoryInfoKHR info{VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_INFO_KHR, nullptr, 1, &region};
+        const auto info = vkInit<VkCopyDeviceMemoryInfoKHR>({.regionCount = 1, .pRegions = &region});
         gpu().vk().CmdCopyMemoryKHR(commands, &info);
     };
     (void)barriersIn([&](VkCommandBuffer commands) {

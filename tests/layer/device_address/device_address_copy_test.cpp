@@ -18,12 +18,8 @@ constexpr VkBufferUsageFlags kTarget = VK_BUFFER_USAGE_TRANSFER_DST_BIT;
 
 VkDeviceMemoryCopyKHR copyRegion(const VkDeviceAddressRangeKHR &from, const VkDeviceAddressRangeKHR &to)
 {
-    VkDeviceMemoryCopyKHR region{};
-    region.sType = VK_STRUCTURE_TYPE_DEVICE_MEMORY_COPY_KHR;
-    region.srcRange = from;
-    region.srcFlags = kAnyUsage;
-    region.dstRange = to;
-    region.dstFlags = kAnyUsage;
+    auto region =
+        vkInit<VkDeviceMemoryCopyKHR>({.srcRange = from, .srcFlags = kAnyUsage, .dstRange = to, .dstFlags = kAnyUsage});
     return region;
 }
 
@@ -34,10 +30,8 @@ protected:
 
     void copy(VkCommandBuffer commands, std::span<const VkDeviceMemoryCopyKHR> regions)
     {
-        VkCopyDeviceMemoryInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_INFO_KHR;
-        info.regionCount = static_cast<uint32_t>(regions.size());
-        info.pRegions = regions.data();
+        auto info = vkInit<VkCopyDeviceMemoryInfoKHR>(
+            {.regionCount = static_cast<uint32_t>(regions.size()), .pRegions = regions.data()});
         gpu().vk().CmdCopyMemoryKHR(commands, &info);
     }
     void copy(VkCommandBuffer commands, const VkDeviceMemoryCopyKHR &region) { copy(commands, std::span(&region, 1)); }
@@ -197,22 +191,19 @@ class Image
 public:
     explicit Image(Gpu &gpu) : gpu_(gpu)
     {
-        VkImageCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
-        info.imageType = VK_IMAGE_TYPE_2D;
-        info.format = VK_FORMAT_R32_UINT;
-        info.extent = {kWidth, kHeight, 1};
-        info.mipLevels = 1;
-        info.arrayLayers = kLayers;
-        info.samples = VK_SAMPLE_COUNT_1_BIT;
-        info.usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+        auto info =
+            vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D,
+                                       .format = VK_FORMAT_R32_UINT,
+                                       .extent = {kWidth, kHeight, 1},
+                                       .mipLevels = 1,
+                                       .arrayLayers = kLayers,
+                                       .samples = VK_SAMPLE_COUNT_1_BIT,
+                                       .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
         VT_CHECK(vkCreateImage(gpu.device(), &info, nullptr, &image_));
         VkMemoryRequirements needs;
         vkGetImageMemoryRequirements(gpu.device(), image_, &needs);
-        VkMemoryAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-        allocation.allocationSize = needs.size;
-        allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0);
+        auto allocation = vkInit<VkMemoryAllocateInfo>(
+            {.allocationSize = needs.size, .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0)});
         VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
         VT_CHECK(vkBindImageMemory(gpu.device(), image_, memory_, 0));
     }
@@ -233,7 +224,7 @@ public:
         std::array<VkImageMemoryBarrier2, kLayers> barriers{};
         for (uint32_t i = 0; i < kLayers; ++i) {
             VkImageMemoryBarrier2 &b = barriers[i];
-            b.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2;
+            b = vkInit<VkImageMemoryBarrier2>();
             b.srcStageMask = b.dstStageMask = VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
             b.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
             b.dstAccessMask = VK_ACCESS_2_TRANSFER_READ_BIT | VK_ACCESS_2_TRANSFER_WRITE_BIT;
@@ -243,10 +234,8 @@ public:
             b.image = image_;
             b.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, i, 1};
         }
-        VkDependencyInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-        info.imageMemoryBarrierCount = kLayers;
-        info.pImageMemoryBarriers = barriers.data();
+        auto info =
+            vkInit<VkDependencyInfo>({.imageMemoryBarrierCount = kLayers, .pImageMemoryBarriers = barriers.data()});
         vkCmdPipelineBarrier2(commands, &info);
     }
     [[nodiscard]] VkImage handle() const { return image_; }
@@ -263,23 +252,17 @@ protected:
     static VkDeviceMemoryImageCopyKHR region(const VkDeviceAddressRangeKHR &range, uint32_t layer,
                                              VkImageLayout optimal)
     {
-        VkDeviceMemoryImageCopyKHR result{};
-        result.sType = VK_STRUCTURE_TYPE_DEVICE_MEMORY_IMAGE_COPY_KHR;
-        result.addressRange = range;
-        result.addressFlags = kAnyUsage;
-        result.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, layer, 1};
-        result.imageLayout = Image::layoutOf(layer, optimal);
-        result.imageExtent = {kWidth, kHeight, 1};
-        return result;
+        return vkInit<VkDeviceMemoryImageCopyKHR>({.addressRange = range,
+                                                   .addressFlags = kAnyUsage,
+                                                   .imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, layer, 1},
+                                                   .imageLayout = Image::layoutOf(layer, optimal),
+                                                   .imageExtent = {kWidth, kHeight, 1}});
     }
     static VkCopyDeviceMemoryImageInfoKHR info(const Image &image, std::span<const VkDeviceMemoryImageCopyKHR> regions)
     {
-        VkCopyDeviceMemoryImageInfoKHR result{};
-        result.sType = VK_STRUCTURE_TYPE_COPY_DEVICE_MEMORY_IMAGE_INFO_KHR;
-        result.image = image.handle();
-        result.regionCount = static_cast<uint32_t>(regions.size());
-        result.pRegions = regions.data();
-        return result;
+        return vkInit<VkCopyDeviceMemoryImageInfoKHR>({.image = image.handle(),
+                                                       .regionCount = static_cast<uint32_t>(regions.size()),
+                                                       .pRegions = regions.data()});
     }
 };
 
@@ -402,23 +385,14 @@ TEST_F(AddressQueries, OfTheLayer)
 {
     const Buffer storage = buffer(1 << 16, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const Buffer scratch = buffer(1 << 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    VkAccelerationStructureCreateInfoKHR create{};
-    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    create.buffer = storage.handle();
-    create.size = storage.size();
-    create.type = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    auto create = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = storage.handle(), .size = storage.size(), .type = VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR});
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
     VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &create, nullptr, &structure));
-    VkAccelerationStructureGeometryKHR geometry{};
-    geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-    geometry.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR;
-    geometry.geometry.instances.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR;
-    VkAccelerationStructureBuildGeometryInfoKHR build{};
-    build.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-    build.type = create.type;
-    build.dstAccelerationStructure = structure;
-    build.geometryCount = 1;
-    build.pGeometries = &geometry;
+    auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR});
+    geometry.geometry.instances = vkInit<VkAccelerationStructureGeometryInstancesDataKHR>();
+    auto build = vkInit<VkAccelerationStructureBuildGeometryInfoKHR>(
+        {.type = create.type, .dstAccelerationStructure = structure, .geometryCount = 1, .pGeometries = &geometry});
     build.scratchData.deviceAddress = scratch.address();
     const VkAccelerationStructureBuildRangeInfoKHR none{};
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = &none;
@@ -448,10 +422,7 @@ TEST_F(AddressMarkers, AreWritten)
     const Buffer other = buffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
     std::vector<uint8_t> expected = bytesOf(to);
     const uint32_t marker = 0xfeedbeef;
-    VkMemoryMarkerInfoAMD info{};
-    info.sType = VK_STRUCTURE_TYPE_MEMORY_MARKER_INFO_AMD;
-    info.dstFlags = kAnyUsage;
-    info.marker = marker;
+    auto info = vkInit<VkMemoryMarkerInfoAMD>({.dstFlags = kAnyUsage, .marker = marker});
     ASSERT_NE(gpu().vk().CmdWriteMarkerToMemoryAMD, nullptr);
     gpu().submit([&](VkCommandBuffer commands) {
         info.stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
@@ -479,12 +450,10 @@ TEST_F(AddressMarkers, RangeThatIsTooSmall)
 {
     const Buffer to = randomBuffer(256, kTarget);
     std::vector<uint8_t> expected = bytesOf(to);
-    VkMemoryMarkerInfoAMD info{};
-    info.sType = VK_STRUCTURE_TYPE_MEMORY_MARKER_INFO_AMD;
-    info.stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-    info.dstFlags = kAnyUsage;
-    info.dstRange = rangeOf(to, 20, 3);
-    info.marker = 0xfeedbeef;
+    auto info = vkInit<VkMemoryMarkerInfoAMD>({.stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
+                                               .dstRange = rangeOf(to, 20, 3),
+                                               .dstFlags = kAnyUsage,
+                                               .marker = 0xfeedbeef});
     if (done("VkMemoryMarkerInfoAMD-dstRange-13041",
              [&](VkCommandBuffer commands) { gpu().vk().CmdWriteMarkerToMemoryAMD(commands, &info); }))
         std::memcpy(&expected[20], &info.marker, 4);

@@ -18,37 +18,23 @@ protected:
 
     static VkBindVertexBuffer3InfoKHR vertices(const VkStridedDeviceAddressRangeKHR &range, bool setStride)
     {
-        VkBindVertexBuffer3InfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_BIND_VERTEX_BUFFER_3_INFO_KHR;
-        info.setStride = setStride ? VK_TRUE : VK_FALSE;
-        info.addressRange = range;
-        info.addressFlags = kAnyUsage;
-        return info;
+        return vkInit<VkBindVertexBuffer3InfoKHR>(
+            {.setStride = setStride ? VK_TRUE : VK_FALSE, .addressRange = range, .addressFlags = kAnyUsage});
     }
     static VkBindIndexBuffer3InfoKHR indices(const VkDeviceAddressRangeKHR &range, VkIndexType type)
     {
-        VkBindIndexBuffer3InfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_BIND_INDEX_BUFFER_3_INFO_KHR;
-        info.addressRange = range;
-        info.addressFlags = kAnyUsage;
-        info.indexType = type;
+        auto info =
+            vkInit<VkBindIndexBuffer3InfoKHR>({.addressRange = range, .addressFlags = kAnyUsage, .indexType = type});
         return info;
     }
     static VkDrawIndirect2InfoKHR draws(const VkStridedDeviceAddressRangeKHR &range, uint32_t count)
     {
-        VkDrawIndirect2InfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_DRAW_INDIRECT_2_INFO_KHR;
-        info.addressRange = range;
-        info.addressFlags = kAnyUsage;
-        info.drawCount = count;
-        return info;
+        return vkInit<VkDrawIndirect2InfoKHR>({.addressRange = range, .addressFlags = kAnyUsage, .drawCount = count});
     }
     static VkDrawIndirectCount2InfoKHR draws(const VkStridedDeviceAddressRangeKHR &range,
                                              const VkDeviceAddressRangeKHR &count, uint32_t most)
     {
-        VkDrawIndirectCount2InfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_DRAW_INDIRECT_COUNT_2_INFO_KHR;
-        info.addressRange = range;
+        auto info = vkInit<VkDrawIndirectCount2InfoKHR>({.addressRange = range});
         info.addressFlags = info.countAddressFlags = kAnyUsage;
         info.countAddressRange = count;
         info.maxDrawCount = most;
@@ -447,18 +433,13 @@ protected:
     void SetUp() override
     {
         const VkPushConstantRange push{VK_SHADER_STAGE_COMPUTE_BIT, 0, 8};
-        VkPipelineLayoutCreateInfo layout{};
-        layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-        layout.pushConstantRangeCount = 1;
-        layout.pPushConstantRanges = &push;
+        auto layout = vkInit<VkPipelineLayoutCreateInfo>({.pushConstantRangeCount = 1, .pPushConstantRanges = &push});
         VT_CHECK(vkCreatePipelineLayout(gpu().device(), &layout, nullptr, &layout_));
-        VkComputePipelineCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.stage.module = gpu().shader(address_draws_compute);
-        info.stage.pName = "main";
-        info.layout = layout_;
+        auto info = vkInit<VkComputePipelineCreateInfo>(
+            {.stage = vkInit<VkPipelineShaderStageCreateInfo>({.stage = VK_SHADER_STAGE_COMPUTE_BIT,
+                                                               .module = gpu().shader(address_draws_compute),
+                                                               .pName = "main"}),
+             .layout = layout_});
         VT_CHECK(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline_));
         vkDestroyShaderModule(gpu().device(), info.stage.module, nullptr);
         target_ = buffer(64, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
@@ -486,11 +467,10 @@ protected:
     }
     void begin(VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range, bool inverted = false)
     {
-        VkConditionalRenderingBeginInfo2EXT info{};
-        info.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_2_EXT;
-        info.addressRange = range;
-        info.addressFlags = kAnyUsage;
-        info.flags = inverted ? VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT : 0;
+        auto info = vkInit<VkConditionalRenderingBeginInfo2EXT>(
+            {.addressRange = range,
+             .addressFlags = kAnyUsage,
+             .flags = inverted ? VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT : 0});
         gpu().vk().CmdBeginConditionalRendering2EXT(commands, &info);
     }
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
@@ -504,10 +484,7 @@ TEST_F(AddressDispatches, Indirect)
     const VkDispatchIndirectCommand command{5, 3, 1};
     std::memcpy(indirect.bytes() + 20, &command, sizeof command);
     const auto dispatch = [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
-        VkDispatchIndirect2InfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_DISPATCH_INDIRECT_2_INFO_KHR;
-        info.addressRange = range;
-        info.addressFlags = kAnyUsage;
+        auto info = vkInit<VkDispatchIndirect2InfoKHR>({.addressRange = range, .addressFlags = kAnyUsage});
         bind(commands);
         gpu().vk().CmdDispatchIndirect2KHR(commands, &info);
     };

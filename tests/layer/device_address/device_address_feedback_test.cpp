@@ -26,11 +26,7 @@ protected:
 
     static VkBindTransformFeedbackBuffer2InfoEXT info(const VkDeviceAddressRangeKHR &range)
     {
-        VkBindTransformFeedbackBuffer2InfoEXT result{};
-        result.sType = VK_STRUCTURE_TYPE_BIND_TRANSFORM_FEEDBACK_BUFFER_2_INFO_EXT;
-        result.addressRange = range;
-        result.addressFlags = kAnyUsage;
-        return result;
+        return vkInit<VkBindTransformFeedbackBuffer2InfoEXT>({.addressRange = range, .addressFlags = kAnyUsage});
     }
     void bind(VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range)
     {

@@ -226,11 +226,7 @@ TEST_F(BadInputExt, CreateBeyondTheBuffer)
                                                                              {8192, 1, false},
                                                                              {100, 256, false}}) {
         SCOPED_TRACE(testing::Message() << "offset " << offset << " size " << size);
-        VkMicromapCreateInfoEXT create{};
-        create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-        create.buffer = buffer.handle();
-        create.offset = offset;
-        create.size = size;
+        auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = buffer.handle(), .offset = offset, .size = size});
         VkMicromapEXT micromap = VK_NULL_HANDLE;
         const VkResult result = gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap);
         expectOneMessage(offset % 256 == 0 ? "VUID-VkMicromapCreateInfoEXT-offset-07437"
@@ -249,11 +245,9 @@ TEST_F(BadInputExt, BuiltInWhatReachesBeyondTheBuffer)
     for (const bool fits : {true, false}) {
         const Guarded storage(gpu(), micromapSizes(gpu(), micromap_->buildInfo()).micromapSize, 256,
                               VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-        VkMicromapCreateInfoEXT create{};
-        create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-        create.buffer = storage.buffer();
-        create.offset = fits ? storage.offset() : storage.offset() + 65536;
-        create.size = VkDeviceSize{1} << 40;
+        auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = storage.buffer(),
+                                                       .offset = fits ? storage.offset() : storage.offset() + 65536,
+                                                       .size = VkDeviceSize{1} << 40});
         VkMicromapEXT micromap = VK_NULL_HANDLE;
         const VkResult result = gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap);
         expectOneMessage("offset-07437");
@@ -351,10 +345,7 @@ TEST_F(BadInputExt, CreateTypeAndFlags)
 {
     const Buffer buffer(gpu(), 4096,
                         VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    VkMicromapCreateInfoEXT good{};
-    good.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    good.buffer = buffer.handle();
-    good.size = 4096;
+    auto good = vkInit<VkMicromapCreateInfoEXT>({.buffer = buffer.handle(), .size = 4096});
     const auto made = [&](const char *rule, const std::function<void(VkMicromapCreateInfoEXT &)> &change) {
         VkMicromapCreateInfoEXT create = good;
         change(create);

@@ -44,11 +44,8 @@ TEST_F(CapableDriver, HasNoHostCommandsOfStructures)
     options.vellum = options.micromaps = false;
     const Gpu bare(options);
     const auto hostCommands = [](const Gpu &gpu) {
-        VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
-        structures.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR;
-        VkPhysicalDeviceFeatures2 features{};
-        features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
-        features.pNext = &structures;
+        auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>();
+        auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &structures});
         vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
         return structures.accelerationStructureHostCommands;
     };
@@ -156,49 +153,29 @@ protected:
 
 TEST_F(CapableDriverExt, CaptureReplayFeature)
 {
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{};
-    micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
-    VkPhysicalDeviceFeatures2 features{};
-    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
-    features.pNext = &micromap;
+    auto micromap = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &micromap});
     vkGetPhysicalDeviceFeatures2(gpu().physical(), &features);
     EXPECT_TRUE(micromap.micromapCaptureReplay);
 }
 
 TEST_F(CapableDriverExt, CaptureReplayOfMicromaps)
 {
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.flags = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT;
-    info.size = 4096;
-    info.usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    auto info = vkInit<VkBufferCreateInfo>(
+        {.flags = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT,
+         .size = 4096,
+         .usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
-    VkMemoryRequirements requirements{};
-    vkGetBufferMemoryRequirements(gpu().device(), buffer, &requirements);
-    VkMemoryAllocateFlagsInfo flags{};
-    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    VkMemoryAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    allocation.pNext = &flags;
-    allocation.allocationSize = requirements.size;
-    allocation.memoryTypeIndex = gpu().memoryType(requirements.memoryTypeBits, 0);
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
-    VkBufferDeviceAddressInfo query{};
-    query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-    query.buffer = buffer;
-    const VkDeviceAddress address = vkGetBufferDeviceAddress(gpu().device(), &query);
+    const VkDeviceMemory memory = gpu().bindMemory(buffer);
+    const VkDeviceAddress address = gpu().address(buffer);
 
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.createFlags = VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT;
-    create.buffer = buffer;
-    create.offset = 256;
-    create.size = 1024;
-    create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    auto create =
+        vkInit<VkMicromapCreateInfoEXT>({.createFlags = VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT,
+                                         .buffer = buffer,
+                                         .offset = 256,
+                                         .size = 1024,
+                                         .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
     const auto made = [&](VkDeviceAddress wanted) {
         create.deviceAddress = wanted;
         VkMicromapEXT micromap = VK_NULL_HANDLE;
@@ -238,40 +215,21 @@ TEST_F(CapableDriverKhr, CaptureReplayOfMicromaps)
     input.add(4, kFourState, std::vector<uint8_t>(256, 0));
     Micromap source(gpu(), input);
     source.build();
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.flags = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT;
-    info.size = 4096;
-    info.usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    auto info = vkInit<VkBufferCreateInfo>(
+        {.flags = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT,
+         .size = 4096,
+         .usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
-    VkMemoryRequirements requirements{};
-    vkGetBufferMemoryRequirements(gpu().device(), buffer, &requirements);
-    VkMemoryAllocateFlagsInfo flags{};
-    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    VkMemoryAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    allocation.pNext = &flags;
-    allocation.allocationSize = requirements.size;
-    allocation.memoryTypeIndex = gpu().memoryType(requirements.memoryTypeBits, 0);
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
-    VkBufferDeviceAddressInfo query{};
-    query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-    query.buffer = buffer;
-    VkAccelerationStructureCreateInfo2KHR create{};
-    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-    create.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR;
-    create.addressRange = {vkGetBufferDeviceAddress(gpu().device(), &query) + 256, source.size()};
-    create.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    const VkDeviceMemory memory = gpu().bindMemory(buffer);
+    auto create = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR,
+         .addressRange = {gpu().address(buffer) + 256, source.size()},
+         .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
     for (int run = 0; run < 2; ++run) { // capture, then replay
         VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;
         ASSERT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &create, nullptr, &micromap), VK_SUCCESS);
-        VkAccelerationStructureDeviceAddressInfoKHR ask{};
-        ask.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        ask.accelerationStructure = micromap;
+        auto ask = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = micromap});
         EXPECT_EQ(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &ask),
                   create.addressRange.address);
         gpu().submit([&](VkCommandBuffer commands) { recordCopy(gpu(), commands, source.handle().khr, micromap); });

@@ -54,34 +54,21 @@ void nameMicromap(Api api)
             EXPECT_NE(loaded, nullptr) << name;
             return loaded;
         };
-        VkDebugUtilsObjectNameInfoEXT name{};
-        name.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
-        name.objectType = kind;
-        name.objectHandle = handle;
-        name.pObjectName = "leaves";
+        auto name = vkInit<VkDebugUtilsObjectNameInfoEXT>(
+            {.objectType = kind, .objectHandle = handle, .pObjectName = "leaves"});
         function(PFN_vkSetDebugUtilsObjectNameEXT{}, "vkSetDebugUtilsObjectNameEXT")(gpu.device(), &name);
-        VkDebugUtilsObjectTagInfoEXT tag{};
-        tag.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_TAG_INFO_EXT;
-        tag.objectType = kind;
-        tag.objectHandle = handle;
-        tag.tagSize = 1;
-        tag.pTag = "x";
+        auto tag = vkInit<VkDebugUtilsObjectTagInfoEXT>(
+            {.objectType = kind, .objectHandle = handle, .tagSize = 1, .pTag = "x"});
         function(PFN_vkSetDebugUtilsObjectTagEXT{}, "vkSetDebugUtilsObjectTagEXT")(gpu.device(), &tag);
-        VkDebugMarkerObjectNameInfoEXT marker{};
-        marker.sType = VK_STRUCTURE_TYPE_DEBUG_MARKER_OBJECT_NAME_INFO_EXT;
+        auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>();
         marker.objectType = static_cast<VkDebugReportObjectTypeEXT>(kind); // the same numbers
         marker.object = handle;
         marker.pObjectName = "leaves";
         function(PFN_vkDebugMarkerSetObjectNameEXT{}, "vkDebugMarkerSetObjectNameEXT")(gpu.device(), &marker);
-        VkDebugMarkerObjectTagInfoEXT markerTag{};
-        markerTag.sType = VK_STRUCTURE_TYPE_DEBUG_MARKER_OBJECT_TAG_INFO_EXT;
-        markerTag.objectType = marker.objectType;
-        markerTag.object = handle;
-        markerTag.tagSize = 1;
-        markerTag.pTag = "x";
+        auto markerTag = vkInit<VkDebugMarkerObjectTagInfoEXT>(
+            {.objectType = marker.objectType, .object = handle, .tagSize = 1, .pTag = "x"});
         function(PFN_vkDebugMarkerSetObjectTagEXT{}, "vkDebugMarkerSetObjectTagEXT")(gpu.device(), &markerTag);
-        VkPrivateDataSlotCreateInfo slotInfo{};
-        slotInfo.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
+        auto slotInfo = vkInit<VkPrivateDataSlotCreateInfo>();
         VkPrivateDataSlot slot = VK_NULL_HANDLE;
         VT_CHECK(vkCreatePrivateDataSlot(gpu.device(), &slotInfo, nullptr, &slot));
         VT_CHECK(vkSetPrivateData(gpu.device(), kind, handle, slot, 42));
@@ -97,11 +84,10 @@ void nameMicromap(Api api)
         ADD_FAILURE() << m.id << ": " << m.text;
     // The spy would have told.
     const auto stranger = reinterpret_cast<uint64_t>(&gpu);
-    VkDebugMarkerObjectNameInfoEXT marker{};
-    marker.sType = VK_STRUCTURE_TYPE_DEBUG_MARKER_OBJECT_NAME_INFO_EXT;
-    marker.objectType = VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT;
-    marker.object = stranger;
-    marker.pObjectName = "stranger";
+    auto marker = vkInit<VkDebugMarkerObjectNameInfoEXT>(
+        {.objectType = VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT,
+         .object = stranger,
+         .pObjectName = "stranger"});
     reinterpret_cast<PFN_vkDebugMarkerSetObjectNameEXT>(
         vkGetDeviceProcAddr(gpu.device(), "vkDebugMarkerSetObjectNameEXT"))(gpu.device(), &marker);
     EXPECT_EQ(gpu.takeUnexpectedMessages().size(), 1u);
@@ -133,12 +119,10 @@ TEST(Driver, InputAndMicromapInOneBuffer)
                           VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT);
     ASSERT_EQ(both.address() % 256, 0u);
     std::memcpy(both.bytes(), input.data.data(), input.data.size());
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = both.handle();
-    create.offset = kPlace;
-    create.size = other.size();
-    create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = both.handle(),
+                                                   .offset = kPlace,
+                                                   .size = other.size(),
+                                                   .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &create, nullptr, &micromap));
     Micromap folded(gpu, input, VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
@@ -191,24 +175,22 @@ TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
             return reinterpret_cast<Function>(vkGetInstanceProcAddr(gpu.instance(), name));
         };
         Named named;
-        VkDebugUtilsMessengerCreateInfoEXT messenger{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
-        messenger.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT;
-        messenger.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
-        messenger.pfnUserCallback = noteObjects;
-        messenger.pUserData = &named;
+        auto messenger =
+            vkInit<VkDebugUtilsMessengerCreateInfoEXT>({.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT,
+                                                        .messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT,
+                                                        .pfnUserCallback = noteObjects,
+                                                        .pUserData = &named});
         VkDebugUtilsMessengerEXT listener = VK_NULL_HANDLE;
         VT_CHECK(gpu.vk().CreateDebugUtilsMessengerEXT(gpu.instance(), &messenger, nullptr, &listener));
         std::array<VkDebugUtilsObjectNameInfoEXT, 2> objects{};
         for (VkDebugUtilsObjectNameInfoEXT &one : objects)
-            one.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
+            one = vkInit<VkDebugUtilsObjectNameInfoEXT>();
         objects[0].objectType = khr ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT;
         objects[0].objectHandle = object;
         objects[1].objectType = VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
         objects[1].objectHandle = structure;
-        VkDebugUtilsMessengerCallbackDataEXT data{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT};
-        data.pMessage = "of the application";
-        data.objectCount = 2;
-        data.pObjects = objects.data();
+        auto data = vkInit<VkDebugUtilsMessengerCallbackDataEXT>(
+            {.pMessage = "of the application", .objectCount = 2, .pObjects = objects.data()});
         function(PFN_vkSubmitDebugUtilsMessageEXT{},
                  "vkSubmitDebugUtilsMessageEXT")(gpu.instance(), VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT,
                                                  VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT, &data);
@@ -218,10 +200,8 @@ TEST(Driver, MessagesOfTheApplicationNameNoMicromaps)
         if (!khr)
             continue; // VK_EXT_debug_report has no type for the others
         named.clear();
-        VkDebugReportCallbackCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_REPORT_CALLBACK_CREATE_INFO_EXT};
-        info.flags = VK_DEBUG_REPORT_PERFORMANCE_WARNING_BIT_EXT;
-        info.pfnCallback = noteObject;
-        info.pUserData = &named;
+        auto info = vkInit<VkDebugReportCallbackCreateInfoEXT>(
+            {.flags = VK_DEBUG_REPORT_PERFORMANCE_WARNING_BIT_EXT, .pfnCallback = noteObject, .pUserData = &named});
         VkDebugReportCallbackEXT callback = VK_NULL_HANDLE;
         VT_CHECK(function(PFN_vkCreateDebugReportCallbackEXT{}, "vkCreateDebugReportCallbackEXT")(gpu.instance(), &info,
                                                                                                   nullptr, &callback));
@@ -291,28 +271,19 @@ TEST(Driver, NoDisplacementBesideEmulation)
         uint32_t value = 1;
     };
     OneMember feature{static_cast<VkStructureType>(1000397000)};
-    VkPhysicalDeviceFeatures2 features{};
-    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
-    features.pNext = &feature;
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &feature});
     vkGetPhysicalDeviceFeatures2(gpu->physical(), &features);
     EXPECT_EQ(feature.value, 0u);
     OneMember limit{static_cast<VkStructureType>(1000397001)};
-    VkPhysicalDeviceProperties2 properties{};
-    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &limit;
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &limit});
     vkGetPhysicalDeviceProperties2(gpu->physical(), &properties);
     EXPECT_EQ(limit.value, 0u);
     const float priority = 1;
-    VkDeviceQueueCreateInfo queue{};
-    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueCount = 1;
-    queue.pQueuePriorities = &priority;
-    VkDeviceCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
-    info.enabledExtensionCount = 1;
-    info.ppEnabledExtensionNames = &kDisplacement;
+    auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto info = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1,
+                                            .pQueueCreateInfos = &queue,
+                                            .enabledExtensionCount = 1,
+                                            .ppEnabledExtensionNames = &kDisplacement});
     VkDevice device = VK_NULL_HANDLE;
     EXPECT_EQ(vkCreateDevice(gpu->physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
@@ -330,14 +301,8 @@ TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
 {
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Khr});
     const float priority = 1;
-    VkDeviceQueueCreateInfo queue{};
-    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueCount = 1;
-    queue.pQueuePriorities = &priority;
-    VkDeviceCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
+    auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto info = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1, .pQueueCreateInfos = &queue});
     const std::array names{VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, "VK_NV_displacement_micromap",
                            "VK_KHR_device_address_commands"};
     info.enabledExtensionCount = 3;
@@ -374,9 +339,7 @@ TEST(Driver, HiddenExtension)
     };
     const auto featuresOf = [](const Gpu &gpu) {
         EnqueueFeatures enqueue;
-        VkPhysicalDeviceFeatures2 features{};
-        features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
-        features.pNext = &enqueue;
+        auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &enqueue});
         vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
         enqueue.pNext = nullptr;
         return enqueue;
@@ -391,14 +354,8 @@ TEST(Driver, HiddenExtension)
     EXPECT_FALSE(featuresOf(gpu).shaderMeshEnqueue);
 
     const float priority = 1;
-    VkDeviceQueueCreateInfo queue{};
-    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueCount = 1;
-    queue.pQueuePriorities = &priority;
-    VkDeviceCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
+    auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto info = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1, .pQueueCreateInfos = &queue});
     const std::array names{VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, kEnqueue};
     info.enabledExtensionCount = 2;
     info.ppEnabledExtensionNames = names.data();

@@ -14,6 +14,8 @@
 #define VK_NO_PROTOTYPES
 #include <vulkan/vulkan.h>
 
+#include "micromap_device.h"
+
 namespace
 {
 
@@ -53,12 +55,10 @@ struct Loader {
 VkInstance makeInstance(const Loader &loader, const std::vector<const char *> &layers)
 {
     VkInstance instance = VK_NULL_HANDLE;
-    VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
-    application.apiVersion = VK_API_VERSION_1_3;
-    VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
-    info.pApplicationInfo = &application;
-    info.enabledLayerCount = static_cast<uint32_t>(layers.size());
-    info.ppEnabledLayerNames = layers.data();
+    auto application = vkInit<VkApplicationInfo>({.apiVersion = VK_API_VERSION_1_3});
+    auto info = vkInit<VkInstanceCreateInfo>({.pApplicationInfo = &application,
+                                              .enabledLayerCount = static_cast<uint32_t>(layers.size()),
+                                              .ppEnabledLayerNames = layers.data()});
     check(COMMAND(vkCreateInstance)(&info, nullptr, &instance), "vkCreateInstance");
     return instance;
 }
@@ -69,27 +69,11 @@ VkDevice makeDevice(const Loader &loader, VkInstance instance)
     uint32_t count = 1;
     if (COMMAND(vkEnumeratePhysicalDevices)(instance, &count, &physical) < 0 || count == 0)
         fail("vkEnumeratePhysicalDevices");
-    const float priority = 1;
-    const VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO, nullptr, 0, 0, 1, &priority};
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
-    micromaps.micromap = VK_TRUE;
-    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR, &micromaps};
-    structures.accelerationStructure = VK_TRUE;
-    const char *extensions[]{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
-                             VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
-    VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &structures};
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
-    info.enabledExtensionCount = 3;
-    info.ppEnabledExtensionNames = extensions;
     VkDevice device = VK_NULL_HANDLE;
-    check(COMMAND(vkCreateDevice)(physical, &info, nullptr, &device), "vkCreateDevice");
+    check(COMMAND(vkCreateDevice)(physical, MicromapDeviceInfo(0).get(), nullptr, &device), "vkCreateDevice");
     // Queries of micromaps are the layer's own, and have memory of the driver's.
-    VkQueryPoolCreateInfo pool{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
-    pool.queryType = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT;
-    pool.queryCount = 16;
+    auto pool =
+        vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, .queryCount = 16});
     VkQueryPool queries = VK_NULL_HANDLE;
     check(COMMAND(vkCreateQueryPool)(device, &pool, nullptr, &queries), "vkCreateQueryPool");
     return device;
@@ -105,8 +89,8 @@ public:
         for (size_t i = 0; i < count; ++i) {
             std::thread([this, sizes, device] {
                 do {
-                    const VkMicromapBuildInfoEXT build{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
-                    VkMicromapBuildSizesInfoEXT result{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
+                    const auto build = vkInit<VkMicromapBuildInfoEXT>();
+                    auto result = vkInit<VkMicromapBuildSizesInfoEXT>();
                     sizes(device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build, &result);
                     ++calls_;
                 } while (busy_);

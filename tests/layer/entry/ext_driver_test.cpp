@@ -59,25 +59,20 @@ TEST(ExtDriver, TellsOfTheOtherExtensions)
             return m.id == "SPY" && m.text.find(part) != std::string::npos;
         })) << part;
     };
-    VkAccelerationStructureBuildGeometryInfoKHR build{};
-    build.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-    build.flags = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
-    VkAccelerationStructureBuildSizesInfoKHR sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    auto build = vkInit<VkAccelerationStructureBuildGeometryInfoKHR>(
+        {.flags = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR});
+    auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     gpu.vk().GetAccelerationStructureBuildSizesKHR(gpu.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                    &build, nullptr, &sizes);
     expectReported("LOSSY");
 
-    VkAccelerationStructureTrianglesOpacityMicromapKHR attachment{};
-    attachment.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
-    VkAccelerationStructureGeometryKHR geometry{};
-    geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-    geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
-    geometry.geometry.triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
-    geometry.geometry.triangles.pNext = &attachment;
-    geometry.geometry.triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
-    geometry.geometry.triangles.vertexStride = sizeof(Vec3);
-    geometry.geometry.triangles.indexType = VK_INDEX_TYPE_NONE_KHR;
+    auto attachment = vkInit<VkAccelerationStructureTrianglesOpacityMicromapKHR>();
+    auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR});
+    geometry.geometry.triangles =
+        vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>({.pNext = &attachment,
+                                                                 .vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
+                                                                 .vertexStride = sizeof(Vec3),
+                                                                 .indexType = VK_INDEX_TYPE_NONE_KHR});
     build.flags = 0;
     build.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
     build.geometryCount = 1;
@@ -87,19 +82,14 @@ TEST(ExtDriver, TellsOfTheOtherExtensions)
                                                    &build, &one, &sizes);
     expectReported("VkAccelerationStructureTrianglesOpacityMicromapKHR");
 
-    VkMemoryRangeBarriersInfoKHR ranges{};
-    ranges.sType = VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR;
-    VkDependencyInfo dependency{};
-    dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-    dependency.pNext = &ranges;
+    auto ranges = vkInit<VkMemoryRangeBarriersInfoKHR>();
+    auto dependency = vkInit<VkDependencyInfo>({.pNext = &ranges});
     gpu.submit([&](VkCommandBuffer commands) { vkCmdPipelineBarrier2(commands, &dependency); });
     expectReported("VkMemoryRangeBarriersInfoKHR");
 
     const std::vector<uint32_t> words = withModeWhereNeeded(tracer_comp);
-    VkShaderModuleCreateInfo module{};
-    module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    module.codeSize = words.size() * sizeof(uint32_t);
-    module.pCode = words.data();
+    auto module =
+        vkInit<VkShaderModuleCreateInfo>({.codeSize = words.size() * sizeof(uint32_t), .pCode = words.data()});
     VkShaderModule made = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(gpu.device(), &module, nullptr, &made));
     vkDestroyShaderModule(gpu.device(), made, nullptr);

@@ -104,9 +104,7 @@ TEST_F(Failures, ShaderModule)
     const std::vector<uint32_t> code = gpu().code(tracer_comp);
     hasOtherPath_ = true;
     failEach([&](const WhileItFails &whileItFails) {
-        VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
-        info.codeSize = code.size() * 4;
-        info.pCode = code.data();
+        auto info = vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * 4, .pCode = code.data()});
         VkShaderModule module = VK_NULL_HANDLE;
         VkResult result = VK_SUCCESS;
         whileItFails([&] { result = vkCreateShaderModule(gpu().device(), &info, nullptr, &module); });
@@ -199,8 +197,7 @@ TEST_F(Failures, Serialization)
     const auto expected = seenOf(gpu(), source);
     isRight_ = [&] { return seenOf(gpu(), restored) == expected; };
     failEachRecorded([&](VkCommandBuffer commands) {
-        VkCopyMemoryToAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = begin;
         info.dst = restored.handle();
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
@@ -213,9 +210,8 @@ TEST_F(Failures, QueryPools)
 {
     hasOtherPath_ = true;
     failEach([&](const WhileItFails &whileItFails) {
-        VkQueryPoolCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-        info.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+        auto info =
+            vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR});
         info.queryCount = 3u << 20; // more than there is memory for at first, each time
         VkQueryPool pool = VK_NULL_HANDLE;
         VkResult result = VK_SUCCESS;
@@ -241,10 +237,7 @@ TEST_F(FailuresUnvalidated, DeviceLost)
     scene.record(commands);
     gpu().end(commands);
     lose(true);
-    VkSubmitInfo submission{};
-    submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-    submission.commandBufferCount = 1;
-    submission.pCommandBuffers = &commands;
+    auto submission = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
     EXPECT_EQ(vkQueueSubmit(gpu().queue(), 1, &submission, VK_NULL_HANDLE), VK_ERROR_DEVICE_LOST);
     EXPECT_EQ(vkQueueWaitIdle(gpu().queue()), VK_ERROR_DEVICE_LOST);
     EXPECT_EQ(vkDeviceWaitIdle(gpu().device()), VK_ERROR_DEVICE_LOST);

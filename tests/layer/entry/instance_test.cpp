@@ -58,22 +58,21 @@ class OldInstance : public testing::TestWithParam<bool>
 TEST_P(OldInstance, NothingNewerIsCalled)
 {
     std::vector<std::string> messages;
-    VkDebugUtilsMessengerCreateInfoEXT messenger{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
-    messenger.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-    messenger.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
-    messenger.pfnUserCallback = remember;
-    messenger.pUserData = &messages;
-    const VkApplicationInfo application{
-        VK_STRUCTURE_TYPE_APPLICATION_INFO, nullptr, "old", 0, nullptr, 0, VK_API_VERSION_1_0};
+    auto messenger =
+        vkInit<VkDebugUtilsMessengerCreateInfoEXT>({.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT,
+                                                    .messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT,
+                                                    .pfnUserCallback = remember,
+                                                    .pUserData = &messages});
+    const auto application = vkInit<VkApplicationInfo>({.pApplicationName = "old", .apiVersion = VK_API_VERSION_1_0});
     const char *layers[] = {"VK_LAYER_VELLUM_opacity_micromap", "VK_LAYER_KHRONOS_validation"};
     const char *extensions[] = {VK_EXT_DEBUG_UTILS_EXTENSION_NAME,
                                 VK_KHR_GET_PHYSICAL_DEVICE_PROPERTIES_2_EXTENSION_NAME};
-    VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO, &messenger};
-    info.pApplicationInfo = &application;
-    info.enabledLayerCount = 2;
-    info.ppEnabledLayerNames = layers;
-    info.enabledExtensionCount = GetParam() ? 2 : 1;
-    info.ppEnabledExtensionNames = extensions;
+    auto info = vkInit<VkInstanceCreateInfo>({.pNext = &messenger,
+                                              .pApplicationInfo = &application,
+                                              .enabledLayerCount = 2,
+                                              .ppEnabledLayerNames = layers,
+                                              .enabledExtensionCount = GetParam() ? 2 : 1,
+                                              .ppEnabledExtensionNames = extensions});
     VkInstance instance = VK_NULL_HANDLE;
     ASSERT_EQ(vkCreateInstance(&info, nullptr, &instance), VK_SUCCESS);
     uint32_t count = 1;
@@ -88,12 +87,8 @@ TEST_P(OldInstance, NothingNewerIsCalled)
     });
     EXPECT_FALSE(micromaps); // acceleration structures take Vulkan 1.1
     const float priority = 1;
-    VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
-    queue.queueCount = 1;
-    queue.pQueuePriorities = &priority;
-    VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
-    deviceInfo.queueCreateInfoCount = 1;
-    deviceInfo.pQueueCreateInfos = &queue;
+    auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto deviceInfo = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1, .pQueueCreateInfos = &queue});
     VkDevice device = VK_NULL_HANDLE;
     ASSERT_EQ(vkCreateDevice(physical, &deviceInfo, nullptr, &device), VK_SUCCESS);
     vkDestroyDevice(device, nullptr);

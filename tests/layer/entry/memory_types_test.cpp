@@ -34,10 +34,7 @@ protected:
     }
     static VkResult allocate(const Gpu &gpu, uint32_t type, VkDeviceSize bytes, VkDeviceMemory &memory)
     {
-        VkMemoryAllocateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-        info.allocationSize = bytes;
-        info.memoryTypeIndex = type;
+        auto info = vkInit<VkMemoryAllocateInfo>({.allocationSize = bytes, .memoryTypeIndex = type});
         return vkAllocateMemory(gpu.device(), &info, nullptr, &memory);
     }
 };
@@ -71,18 +68,13 @@ TEST_F(MemoryTypes, TheWindowIsLeftToTheApplication)
     constexpr VkDeviceSize kBytes = VkDeviceSize{64} << 20;
     const Buffer storage(gpu, kBytes, gpu.structureUsage());
     const Buffer data(gpu, 4096, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    VkAccelerationStructureCreateInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    info.buffer = storage.handle();
-    info.size = kBytes;
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = storage.handle(), .size = kBytes, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
     VT_CHECK(gpu.vk().CreateAccelerationStructureKHR(gpu.device(), &info, nullptr, &structure));
     VkCommandBuffer commands = gpu.begin();
     // The driver may write as many bytes as the handle has, to memory of the layer's.
-    VkCopyAccelerationStructureToMemoryInfoKHR copy{};
-    copy.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-    copy.src = structure;
+    auto copy = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = structure});
     copy.dst.deviceAddress = (data.address() + 255) & ~VkDeviceAddress{255};
     copy.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
     gpu.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &copy);
@@ -104,10 +96,9 @@ TEST_F(MemoryTypes, HostCommandsOnMemoryThatIsNotCoherent)
         input.add(3, kFourState, std::vector<uint8_t>(64, i % 4));
     Micromap built(gpu, input);
     built.build();
-    VkBufferCreateInfo bufferInfo{};
-    bufferInfo.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    bufferInfo.size = built.size() + 512;
-    bufferInfo.usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    auto bufferInfo = vkInit<VkBufferCreateInfo>(
+        {.size = built.size() + 512,
+         .usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu.device(), &bufferInfo, nullptr, &buffer));
     VkMemoryRequirements requirements{};
@@ -115,21 +106,12 @@ TEST_F(MemoryTypes, HostCommandsOnMemoryThatIsNotCoherent)
     VkDeviceMemory memory = VK_NULL_HANDLE;
     VT_CHECK(allocate(gpu, type(gpu, kVisible | VK_MEMORY_PROPERTY_HOST_CACHED_BIT), requirements.size, memory));
     VT_CHECK(vkBindBufferMemory(gpu.device(), buffer, memory, 0));
-    VkMicromapCreateInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    info.buffer = buffer;
-    info.offset = 256;
-    info.size = built.size();
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    auto info = vkInit<VkMicromapCreateInfoEXT>(
+        {.buffer = buffer, .offset = 256, .size = built.size(), .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &info, nullptr, &micromap));
     const auto copyInfo = [](VkMicromapEXT from, VkMicromapEXT to) {
-        VkCopyMicromapInfoEXT copy{};
-        copy.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-        copy.src = from;
-        copy.dst = to;
-        copy.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
-        return copy;
+        return vkInit<VkCopyMicromapInfoEXT>({.src = from, .dst = to, .mode = VK_COPY_MICROMAP_MODE_CLONE_EXT});
     };
     // Built by the host, read by the device.
     VkMicromapBuildInfoEXT build = built.hostBuildInfo();

@@ -63,10 +63,7 @@ TEST_F(MockDriver, FewPushConstants)
 {
     make("push128");
     const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 132};
-    VkPipelineLayoutCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    info.pushConstantRangeCount = 1;
-    info.pPushConstantRanges = &range;
+    auto info = vkInit<VkPipelineLayoutCreateInfo>({.pushConstantRangeCount = 1, .pPushConstantRanges = &range});
     VkPipelineLayout layout = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePipelineLayout(gpu().device(), &info, nullptr, &layout));
     vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
@@ -76,10 +73,7 @@ TEST_F(MockDriver, FewPushConstants)
 TEST_F(MockDriver, MemoryThatTheHostDoesNotSee)
 {
     make("discrete");
-    VkMemoryAllocateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    info.allocationSize = 4096;
-    info.memoryTypeIndex = 0;
+    auto info = vkInit<VkMemoryAllocateInfo>({.allocationSize = 4096, .memoryTypeIndex = 0});
     VkDeviceMemory memory = VK_NULL_HANDLE;
     VT_CHECK(vkAllocateMemory(gpu().device(), &info, nullptr, &memory));
     void *data = nullptr;
@@ -91,9 +85,7 @@ TEST_F(MockDriver, MemoryThatTheHostDoesNotSee)
 TEST_F(MockDriver, AHeapThatIsFull)
 {
     make("window");
-    VkMemoryAllocateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    info.allocationSize = VkDeviceSize{129} << 20;
+    auto info = vkInit<VkMemoryAllocateInfo>({.allocationSize = VkDeviceSize{129} << 20});
     info.memoryTypeIndex = 3; // local and visible
     VkDeviceMemory first = VK_NULL_HANDLE, second = VK_NULL_HANDLE;
     EXPECT_EQ(vkAllocateMemory(gpu().device(), &info, nullptr, &first), VK_SUCCESS);
@@ -107,9 +99,7 @@ TEST_F(MockDriver, AHeapThatIsFull)
 TEST_F(MockDriver, MemoryOfSomebodyElse)
 {
     make("dirty");
-    VkMemoryAllocateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    info.allocationSize = 4096;
+    auto info = vkInit<VkMemoryAllocateInfo>({.allocationSize = 4096});
     VkDeviceMemory memory = VK_NULL_HANDLE;
     VT_CHECK(vkAllocateMemory(gpu().device(), &info, nullptr, &memory));
     void *data = nullptr;
@@ -158,18 +148,13 @@ TEST_F(MockDriver, FamiliesForOnePurpose)
     make("queues");
     ASSERT_EQ(gpu().families().size(), 4u);
     EXPECT_EQ(gpu().family(), 1u);
-    VkCommandPoolCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
+    auto info = vkInit<VkCommandPoolCreateInfo>();
     VkCommandPool pool = VK_NULL_HANDLE;
     VT_CHECK(vkCreateCommandPool(gpu().device(), &info, nullptr, &pool));
-    VkCommandBufferAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-    allocation.commandPool = pool;
-    allocation.commandBufferCount = 2;
+    auto allocation = vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool, .commandBufferCount = 2});
     std::array<VkCommandBuffer, 2> commands{};
     VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &allocation, commands.data()));
-    VkCommandBufferBeginInfo begin{};
-    begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+    auto begin = vkInit<VkCommandBufferBeginInfo>();
     for (VkCommandBuffer one : commands)
         VT_CHECK(vkBeginCommandBuffer(one, &begin));
     vkCmdDispatch(commands[0], 0, 0, 0);

@@ -31,11 +31,8 @@ bool advertises(VkPhysicalDevice physical)
 
 VkPhysicalDeviceOpacityMicromapFeaturesEXT featuresOf(VkPhysicalDevice physical)
 {
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{};
-    micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
-    VkPhysicalDeviceFeatures2 features{};
-    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
-    features.pNext = &micromap;
+    auto micromap = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &micromap});
     vkGetPhysicalDeviceFeatures2(physical, &features);
     return micromap;
 }
@@ -44,17 +41,12 @@ VkResult createDevice(VkPhysicalDevice physical, std::span<const char *const> ex
                       VkDevice *device)
 {
     const float priority = 1;
-    VkDeviceQueueCreateInfo queue{};
-    queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-    queue.queueCount = 1;
-    queue.pQueuePriorities = &priority;
-    VkDeviceCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
-    info.pNext = chain;
-    info.queueCreateInfoCount = 1;
-    info.pQueueCreateInfos = &queue;
-    info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
-    info.ppEnabledExtensionNames = extensions.data();
+    auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    auto info = vkInit<VkDeviceCreateInfo>({.pNext = chain,
+                                            .queueCreateInfoCount = 1,
+                                            .pQueueCreateInfos = &queue,
+                                            .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                            .ppEnabledExtensionNames = extensions.data()});
     return vkCreateDevice(physical, &info, nullptr, device);
 }
 
@@ -93,27 +85,12 @@ TEST_F(Properties, FeaturesAndLimits)
     EXPECT_FALSE(features.micromapCaptureReplay);
     EXPECT_TRUE(features.micromapHostCommands);
 
-    VkPhysicalDeviceOpacityMicromapPropertiesEXT micromap{};
-    micromap.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
-    VkPhysicalDeviceProperties2 properties{};
-    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &micromap;
+    auto micromap = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesEXT>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &micromap});
     vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
     EXPECT_EQ(micromap.maxOpacity2StateSubdivisionLevel, 12u);
     EXPECT_EQ(micromap.maxOpacity4StateSubdivisionLevel, 12u);
 }
-
-// VkPhysicalDevicePipelineOpacityMicromapFeaturesARM and VkPipelineCreateFlags2CreateInfo, which older headers lack.
-struct PipelineMicromapFeatures {
-    VkStructureType sType = static_cast<VkStructureType>(1000596000);
-    void *pNext = nullptr;
-    VkBool32 pipelineOpacityMicromap = VK_FALSE;
-};
-struct PipelineFlags2 {
-    VkStructureType sType = static_cast<VkStructureType>(1000470005);
-    const void *pNext = nullptr;
-    VkFlags64 flags = 0;
-};
 
 // VK_ARM_pipeline_opacity_micromap: listed, its feature can be enabled, and nothing of it reaches the driver (the spy).
 TEST_F(Properties, PipelinesWithoutMicromaps)
@@ -126,16 +103,12 @@ TEST_F(Properties, PipelinesWithoutMicromaps)
     EXPECT_EQ(
         std::count_if(list.begin(), list.end(), [&](const auto &e) { return std::strcmp(e.extensionName, name) == 0; }),
         1);
-    PipelineMicromapFeatures features;
-    VkPhysicalDeviceFeatures2 query{};
-    query.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
-    query.pNext = &features;
+    auto features = vkInit<newer::PipelineOpacityMicromapFeatures>();
+    auto query = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &features});
     vkGetPhysicalDeviceFeatures2(gpu().physical(), &query);
     EXPECT_TRUE(features.pipelineOpacityMicromap);
 
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
-    micromaps.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
-    micromaps.micromap = VK_TRUE;
+    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE});
     features.pNext = &micromaps;
     const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
                            VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, name};
@@ -156,25 +129,21 @@ TEST_F(Properties, TheFlagOfPipelinesStaysInTheLayer)
     std::vector<uint32_t> code(words.begin(), words.end());
     code.push_back(0x00010038);
     const VkShaderModule module = gpu().shader(code);
-    VkPipelineLayoutCreateInfo layoutInfo{};
-    layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+    auto layoutInfo = vkInit<VkPipelineLayoutCreateInfo>();
     VkPipelineLayout layout = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePipelineLayout(gpu().device(), &layoutInfo, nullptr, &layout));
-    PipelineFlags2 flags;
-    flags.flags = VkFlags64{1} << 37;
-    VkComputePipelineCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-    info.pNext = &flags;
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.module = module;
-    info.stage.pName = "main";
-    info.layout = layout;
+    const auto flags =
+        vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = newer::kPipelineDisallowOpacityMicromap});
+    auto info = vkInit<VkComputePipelineCreateInfo>(
+        {.pNext = &flags,
+         .stage = vkInit<VkPipelineShaderStageCreateInfo>(
+             {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"}),
+         .layout = layout});
     VkPipeline pipeline = VK_NULL_HANDLE;
     EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), VK_SUCCESS);
     for (const vt::Message &m : gpu().takeUnexpectedMessages())
         EXPECT_NE(m.id, "SPY") << m.text; // the old validation layer does not know VkPipelineCreateFlags2CreateInfo
-    EXPECT_EQ(flags.flags, VkFlags64{1} << 37) << "the application's chain is const";
+    EXPECT_EQ(flags.flags, newer::kPipelineDisallowOpacityMicromap) << "the application's chain is const";
     vkDestroyPipeline(gpu().device(), pipeline, nullptr);
     vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
     vkDestroyShaderModule(gpu().device(), module, nullptr);
@@ -192,26 +161,15 @@ TEST_F(PropertiesNewer, BufferUsageInTheChain)
 {
     if (!gpu().has("VK_KHR_maintenance5"))
         GTEST_SKIP() << "no VkBufferUsageFlags2CreateInfo";
-    struct Usage2 { // VkBufferUsageFlags2CreateInfo, which older headers lack
-        VkStructureType sType = static_cast<VkStructureType>(1000470006);
-        const void *pNext = nullptr;
-        VkFlags64 usage = 0;
-    } usage;
     const VkFlags64 wanted = VkFlags64{VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT} |
                              VkFlags64{VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT} |
                              VkFlags64{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT};
-    usage.usage = wanted;
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.pNext = &usage;
-    info.size = 4096;
+    const auto usage = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = wanted});
+    auto info = vkInit<VkBufferCreateInfo>({.pNext = &usage, .size = 4096});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
     EXPECT_EQ(usage.usage, wanted) << "the application's chain is const";
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = buffer;
-    create.size = 4096;
+    auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = buffer, .size = 4096});
     VkMicromapEXT micromap = VK_NULL_HANDLE;
     EXPECT_EQ(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap), VK_SUCCESS);
     gpu().vk().DestroyMicromapEXT(gpu().device(), micromap, nullptr);
@@ -246,10 +204,8 @@ TEST_F(Properties, EntryPointsStayHiddenWhereTheExtensionIsNotEnabled)
 
 TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
 {
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT wanted{};
-    wanted.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
-    wanted.micromap = VK_TRUE;
-    wanted.micromapCaptureReplay = VK_TRUE;
+    auto wanted =
+        vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE, .micromapCaptureReplay = VK_TRUE});
     const std::array names{VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
                            VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
     VkDevice device = VK_NULL_HANDLE;
@@ -261,8 +217,7 @@ TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
 // The layer enables bufferDeviceAddress, but not in a structure that it cannot change.
 TEST_F(Properties, AddressesBehindAnUnknownStructure)
 {
-    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{};
-    addresses.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES;
+    auto addresses = vkInit<VkPhysicalDeviceBufferDeviceAddressFeatures>();
     const VkBaseInStructure unknown{static_cast<VkStructureType>(0x7ffffff0),
                                     reinterpret_cast<const VkBaseInStructure *>(&addresses)};
     const std::array names{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
@@ -282,9 +237,7 @@ TEST_F(Properties, AddressesBehindAnUnknownStructure)
 TEST_F(Properties, CompatibilityOfVersionData)
 {
     const std::array<uint8_t, 2 * VK_UUID_SIZE> foreign{1, 2, 3};
-    VkMicromapVersionInfoEXT version{};
-    version.sType = VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT;
-    version.pVersionData = foreign.data();
+    auto version = vkInit<VkMicromapVersionInfoEXT>({.pVersionData = foreign.data()});
     auto compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
     gpu().vk().GetDeviceMicromapCompatibilityEXT(gpu().device(), &version, &compatibility);
     EXPECT_EQ(compatibility, VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR);

@@ -28,6 +28,8 @@
 
 #include <vulkan/vk_layer.h>
 
+#include "vk/vk_init.h"
+
 #include "layer/base/dispatch.h"
 
 namespace forcing

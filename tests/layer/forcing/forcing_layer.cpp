@@ -228,7 +228,7 @@ VkResult startForcing(Instance &instance, VkPhysicalDevice physical, const Force
     if (loader == nullptr)
         return VK_ERROR_INITIALIZATION_FAILED;
     queue.setLoaderData = loader->u.pfnSetDeviceLoaderData;
-    const VkDeviceQueueInfo2 queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_INFO_2, nullptr, 0, forced.family, 0};
+    const auto queueInfo = vkInit<VkDeviceQueueInfo2>({.queueFamilyIndex = forced.family});
     device.next.GetDeviceQueue2(device.handle, &queueInfo, &queue.handle);
     queue.setLoaderData(device.handle, queue.handle);
     ++counts.devices;

@@ -36,22 +36,20 @@ ForcedMicromap::~ForcedMicromap()
 Buffer ForcedMicromap::makeBuffer(VkDeviceSize size, VkBufferUsageFlags usage)
 {
     Buffer buffer;
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.size = size;
-    info.usage = usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-    info.sharingMode = families_.size() > 1 ? VK_SHARING_MODE_CONCURRENT : VK_SHARING_MODE_EXCLUSIVE;
-    info.queueFamilyIndexCount = static_cast<uint32_t>(families_.size());
-    info.pQueueFamilyIndices = families_.data();
+    auto info = vkInit<VkBufferCreateInfo>(
+        {.size = size,
+         .usage = usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT,
+         .sharingMode = families_.size() > 1 ? VK_SHARING_MODE_CONCURRENT : VK_SHARING_MODE_EXCLUSIVE,
+         .queueFamilyIndexCount = static_cast<uint32_t>(families_.size()),
+         .pQueueFamilyIndices = families_.data()});
     if (next_.CreateBuffer(device_, &info, nullptr, &buffer.handle) != VK_SUCCESS)
         return {};
     VkMemoryRequirements needs{};
     next_.GetBufferMemoryRequirements(device_, buffer.handle, &needs);
     constexpr VkMemoryPropertyFlags kWanted =
         VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
-    VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr,
-                                    VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-    VkMemoryAllocateInfo allocation{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size, 0};
+    auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
+    auto allocation = vkInit<VkMemoryAllocateInfo>({.pNext = &flags, .allocationSize = needs.size});
     for (uint32_t type = 0; type < memory_.memoryTypeCount && buffer.memory == VK_NULL_HANDLE; ++type) {
         allocation.memoryTypeIndex = type;
         if ((needs.memoryTypeBits >> type & 1) != 0 && (memory_.memoryTypes[type].propertyFlags & kWanted) == kWanted)
@@ -63,7 +61,7 @@ Buffer ForcedMicromap::makeBuffer(VkDeviceSize size, VkBufferUsageFlags usage)
         destroy(buffer);
         return {};
     }
-    const VkBufferDeviceAddressInfo address{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer.handle};
+    const auto address = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer.handle});
     buffer.address = next_.GetBufferDeviceAddress(device_, &address);
     return buffer;
 }
@@ -92,28 +90,24 @@ template <class Record>
 VkResult ForcedMicromap::run(const BuildQueue &queue, Record record)
 {
     VkCommandPool pool = VK_NULL_HANDLE;
-    const VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, queue.family};
+    const auto poolInfo = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = queue.family});
     VkResult result = next_.CreateCommandPool(device_, &poolInfo, nullptr, &pool);
     if (result != VK_SUCCESS)
         return result;
     VkCommandBuffer commands = VK_NULL_HANDLE;
-    const VkCommandBufferAllocateInfo allocation{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool,
-                                                 VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
+    const auto allocation = vkInit<VkCommandBufferAllocateInfo>(
+        {.commandPool = pool, .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY, .commandBufferCount = 1});
     result = next_.AllocateCommandBuffers(device_, &allocation, &commands);
     if (result == VK_SUCCESS)
         result = queue.setLoaderData(device_, commands);
-    const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO, nullptr,
-                                         VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT, nullptr};
+    const auto begin = vkInit<VkCommandBufferBeginInfo>({.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT});
     if (result == VK_SUCCESS)
         result = next_.BeginCommandBuffer(commands, &begin);
     if (result == VK_SUCCESS) {
         record(commands);
         result = next_.EndCommandBuffer(commands);
     }
-    VkSubmitInfo submit{};
-    submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-    submit.commandBufferCount = 1;
-    submit.pCommandBuffers = &commands;
+    auto submit = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
     if (result == VK_SUCCESS)
         result = next_.QueueSubmit(queue.handle, 1, &submit, VK_NULL_HANDLE);
     if (result == VK_SUCCESS)
@@ -132,26 +126,20 @@ VkResult ForcedMicromap::buildExt(const BuildQueue &queue)
     const MicromapContent &content = micromapContent();
     const Buffer data = upload(std::as_bytes(std::span(content.data)));
     const Buffer triangles = upload(std::as_bytes(std::span(content.triangles)));
-    VkMicromapBuildInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-    info.usageCountsCount = static_cast<uint32_t>(content.usage.size());
-    info.pUsageCounts = content.usage.data();
+    auto info = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT,
+                                                .mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT,
+                                                .usageCountsCount = static_cast<uint32_t>(content.usage.size()),
+                                                .pUsageCounts = content.usage.data()});
     info.data.deviceAddress = data.address;
     info.triangleArray.deviceAddress = triangles.address;
     info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
-    VkMicromapBuildSizesInfoEXT sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
+    auto sizes = vkInit<VkMicromapBuildSizesInfoEXT>();
     next_.GetMicromapBuildSizesEXT(device_, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &sizes);
     storage_ = makeBuffer(sizes.micromapSize, VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
     const Buffer scratch =
         makeBuffer(sizes.buildScratchSize + kMostScratchAlignment, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = storage_.handle;
-    create.size = sizes.micromapSize;
-    create.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    auto create = vkInit<VkMicromapCreateInfoEXT>(
+        {.buffer = storage_.handle, .size = sizes.micromapSize, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
     VkResult result = next_.CreateMicromapEXT(device_, &create, nullptr, &ext_);
     info.dstMicromap = ext_;
     info.scratchData.deviceAddress = aligned(scratch.address, kMostScratchAlignment);
@@ -170,35 +158,29 @@ VkResult ForcedMicromap::buildKhr(const BuildQueue &queue)
     std::vector<VkMicromapUsageKHR> usage;
     for (const VkMicromapUsageEXT &u : content.usage)
         usage.push_back({u.count, u.subdivisionLevel, static_cast<VkOpacityMicromapFormatKHR>(u.format)});
-    VkAccelerationStructureGeometryMicromapDataKHR source{};
-    source.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR;
-    source.usageCountsCount = static_cast<uint32_t>(usage.size());
-    source.pUsageCounts = usage.data();
-    source.data = data.address;
-    source.triangleArray = triangles.address;
-    source.triangleArrayStride = sizeof(VkMicromapTriangleKHR);
-    VkAccelerationStructureGeometryKHR geometry{};
-    geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-    geometry.pNext = &source;
-    geometry.geometryType = VK_GEOMETRY_TYPE_MICROMAP_KHR;
-    VkAccelerationStructureBuildGeometryInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
-    info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
-    info.geometryCount = 1;
-    info.pGeometries = &geometry;
-    VkAccelerationStructureBuildSizesInfoKHR sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    auto source =
+        vkInit<VkAccelerationStructureGeometryMicromapDataKHR>({.usageCountsCount = static_cast<uint32_t>(usage.size()),
+                                                                .pUsageCounts = usage.data(),
+                                                                .data = data.address,
+                                                                .triangleArray = triangles.address,
+                                                                .triangleArrayStride = sizeof(VkMicromapTriangleKHR)});
+    auto geometry =
+        vkInit<VkAccelerationStructureGeometryKHR>({.pNext = &source, .geometryType = VK_GEOMETRY_TYPE_MICROMAP_KHR});
+    auto info = vkInit<VkAccelerationStructureBuildGeometryInfoKHR>(
+        {.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
+         .mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+         .geometryCount = 1,
+         .pGeometries = &geometry});
+    auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     next_.GetAccelerationStructureBuildSizesKHR(device_, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
                                                 nullptr, &sizes);
     storage_ = makeBuffer(sizes.accelerationStructureSize + kAlignment,
                           VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR);
     const Buffer scratch =
         makeBuffer(sizes.buildScratchSize + kMostScratchAlignment, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-    VkAccelerationStructureCreateInfo2KHR create{};
-    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-    create.addressRange = {aligned(storage_.address, kAlignment), sizes.accelerationStructureSize};
-    create.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    auto create = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.addressRange = {aligned(storage_.address, kAlignment), sizes.accelerationStructureSize},
+         .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
     VkResult result = next_.CreateAccelerationStructure2KHR(device_, &create, nullptr, &khr_);
     info.dstAccelerationStructure = khr_;
     info.scratchData.deviceAddress = aligned(scratch.address, kMostScratchAlignment);
@@ -249,8 +231,8 @@ bool ForcedMicromap::attach(bool opaque, uint32_t triangles, const void *&chain,
     }
     auto &ext = attachment.ext;
     auto &khr = attachment.khr;
-    ext.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
-    khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
+    ext = vkInit<VkAccelerationStructureTrianglesOpacityMicromapEXT>();
+    khr = vkInit<VkAccelerationStructureTrianglesOpacityMicromapKHR>();
     ext.pNext = khr.pNext = const_cast<void *>(chain);
     ext.indexType = khr.indexType = VK_INDEX_TYPE_UINT16;
     ext.indexBuffer.deviceAddress = khr.indexBuffer = address;

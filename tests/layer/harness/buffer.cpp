@@ -8,40 +8,18 @@ namespace vt
 
 Buffer::Buffer(Gpu &gpu, VkDeviceSize size, VkBufferUsageFlags usage) : gpu_(&gpu), size_(size)
 {
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.size = size;
-    info.usage = usage;
+    auto info = vkInit<VkBufferCreateInfo>({.size = size, .usage = usage});
     VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
 
-    VkMemoryRequirements needs;
-    vkGetBufferMemoryRequirements(gpu.device(), buffer_, &needs);
     const bool addressed = (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0;
-    VkMemoryAllocateFlagsInfo flags{};
-    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    VkMemoryAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    allocation.pNext = addressed ? &flags : nullptr;
-    allocation.allocationSize = needs.size;
-    allocation.memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
-                                                                          VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
-    VT_CHECK(vkAllocateMemory(gpu.device(), &allocation, nullptr, &memory_));
-    VT_CHECK(vkBindBufferMemory(gpu.device(), buffer_, memory_, 0));
+    memory_ =
+        gpu.bindMemory(buffer_, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT, addressed);
     void *mapped = nullptr;
     VT_CHECK(vkMapMemory(gpu.device(), memory_, 0, VK_WHOLE_SIZE, 0, &mapped));
     bytes_ = static_cast<uint8_t *>(mapped);
     std::memset(bytes_, 0, static_cast<size_t>(size));
-    if (addressed) {
-        VkBufferDeviceAddressInfo query{};
-        query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-        query.buffer = buffer_;
-        // Of the extension, where it is enabled: programs of Vulkan 1.1.
-        const auto extension = vkGetDeviceProcAddr(gpu.device(), "vkGetBufferDeviceAddressKHR");
-        const auto addressOf =
-            extension != nullptr ? reinterpret_cast<PFN_vkGetBufferDeviceAddress>(extension) : vkGetBufferDeviceAddress;
-        address_ = addressOf(gpu.device(), &query);
-    }
+    if (addressed)
+        address_ = gpu.address(buffer_);
 }
 
 Buffer::~Buffer()
@@ -64,10 +42,7 @@ void Buffer::swap(Buffer &other) noexcept
 
 QueryPool::QueryPool(Gpu &gpu, VkQueryType type, uint32_t count) : gpu_(&gpu), type_(type)
 {
-    VkQueryPoolCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-    info.queryType = type;
-    info.queryCount = count;
+    auto info = vkInit<VkQueryPoolCreateInfo>({.queryType = type, .queryCount = count});
     VT_CHECK(vkCreateQueryPool(gpu.device(), &info, nullptr, &pool_));
 }
 
@@ -101,6 +76,35 @@ uint32_t Gpu::memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const
             return i;
     }
     throw std::runtime_error("no memory type");
+}
+
+VkDeviceMemory Gpu::allocate(const VkMemoryRequirements &needs, VkMemoryPropertyFlags wanted, bool addressed) const
+{
+    const auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
+    const auto info = vkInit<VkMemoryAllocateInfo>({.pNext = addressed ? &flags : nullptr,
+                                                    .allocationSize = needs.size,
+                                                    .memoryTypeIndex = memoryType(needs.memoryTypeBits, wanted)});
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateMemory(device_, &info, nullptr, &memory));
+    return memory;
+}
+
+VkDeviceMemory Gpu::bindMemory(VkBuffer buffer, VkMemoryPropertyFlags wanted, bool addressed) const
+{
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(device_, buffer, &needs);
+    const VkDeviceMemory memory = allocate(needs, wanted, addressed);
+    VT_CHECK(vkBindBufferMemory(device_, buffer, memory, 0));
+    return memory;
+}
+
+VkDeviceAddress Gpu::address(VkBuffer buffer) const
+{
+    const auto info = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
+    // The command of the extension where that is enabled: Vulkan 1.1 has no other.
+    const auto extension = vkGetDeviceProcAddr(device_, "vkGetBufferDeviceAddressKHR");
+    return extension != nullptr ? reinterpret_cast<PFN_vkGetBufferDeviceAddress>(extension)(device_, &info)
+                                : vkGetBufferDeviceAddress(device_, &info);
 }
 
 VkBufferUsageFlags Gpu::structureUsage() const

@@ -34,11 +34,7 @@ MicromapInput randomInput(std::mt19937 &random, uint32_t triangles)
 void recordCopy(Gpu &gpu, VkCommandBuffer commands, VkAccelerationStructureKHR from, VkAccelerationStructureKHR to,
                 VkCopyAccelerationStructureModeKHR mode)
 {
-    VkCopyAccelerationStructureInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-    info.src = from;
-    info.dst = to;
-    info.mode = mode;
+    auto info = vkInit<VkCopyAccelerationStructureInfoKHR>({.src = from, .dst = to, .mode = mode});
     gpu.vk().CmdCopyAccelerationStructureKHR(commands, &info);
 }
 
@@ -69,9 +65,7 @@ VkDeviceSize queried(Gpu &gpu, const Structure &structure, VkQueryType type)
 
 void recordSerialize(Gpu &gpu, VkCommandBuffer commands, const Structure &structure, VkDeviceAddress to)
 {
-    VkCopyAccelerationStructureToMemoryInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-    info.src = structure.handle();
+    auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = structure.handle()});
     info.dst.deviceAddress = to;
     info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
     gpu.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
@@ -100,8 +94,7 @@ void deserialize(Gpu &gpu, const Serialized &data, const Structure &to, VkDevice
     ASSERT_EQ(exact.address() % 256, buffer.address() % 256);
     std::memcpy(exact.bytes() + skipped, data.bytes().data(), std::min<size_t>(size, data.bytes().size()));
     gpu.submit([&](VkCommandBuffer commands) {
-        VkCopyMemoryToAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = exact.address() + skipped;
         info.dst = to.handle();
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;

@@ -67,14 +67,12 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT 
 
 VkDebugUtilsMessengerCreateInfoEXT messengerInfo(Gpu *gpu)
 {
-    VkDebugUtilsMessengerCreateInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
-    info.messageSeverity =
-        VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT;
-    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT;
-    info.pfnUserCallback = onMessage;
-    info.pUserData = gpu;
-    return info;
+    return vkInit<VkDebugUtilsMessengerCreateInfoEXT>(
+        {.messageSeverity =
+             VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT,
+         .messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT,
+         .pfnUserCallback = onMessage,
+         .pUserData = gpu});
 }
 
 // Whether what is made now is a program of Vulkan 1.1, which has all that is newer by extensions: Vulkan11 (entry/).
@@ -134,20 +132,16 @@ void check(VkResult result, const char *what)
 void barrier(VkCommandBuffer commands)
 {
     if (usesVulkan11()) {
-        const VkMemoryBarrier old{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr,
-                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
-                                  VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
+        const auto old =
+            vkInit<VkMemoryBarrier>({.srcAccessMask = VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
+                                     .dstAccessMask = VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT});
         return vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0,
                                     1, &old, 0, nullptr, 0, nullptr);
     }
-    VkMemoryBarrier2 all{};
-    all.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2;
+    auto all = vkInit<VkMemoryBarrier2>();
     all.srcStageMask = all.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
     all.srcAccessMask = all.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
-    VkDependencyInfo dependency{};
-    dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-    dependency.memoryBarrierCount = 1;
-    dependency.pMemoryBarriers = &all;
+    auto dependency = vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &all});
     vkCmdPipelineBarrier2(commands, &dependency);
 }
 
@@ -243,10 +237,8 @@ Gpu::~Gpu()
 
 void Gpu::createInstance()
 {
-    VkApplicationInfo application{};
-    application.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
-    application.pApplicationName = "vellum tests";
-    application.apiVersion = usesVulkan11() ? VK_API_VERSION_1_1 : VK_API_VERSION_1_3;
+    auto application = vkInit<VkApplicationInfo>(
+        {.pApplicationName = "vellum tests", .apiVersion = usesVulkan11() ? VK_API_VERSION_1_1 : VK_API_VERSION_1_3});
     std::vector<const char *> layers; // the first one is nearest to the application
     if (options_.vellum)
         layers.push_back(kVellumLayer);
@@ -271,13 +263,11 @@ void Gpu::createInstance()
     if (has("emulating"))
         setenv("VELLUM_LOWER_ASSUME_MICROMAPS", "1", 1);
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
-    VkInstanceCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
-    info.pApplicationInfo = &application;
-    info.enabledLayerCount = static_cast<uint32_t>(layers.size());
-    info.ppEnabledLayerNames = layers.data();
-    info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
-    info.ppEnabledExtensionNames = extensions.data();
+    auto info = vkInit<VkInstanceCreateInfo>({.pApplicationInfo = &application,
+                                              .enabledLayerCount = static_cast<uint32_t>(layers.size()),
+                                              .ppEnabledLayerNames = layers.data(),
+                                              .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                              .ppEnabledExtensionNames = extensions.data()});
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
     setenv("VELLUM_MOCK_DRIVER", quirks.c_str(), 1);
@@ -348,73 +338,72 @@ void Gpu::createDevice()
     if (options_.newer)
         add("VK_KHR_map_memory2");
 
-    VkPhysicalDeviceFeatures2 features{};
-    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+    auto features = vkInit<VkPhysicalDeviceFeatures2>();
     void **tail = &features.pNext;
-    const auto chain = [&tail](auto &structure, VkStructureType type) {
-        structure.sType = type;
+    const auto chain = [&tail](auto &structure) {
         *tail = &structure;
         tail = &structure.pNext;
     };
-    VkPhysicalDeviceVulkan11Features vulkan11{};
-    VkPhysicalDeviceVulkan12Features vulkan12{};
-    VkPhysicalDeviceVulkan13Features vulkan13{};
-    VkPhysicalDeviceAccelerationStructureFeaturesKHR structures{};
-    VkPhysicalDeviceRayQueryFeaturesKHR queries{};
-    VkPhysicalDeviceRayTracingPipelineFeaturesKHR pipelines{};
-    VkPhysicalDeviceConditionalRenderingFeaturesEXT conditional{};
-    VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT libraries{};
-    VkPhysicalDeviceIndexTypeUint8FeaturesEXT smallIndices{};
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{};
-    VkPhysicalDeviceOpacityMicromapFeaturesKHR micromapsKhr{};
-    VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR addressCommands{};
-    VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR maintenance{};
-    VkPhysicalDeviceMeshShaderFeaturesEXT mesh{};
-    VkPhysicalDeviceTransformFeedbackFeaturesEXT feedback{};
-    VkPhysicalDeviceRobustness2FeaturesEXT robustness{};
-    VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR executables{};
+    auto vulkan11 = vkInit<VkPhysicalDeviceVulkan11Features>();
+    auto vulkan12 = vkInit<VkPhysicalDeviceVulkan12Features>();
+    auto vulkan13 = vkInit<VkPhysicalDeviceVulkan13Features>();
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>();
+    auto queries = vkInit<VkPhysicalDeviceRayQueryFeaturesKHR>();
+    auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>();
+    auto conditional = vkInit<VkPhysicalDeviceConditionalRenderingFeaturesEXT>();
+    auto libraries = vkInit<VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT>();
+    auto smallIndices = vkInit<VkPhysicalDeviceIndexTypeUint8FeaturesEXT>();
+    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
+    auto micromapsKhr = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>();
+    auto addressCommands = vkInit<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>();
+    auto maintenance = vkInit<VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR>();
+    auto mesh = vkInit<VkPhysicalDeviceMeshShaderFeaturesEXT>();
+    auto feedback = vkInit<VkPhysicalDeviceTransformFeedbackFeaturesEXT>();
+    auto robustness = vkInit<VkPhysicalDeviceRobustness2FeaturesEXT>();
+    auto executables = vkInit<VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR>();
     std::array<SomeFeatures, kNewerExtensions.size()> newer{};
-    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{};
-    VkPhysicalDeviceScalarBlockLayoutFeatures scalarLayout{};
-    VkPhysicalDeviceSynchronization2Features synchronization{};
+    auto addresses = vkInit<VkPhysicalDeviceBufferDeviceAddressFeatures>();
+    auto scalarLayout = vkInit<VkPhysicalDeviceScalarBlockLayoutFeatures>();
+    auto synchronization = vkInit<VkPhysicalDeviceSynchronization2Features>();
     if (usesVulkan11()) {
-        chain(addresses, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES);
-        chain(scalarLayout, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SCALAR_BLOCK_LAYOUT_FEATURES);
-        chain(synchronization, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES);
+        chain(addresses);
+        chain(scalarLayout);
+        chain(synchronization);
     } else {
-        chain(vulkan11, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES);
-        chain(vulkan12, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
-        chain(vulkan13, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES);
+        chain(vulkan11);
+        chain(vulkan12);
+        chain(vulkan13);
     }
-    chain(structures, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
-    chain(queries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR);
+    chain(structures);
+    chain(queries);
     if (has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
-        chain(pipelines, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR);
+        chain(pipelines);
     if (has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
-        chain(conditional, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CONDITIONAL_RENDERING_FEATURES_EXT);
+        chain(conditional);
     if (has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
-        chain(libraries, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_GRAPHICS_PIPELINE_LIBRARY_FEATURES_EXT);
+        chain(libraries);
     if (has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME))
-        chain(smallIndices, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT);
+        chain(smallIndices);
     if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
-        chain(micromaps, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
+        chain(micromaps);
     if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
-        chain(micromapsKhr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
+        chain(micromapsKhr);
     if (has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
-        chain(addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
+        chain(addressCommands);
     if (has(VK_EXT_MESH_SHADER_EXTENSION_NAME))
-        chain(mesh, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MESH_SHADER_FEATURES_EXT);
+        chain(mesh);
     if (has(VK_EXT_TRANSFORM_FEEDBACK_EXTENSION_NAME))
-        chain(feedback, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TRANSFORM_FEEDBACK_FEATURES_EXT);
+        chain(feedback);
     if (has(VK_EXT_ROBUSTNESS_2_EXTENSION_NAME))
-        chain(robustness, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT);
+        chain(robustness);
     if (has(VK_KHR_PIPELINE_EXECUTABLE_PROPERTIES_EXTENSION_NAME))
-        chain(executables, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_EXECUTABLE_PROPERTIES_FEATURES_KHR);
+        chain(executables);
     if (has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME))
-        chain(maintenance, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MAINTENANCE_1_FEATURES_KHR);
+        chain(maintenance);
     for (size_t i = 0; i < newer.size(); ++i) {
+        newer[i].sType = static_cast<VkStructureType>(kNewerExtensions[i].features);
         if (has(kNewerExtensions[i].name))
-            chain(newer[i], static_cast<VkStructureType>(kNewerExtensions[i].features));
+            chain(newer[i]);
     }
     vkGetPhysicalDeviceFeatures2(physical_, &features);
     vulkan12.bufferDeviceAddressCaptureReplay &= VkBool32{options_.addressReplay};
@@ -436,10 +425,10 @@ void Gpu::createDevice()
     constexpr std::array<float, 4> priorities{1, 1, 1, 1};
     std::vector<VkDeviceQueueCreateInfo> queues(families);
     for (uint32_t i = 0; i < families; ++i) {
-        queues[i].sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-        queues[i].queueFamilyIndex = i;
-        queues[i].queueCount = i == family_ ? std::min<uint32_t>(families_[i].queueCount, priorities.size()) : 1u;
-        queues[i].pQueuePriorities = priorities.data();
+        queues[i] = vkInit<VkDeviceQueueCreateInfo>(
+            {.queueFamilyIndex = i,
+             .queueCount = i == family_ ? std::min<uint32_t>(families_[i].queueCount, priorities.size()) : 1u,
+             .pQueuePriorities = priorities.data()});
     }
     // Of an absent GPU (absentGpu), queues of other kinds are of no use.
     if (!options_.absentGpu.empty())
@@ -447,13 +436,11 @@ void Gpu::createDevice()
     std::vector<const char *> names;
     for (const std::string &name : extensions_)
         names.push_back(name.c_str());
-    VkDeviceCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
-    info.pNext = &features;
-    info.queueCreateInfoCount = static_cast<uint32_t>(queues.size());
-    info.pQueueCreateInfos = queues.data();
-    info.enabledExtensionCount = static_cast<uint32_t>(names.size());
-    info.ppEnabledExtensionNames = names.data();
+    auto info = vkInit<VkDeviceCreateInfo>({.pNext = &features,
+                                            .queueCreateInfoCount = static_cast<uint32_t>(queues.size()),
+                                            .pQueueCreateInfos = queues.data(),
+                                            .enabledExtensionCount = static_cast<uint32_t>(names.size()),
+                                            .ppEnabledExtensionNames = names.data()});
     VT_CHECK(vkCreateDevice(physical_, &info, nullptr, &device_));
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetDeviceProcAddr(device_, "vk" #name));
     VT_DEVICE_COMMANDS(VT_LOAD)
@@ -463,22 +450,16 @@ void Gpu::createDevice()
     for (uint32_t i = 0; i < ownQueues; ++i)
         vkGetDeviceQueue(device_, family_, i, &queues_.emplace_back());
     queue_ = queues_[0];
-    VkCommandPoolCreateInfo pool{};
-    pool.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
-    pool.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
-    pool.queueFamilyIndex = family_;
+    auto pool = vkInit<VkCommandPoolCreateInfo>(
+        {.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT, .queueFamilyIndex = family_});
     VT_CHECK(vkCreateCommandPool(device_, &pool, nullptr, &pool_));
 
-    VkPhysicalDeviceAccelerationStructurePropertiesKHR limits{};
-    limits.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR;
-    pipelineProperties_.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_PROPERTIES_KHR;
+    auto limits = vkInit<VkPhysicalDeviceAccelerationStructurePropertiesKHR>();
+    pipelineProperties_ = vkInit<VkPhysicalDeviceRayTracingPipelinePropertiesKHR>();
     limits.pNext = &pipelineProperties_;
-    VkPhysicalDeviceDriverProperties driver{};
-    driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
+    auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
     pipelineProperties_.pNext = &driver;
-    VkPhysicalDeviceProperties2 properties{};
-    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &limits;
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &limits});
     vkGetPhysicalDeviceProperties2(physical_, &properties);
     pipelineProperties_.pNext = nullptr;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
@@ -500,18 +481,12 @@ bool Gpu::has(const char *deviceExtension) const
 
 VkCommandBuffer Gpu::begin(VkCommandBufferUsageFlags usage, VkCommandBufferLevel level)
 {
-    VkCommandBufferAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-    allocation.commandPool = pool_;
-    allocation.level = level;
-    allocation.commandBufferCount = 1;
+    auto allocation =
+        vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool_, .level = level, .commandBufferCount = 1});
     VkCommandBuffer commands = VK_NULL_HANDLE;
     VT_CHECK(vkAllocateCommandBuffers(device_, &allocation, &commands));
-    VkCommandBufferBeginInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
-    info.flags = usage;
-    VkCommandBufferInheritanceInfo inheritance{};
-    inheritance.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_INHERITANCE_INFO;
+    auto info = vkInit<VkCommandBufferBeginInfo>({.flags = usage});
+    auto inheritance = vkInit<VkCommandBufferInheritanceInfo>();
     info.pInheritanceInfo = &inheritance; // ignored for primary ones
     VT_CHECK(vkBeginCommandBuffer(commands, &info));
     return commands;
@@ -524,10 +499,7 @@ void Gpu::end(VkCommandBuffer commands)
 
 void Gpu::execute(VkCommandBuffer commands)
 {
-    VkSubmitInfo submission{};
-    submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-    submission.commandBufferCount = 1;
-    submission.pCommandBuffers = &commands;
+    auto submission = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
     VT_CHECK(vkQueueSubmit(queue_, 1, &submission, VK_NULL_HANDLE));
     VT_CHECK(vkQueueWaitIdle(queue_));
 }
@@ -552,10 +524,7 @@ std::vector<uint32_t> Gpu::code(std::span<const uint32_t> words) const
 VkShaderModule Gpu::shader(std::span<const uint32_t> original) const
 {
     const std::vector<uint32_t> words = code(original);
-    VkShaderModuleCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    info.codeSize = words.size() * sizeof(uint32_t);
-    info.pCode = words.data();
+    auto info = vkInit<VkShaderModuleCreateInfo>({.codeSize = words.size() * sizeof(uint32_t), .pCode = words.data()});
     VkShaderModule module = VK_NULL_HANDLE;
     VT_CHECK(vkCreateShaderModule(device_, &info, nullptr, &module));
     return module;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "vellum/vulkan_opacity_micromap.h"
+#include "vk/vk_init.h"
 
 #include <atomic>
 #include <cstdint>
@@ -21,6 +22,8 @@
 
 namespace vt
 {
+
+namespace newer = vellum::newer;
 
 struct Message {
     VkDebugUtilsMessageSeverityFlagBitsEXT severity;
@@ -268,6 +271,13 @@ public:
     }
 
     [[nodiscard]] uint32_t memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const;
+    // Memory of a type with these properties; addressed: for buffers with device addresses. The caller frees it.
+    [[nodiscard]] VkDeviceMemory allocate(const VkMemoryRequirements &needs, VkMemoryPropertyFlags wanted = 0,
+                                          bool addressed = true) const;
+    // Memory of the buffer's size, bound to it.
+    [[nodiscard]] VkDeviceMemory bindMemory(VkBuffer buffer, VkMemoryPropertyFlags wanted = 0,
+                                            bool addressed = true) const;
+    [[nodiscard]] VkDeviceAddress address(VkBuffer buffer) const;
     // A buffer with device address and the content, readable by everything that needs an address.
     template <class T>
     Buffer upload(std::span<const T> content, VkBufferUsageFlags usage)

@@ -41,19 +41,13 @@ MicromapHandle createMicromap(const Gpu &gpu, VkBuffer buffer, VkDeviceAddress a
 {
     MicromapHandle handle;
     if (gpu.khr()) {
-        VkAccelerationStructureCreateInfo2KHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-        info.addressRange = {address + offset, size};
-        info.type = type;
+        auto info =
+            vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {address + offset, size}, .type = type});
         VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &handle.khr));
         return handle;
     }
-    VkMicromapCreateInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    info.buffer = buffer;
-    info.offset = offset;
-    info.size = size;
-    info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
+    auto info = vkInit<VkMicromapCreateInfoEXT>(
+        {.buffer = buffer, .offset = offset, .size = size, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
     VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &info, nullptr, &handle.ext));
     return handle;
 }
@@ -75,18 +69,17 @@ StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAcceleration
     }
     for (const VkMicromapUsageKHR &usage : usages)
         usagePointers.push_back(&usage);
-    data.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR;
-    data.usageCountsCount = ext.usageCountsCount;
-    data.pUsageCounts = ext.pUsageCounts != nullptr ? usages.data() : nullptr;
-    data.ppUsageCounts = ext.ppUsageCounts != nullptr ? usagePointers.data() : nullptr;
-    data.data = ext.data.deviceAddress;
-    data.triangleArray = ext.triangleArray.deviceAddress;
-    data.triangleArrayStride = ext.triangleArrayStride;
-    geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-    geometry.pNext = &data;
-    geometry.geometryType = VK_GEOMETRY_TYPE_MICROMAP_KHR;
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    data = vkInit<VkAccelerationStructureGeometryMicromapDataKHR>(
+        {.usageCountsCount = ext.usageCountsCount,
+         .pUsageCounts = ext.pUsageCounts != nullptr ? usages.data() : nullptr,
+         .ppUsageCounts = ext.ppUsageCounts != nullptr ? usagePointers.data() : nullptr,
+         .data = ext.data.deviceAddress,
+         .triangleArray = ext.triangleArray.deviceAddress,
+         .triangleArrayStride = ext.triangleArrayStride});
+    geometry =
+        vkInit<VkAccelerationStructureGeometryKHR>({.pNext = &data, .geometryType = VK_GEOMETRY_TYPE_MICROMAP_KHR});
+    info = vkInit<VkAccelerationStructureBuildGeometryInfoKHR>(
+        {.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
     if ((ext.flags & VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT) != 0)
         info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR;
     if ((ext.flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) != 0)
@@ -104,16 +97,14 @@ StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAcceleration
 
 VkMicromapBuildSizesInfoEXT micromapSizes(const Gpu &gpu, const VkMicromapBuildInfoEXT &info)
 {
-    VkMicromapBuildSizesInfoEXT sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT;
+    auto sizes = vkInit<VkMicromapBuildSizesInfoEXT>();
     const auto type = VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR;
     if (!gpu.khr()) {
         gpu.vk().GetMicromapBuildSizesEXT(gpu.device(), type, &info, &sizes);
         return sizes;
     }
     const StructureBuild build(info, VK_NULL_HANDLE);
-    VkAccelerationStructureBuildSizesInfoKHR khr{};
-    khr.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    auto khr = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     gpu.vk().GetAccelerationStructureBuildSizesKHR(gpu.device(), type, &build.info, nullptr, &khr);
     sizes.micromapSize = khr.accelerationStructureSize;
     sizes.buildScratchSize = khr.buildScratchSize;
@@ -152,19 +143,12 @@ void recordMicromapCopy(const Gpu &gpu, VkCommandBuffer commands, MicromapHandle
                         VkCopyMicromapModeEXT mode)
 {
     if (gpu.khr()) {
-        VkCopyAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-        info.src = from.khr;
-        info.dst = to.khr;
-        info.mode = structureMode(mode);
+        auto info =
+            vkInit<VkCopyAccelerationStructureInfoKHR>({.src = from.khr, .dst = to.khr, .mode = structureMode(mode)});
         gpu.vk().CmdCopyAccelerationStructureKHR(commands, &info);
         return;
     }
-    VkCopyMicromapInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-    info.src = from.ext;
-    info.dst = to.ext;
-    info.mode = mode;
+    auto info = vkInit<VkCopyMicromapInfoEXT>({.src = from.ext, .dst = to.ext, .mode = mode});
     gpu.vk().CmdCopyMicromapEXT(commands, &info);
 }
 
@@ -172,17 +156,13 @@ void recordMicromapToMemory(const Gpu &gpu, VkCommandBuffer commands, MicromapHa
                             VkCopyMicromapModeEXT mode)
 {
     if (gpu.khr()) {
-        VkCopyAccelerationStructureToMemoryInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-        info.src = from.khr;
+        auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = from.khr});
         info.dst.deviceAddress = to;
         info.mode = structureMode(mode);
         gpu.vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &info);
         return;
     }
-    VkCopyMicromapToMemoryInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
-    info.src = from.ext;
+    auto info = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = from.ext});
     info.dst.deviceAddress = to;
     info.mode = mode;
     gpu.vk().CmdCopyMicromapToMemoryEXT(commands, &info);
@@ -192,16 +172,14 @@ void recordMemoryToMicromap(const Gpu &gpu, VkCommandBuffer commands, VkDeviceAd
                             VkCopyMicromapModeEXT mode)
 {
     if (gpu.khr()) {
-        VkCopyMemoryToAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = from;
         info.dst = to.khr;
         info.mode = structureMode(mode);
         gpu.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info);
         return;
     }
-    VkCopyMemoryToMicromapInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+    auto info = vkInit<VkCopyMemoryToMicromapInfoEXT>();
     info.src.deviceAddress = from;
     info.dst = to.ext;
     info.mode = mode;
@@ -237,14 +215,10 @@ bool micromapIsCompatible(const Gpu &gpu, const uint8_t *version)
 {
     auto result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
     if (gpu.khr()) {
-        VkAccelerationStructureVersionInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR;
-        info.pVersionData = version;
+        auto info = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = version});
         gpu.vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu.device(), &info, &result);
     } else {
-        VkMicromapVersionInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT;
-        info.pVersionData = version;
+        auto info = vkInit<VkMicromapVersionInfoEXT>({.pVersionData = version});
         gpu.vk().GetDeviceMicromapCompatibilityEXT(gpu.device(), &info, &result);
     }
     return result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;

@@ -8,8 +8,6 @@ namespace vt
 namespace
 {
 
-constexpr auto kCreateFlags2 = static_cast<VkStructureType>(1000470005); // VK_KHR_maintenance5
-
 VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
 {
     return (value + alignment - 1) / alignment * alignment;
@@ -31,16 +29,12 @@ PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), in
         names_.emplace_back(setup.stages[i].entry);
     for (size_t i = 0; i < setup.stages.size(); ++i) {
         const PipelineStage &from = setup.stages[i];
-        VkPipelineShaderStageCreateInfo stage{};
-        stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        stage.stage = from.stage;
-        stage.pName = names_[i].c_str();
-        stage.pSpecializationInfo = from.specialization;
+        auto stage = vkInit<VkPipelineShaderStageCreateInfo>(
+            {.stage = from.stage, .pName = names_[i].c_str(), .pSpecializationInfo = from.specialization});
         if (from.inlineModule) {
             words_.push_back(gpu.code(from.words));
-            inlined_[i].sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-            inlined_[i].codeSize = words_.back().size() * sizeof(uint32_t);
-            inlined_[i].pCode = words_.back().data();
+            inlined_[i] = vkInit<VkShaderModuleCreateInfo>(
+                {.codeSize = words_.back().size() * sizeof(uint32_t), .pCode = words_.back().data()});
             stage.pNext = &inlined_[i];
         } else {
             const auto same = std::find_if(shared.begin(), shared.end(),
@@ -56,51 +50,44 @@ PipelineInfo::PipelineInfo(Gpu &gpu, const PipelineSetup &setup) : gpu_(gpu), in
         stages_.push_back(stage);
     }
     for (const PipelineGroup &from : setup.groups) {
-        VkRayTracingShaderGroupCreateInfoKHR group{};
-        group.sType = VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR;
-        group.type = from.general != kUnused        ? VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR
+        auto group = vkInit<VkRayTracingShaderGroupCreateInfoKHR>(
+            {.type = from.general != kUnused        ? VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR
                      : from.intersection != kUnused ? VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR
-                                                    : VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
-        group.generalShader = from.general;
-        group.closestHitShader = from.closestHit;
-        group.anyHitShader = from.anyHit;
-        group.intersectionShader = from.intersection;
+                                                    : VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR,
+             .generalShader = from.general,
+             .closestHitShader = from.closestHit,
+             .anyHitShader = from.anyHit,
+             .intersectionShader = from.intersection});
         groups_.push_back(group);
     }
     libraries_ = setup.libraries;
 
-    info_.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR;
-    info_.stageCount = static_cast<uint32_t>(stages_.size());
-    info_.pStages = stages_.data();
-    info_.groupCount = static_cast<uint32_t>(groups_.size());
-    info_.pGroups = groups_.data();
-    info_.maxPipelineRayRecursionDepth = setup.recursion;
-    info_.layout = setup.layout;
-    info_.basePipelineIndex = -1;
+    info_ = vkInit<VkRayTracingPipelineCreateInfoKHR>({.stageCount = static_cast<uint32_t>(stages_.size()),
+                                                       .pStages = stages_.data(),
+                                                       .groupCount = static_cast<uint32_t>(groups_.size()),
+                                                       .pGroups = groups_.data(),
+                                                       .maxPipelineRayRecursionDepth = setup.recursion,
+                                                       .layout = setup.layout,
+                                                       .basePipelineIndex = -1});
     if (setup.flags2) {
-        flags2_.sType = kCreateFlags2;
-        flags2_.flags = setup.flags;
+        flags2_ = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = setup.flags});
         info_.pNext = &flags2_;
     } else {
         info_.flags = setup.flags;
     }
     if (!libraries_.empty() || (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0) {
-        interface_.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_INTERFACE_CREATE_INFO_KHR;
-        interface_.maxPipelineRayPayloadSize = setup.payloadSize;
-        interface_.maxPipelineRayHitAttributeSize = setup.attributeSize;
+        interface_ = vkInit<VkRayTracingPipelineInterfaceCreateInfoKHR>(
+            {.maxPipelineRayPayloadSize = setup.payloadSize, .maxPipelineRayHitAttributeSize = setup.attributeSize});
         info_.pLibraryInterface = &interface_;
     }
     if (!libraries_.empty()) {
-        libraryInfo_.sType = VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR;
-        libraryInfo_.libraryCount = static_cast<uint32_t>(libraries_.size());
-        libraryInfo_.pLibraries = libraries_.data();
+        libraryInfo_ = vkInit<VkPipelineLibraryCreateInfoKHR>(
+            {.libraryCount = static_cast<uint32_t>(libraries_.size()), .pLibraries = libraries_.data()});
         info_.pLibraryInfo = &libraryInfo_;
     }
     if (setup.dynamicStackSize) {
         states_ = {VK_DYNAMIC_STATE_RAY_TRACING_PIPELINE_STACK_SIZE_KHR};
-        dynamic_.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO;
-        dynamic_.dynamicStateCount = 1;
-        dynamic_.pDynamicStates = states_.data();
+        dynamic_ = vkInit<VkPipelineDynamicStateCreateInfo>({.dynamicStateCount = 1, .pDynamicStates = states_.data()});
         info_.pDynamicState = &dynamic_;
     }
 }
@@ -209,33 +196,23 @@ PipelineResources::PipelineResources(Gpu &gpu, uint32_t buffers, uint32_t pushSi
         bindings.push_back({i,
                             i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
                             1, VK_SHADER_STAGE_ALL, nullptr});
-    VkDescriptorSetLayoutCreateInfo setInfo{};
-    setInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-    setInfo.bindingCount = static_cast<uint32_t>(bindings.size());
-    setInfo.pBindings = bindings.data();
+    auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>(
+        {.bindingCount = static_cast<uint32_t>(bindings.size()), .pBindings = bindings.data()});
     VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &setInfo, nullptr, &setLayout_));
     std::vector<VkPushConstantRange> ranges(others.begin(), others.end());
     ranges.insert(ranges.begin(), {kStages, 0, pushSize});
-    VkPipelineLayoutCreateInfo layout{};
-    layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    layout.setLayoutCount = 1;
-    layout.pSetLayouts = &setLayout_;
-    layout.pushConstantRangeCount = static_cast<uint32_t>(ranges.size());
-    layout.pPushConstantRanges = ranges.data();
+    auto layout = vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = 1,
+                                                      .pSetLayouts = &setLayout_,
+                                                      .pushConstantRangeCount = static_cast<uint32_t>(ranges.size()),
+                                                      .pPushConstantRanges = ranges.data()});
     VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
     const std::array<VkDescriptorPoolSize, 2> sizes{
         {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers}}};
-    VkDescriptorPoolCreateInfo pool{};
-    pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-    pool.maxSets = 1;
-    pool.poolSizeCount = static_cast<uint32_t>(sizes.size());
-    pool.pPoolSizes = sizes.data();
+    auto pool = vkInit<VkDescriptorPoolCreateInfo>(
+        {.maxSets = 1, .poolSizeCount = static_cast<uint32_t>(sizes.size()), .pPoolSizes = sizes.data()});
     VT_CHECK(vkCreateDescriptorPool(gpu.device(), &pool, nullptr, &pool_));
-    VkDescriptorSetAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-    allocation.descriptorPool = pool_;
-    allocation.descriptorSetCount = 1;
-    allocation.pSetLayouts = &setLayout_;
+    auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
+        {.descriptorPool = pool_, .descriptorSetCount = 1, .pSetLayouts = &setLayout_});
     VT_CHECK(vkAllocateDescriptorSets(gpu.device(), &allocation, &set_));
 }
 
@@ -248,16 +225,12 @@ PipelineResources::~PipelineResources()
 
 void PipelineResources::write(VkAccelerationStructureKHR scene, std::span<const Buffer *const> buffers) const
 {
-    VkWriteDescriptorSetAccelerationStructureKHR structure{};
-    structure.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR;
-    structure.accelerationStructureCount = 1;
-    structure.pAccelerationStructures = &scene;
-    VkWriteDescriptorSet write{};
-    write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-    write.pNext = &structure;
-    write.dstSet = set_;
-    write.descriptorCount = 1;
-    write.descriptorType = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
+    auto structure = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
+        {.accelerationStructureCount = 1, .pAccelerationStructures = &scene});
+    auto write = vkInit<VkWriteDescriptorSet>({.pNext = &structure,
+                                               .dstSet = set_,
+                                               .descriptorCount = 1,
+                                               .descriptorType = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR});
     vkUpdateDescriptorSets(gpu_.device(), 1, &write, 0, nullptr);
     write.pNext = nullptr;
     write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;

@@ -57,13 +57,6 @@ public:
     void scribble();
 
 private:
-    // VkPipelineCreateFlags2CreateInfo, for headers that lack it.
-    struct Flags2 {
-        VkStructureType sType;
-        const void *pNext;
-        VkFlags64 flags;
-    };
-
     Gpu &gpu_;
     std::vector<std::vector<uint32_t>> words_;
     std::vector<VkShaderModuleCreateInfo> inlined_;
@@ -76,7 +69,7 @@ private:
     VkPipelineLibraryCreateInfoKHR libraryInfo_{};
     VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
     VkPipelineDynamicStateCreateInfo dynamic_{};
-    Flags2 flags2_{};
+    newer::PipelineCreateFlags2CreateInfo flags2_{};
     VkRayTracingPipelineCreateInfoKHR info_{};
 };
 

@@ -82,13 +82,12 @@ Micromap::Micromap(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags,
     : gpu_(gpu), input_(std::move(input))
 {
     usage_ = input_.usage();
-    info_.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
-    info_.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    info_.flags = flags;
-    info_.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
-    info_.usageCountsCount = static_cast<uint32_t>(usage_.size());
-    info_.pUsageCounts = usage_.data();
-    info_.triangleArrayStride = input_.stride;
+    info_ = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT,
+                                            .flags = flags,
+                                            .mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT,
+                                            .usageCountsCount = static_cast<uint32_t>(usage_.size()),
+                                            .pUsageCounts = usage_.data(),
+                                            .triangleArrayStride = input_.stride});
     const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
     create(sizes.micromapSize);
 
@@ -203,31 +202,26 @@ void Structure::create(VkDeviceSize size)
         storage_ = room_ && room_->size() >= size_ ? room_
                                                    : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
     room_.reset();
-    VkAccelerationStructureCreateInfoKHR create{};
-    create.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    create.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer();
-    create.offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset();
-    create.size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_->handleSize();
+    auto create = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer(),
+         .offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset(),
+         .size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_->handleSize()});
     create.type = create.size != size_ ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR : type_;
     VT_CHECK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
-    VkAccelerationStructureDeviceAddressInfoKHR query{};
-    query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-    query.accelerationStructure = structure_;
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure_});
     address_ = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
 }
 
 void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
                              std::span<const uint32_t> maxPrimitives)
 {
-    info_ = {};
-    info_.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR;
-    info_.type = type_;
-    info_.flags = flags;
-    info_.mode = mode;
-    info_.geometryCount = static_cast<uint32_t>(geometries_.size());
-    info_.pGeometries = geometries_.data();
-    VkAccelerationStructureBuildSizesInfoKHR sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    info_ =
+        vkInit<VkAccelerationStructureBuildGeometryInfoKHR>({.type = type_,
+                                                             .flags = flags,
+                                                             .mode = mode,
+                                                             .geometryCount = static_cast<uint32_t>(geometries_.size()),
+                                                             .pGeometries = geometries_.data()});
+    auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                     &info_, maxPrimitives.data(), &sizes);
     const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
@@ -263,24 +257,22 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
     };
     for (size_t i = 0; i < inputs_.size(); ++i) {
         const Geometry &input = inputs_[i];
-        VkAccelerationStructureGeometryKHR geometry{};
-        geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-        geometry.flags = input.flags;
+        auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.flags = input.flags});
         VkAccelerationStructureBuildRangeInfoKHR range{};
         range.primitiveCount = input.primitives();
         if (!input.boxes.empty()) {
             geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;
-            geometry.geometry.aabbs.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_AABBS_DATA_KHR;
-            geometry.geometry.aabbs.stride = sizeof(VkAabbPositionsKHR);
+            geometry.geometry.aabbs =
+                vkInit<VkAccelerationStructureGeometryAabbsDataKHR>({.stride = sizeof(VkAabbPositionsKHR)});
             geometry.geometry.aabbs.data.deviceAddress =
                 upload(input.boxes.data(), input.boxes.size() * sizeof(VkAabbPositionsKHR), 8);
         } else {
             geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
             VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
-            triangles.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR;
-            triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
-            triangles.vertexStride = sizeof(Vec3);
-            triangles.maxVertex = static_cast<uint32_t>(input.vertices.size()) - 1;
+            triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
+                {.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
+                 .vertexStride = sizeof(Vec3),
+                 .maxVertex = static_cast<uint32_t>(input.vertices.size()) - 1});
             triangles.vertexData.deviceAddress = upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3), 4);
             triangles.indexType = input.indexType;
             if (input.indexType == VK_INDEX_TYPE_UINT32) {
@@ -298,9 +290,8 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
         if (input.micromap) {
             const Attachment &attachment = *input.micromap;
             VkAccelerationStructureTrianglesOpacityMicromapEXT &out = attachments_[i];
-            out.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
-            out.indexType = attachment.indexType;
-            out.baseTriangle = attachment.base;
+            out = vkInit<VkAccelerationStructureTrianglesOpacityMicromapEXT>(
+                {.indexType = attachment.indexType, .baseTriangle = attachment.base});
             std::vector<int32_t> used = attachment.indices;
             if (attachment.indexType == VK_INDEX_TYPE_NONE_KHR) {
                 used.clear();
@@ -325,12 +316,12 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
                 attachment.micromap != nullptr ? attachment.micromap->handle().khr != VK_NULL_HANDLE : gpu().khr();
             if (khr) {
                 VkAccelerationStructureTrianglesOpacityMicromapKHR &own = attachmentsKhr_[i];
-                own.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
-                own.indexType = out.indexType;
-                own.indexBuffer = out.indexBuffer.deviceAddress;
-                own.indexStride = out.indexStride;
-                own.baseTriangle = out.baseTriangle;
-                own.micromap = attachment.micromap != nullptr ? attachment.micromap->handle().khr : VK_NULL_HANDLE;
+                own = vkInit<VkAccelerationStructureTrianglesOpacityMicromapKHR>(
+                    {.indexType = out.indexType,
+                     .indexBuffer = out.indexBuffer.deviceAddress,
+                     .indexStride = out.indexStride,
+                     .baseTriangle = out.baseTriangle,
+                     .micromap = attachment.micromap != nullptr ? attachment.micromap->handle().khr : VK_NULL_HANDLE});
                 geometry.geometry.triangles.pNext = &own;
             }
         }
@@ -373,11 +364,9 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
         std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));
     all.insert(all.end(), instances.begin(), instances.end());
     instances_ = uploadAligned(gpu(), all.data(), all.size() * sizeof(all[0]), kBuildInput, 16);
-    VkAccelerationStructureGeometryKHR geometry{};
-    geometry.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR;
-    geometry.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR;
+    auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR});
     VkAccelerationStructureGeometryInstancesDataKHR &data = geometry.geometry.instances;
-    data.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_INSTANCES_DATA_KHR;
+    data = vkInit<VkAccelerationStructureGeometryInstancesDataKHR>();
     data.data.deviceAddress = instances_.address();
     VkAccelerationStructureBuildRangeInfoKHR range{};
     range.primitiveCount = static_cast<uint32_t>(instances.size());

@@ -32,22 +32,14 @@ Tracer::Tracer(Gpu &gpu, std::span<const uint32_t> words, const TracerSetup &set
     for (uint32_t i = 0; i < 4; ++i)
         bindings[i] = {i, i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
                        VK_SHADER_STAGE_ALL, nullptr};
-    VkDescriptorSetLayoutCreateInfo setInfo{};
-    setInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-    setInfo.bindingCount = 4;
-    setInfo.pBindings = bindings.data();
+    auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 4, .pBindings = bindings.data()});
     VT_CHECK(vkCreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout_));
     const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(Push)};
-    VkPipelineLayoutCreateInfo layout{};
-    layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-    layout.setLayoutCount = 1;
-    layout.pSetLayouts = &setLayout_;
-    layout.pushConstantRangeCount = 1;
-    layout.pPushConstantRanges = &range;
+    auto layout = vkInit<VkPipelineLayoutCreateInfo>(
+        {.setLayoutCount = 1, .pSetLayouts = &setLayout_, .pushConstantRangeCount = 1, .pPushConstantRanges = &range});
     VT_CHECK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
 
-    VkShaderModuleCreateInfo inlined{};
-    inlined.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
+    auto inlined = vkInit<VkShaderModuleCreateInfo>();
     const std::vector<uint32_t> code = gpu.code(words);
     inlined.codeSize = code.size() * sizeof(uint32_t);
     inlined.pCode = code.data();
@@ -55,31 +47,24 @@ Tracer::Tracer(Gpu &gpu, std::span<const uint32_t> words, const TracerSetup &set
     const VkSpecializationMapEntry entry{0, 0, sizeof(uint32_t)};
     const uint32_t flags = setup.specializedFlags.value_or(0);
     const VkSpecializationInfo specialization{1, &entry, sizeof(flags), &flags};
-    VkComputePipelineCreateInfo pipeline{};
-    pipeline.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-    pipeline.layout = layout_;
-    pipeline.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    pipeline.stage.pNext = setup.inlineModule ? &inlined : nullptr;
-    pipeline.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    pipeline.stage.module = module;
-    pipeline.stage.pName = "main";
-    pipeline.stage.pSpecializationInfo = setup.specializedFlags ? &specialization : nullptr;
+    auto pipeline = vkInit<VkComputePipelineCreateInfo>(
+        {.stage = vkInit<VkPipelineShaderStageCreateInfo>(
+             {.pNext = setup.inlineModule ? &inlined : nullptr,
+              .stage = VK_SHADER_STAGE_COMPUTE_BIT,
+              .module = module,
+              .pName = "main",
+              .pSpecializationInfo = setup.specializedFlags ? &specialization : nullptr}),
+         .layout = layout_});
     VT_CHECK(vkCreateComputePipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
     vkDestroyShaderModule(device, module, nullptr);
 
     const std::array<VkDescriptorPoolSize, 2> sizes{
         {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
-    VkDescriptorPoolCreateInfo pool{};
-    pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-    pool.maxSets = 1;
-    pool.poolSizeCount = static_cast<uint32_t>(sizes.size());
-    pool.pPoolSizes = sizes.data();
+    auto pool = vkInit<VkDescriptorPoolCreateInfo>(
+        {.maxSets = 1, .poolSizeCount = static_cast<uint32_t>(sizes.size()), .pPoolSizes = sizes.data()});
     VT_CHECK(vkCreateDescriptorPool(device, &pool, nullptr, &pool_));
-    VkDescriptorSetAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-    allocation.descriptorPool = pool_;
-    allocation.descriptorSetCount = 1;
-    allocation.pSetLayouts = &setLayout_;
+    auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
+        {.descriptorPool = pool_, .descriptorSetCount = 1, .pSetLayouts = &setLayout_});
     VT_CHECK(vkAllocateDescriptorSets(device, &allocation, &set_));
 }
 
@@ -99,21 +84,19 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t
     push_ = {static_cast<uint32_t>(rays.size()), capacity, scene.address()};
 
     const VkAccelerationStructureKHR handle = scene.handle();
-    VkWriteDescriptorSetAccelerationStructureKHR structure{};
-    structure.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR;
-    structure.accelerationStructureCount = 1;
-    structure.pAccelerationStructures = &handle;
+    auto structure = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
+        {.accelerationStructureCount = 1, .pAccelerationStructures = &handle});
     const std::array<VkDescriptorBufferInfo, 3> buffers{{{rays_.handle(), 0, VK_WHOLE_SIZE},
                                                          {results_.handle(), 0, VK_WHOLE_SIZE},
                                                          {candidates_.handle(), 0, VK_WHOLE_SIZE}}};
     std::array<VkWriteDescriptorSet, 4> writes{};
     for (uint32_t i = 0; i < 4; ++i) {
-        writes[i].sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-        writes[i].dstSet = set_;
-        writes[i].dstBinding = i;
-        writes[i].descriptorCount = 1;
-        writes[i].descriptorType =
-            i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        writes[i] =
+            vkInit<VkWriteDescriptorSet>({.dstSet = set_,
+                                          .dstBinding = i,
+                                          .descriptorCount = 1,
+                                          .descriptorType = i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR
+                                                                   : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER});
         if (i == 0)
             writes[i].pNext = &structure;
         else

@@ -83,14 +83,9 @@ TEST_F(TranslationForced, MicromapsAreTheLayers)
 
 TEST_F(Translation, LimitsAreTheDrivers)
 {
-    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{};
-    ext.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
-    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{};
-    khr.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR;
-    khr.pNext = &ext;
-    VkPhysicalDeviceProperties2 properties{};
-    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &khr;
+    auto ext = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesEXT>();
+    auto khr = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesKHR>({.pNext = &ext});
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &khr});
     vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
     EXPECT_GT(ext.maxOpacity4StateSubdivisionLevel, 0u);
     EXPECT_EQ(khr.maxOpacity2StateSubdivisionLevel, ext.maxOpacity2StateSubdivisionLevel);
@@ -178,9 +173,7 @@ TEST_F(Translation, SerializedMicromapsForGenericStructures)
     gpu().submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, micromap.handle(), data.address()); });
     std::memcpy(read.bytes(), data.bytes(), bytes);
-    VkAccelerationStructureVersionInfoKHR version{};
-    version.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR;
-    version.pVersionData = read.bytes();
+    auto version = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = read.bytes()});
     VkAccelerationStructureCompatibilityKHR compatibility = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_MAX_ENUM_KHR;
     gpu().vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu().device(), &version, &compatibility);
     EXPECT_EQ(compatibility, VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR);
@@ -231,9 +224,7 @@ TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
     const Blas with(gpu(), {mapped(&micromap)}), without(gpu(), {mapped(nullptr)});
     const Buffer data(gpu(), 1 << 16, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     const auto serialize = [&](VkAccelerationStructureKHR structure) {
-        VkCopyAccelerationStructureToMemoryInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-        info.src = structure;
+        auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = structure});
         info.dst.deviceAddress = data.address();
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
         std::memset(data.bytes(), 0, data.size());
@@ -258,8 +249,7 @@ TEST_F(TranslationBeside, MicromapsOfBothExtensions)
 {
     Micromap khr(gpu(), eightStates());
     khr.build();
-    VkMicromapCreateInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
+    auto info = vkInit<VkMicromapCreateInfoEXT>();
     const Buffer storage(gpu(), khr.size(), VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | kStorage);
     info.buffer = storage.handle();
     info.size = khr.size();
@@ -497,15 +487,9 @@ protected:
     VkResult create(const std::vector<const char *> &names, VkDevice &device)
     {
         const float priority = 1;
-        VkDeviceQueueCreateInfo queue{};
-        queue.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
-        queue.queueCount = 1;
-        queue.pQueuePriorities = &priority;
-        VkPhysicalDeviceOpacityMicromapFeaturesKHR micromaps{};
-        micromaps.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR;
-        micromaps.micromap = VK_TRUE;
-        VkDeviceCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+        auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+        auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>({.micromap = VK_TRUE});
+        auto info = vkInit<VkDeviceCreateInfo>();
         info.pNext =
             std::ranges::any_of(
                 names, [](const char *name) { return std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0; })
@@ -550,8 +534,7 @@ TEST_F(TranslationDevices, AddressCommandsAlone)
         vkGetDeviceProcAddr(device, "vkGetAccelerationStructureBuildSizesKHR"));
     const Micromap input(gpu(), eightStates());
     const StructureBuild build(input.buildInfo(), VK_NULL_HANDLE);
-    VkAccelerationStructureBuildSizesInfoKHR sizes{};
-    sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+    auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     sizesOf(device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, nullptr, &sizes);
     EXPECT_EQ(sizes.accelerationStructureSize, 0u);
     expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559");

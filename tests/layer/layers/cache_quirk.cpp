@@ -266,8 +266,8 @@ public:
         const auto from = stagesOf(info);
         stages_.assign(from.begin(), from.end());
         for (size_t i = 0; i < stages_.size(); ++i) {
-            const VkShaderModuleCreateInfo module{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0,
-                                                  code[i].size() * 4, code[i].data()};
+            const auto module =
+                vkInit<VkShaderModuleCreateInfo>({.codeSize = code[i].size() * 4, .pCode = code[i].data()});
             driver::next<PFN_vkCreateShaderModule>(kLevel, keyOf(device), "vkCreateShaderModule")(
                 device, &module, nullptr, &stages_[i].module);
             stages_[i].pNext = nullptr;

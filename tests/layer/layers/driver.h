@@ -10,6 +10,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "vellum/vulkan_opacity_micromap.h"
+#include "vk/vk_init.h"
 
 #include <algorithm>
 #include <cstdint>

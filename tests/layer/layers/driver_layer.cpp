@@ -338,10 +338,7 @@ void tell(const std::string &text, const char *id)
         std::lock_guard lock(mutex);
         all = messengers;
     }
-    VkDebugUtilsMessengerCallbackDataEXT data{};
-    data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
-    data.pMessageIdName = id;
-    data.pMessage = text.c_str();
+    auto data = vkInit<VkDebugUtilsMessengerCallbackDataEXT>({.pMessageIdName = id, .pMessage = text.c_str()});
     for (const Messenger &m : all)
         m.callback(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT, &data,
                    m.user);

@@ -97,9 +97,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
     VkDeviceCreateInfo below = *info;
     std::vector<const char *> extensions(info->ppEnabledExtensionNames,
                                          info->ppEnabledExtensionNames + info->enabledExtensionCount);
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT features{};
-    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT;
-    features.micromap = VK_TRUE;
+    auto features = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE});
     const bool has = std::any_of(extensions.begin(), extensions.end(), [](const char *name) {
         return std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0;
     });

@@ -97,8 +97,7 @@ VKAPI_ATTR void VKAPI_CALL destroyBuffer(VkDevice handle, VkBuffer buffer, const
 
 void noteBound(VkDevice handle, VkBuffer buffer)
 {
-    VkBufferDeviceAddressInfo info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO};
-    info.buffer = buffer;
+    auto info = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
     {
         std::lock_guard lock(mutex);
         if (!sizes.contains(buffer))
@@ -143,7 +142,7 @@ void writeGarbage(VkCommandBuffer handle, const VkAccelerationStructureBuildGeom
         std::lock_guard lock(mutex);
         device = deviceHandles[keyOf(handle)];
     }
-    VkAccelerationStructureBuildSizesInfoKHR needed{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+    auto needed = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)
     (device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, counts.data(), &needed);
     claim(needed);

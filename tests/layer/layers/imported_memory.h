@@ -23,12 +23,13 @@ constexpr VkDeviceSize importedBytes(VkDeviceSize bytes)
 inline VkResult importMemory(Level level, VkDevice device, const VkMemoryAllocateInfo &info, void *data,
                              const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
-    const VkImportMemoryHostPointerInfoEXT import{VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT, nullptr,
-                                                  VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT, data};
-    const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, &import,
-                                          VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-    const VkMemoryAllocateInfo below{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, importedBytes(info.allocationSize),
-                                     info.memoryTypeIndex};
+    const auto import = vkInit<VkImportMemoryHostPointerInfoEXT>(
+        {.handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_HOST_ALLOCATION_BIT_EXT, .pHostPointer = data});
+    const auto flags =
+        vkInit<VkMemoryAllocateFlagsInfo>({.pNext = &import, .flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
+    const auto below = vkInit<VkMemoryAllocateInfo>({.pNext = &flags,
+                                                     .allocationSize = importedBytes(info.allocationSize),
+                                                     .memoryTypeIndex = info.memoryTypeIndex});
     return next<PFN_vkAllocateMemory>(level, keyOf(device), "vkAllocateMemory")(device, &below, allocator, memory);
 }
 

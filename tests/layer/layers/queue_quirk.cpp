@@ -72,9 +72,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
                                             const VkAllocationCallbacks *allocator, VkDevice *device)
 {
     const float priority = 1;
-    VkDeviceQueueCreateInfo only{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
-    only.queueCount = 1;
-    only.pQueuePriorities = &priority;
+    auto only = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
     VkDeviceCreateInfo below = *info;
     below.queueCreateInfoCount = 1;
     below.pQueueCreateInfos = &only;

@@ -118,8 +118,7 @@ Handle handleOf(VkAccelerationStructureKHR structure)
 Content writtenBy(VkAccelerationStructureKHR structure)
 {
     const Handle own = handleOf(structure);
-    VkAccelerationStructureDeviceAddressInfoKHR query{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR};
-    query.accelerationStructure = structure;
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure});
     const VkDevice handle = own.device;
     const auto *words =
         reinterpret_cast<const uint32_t *>(DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, &query));
@@ -158,11 +157,8 @@ VkAccelerationStructureKHR ofExactSize(VkCommandBuffer handle, VkAccelerationStr
     const auto [known, isNew] = exactSizeHandles.try_emplace({own.place, bytes, own.type}, VK_NULL_HANDLE);
     if (!isNew)
         return known->second;
-    VkAccelerationStructureCreateInfoKHR info{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
-    info.buffer = own.place.first;
-    info.offset = own.place.second;
-    info.size = bytes;
-    info.type = own.type;
+    auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = own.place.first, .offset = own.place.second, .size = bytes, .type = own.type});
     DRIVER_NEXT(vkCreateAccelerationStructureKHR)(deviceHandles[keyOf(handle)], &info, nullptr, &known->second);
     return known->second;
 }
@@ -198,7 +194,7 @@ VKAPI_ATTR void VKAPI_CALL getBuildSizes(VkDevice handle, VkAccelerationStructur
 VkDeviceSize neededBytes(VkCommandBuffer handle, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                          const std::vector<uint32_t> &counts)
 {
-    VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+    auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     VkDevice device = VK_NULL_HANDLE;
     {
         std::lock_guard lock(mutex);

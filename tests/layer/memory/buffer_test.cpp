@@ -19,21 +19,9 @@ constexpr VkBufferUsageFlags kScratchUsage =
 constexpr VkBufferUsageFlags kMicromapUsage =
     VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
 
-struct Usage2 { // VkBufferUsageFlags2CreateInfo
-    VkStructureType sType = static_cast<VkStructureType>(1000470006);
-    const void *pNext = nullptr;
-    VkFlags64 usage = 0;
-};
-
 VkBufferCreateInfo bufferInfo(VkBufferUsageFlags usage, const void *next = nullptr, VkBufferCreateFlags flags = 0)
 {
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.pNext = next;
-    info.flags = flags;
-    info.size = 65536;
-    info.usage = usage;
-    return info;
+    return vkInit<VkBufferCreateInfo>({.pNext = next, .flags = flags, .size = 65536, .usage = usage});
 }
 
 class Buffers : public GpuTest
@@ -47,11 +35,8 @@ protected:
         VkBuffer buffer = VK_NULL_HANDLE;
         VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
         vkDestroyBuffer(gpu().device(), buffer, nullptr);
-        VkDeviceBufferMemoryRequirements query{};
-        query.sType = VK_STRUCTURE_TYPE_DEVICE_BUFFER_MEMORY_REQUIREMENTS;
-        query.pCreateInfo = &info;
-        VkMemoryRequirements2 requirements{};
-        requirements.sType = VK_STRUCTURE_TYPE_MEMORY_REQUIREMENTS_2;
+        auto query = vkInit<VkDeviceBufferMemoryRequirements>({.pCreateInfo = &info});
+        auto requirements = vkInit<VkMemoryRequirements2>();
         vkGetDeviceBufferMemoryRequirements(gpu().device(), &query, &requirements);
     }
     void expectMessages(const char *id, size_t count)
@@ -93,13 +78,9 @@ TEST_F(Buffers, UsageBehindAnUnknownStructureIsReported)
 
 TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
 {
-    VkMemoryAllocateFlagsInfo flags{};
-    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
+    auto flags = vkInit<VkMemoryAllocateFlagsInfo>();
     const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&flags)};
-    VkMemoryAllocateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    info.pNext = &unknown;
-    info.allocationSize = 4096;
+    auto info = vkInit<VkMemoryAllocateInfo>({.pNext = &unknown, .allocationSize = 4096});
     for (const VkMemoryAllocateFlags given : {0u, 0u + VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT}) {
         flags.flags = given;
         VkDeviceMemory memory = VK_NULL_HANDLE;
@@ -113,14 +94,11 @@ TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
 TEST_F(Buffers, OfExternalMemory)
 {
     const Usage2 usage2{.usage = kMicromapUsage};
-    VkPhysicalDeviceExternalBufferInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_BUFFER_INFO;
-    info.usage = kMicromapUsage;
-    info.handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT;
+    auto info = vkInit<VkPhysicalDeviceExternalBufferInfo>(
+        {.usage = kMicromapUsage, .handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT});
     for (const void *chain : {static_cast<const void *>(nullptr), static_cast<const void *>(&usage2)}) {
         info.pNext = chain;
-        VkExternalBufferProperties properties{};
-        properties.sType = VK_STRUCTURE_TYPE_EXTERNAL_BUFFER_PROPERTIES;
+        auto properties = vkInit<VkExternalBufferProperties>();
         vkGetPhysicalDeviceExternalBufferProperties(gpu().physical(), &info, &properties);
     }
 }
@@ -130,12 +108,6 @@ class BindingsExt : public Buffers
 {
 protected:
     BindingsExt() : Buffers({.validation = false, .quirks = "failures", .api = Api::Ext}) {}
-
-    struct Status { // VkBindMemoryStatus
-        VkStructureType sType = static_cast<VkStructureType>(1000545002);
-        const void *pNext = nullptr;
-        VkResult *result = nullptr;
-    };
 };
 
 TEST_F(BindingsExt, ThatFailInPart)
@@ -146,7 +118,7 @@ TEST_F(BindingsExt, ThatFailInPart)
     constexpr uint32_t kCount = 3, kFailing = 1;
     std::array<VkBuffer, kCount> buffers{};
     std::array<VkResult, kCount> results{VK_NOT_READY, VK_NOT_READY, VK_NOT_READY};
-    std::array<Status, kCount> statuses;
+    std::array<newer::BindMemoryStatus, kCount> statuses{};
     std::array<VkBindBufferMemoryInfo, kCount> infos{};
     const VkBufferCreateInfo info = bufferInfo(VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
     VkDeviceMemory memory = VK_NULL_HANDLE;
@@ -154,18 +126,14 @@ TEST_F(BindingsExt, ThatFailInPart)
         VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffers[i]));
         VkMemoryRequirements needs{};
         vkGetBufferMemoryRequirements(gpu().device(), buffers[i], &needs);
-        VkMemoryAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-        allocation.allocationSize = kCount * needs.size;
-        allocation.memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
+        auto allocation = vkInit<VkMemoryAllocateInfo>(
+            {.allocationSize = kCount * needs.size,
+             .memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT)});
         if (i == 0)
             VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-        statuses[i].result = &results[i];
-        infos[i].sType = VK_STRUCTURE_TYPE_BIND_BUFFER_MEMORY_INFO;
-        infos[i].pNext = &statuses[i];
-        infos[i].buffer = buffers[i];
-        infos[i].memory = memory;
-        infos[i].memoryOffset = i * needs.size;
+        statuses[i] = vkInit<newer::BindMemoryStatus>({.pResult = &results[i]});
+        infos[i] = vkInit<VkBindBufferMemoryInfo>(
+            {.pNext = &statuses[i], .buffer = buffers[i], .memory = memory, .memoryOffset = i * needs.size});
     }
     const auto failAt = testDriverFunction<uint64_t (*)(uint64_t)>("vellumDriverFailAt");
     failAt(kFailing + 1);
@@ -174,10 +142,7 @@ TEST_F(BindingsExt, ThatFailInPart)
     for (uint32_t i = 0; i < kCount; ++i) {
         const bool bound = i != kFailing;
         EXPECT_EQ(results[i] == VK_SUCCESS, bound);
-        VkMicromapCreateInfoEXT create{};
-        create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-        create.buffer = buffers[i];
-        create.size = info.size;
+        auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = buffers[i], .size = info.size});
         VkMicromapEXT micromap = VK_NULL_HANDLE;
         VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &micromap));
         VkMicromapBuildInfoEXT build = like.hostBuildInfo();

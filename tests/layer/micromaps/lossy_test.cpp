@@ -260,11 +260,9 @@ TEST_F(Lossy, CompactionSaves)
     const VkDeviceSize bytes = compactedSize(lossy);
     EXPECT_LT(2 * bytes, compactedSize(lossless));
     const Micromap compacted(gpu(), lossy, bytes);
-    VkCopyAccelerationStructureInfoKHR copy{};
-    copy.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-    copy.src = lossy.handle().khr;
-    copy.dst = compacted.handle().khr;
-    copy.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+    auto copy = vkInit<VkCopyAccelerationStructureInfoKHR>({.src = lossy.handle().khr,
+                                                            .dst = compacted.handle().khr,
+                                                            .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR});
     gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyAccelerationStructureKHR(commands, &copy); });
     EXPECT_EQ(inUse(compacted), inUse(lossy));
     EXPECT_LT(2 * inUse(lossy).size(), inUse(lossless).size());

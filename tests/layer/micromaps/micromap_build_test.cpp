@@ -236,12 +236,10 @@ TEST_F(MicromapBuild, SizesAreTight)
         for (const uint32_t format : {kTwoState, kFourState}) {
             for (const uint32_t count : {1u, 7u, 1000u}) {
                 const VkMicromapUsageEXT usage{count, level, format};
-                VkMicromapBuildInfoEXT info{};
-                info.sType = VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT;
-                info.usageCountsCount = 1;
-                info.pUsageCounts = &usage;
-                info.flags = kAllow;
-                info.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
+                auto info = vkInit<VkMicromapBuildInfoEXT>({.flags = kAllow,
+                                                            .usageCountsCount = 1,
+                                                            .pUsageCounts = &usage,
+                                                            .triangleArrayStride = sizeof(VkMicromapTriangleEXT)});
                 const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu(), info);
                 const VkDeviceSize bits = VkDeviceSize{format == kTwoState ? 1u : 2u} << (2 * level);
                 const VkDeviceSize packed = (bits + 7) / 8;

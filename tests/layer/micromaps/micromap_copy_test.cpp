@@ -218,11 +218,8 @@ TEST_F(MicromapCopy, SerializedHeader)
     source.build();
     const Guarded bytes = serialize(source);
     ASSERT_EQ(bytes.size(), kSerializedHeader + kRepetitiveCompacted);
-    VkPhysicalDeviceIDProperties id{};
-    id.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES;
-    VkPhysicalDeviceProperties2 properties{};
-    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &id;
+    auto id = vkInit<VkPhysicalDeviceIDProperties>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &id});
     vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
     EXPECT_EQ(std::memcmp(bytes.bytes(), id.driverUUID, VK_UUID_SIZE), 0);
     uint64_t sizes[2];

@@ -62,11 +62,7 @@ protected:
     VkResult hostCopy(const Micromap &from, const Micromap &to, VkCopyMicromapModeEXT mode,
                       VkDeferredOperationKHR operation = VK_NULL_HANDLE)
     {
-        VkCopyMicromapInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-        info.src = from.handle().ext;
-        info.dst = to.handle().ext;
-        info.mode = mode;
+        auto info = vkInit<VkCopyMicromapInfoEXT>({.src = from.handle().ext, .dst = to.handle().ext, .mode = mode});
         return gpu().vk().CopyMicromapEXT(gpu().device(), operation, &info);
     }
     VkDeviceSize hostSize(const Micromap &micromap, VkQueryType type)
@@ -79,9 +75,7 @@ protected:
     std::vector<uint8_t> hostSerialize(const Micromap &micromap)
     {
         std::vector<uint8_t> bytes(hostSize(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT));
-        VkCopyMicromapToMemoryInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
-        info.src = micromap.handle().ext;
+        auto info = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = micromap.handle().ext});
         info.dst.hostAddress = bytes.data();
         info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
         VT_CHECK(gpu().vk().CopyMicromapToMemoryEXT(gpu().device(), VK_NULL_HANDLE, &info));
@@ -89,8 +83,7 @@ protected:
     }
     void hostDeserialize(const std::vector<uint8_t> &bytes, const Micromap &to)
     {
-        VkCopyMemoryToMicromapInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+        auto info = vkInit<VkCopyMemoryToMicromapInfoEXT>();
         info.src.hostAddress = bytes.data();
         info.dst = to.handle().ext;
         info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
@@ -99,9 +92,7 @@ protected:
     Buffer deviceSerialize(const Micromap &micromap, size_t size)
     {
         Buffer out(gpu(), size, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-        VkCopyMicromapToMemoryInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
-        info.src = micromap.handle().ext;
+        auto info = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = micromap.handle().ext});
         info.dst.deviceAddress = out.address();
         info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
         gpu().submit([&](VkCommandBuffer commands) { gpu().vk().CmdCopyMicromapToMemoryEXT(commands, &info); });
@@ -192,8 +183,7 @@ TEST_F(MicromapHost, SerializedByOneReadByTheOther)
         hostDeserialize(bytes, target);
         EXPECT_EQ(used(target), used(source));
         const Micromap onDevice(gpu(), source, source.size());
-        VkCopyMemoryToMicromapInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+        auto info = vkInit<VkCopyMemoryToMicromapInfoEXT>();
         info.src.deviceAddress = device.address();
         info.dst = onDevice.handle().ext;
         info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
@@ -255,16 +245,10 @@ TEST_F(MicromapHost, DeferredOperations)
 
 TEST_F(MicromapHost, RefusedWithoutBoundMemory)
 {
-    VkBufferCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    info.size = 65536;
-    info.usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT;
+    auto info = vkInit<VkBufferCreateInfo>({.size = 65536, .usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
-    VkMicromapCreateInfoEXT create{};
-    create.sType = VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT;
-    create.buffer = buffer;
-    create.size = 65536;
+    auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = buffer, .size = 65536});
     VkMicromapEXT unbound = VK_NULL_HANDLE;
     VT_CHECK(gpu().vk().CreateMicromapEXT(gpu().device(), &create, nullptr, &unbound));
     const VkMicromapUsageEXT usage{1, 3, kFourState};
@@ -284,20 +268,17 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
         EXPECT_LT(result, VK_SUCCESS);
         expectMessage(rule);
     };
-    VkCopyMicromapInfoEXT copy{VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT};
-    copy.src = unbound;
-    copy.dst = other.handle().ext;
+    auto copy = vkInit<VkCopyMicromapInfoEXT>({.src = unbound, .dst = other.handle().ext});
     refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07558");
     std::swap(copy.src, copy.dst);
     refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07559");
     std::vector<uint8_t> bytes(4096);
-    VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
-    save.src = unbound;
+    auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = unbound});
     save.dst.hostAddress = bytes.data();
     save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
     refused(gpu().vk().CopyMicromapToMemoryEXT(gpu().device(), VK_NULL_HANDLE, &save),
             "vkCopyMicromapToMemoryEXT-buffer-07568");
-    VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    auto load = vkInit<VkCopyMemoryToMicromapInfoEXT>();
     load.src.hostAddress = bytes.data();
     load.dst = unbound;
     load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
@@ -326,13 +307,11 @@ TEST_F(MicromapHost, RefusedModesPointersAndSizes)
         refused(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &build), "vkBuildMicromapsEXT-pInfos-07553");
     }
     std::vector<uint8_t> bytes(1 << 20);
-    VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
-    save.src = source.handle().ext;
-    save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+    auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>(
+        {.src = source.handle().ext, .mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT});
     refused(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save), "vkCopyMicromapToMemoryEXT-pInfo-07569");
-    VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
-    load.dst = target.handle().ext;
-    load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    auto load = vkInit<VkCopyMemoryToMicromapInfoEXT>(
+        {.dst = target.handle().ext, .mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT});
     refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load), "vkCopyMemoryToMicromapEXT-pInfo-07563");
     const std::array<VkMicromapEXT, 2> both{source.handle().ext, target.handle().ext};
     std::array<VkDeviceSize, 2> sizes{1, 1};
@@ -360,13 +339,12 @@ TEST_F(MicromapHost, OtherModes)
     }
     target.forget();
     std::vector<uint8_t> bytes(1 << 20);
-    VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
-    save.src = source.handle().ext;
+    auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = source.handle().ext});
     save.dst.hostAddress = bytes.data();
     save.mode = VK_COPY_MICROMAP_MODE_CLONE_EXT;
     done(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save), "VkCopyMicromapToMemoryInfoEXT-mode-07542");
     EXPECT_EQ(bytes == std::vector<uint8_t>(bytes.size()), strictTests());
-    VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    auto load = vkInit<VkCopyMemoryToMicromapInfoEXT>();
     load.src.hostAddress = bytes.data();
     load.dst = target.handle().ext;
     load.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
@@ -441,14 +419,13 @@ TEST_F(MicromapHostDisabled, IsRefused)
     refused(hostCopy(micromap, other, VK_COPY_MICROMAP_MODE_CLONE_EXT),
             "VUID-vkCopyMicromapEXT-micromapHostCommands-07560");
     std::vector<uint8_t> bytes(4096);
-    VkCopyMemoryToMicromapInfoEXT load{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT};
+    auto load = vkInit<VkCopyMemoryToMicromapInfoEXT>();
     load.src.hostAddress = bytes.data();
     load.dst = micromap.handle().ext;
     load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
     refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load),
             "VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566");
-    VkCopyMicromapToMemoryInfoEXT save{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT};
-    save.src = micromap.handle().ext;
+    auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = micromap.handle().ext});
     save.dst.hostAddress = bytes.data();
     save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
     refused(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save),

@@ -44,16 +44,12 @@ protected:
     }
     void copy(const Micromap &from, const Micromap &to)
     {
-        VkCopyMicromapInfoEXT ext{};
-        ext.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-        ext.src = from.handle().ext;
-        ext.dst = to.handle().ext;
-        ext.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-        VkCopyAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-        info.src = from.handle().khr;
-        info.dst = to.handle().khr;
-        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+        auto ext = vkInit<VkCopyMicromapInfoEXT>(
+            {.src = from.handle().ext, .dst = to.handle().ext, .mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT});
+        auto info =
+            vkInit<VkCopyAccelerationStructureInfoKHR>({.src = from.handle().khr,
+                                                        .dst = to.handle().khr,
+                                                        .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR});
         gpu_.submit([&](VkCommandBuffer commands) {
             if (khr())
                 gpu_.vk().CmdCopyAccelerationStructureKHR(commands, &info);
@@ -63,14 +59,10 @@ protected:
     }
     void save(const Micromap &from, VkDeviceAddress to)
     {
-        VkCopyMicromapToMemoryInfoEXT ext{};
-        ext.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT;
-        ext.src = from.handle().ext;
+        auto ext = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = from.handle().ext});
         ext.dst.deviceAddress = to;
         ext.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-        VkCopyAccelerationStructureToMemoryInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-        info.src = from.handle().khr;
+        auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = from.handle().khr});
         info.dst.deviceAddress = to;
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
         gpu_.submit([&](VkCommandBuffer commands) {
@@ -82,13 +74,11 @@ protected:
     }
     void restore(VkDeviceAddress from, const Micromap &to)
     {
-        VkCopyMemoryToMicromapInfoEXT ext{};
-        ext.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+        auto ext = vkInit<VkCopyMemoryToMicromapInfoEXT>();
         ext.src.deviceAddress = from;
         ext.dst = to.handle().ext;
         ext.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-        VkCopyMemoryToAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = from;
         info.dst = to.handle().khr;
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
@@ -238,16 +228,12 @@ TEST(MicromapSizeOnTheHost, SmallerThanAnyMicromap)
     for (const VkDeviceSize size : {0u, 1u, 3u, 60u}) {
         SCOPED_TRACE(testing::Message() << size << " bytes");
         const Micromap tiny(gpu, source, size);
-        VkCopyMicromapInfoEXT info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT;
-        info.src = source.handle().ext;
-        info.dst = tiny.handle().ext;
-        info.mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+        auto info = vkInit<VkCopyMicromapInfoEXT>(
+            {.src = source.handle().ext, .dst = tiny.handle().ext, .mode = VK_COPY_MICROMAP_MODE_COMPACT_EXT});
         EXPECT_EQ(gpu.vk().CopyMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info), VK_SUCCESS);
         expectOne("VELLUM-micromap-copy-size");
         const std::vector<uint8_t> nonsense(4096, 7);
-        VkCopyMemoryToMicromapInfoEXT in{};
-        in.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT;
+        auto in = vkInit<VkCopyMemoryToMicromapInfoEXT>();
         in.src.hostAddress = nonsense.data();
         in.dst = tiny.handle().ext;
         in.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;

@@ -59,10 +59,7 @@ protected:
     {
         if (strictTests())
             return expectCreationRefused(type, range, rule);
-        VkAccelerationStructureCreateInfo2KHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-        info.addressRange = range;
-        info.type = type;
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = range, .type = type});
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         EXPECT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
         expectRefused(rule);
@@ -358,11 +355,8 @@ TEST_F(MicromapStructureRefused, Creation)
     create(memory.address(), 0, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608");
     const Buffer other(gpu(), 4096, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     expectCreationDone(kMicromapType, {other.address(), 1024}, kInBuffer);
-    VkAccelerationStructureCreateInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    info.buffer = memory.handle();
-    info.size = 1024;
-    info.type = kMicromapType;
+    auto info =
+        vkInit<VkAccelerationStructureCreateInfoKHR>({.buffer = memory.handle(), .size = 1024, .type = kMicromapType});
     VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
     constexpr const char *kOtherCommand = "VUID-VkAccelerationStructureCreateInfoKHR-type-11600";
     EXPECT_EQ(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &handle) == VK_SUCCESS,
@@ -457,10 +451,8 @@ TEST_F(MicromapStructure, CommandsOfTheInstance)
         vkGetInstanceProcAddr(gpu().instance(), "vkCreateAccelerationStructure2KHR"));
     ASSERT_NE(create, nullptr);
     const Buffer memory(gpu(), 4096, kStorage);
-    VkAccelerationStructureCreateInfo2KHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-    info.addressRange = {memory.address(), 4096};
-    info.type = kMicromapType;
+    auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.addressRange = {memory.address(), 4096}, .type = kMicromapType});
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
     EXPECT_EQ(create(gpu().device(), &info, nullptr, &structure), VK_SUCCESS);
     gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);

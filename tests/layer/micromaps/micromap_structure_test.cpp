@@ -293,25 +293,19 @@ TEST_F(MicromapStructure, NamesAndPrivateDataStayInTheLayer)
     const auto load = [this](const char *name) { return vkGetInstanceProcAddr(gpu().instance(), name); };
     const auto setName = reinterpret_cast<PFN_vkSetDebugUtilsObjectNameEXT>(load("vkSetDebugUtilsObjectNameEXT"));
     const auto setTag = reinterpret_cast<PFN_vkSetDebugUtilsObjectTagEXT>(load("vkSetDebugUtilsObjectTagEXT"));
-    VkPrivateDataSlotCreateInfo create{};
-    create.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
+    auto create = vkInit<VkPrivateDataSlotCreateInfo>();
     VkPrivateDataSlot slot = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePrivateDataSlot(gpu().device(), &create, nullptr, &slot));
     uint64_t value = 40;
     for (const VkAccelerationStructureKHR structure : {micromap.handle().khr, blas.handle()}) {
         const auto object = reinterpret_cast<uint64_t>(structure);
-        VkDebugUtilsObjectNameInfoEXT name{};
-        name.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
-        name.objectType = VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
-        name.objectHandle = object;
-        name.pObjectName = "leaves";
+        auto name = vkInit<VkDebugUtilsObjectNameInfoEXT>(
+            {.objectType = VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, .objectHandle = object, .pObjectName = "leaves"});
         EXPECT_EQ(setName(gpu().device(), &name), VK_SUCCESS);
-        VkDebugUtilsObjectTagInfoEXT tag{};
-        tag.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_TAG_INFO_EXT;
-        tag.objectType = VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
-        tag.objectHandle = object;
-        tag.tagSize = 6;
-        tag.pTag = "leaves";
+        auto tag = vkInit<VkDebugUtilsObjectTagInfoEXT>({.objectType = VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                                                         .objectHandle = object,
+                                                         .tagSize = 6,
+                                                         .pTag = "leaves"});
         EXPECT_EQ(setTag(gpu().device(), &tag), VK_SUCCESS);
         EXPECT_EQ(vkSetPrivateData(gpu().device(), VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, object, slot, ++value),
                   VK_SUCCESS);
@@ -335,18 +329,12 @@ TEST_F(MicromapStructure, NamesAndPrivateDataStayInTheLayer)
 
 TEST_F(MicromapStructure, FeaturesPropertiesAndVersions)
 {
-    VkPhysicalDeviceOpacityMicromapFeaturesKHR micromaps{};
-    micromaps.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR;
-    VkPhysicalDeviceFeatures2 features{};
-    features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
-    features.pNext = &micromaps;
+    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>();
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &micromaps});
     vkGetPhysicalDeviceFeatures2(gpu().physical(), &features);
     EXPECT_EQ(micromaps.micromap, VK_TRUE);
-    VkPhysicalDeviceOpacityMicromapPropertiesKHR limits{};
-    limits.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR;
-    VkPhysicalDeviceProperties2 properties{};
-    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &limits;
+    auto limits = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesKHR>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &limits});
     vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
     EXPECT_EQ(limits.maxOpacity2StateSubdivisionLevel, 12u);
     EXPECT_EQ(limits.maxOpacity4StateSubdivisionLevel, 12u);

@@ -27,10 +27,7 @@ public:
     Placed(Gpu &gpu, VkAccelerationStructureTypeKHR type, VkDeviceAddress address, VkDeviceSize size)
         : gpu_(gpu), size_(size)
     {
-        VkAccelerationStructureCreateInfo2KHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-        info.addressRange = {address, size};
-        info.type = type;
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {address, size}, .type = type});
         VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &handle_));
     }
     // In memory of its own.
@@ -52,9 +49,7 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     [[nodiscard]] VkDeviceAddress address() const
     {
-        VkAccelerationStructureDeviceAddressInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        info.accelerationStructure = handle_;
+        auto info = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = handle_});
         return gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &info);
     }
 
@@ -168,8 +163,7 @@ protected:
     }
     VkAccelerationStructureBuildSizesInfoKHR sizesOf(const BuildInfo &info, uint32_t primitives = 8)
     {
-        VkAccelerationStructureBuildSizesInfoKHR sizes{};
-        sizes.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR;
+        auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
         // VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11613
         const uint32_t *counts = info.type == kMicromapType ? nullptr : &primitives;
         gpu().vk().GetAccelerationStructureBuildSizesKHR(
@@ -204,10 +198,7 @@ protected:
     void expectCreationRefused(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
                                const std::string &rule)
     {
-        VkAccelerationStructureCreateInfo2KHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-        info.addressRange = range;
-        info.type = type;
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = range, .type = type});
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         EXPECT_NE(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
         EXPECT_EQ(handle, VkAccelerationStructureKHR{});

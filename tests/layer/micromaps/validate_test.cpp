@@ -161,11 +161,9 @@ TEST_F(Validate, MessagesNameTheMicromap)
     Micromap micromap(gpu(), std::move(input), 0);
     const auto name = reinterpret_cast<PFN_vkSetDebugUtilsObjectNameEXT>(
         vkGetInstanceProcAddr(gpu().instance(), "vkSetDebugUtilsObjectNameEXT"));
-    VkDebugUtilsObjectNameInfoEXT info{};
-    info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
-    info.objectType = micromap.handle().objectType();
-    info.objectHandle = micromap.handle().object();
-    info.pObjectName = "the leaves";
+    auto info = vkInit<VkDebugUtilsObjectNameInfoEXT>({.objectType = micromap.handle().objectType(),
+                                                       .objectHandle = micromap.handle().object(),
+                                                       .pObjectName = "the leaves"});
     VT_CHECK(name(gpu().device(), &info));
     micromap.build();
     const std::vector<Message> told = gpu().takeUnexpectedMessages();
@@ -222,17 +220,13 @@ TEST_F(Validate, FencesAndSemaphores)
     MicromapInput input = good();
     input.triangles[8].format = 5;
     Micromap micromap(gpu(), std::move(input), 0);
-    VkFenceCreateInfo create{};
-    create.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
+    auto create = vkInit<VkFenceCreateInfo>();
     VkFence fence = VK_NULL_HANDLE;
     VT_CHECK(vkCreateFence(gpu().device(), &create, nullptr, &fence));
     VkCommandBuffer commands = gpu().begin(0);
     micromap.record(commands);
     gpu().end(commands);
-    VkSubmitInfo submit{};
-    submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-    submit.commandBufferCount = 1;
-    submit.pCommandBuffers = &commands;
+    auto submit = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
     for (const bool poll : {false, true}) {
         VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, fence));
         if (poll) {
@@ -255,10 +249,10 @@ TEST_F(Validate, PollsDoNotWaitForMessages)
         std::atomic<bool> first = true;
         bool inTime = false;
     } state;
-    VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
-    info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-    info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
-    info.pUserData = &state;
+    auto info =
+        vkInit<VkDebugUtilsMessengerCreateInfoEXT>({.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT,
+                                                    .messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT,
+                                                    .pUserData = &state});
     info.pfnUserCallback = [](auto, auto, auto, void *user) -> VkBool32 {
         auto &s = *static_cast<State *>(user);
         if (s.first.exchange(false)) {
@@ -269,7 +263,7 @@ TEST_F(Validate, PollsDoNotWaitForMessages)
     };
     VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
     VT_CHECK(gpu().vk().CreateDebugUtilsMessengerEXT(gpu().instance(), &info, nullptr, &messenger));
-    const VkFenceCreateInfo fenceInfo{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO, nullptr, 0};
+    const auto fenceInfo = vkInit<VkFenceCreateInfo>();
     VkFence fence = VK_NULL_HANDLE;
     VT_CHECK(vkCreateFence(gpu().device(), &fenceInfo, nullptr, &fence));
     std::thread poller([&] {

@@ -147,12 +147,6 @@ TEST_F(ExecutionModeWithExt, DoesNotMatter)
 
 constexpr VkFlags64 kDisallowMixed = VkFlags64{1} << 41;
 
-struct Flags2 { // VkPipelineCreateFlags2CreateInfo, which older headers lack
-    VkStructureType sType = static_cast<VkStructureType>(1000470005);
-    const void *pNext = nullptr;
-    VkFlags64 flags = kDisallowMixed;
-};
-
 class MixedSpecialIndex : public GpuTest
 {
 protected:
@@ -161,15 +155,12 @@ protected:
     void makeCompute()
     {
         const VkShaderModule module = gpu().shader(tracer_comp);
-        Flags2 flags;
-        VkComputePipelineCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        info.pNext = &flags;
-        info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.stage.module = module;
-        info.stage.pName = "main";
-        info.layout = tracer_.layout();
+        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed});
+        auto info = vkInit<VkComputePipelineCreateInfo>(
+            {.pNext = &flags,
+             .stage = vkInit<VkPipelineShaderStageCreateInfo>(
+                 {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"}),
+             .layout = tracer_.layout()});
         VkPipeline pipeline = VK_NULL_HANDLE;
         EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), expected_);
         EXPECT_EQ(pipeline != VK_NULL_HANDLE, expected_ == VK_SUCCESS);
@@ -179,15 +170,14 @@ protected:
     }
     void makeGraphics()
     {
-        const Flags2 flags;
+        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed});
         if (expected_ == VK_SUCCESS) {
             const Graphics graphics(gpu(), tracer_.layout(),
                                     {.vertex = plain_vertex, .fragment = query_fragment, .pNext = &flags}, 4);
             return;
         }
-        VkGraphicsPipelineCreateInfo info{}; // refused before more of it is looked at
-        info.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
-        info.pNext = &flags;
+        // refused before more of it is looked at
+        auto info = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &flags});
         VkPipeline pipeline = VK_NULL_HANDLE;
         EXPECT_EQ(vkCreateGraphicsPipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), expected_);
         EXPECT_EQ(pipeline, VkPipeline{});
@@ -199,7 +189,7 @@ protected:
         setup.groups = {{.general = 0}};
         setup.layout = tracer_.layout();
         PipelineInfo info(gpu(), setup);
-        Flags2 flags;
+        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed});
         flags.flags |= others;
         info.get().pNext = &flags;
         VkPipeline pipeline = VK_NULL_HANDLE;

@@ -28,9 +28,7 @@ Options cachingDriver(bool vellum = true)
 
 VkShaderModuleIdentifierEXT emptyIdentifier()
 {
-    VkShaderModuleIdentifierEXT identifier{};
-    identifier.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_IDENTIFIER_EXT;
-    return identifier;
+    return vkInit<VkShaderModuleIdentifierEXT>();
 }
 
 Identifier bytesOf(const VkShaderModuleIdentifierEXT &identifier)
@@ -54,10 +52,7 @@ Identifier ofInfo(const Gpu &gpu, Words words)
     const auto get = reinterpret_cast<PFN_vkGetShaderModuleCreateInfoIdentifierEXT>(
         vkGetDeviceProcAddr(gpu.device(), "vkGetShaderModuleCreateInfoIdentifierEXT"));
     const std::vector<uint32_t> code = gpu.code(words);
-    VkShaderModuleCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    info.codeSize = code.size() * 4;
-    info.pCode = code.data();
+    auto info = vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * 4, .pCode = code.data()});
     VkShaderModuleIdentifierEXT identifier = emptyIdentifier();
     get(gpu.device(), &info, &identifier);
     return bytesOf(identifier);
@@ -65,24 +60,17 @@ Identifier ofInfo(const Gpu &gpu, Words words)
 
 VkPipelineShaderStageModuleIdentifierCreateInfoEXT nameOf(const Identifier &identifier)
 {
-    VkPipelineShaderStageModuleIdentifierCreateInfoEXT name{};
-    name.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT;
-    name.identifierSize = static_cast<uint32_t>(identifier.size());
-    name.pIdentifier = identifier.data();
-    return name;
+    return vkInit<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(
+        {.identifierSize = static_cast<uint32_t>(identifier.size()), .pIdentifier = identifier.data()});
 }
 
 VkComputePipelineCreateInfo computeInfo(VkPipelineLayout layout, const void *stageChain)
 {
-    VkComputePipelineCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-    info.flags = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
-    info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.stage.pNext = stageChain;
-    info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    info.stage.pName = "main";
-    info.layout = layout;
-    return info;
+    return vkInit<VkComputePipelineCreateInfo>(
+        {.flags = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT,
+         .stage = vkInit<VkPipelineShaderStageCreateInfo>(
+             {.pNext = stageChain, .stage = VK_SHADER_STAGE_COMPUTE_BIT, .pName = "main"}),
+         .layout = layout});
 }
 
 // Null where the driver does not know the code. `behindUnknown`: the identifier lies behind a structure of the future.
@@ -229,10 +217,7 @@ TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
 {
     std::vector<uint32_t> broken = gpu().code(tracer_comp);
     broken.pop_back(); // in the middle of an instruction
-    VkShaderModuleCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    info.codeSize = broken.size() * 4;
-    info.pCode = broken.data();
+    auto info = vkInit<VkShaderModuleCreateInfo>({.codeSize = broken.size() * 4, .pCode = broken.data()});
     const auto get = [&info](const Gpu &gpu) {
         VkShaderModuleIdentifierEXT identifier = emptyIdentifier();
         reinterpret_cast<PFN_vkGetShaderModuleCreateInfoIdentifierEXT>(vkGetDeviceProcAddr(
@@ -253,11 +238,8 @@ TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
 TEST_F(ModuleIdentifiers, TellTheirAlgorithm)
 {
     const auto algorithm = [](const Gpu &gpu) {
-        VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT own{};
-        own.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_PROPERTIES_EXT;
-        VkPhysicalDeviceProperties2 properties{};
-        properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-        properties.pNext = &own;
+        auto own = vkInit<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>();
+        auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &own});
         vkGetPhysicalDeviceProperties2(gpu.physical(), &properties);
         return std::to_array(own.shaderModuleIdentifierAlgorithmUUID);
     };
@@ -297,7 +279,7 @@ TEST_F(KeptIdentifiers, OfAnEarlierDevice)
 TEST_F(KeptIdentifiers, InKeysAndCaches)
 {
     Identifier query;
-    const PipelineFlags2 capture{.flags = kCaptureData};
+    const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData});
     const auto byCode = [&capture](const Gpu &gpu, const Tracer &tracer, auto use) {
         const VkShaderModule module = gpu.shader(tracer_comp);
         VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), nullptr);
@@ -343,7 +325,7 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
 // A driver that has no binary for the first way to read the identifier writes that it has written none.
 TEST_F(KeptIdentifiers, FromTheCacheAtOnce)
 {
-    const PipelineFlags2 capture{.flags = kCaptureData};
+    const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData});
     Identifier query;
     {
         Gpu gpu(cachingDriver());

@@ -30,9 +30,7 @@ class InlineModule
 public:
     InlineModule(const Gpu &gpu, std::span<const uint32_t> words, bool bad) : code_(gpu.code(words))
     {
-        info_.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        info_.codeSize = code_.size() * sizeof(uint32_t);
-        info_.pCode = code_.data();
+        info_ = vkInit<VkShaderModuleCreateInfo>({.codeSize = code_.size() * sizeof(uint32_t), .pCode = code_.data()});
         chain_ = bad ? static_cast<const void *>(&unknown_) : &info_;
     }
     InlineModule(const InlineModule &) = delete;
@@ -48,12 +46,7 @@ private:
 
 VkPipelineShaderStageCreateInfo stageOf(VkShaderStageFlagBits stage, const InlineModule &module)
 {
-    VkPipelineShaderStageCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    info.pNext = module.chain();
-    info.stage = stage;
-    info.pName = "main";
-    return info;
+    return vkInit<VkPipelineShaderStageCreateInfo>({.pNext = module.chain(), .stage = stage, .pName = "main"});
 }
 
 class MultipleCreation : public GpuTest
@@ -94,11 +87,11 @@ TEST_F(MultipleCreation, Compute)
     expectOthers([&](VkPipelineCreateFlags flags, VkPipeline *pipelines) {
         std::array<VkComputePipelineCreateInfo, kCount> infos{};
         for (uint32_t i = 0; i < kCount; ++i) {
-            infos[i].sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-            infos[i].flags = flags | VK_PIPELINE_CREATE_ALLOW_DERIVATIVES_BIT;
-            infos[i].stage = stageOf(VK_SHADER_STAGE_COMPUTE_BIT, i == kBad ? bad : good);
-            infos[i].layout = tracer.layout();
-            infos[i].basePipelineIndex = -1;
+            infos[i] = vkInit<VkComputePipelineCreateInfo>(
+                {.flags = flags | VK_PIPELINE_CREATE_ALLOW_DERIVATIVES_BIT,
+                 .stage = stageOf(VK_SHADER_STAGE_COMPUTE_BIT, i == kBad ? bad : good),
+                 .layout = tracer.layout(),
+                 .basePipelineIndex = -1});
         }
         infos[2].flags |= VK_PIPELINE_CREATE_DERIVATIVE_BIT;
         infos[2].basePipelineIndex = 0;
@@ -113,8 +106,7 @@ TEST_F(MultipleCreation, DerivativesOfOneThatFails)
     const InlineModule good(gpu(), empty, false), bad(gpu(), tracer_comp, true);
     std::array<VkComputePipelineCreateInfo, 2> infos{};
     for (VkComputePipelineCreateInfo &info : infos) {
-        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        info.layout = tracer.layout();
+        info = vkInit<VkComputePipelineCreateInfo>({.layout = tracer.layout()});
     }
     infos[0].flags = VK_PIPELINE_CREATE_ALLOW_DERIVATIVES_BIT;
     infos[0].basePipelineIndex = -1;
@@ -135,13 +127,13 @@ TEST_F(MultipleCreation, FlagsBehindAnUnknownStructure)
 {
     const Tracer tracer(gpu());
     const InlineModule module(gpu(), empty, false);
-    const PipelineFlags2 flags{.flags = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR};
+    const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>(
+        {.flags = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR});
     const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&flags)};
     std::array<VkComputePipelineCreateInfo, 2> infos{};
     for (VkComputePipelineCreateInfo &info : infos) {
-        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        info.stage = stageOf(VK_SHADER_STAGE_COMPUTE_BIT, module);
-        info.layout = tracer.layout();
+        info = vkInit<VkComputePipelineCreateInfo>(
+            {.stage = stageOf(VK_SHADER_STAGE_COMPUTE_BIT, module), .layout = tracer.layout()});
     }
     infos[0].pNext = &unknown;
     std::array<VkPipeline, 2> pipelines{};
@@ -166,30 +158,23 @@ TEST_F(MultipleCreation, Graphics)
     const Tracer tracer(gpu());
     const InlineModule good(gpu(), address_draws_fragment, false), bad(gpu(), tracer_comp, true);
     expectOthers([&](VkPipelineCreateFlags flags, VkPipeline *pipelines) {
-        VkPipelineRenderingCreateInfo rendering{};
-        rendering.sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO;
-        VkGraphicsPipelineLibraryCreateInfoEXT library{};
-        library.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT;
-        library.pNext = &rendering;
-        library.flags = VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
-        VkPipelineDepthStencilStateCreateInfo depth{};
-        depth.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
-        VkPipelineMultisampleStateCreateInfo samples{};
-        samples.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
-        samples.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
+        auto rendering = vkInit<VkPipelineRenderingCreateInfo>();
+        auto library = vkInit<VkGraphicsPipelineLibraryCreateInfoEXT>(
+            {.pNext = &rendering, .flags = VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT});
+        auto depth = vkInit<VkPipelineDepthStencilStateCreateInfo>();
+        auto samples = vkInit<VkPipelineMultisampleStateCreateInfo>({.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT});
         std::array<VkPipelineShaderStageCreateInfo, kCount> stages{};
         std::array<VkGraphicsPipelineCreateInfo, kCount> infos{};
         for (uint32_t i = 0; i < kCount; ++i) {
             stages[i] = stageOf(VK_SHADER_STAGE_FRAGMENT_BIT, i == kBad ? bad : good);
-            infos[i].sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
-            infos[i].pNext = &library;
-            infos[i].flags = flags | VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
-            infos[i].stageCount = 1;
-            infos[i].pStages = &stages[i];
-            infos[i].pDepthStencilState = &depth;
-            infos[i].pMultisampleState = &samples;
-            infos[i].layout = tracer.layout();
-            infos[i].basePipelineIndex = -1;
+            infos[i] = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &library,
+                                                             .flags = flags | VK_PIPELINE_CREATE_LIBRARY_BIT_KHR,
+                                                             .stageCount = 1,
+                                                             .pStages = &stages[i],
+                                                             .pMultisampleState = &samples,
+                                                             .pDepthStencilState = &depth,
+                                                             .layout = tracer.layout(),
+                                                             .basePipelineIndex = -1});
         }
         return vkCreateGraphicsPipelines(gpu().device(), VK_NULL_HANDLE, kCount, infos.data(), nullptr, pipelines);
     });

@@ -11,8 +11,6 @@
 namespace vt
 {
 
-namespace newer = vellum::newer;
-
 inline constexpr VkFlags64 kCaptureData = VkFlags64{1} << 31; // VK_PIPELINE_CREATE_2_CAPTURE_DATA_BIT_KHR
 
 inline newer::PipelineBinaryKey emptyKey()

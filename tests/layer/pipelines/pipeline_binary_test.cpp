@@ -31,15 +31,11 @@ protected:
 
     VkComputePipelineCreateInfo computeInfo(VkPipelineLayout layout, VkShaderModule module, const void *next)
     {
-        VkComputePipelineCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        info.pNext = next;
-        info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        info.stage.module = module;
-        info.stage.pName = "main";
-        info.layout = layout;
-        return info;
+        return vkInit<VkComputePipelineCreateInfo>(
+            {.pNext = next,
+             .stage = vkInit<VkPipelineShaderStageCreateInfo>(
+                 {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"}),
+             .layout = layout});
     }
     std::vector<uint8_t> keyOf(Gpu &gpu, VkPipelineLayout layout, std::span<const uint32_t> words)
     {
@@ -63,7 +59,7 @@ protected:
     // The pipeline of a setup, made of what an earlier one was made into, without code.
     VkPipeline remade(const PipelineSetup &setup, Way way)
     {
-        const PipelineFlags2 capture{.flags = kCaptureData | setup.flags};
+        const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData | setup.flags});
         PipelineInfo info(gpu(), setup);
         info.get().pNext = &capture;
         VkPipeline first = VK_NULL_HANDLE;
@@ -74,14 +70,12 @@ protected:
         if (way == Way::Data)
             binary = binaries.from(binaries.keep(binary));
         vkDestroyPipeline(gpu().device(), first, nullptr);
-        const PipelineFlags2 flags{.flags = setup.flags};
+        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = setup.flags});
         const OfBinary made(binary, &flags);
         std::vector<VkPipelineShaderStageCreateInfo> stages(info.get().pStages,
                                                             info.get().pStages + info.get().stageCount);
-        VkShaderModuleCreateInfo ignored{}; // that could not be rewritten
-        ignored.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-        ignored.codeSize = sizeof tracer_comp / 8 * 4;
-        ignored.pCode = tracer_comp;
+        // that could not be rewritten
+        auto ignored = vkInit<VkShaderModuleCreateInfo>({.codeSize = sizeof tracer_comp / 8 * 4, .pCode = tracer_comp});
         for (VkPipelineShaderStageCreateInfo &stage : stages) {
             stage.module = VK_NULL_HANDLE;
             stage.pNext = &ignored;
@@ -113,10 +107,7 @@ TEST_F(PipelineBinaries, OfAQuery)
     const newer::PipelineBinary binary = binaries.from(data);
     ASSERT_TRUE(binary != nullptr);
     const OfBinary made(binary);
-    VkShaderModuleCreateInfo ignored{};
-    ignored.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    ignored.codeSize = sizeof tracer_comp / 8 * 4;
-    ignored.pCode = tracer_comp;
+    auto ignored = vkInit<VkShaderModuleCreateInfo>({.codeSize = sizeof tracer_comp / 8 * 4, .pCode = tracer_comp});
     VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), VK_NULL_HANDLE, &made.info);
     info.stage.pNext = &ignored;
     VkPipeline pipeline = VK_NULL_HANDLE;
@@ -244,10 +235,7 @@ TEST_F(PipelineBinaries, OfAPipelineThatCannotBeMade)
 {
     const Tracer tracer(gpu());
     const std::vector<uint32_t> code = gpu().code(tracer_comp);
-    VkShaderModuleCreateInfo module{};
-    module.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
-    module.codeSize = code.size() * sizeof(uint32_t);
-    module.pCode = code.data();
+    auto module = vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * sizeof(uint32_t), .pCode = code.data()});
     const VkBaseInStructure unknown{static_cast<VkStructureType>(0x7ffffff0), // a structure of the future
                                     reinterpret_cast<const VkBaseInStructure *>(&module)};
     VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), VK_NULL_HANDLE, nullptr);
@@ -268,7 +256,7 @@ TEST_F(PipelineBinaries, OfAWholePipelineMakeNoLibrary)
     PipelineTracerSetup setup;
     setup.raygen = pipeline_constant_080;
     setup.make = [](Gpu &g, const PipelineSetup &from) {
-        const PipelineFlags2 capture{.flags = kCaptureData | from.flags};
+        const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData | from.flags});
         PipelineInfo info(g, from);
         info.get().pNext = &capture;
         VkPipeline whole = VK_NULL_HANDLE;
@@ -276,7 +264,8 @@ TEST_F(PipelineBinaries, OfAWholePipelineMakeNoLibrary)
                                                      nullptr, &whole));
         Binaries binaries(g);
         const newer::PipelineBinary binary = binaries.from(whole);
-        const PipelineFlags2 flags{.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | from.flags};
+        const auto flags =
+            vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | from.flags});
         const OfBinary made(binary, &flags);
         info.get().pNext = &made.info;
         VkPipeline library = VK_NULL_HANDLE;

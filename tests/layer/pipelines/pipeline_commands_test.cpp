@@ -162,50 +162,34 @@ public:
     {
         const VkDescriptorSetLayoutBinding binding{0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT,
                                                    nullptr};
-        VkDescriptorSetLayoutCreateInfo set{};
-        set.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-        set.bindingCount = 1;
-        set.pBindings = &binding;
+        auto set = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 1, .pBindings = &binding});
         VT_CHECK(vkCreateDescriptorSetLayout(gpu.device(), &set, nullptr, &setLayout_));
         // The same ranges as in the ray tracing pipelines' layout: push constants of one are good for the other.
         const std::array<VkPushConstantRange, 2> ranges{{{PipelineResources::kStages, 0, rayTracingPushSize}, kRange}};
-        VkPipelineLayoutCreateInfo layout{};
-        layout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
-        layout.setLayoutCount = 1;
-        layout.pSetLayouts = &setLayout_;
-        layout.pushConstantRangeCount = static_cast<uint32_t>(ranges.size());
-        layout.pPushConstantRanges = ranges.data();
+        auto layout =
+            vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = 1,
+                                                .pSetLayouts = &setLayout_,
+                                                .pushConstantRangeCount = static_cast<uint32_t>(ranges.size()),
+                                                .pPushConstantRanges = ranges.data()});
         VT_CHECK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
-        VkComputePipelineCreateInfo pipeline{};
-        pipeline.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-        pipeline.layout = layout_;
-        pipeline.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-        pipeline.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-        pipeline.stage.module = gpu.shader(pipeline_state);
-        pipeline.stage.pName = "main";
+        auto pipeline = vkInit<VkComputePipelineCreateInfo>(
+            {.stage = vkInit<VkPipelineShaderStageCreateInfo>(
+                 {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = gpu.shader(pipeline_state), .pName = "main"}),
+             .layout = layout_});
         VT_CHECK(vkCreateComputePipelines(gpu.device(), VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
         vkDestroyShaderModule(gpu.device(), pipeline.stage.module, nullptr);
         const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1};
-        VkDescriptorPoolCreateInfo pool{};
-        pool.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
-        pool.maxSets = 1;
-        pool.poolSizeCount = 1;
-        pool.pPoolSizes = &size;
+        auto pool = vkInit<VkDescriptorPoolCreateInfo>({.maxSets = 1, .poolSizeCount = 1, .pPoolSizes = &size});
         VT_CHECK(vkCreateDescriptorPool(gpu.device(), &pool, nullptr, &pool_));
-        VkDescriptorSetAllocateInfo allocation{};
-        allocation.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
-        allocation.descriptorPool = pool_;
-        allocation.descriptorSetCount = 1;
-        allocation.pSetLayouts = &setLayout_;
+        auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
+            {.descriptorPool = pool_, .descriptorSetCount = 1, .pSetLayouts = &setLayout_});
         VT_CHECK(vkAllocateDescriptorSets(gpu.device(), &allocation, &set_));
         seen_ = Buffer(gpu, 48 * 4, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
         const VkDescriptorBufferInfo buffer{seen_.handle(), 0, VK_WHOLE_SIZE};
-        VkWriteDescriptorSet write{};
-        write.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
-        write.dstSet = set_;
-        write.descriptorCount = 1;
-        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-        write.pBufferInfo = &buffer;
+        auto write = vkInit<VkWriteDescriptorSet>({.dstSet = set_,
+                                                   .descriptorCount = 1,
+                                                   .descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                                                   .pBufferInfo = &buffer});
         vkUpdateDescriptorSets(gpu.device(), 1, &write, 0, nullptr);
         for (uint32_t i = 0; i < words_.size(); ++i)
             words_[i] = 0x3254761 * (i + 1);
@@ -372,18 +356,14 @@ TEST_F(PipelineState, SubmittedAgainAndAgain)
         compute_->expectSeen();
     }
     // Twice at the same time.
-    VkSubmitInfo submission{};
-    submission.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-    submission.commandBufferCount = 1;
-    submission.pCommandBuffers = &commands;
+    auto submission = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
     const std::array<VkSubmitInfo, 2> both{submission, submission};
     VT_CHECK(vkQueueSubmit(gpu().queue(), 2, both.data(), VK_NULL_HANDLE));
     VT_CHECK(vkQueueWaitIdle(gpu().queue()));
     expectTraced();
     compute_->expectSeen();
     // And after a reset, with other content.
-    VkCommandBufferBeginInfo begin{};
-    begin.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+    auto begin = vkInit<VkCommandBufferBeginInfo>();
     for (int i = 0; i < 3; ++i) {
         VT_CHECK(vkBeginCommandBuffer(commands, &begin));
         tracer_->bind(commands);
@@ -415,9 +395,7 @@ bool tracesUnderPredicate(Gpu &gpu, uint32_t predicate)
     tracer.clearResults();
     Buffer condition(gpu, 16, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
     condition.as<uint32_t>()[0] = predicate;
-    VkConditionalRenderingBeginInfoEXT begin{};
-    begin.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT;
-    begin.buffer = condition.handle();
+    auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = condition.handle()});
     gpu.submit([&](VkCommandBuffer commands) {
         tracer.bind(commands);
         gpu.vk().CmdBeginConditionalRenderingEXT(commands, &begin);
@@ -439,9 +417,7 @@ TEST_F(PipelineState, ConditionalRendering)
         EXPECT_EQ(tracesUnderPredicate(gpu(), predicate), traces);
         Buffer condition(gpu(), 16, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
         condition.as<uint32_t>()[0] = predicate;
-        VkConditionalRenderingBeginInfoEXT begin{};
-        begin.sType = VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT;
-        begin.buffer = condition.handle();
+        auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = condition.handle()});
         tracer_->clearResults();
         gpu().submit([&](VkCommandBuffer commands) {
             compute_->bind(commands);

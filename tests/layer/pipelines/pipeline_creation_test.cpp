@@ -286,8 +286,7 @@ TEST_F(PipelineCreation, DestroyNothing)
 // With a pipeline cache, twice: the second time from it.
 TEST_F(PipelineCreation, Cache)
 {
-    VkPipelineCacheCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO;
+    auto info = vkInit<VkPipelineCacheCreateInfo>();
     VkPipelineCache cache = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePipelineCache(gpu().device(), &info, nullptr, &cache));
     for (int i = 0; i < 2; ++i) {
@@ -428,12 +427,11 @@ TEST_F(PipelineCreation, Feedback)
         PipelineTracer tracer(gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
                                       .make = [&](Gpu &g, const PipelineSetup &setup) {
                                           PipelineInfo info(g, setup);
-                                          VkPipelineCreationFeedbackCreateInfo create{};
-                                          create.sType = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
-                                          create.pNext = info.get().pNext;
-                                          create.pPipelineCreationFeedback = &feedback.whole;
-                                          create.pipelineStageCreationFeedbackCount = info.get().stageCount;
-                                          create.pPipelineStageCreationFeedbacks = feedback.stages.data();
+                                          auto create = vkInit<VkPipelineCreationFeedbackCreateInfo>(
+                                              {.pNext = info.get().pNext,
+                                               .pPipelineCreationFeedback = &feedback.whole,
+                                               .pipelineStageCreationFeedbackCount = info.get().stageCount,
+                                               .pPipelineStageCreationFeedbacks = feedback.stages.data()});
                                           EXPECT_EQ(info.get().stageCount, feedback.stages.size());
                                           info.get().pNext = &create;
                                           VkPipeline pipeline = VK_NULL_HANDLE;

@@ -271,16 +271,12 @@ TEST_F(PipelineGroups, TableThatChanges)
     const auto copy = [&](VkCommandBuffer commands, size_t which) {
         const VkBufferCopy region{which * 2 * stride, base - table.address(), stride * 2};
         vkCmdCopyBuffer(commands, source.handle(), table.handle(), 1, &region);
-        VkMemoryBarrier2 memory{}; // no more than the specification asks for
-        memory.sType = VK_STRUCTURE_TYPE_MEMORY_BARRIER_2;
-        memory.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
-        memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-        memory.dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR;
-        memory.dstAccessMask = VK_ACCESS_2_SHADER_READ_BIT;
-        VkDependencyInfo dependency{};
-        dependency.sType = VK_STRUCTURE_TYPE_DEPENDENCY_INFO;
-        dependency.memoryBarrierCount = 1;
-        dependency.pMemoryBarriers = &memory;
+        // no more than the specification asks for
+        auto memory = vkInit<VkMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
+                                                .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+                                                .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
+                                                .dstAccessMask = VK_ACCESS_2_SHADER_READ_BIT});
+        auto dependency = vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &memory});
         vkCmdPipelineBarrier2(commands, &dependency);
     };
     for (const uint32_t last : {0u, 1u}) {

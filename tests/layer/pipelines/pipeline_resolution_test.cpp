@@ -269,15 +269,10 @@ TEST_F(PipelineResolutionMaintenance5, PromiseOfNoMicromaps)
     gpu().breaks("VUID-VkPipelineCreateFlags2CreateInfo-flags-parameter");
     gpu().breaks("VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392");
     gpu().breaks("WARNING-VkPipelineCreateFlags2-flags-appending");
-    struct Flags2 { // VkPipelineCreateFlags2CreateInfo, which older headers lack
-        VkStructureType sType = static_cast<VkStructureType>(1000470005);
-        const void *pNext = nullptr;
-        VkFlags64 flags = 0;
-    };
     const PipelineScene plain(gpu(), {.micromaps = false});
     for (const VkFlags64 bit : {VkFlags64{0}, VkFlags64{kMicromapBit}}) {
-        Flags2 promise;
-        promise.flags = bit | VkFlags64{1} << 37;
+        const auto promise =
+            vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = bit | newer::kPipelineDisallowOpacityMicromap});
         PipelineTracer tracer(gpu(), {.make = [&](Gpu &g, const PipelineSetup &setup) {
                                   PipelineInfo info(g, setup);
                                   info.get().pNext = &promise;

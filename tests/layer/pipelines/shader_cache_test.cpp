@@ -65,10 +65,7 @@ std::string contentOf(const fs::path &path)
 void makeCachedPipelines(Gpu &gpu, const fs::path &path)
 {
     const std::string data = contentOf(path);
-    VkPipelineCacheCreateInfo cacheInfo{};
-    cacheInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO;
-    cacheInfo.initialDataSize = data.size();
-    cacheInfo.pInitialData = data.data();
+    auto cacheInfo = vkInit<VkPipelineCacheCreateInfo>({.initialDataSize = data.size(), .pInitialData = data.data()});
     VkPipelineCache cache = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePipelineCache(gpu.device(), &cacheInfo, nullptr, &cache));
     unsigned hits = 0, misses = 0;
@@ -76,10 +73,8 @@ void makeCachedPipelines(Gpu &gpu, const fs::path &path)
     const auto create = [&](auto info, auto function) {
         VkPipelineCreationFeedback feedback{};
         std::vector<VkPipelineCreationFeedback> stages(16);
-        VkPipelineCreationFeedbackCreateInfo feedbackInfo{};
-        feedbackInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
-        feedbackInfo.pNext = info.pNext;
-        feedbackInfo.pPipelineCreationFeedback = &feedback;
+        auto feedbackInfo =
+            vkInit<VkPipelineCreationFeedbackCreateInfo>({.pNext = info.pNext, .pPipelineCreationFeedback = &feedback});
         info.pNext = &feedbackInfo;
         VT_CHECK(function(info, &made.emplace_back()));
         ((feedback.flags & VK_PIPELINE_CREATION_FEEDBACK_APPLICATION_PIPELINE_CACHE_HIT_BIT) != 0 ? hits : misses)++;
@@ -93,14 +88,12 @@ void makeCachedPipelines(Gpu &gpu, const fs::path &path)
         const VkShaderModule module = gpu.shader(words);
         for (const uint32_t &flags : flagValues) {
             const VkSpecializationInfo specialization{1, &entry, sizeof flags, &flags};
-            VkComputePipelineCreateInfo info{};
-            info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-            info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-            info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-            info.stage.module = module;
-            info.stage.pName = "main";
-            info.stage.pSpecializationInfo = &specialization;
-            info.layout = tracer.layout();
+            auto info = vkInit<VkComputePipelineCreateInfo>(
+                {.stage = vkInit<VkPipelineShaderStageCreateInfo>({.stage = VK_SHADER_STAGE_COMPUTE_BIT,
+                                                                   .module = module,
+                                                                   .pName = "main",
+                                                                   .pSpecializationInfo = &specialization}),
+                 .layout = tracer.layout()});
             create(info, [&](const auto &i, VkPipeline *pipeline) {
                 return vkCreateComputePipelines(gpu.device(), cache, 1, &i, nullptr, pipeline);
             });
@@ -193,9 +186,8 @@ protected:
     {
         fs::create_directories(folder_);
         Options options = ofRuns();
-        VkPhysicalDeviceDriverProperties driver{};
-        driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
-        VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &driver, {}};
+        auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
+        auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &driver});
         vkGetPhysicalDeviceProperties2(Gpu(options).physical(), &properties);
         lavapipe_ = driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE;
     }

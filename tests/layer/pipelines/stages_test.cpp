@@ -98,23 +98,16 @@ TEST_F(Stages, RayGeneration)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
-    VkRayTracingShaderGroupCreateInfoKHR group{};
-    group.sType = VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR;
-    group.type = VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR;
+    auto group = vkInit<VkRayTracingShaderGroupCreateInfoKHR>({.type = VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR});
     group.closestHitShader = group.anyHitShader = group.intersectionShader = VK_SHADER_UNUSED_KHR;
-    VkPipelineShaderStageCreateInfo stage{};
-    stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    stage.stage = VK_SHADER_STAGE_RAYGEN_BIT_KHR;
-    stage.module = gpu().shader(query_raygen);
-    stage.pName = "main";
-    VkRayTracingPipelineCreateInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR;
-    info.stageCount = 1;
-    info.pStages = &stage;
-    info.groupCount = 1;
-    info.pGroups = &group;
-    info.maxPipelineRayRecursionDepth = 1;
-    info.layout = tracer_.layout();
+    auto stage = vkInit<VkPipelineShaderStageCreateInfo>(
+        {.stage = VK_SHADER_STAGE_RAYGEN_BIT_KHR, .module = gpu().shader(query_raygen), .pName = "main"});
+    auto info = vkInit<VkRayTracingPipelineCreateInfoKHR>({.stageCount = 1,
+                                                           .pStages = &stage,
+                                                           .groupCount = 1,
+                                                           .pGroups = &group,
+                                                           .maxPipelineRayRecursionDepth = 1,
+                                                           .layout = tracer_.layout()});
     VkPipeline pipeline = VK_NULL_HANDLE;
     VT_CHECK(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info, nullptr,
                                                      &pipeline));

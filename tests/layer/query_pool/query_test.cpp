@@ -178,42 +178,27 @@ TEST_F(Queries, WaitForTheDevice)
     const VkQueryType type = kTypes[0];
     const QueryPool pool = poolOf(gpu(), type, kCount);
     vkResetQueryPool(gpu().device(), pool, 0, kCount);
-    VkSemaphoreTypeCreateInfo timeline{};
-    timeline.sType = VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO;
-    timeline.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE;
-    VkSemaphoreCreateInfo create{};
-    create.sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO;
-    create.pNext = &timeline;
+    auto timeline = vkInit<VkSemaphoreTypeCreateInfo>({.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE});
+    auto create = vkInit<VkSemaphoreCreateInfo>({.pNext = &timeline});
     VkSemaphore semaphore = VK_NULL_HANDLE;
     VT_CHECK(vkCreateSemaphore(gpu().device(), &create, nullptr, &semaphore));
     VkCommandBuffer commands = gpu().begin();
     write(commands, type, pool, 0);
     gpu().end(commands);
     // The work waits for the host, and the host for the work's results.
-    VkSemaphoreSubmitInfo wait{};
-    wait.sType = VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO;
-    wait.semaphore = semaphore;
-    wait.value = 1;
-    wait.stageMask = buildStage();
-    VkCommandBufferSubmitInfo buffer{};
-    buffer.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO;
-    buffer.commandBuffer = commands;
-    VkSubmitInfo2 submit{};
-    submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO_2;
-    submit.waitSemaphoreInfoCount = 1;
-    submit.pWaitSemaphoreInfos = &wait;
-    submit.commandBufferInfoCount = 1;
-    submit.pCommandBufferInfos = &buffer;
+    auto wait = vkInit<VkSemaphoreSubmitInfo>({.semaphore = semaphore, .value = 1, .stageMask = buildStage()});
+    auto buffer = vkInit<VkCommandBufferSubmitInfo>({.commandBuffer = commands});
+    auto submit = vkInit<VkSubmitInfo2>({.waitSemaphoreInfoCount = 1,
+                                         .pWaitSemaphoreInfos = &wait,
+                                         .commandBufferInfoCount = 1,
+                                         .pCommandBufferInfos = &buffer});
     VT_CHECK(vkQueueSubmit2(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
     uint64_t value = kSentinel;
     EXPECT_EQ(read(pool, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
     EXPECT_EQ(value, kSentinel);
     std::thread signaller([&] {
         std::this_thread::sleep_for(std::chrono::milliseconds(100));
-        VkSemaphoreSignalInfo signal{};
-        signal.sType = VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO;
-        signal.semaphore = semaphore;
-        signal.value = 1;
+        auto signal = vkInit<VkSemaphoreSignalInfo>({.semaphore = semaphore, .value = 1});
         vkSignalSemaphore(gpu().device(), &signal);
     });
     std::array<uint64_t, kCount> values{};

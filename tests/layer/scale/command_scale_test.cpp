@@ -19,27 +19,21 @@ protected:
 
     std::vector<VkCommandBuffer> allocate(size_t count)
     {
-        VkCommandBufferAllocateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-        info.commandPool = gpu().pool();
-        info.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
-        info.commandBufferCount = static_cast<uint32_t>(count);
+        auto info = vkInit<VkCommandBufferAllocateInfo>({.commandPool = gpu().pool(),
+                                                         .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY,
+                                                         .commandBufferCount = static_cast<uint32_t>(count)});
         std::vector<VkCommandBuffer> buffers(count);
         VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &info, buffers.data()));
         return buffers;
     }
     static void begin(VkCommandBuffer commands)
     {
-        VkCommandBufferBeginInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO;
+        auto info = vkInit<VkCommandBufferBeginInfo>();
         VT_CHECK(vkBeginCommandBuffer(commands, &info));
     }
     void submit(VkCommandBuffer commands)
     {
-        VkSubmitInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
-        info.commandBufferCount = 1;
-        info.pCommandBuffers = &commands;
+        auto info = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands});
         VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &info, VK_NULL_HANDLE));
         VT_CHECK(vkQueueWaitIdle(gpu().queue()));
     }
@@ -122,10 +116,8 @@ TEST_F(CommandScale, CopiesInThousandsOfCommandBuffers)
 // whatever a thread has looked up last.
 TEST_F(CommandScale, PoolsComeAndGo)
 {
-    VkCommandPoolCreateInfo poolInfo{};
-    poolInfo.queueFamilyIndex = gpu().family();
-    poolInfo.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
-    poolInfo.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
+    const auto poolInfo = vkInit<VkCommandPoolCreateInfo>(
+        {.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT, .queueFamilyIndex = gpu().family()});
     const Tracer tracer(gpu());
     const auto record = [&](VkCommandBuffer commands) {
         begin(commands);
@@ -142,10 +134,7 @@ TEST_F(CommandScale, PoolsComeAndGo)
                 VkCommandPool &pool = pools[i % pools.size()];
                 vkDestroyCommandPool(gpu().device(), pool, nullptr);
                 VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pool));
-                VkCommandBufferAllocateInfo info{};
-                info.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
-                info.commandPool = pool;
-                info.commandBufferCount = 8;
+                auto info = vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool, .commandBufferCount = 8});
                 VkCommandBuffer buffers[8] = {};
                 VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &info, buffers));
                 for (const VkCommandBuffer commands : buffers)

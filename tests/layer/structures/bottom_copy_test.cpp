@@ -136,18 +136,13 @@ TEST_F(BottomCopiesExt, SerializedHeader)
     const Patchwork patchwork(gpu());
     const Blas source(gpu(), patchwork.geometries());
     const Serialized data = serialize(gpu(), source);
-    VkPhysicalDeviceIDProperties ids{};
-    ids.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES;
-    VkPhysicalDeviceProperties2 properties{};
-    properties.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2;
-    properties.pNext = &ids;
+    auto ids = vkInit<VkPhysicalDeviceIDProperties>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &ids});
     vkGetPhysicalDeviceProperties2(gpu().physical(), &properties);
     EXPECT_EQ(data.handleCount(), 0u);
     EXPECT_GE(data.deserializedSize(), 256u);
     EXPECT_LE(data.deserializedSize(), 2 * source.size());
-    VkAccelerationStructureVersionInfoKHR version{};
-    version.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR;
-    version.pVersionData = data.bytes().data();
+    auto version = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = data.bytes().data()});
     const auto compatibility = [&] {
         VkAccelerationStructureCompatibilityKHR result{};
         gpu().vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu().device(), &version, &result);
@@ -167,9 +162,7 @@ TEST_F(BottomCopies, DataOfAPlainDriverIsIncompatible)
     Gpu without({.vellum = false, .micromaps = false});
     const Blas source(without, plain());
     const Serialized data = serialize(without, source);
-    VkAccelerationStructureVersionInfoKHR version{};
-    version.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR;
-    version.pVersionData = data.bytes().data();
+    auto version = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = data.bytes().data()});
     VkAccelerationStructureCompatibilityKHR result{};
     without.vk().GetDeviceAccelerationStructureCompatibilityKHR(without.device(), &version, &result);
     EXPECT_EQ(result, VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR);
@@ -350,8 +343,7 @@ TEST_F(BottomCopies, StateOfTheCommandBuffer)
     const Guarded memory(gpu(), 4 * source.size() + 65536, 256,
                          VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const auto load = [&](VkCommandBuffer commands, VkAccelerationStructureKHR to) {
-        VkCopyMemoryToAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = memory.address();
         info.dst = to;
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;

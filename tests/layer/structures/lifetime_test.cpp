@@ -60,11 +60,8 @@ TEST_F(Lifetime, ACopyOverAStructureTakesItsMicromapsAway)
     EXPECT_EQ(candidates(target), 0u);
     const auto copy = function<PFN_vkCmdCopyAccelerationStructureKHR>("vkCmdCopyAccelerationStructureKHR");
     gpu().submit([&](VkCommandBuffer commands) {
-        VkCopyAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-        info.src = source.handle();
-        info.dst = target.handle();
-        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+        auto info = vkInit<VkCopyAccelerationStructureInfoKHR>(
+            {.src = source.handle(), .dst = target.handle(), .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR});
         copy(commands, &info);
     });
     EXPECT_EQ(candidates(target), 1u);
@@ -81,9 +78,7 @@ TEST_F(Lifetime, BoxesAreSerializedByTheDriver)
     const auto copy =
         function<PFN_vkCmdCopyAccelerationStructureToMemoryKHR>("vkCmdCopyAccelerationStructureToMemoryKHR");
     gpu().submit([&](VkCommandBuffer commands) {
-        VkCopyAccelerationStructureToMemoryInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-        info.src = blas.handle();
+        auto info = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = blas.handle()});
         info.dst.deviceAddress = (data.address() + 255) & ~VkDeviceAddress{255};
         info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR;
         copy(commands, &info);
@@ -118,8 +113,7 @@ TEST_F(Lifetime, PrivateDataOfMicromapsIsKeptPerSlotAndObject)
     const auto micromap = transparentMicromap();
     const uint64_t object = micromap->handle().object();
     const VkObjectType type = micromap->handle().objectType();
-    VkPrivateDataSlotCreateInfo info{};
-    info.sType = VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO;
+    auto info = vkInit<VkPrivateDataSlotCreateInfo>();
     VkPrivateDataSlot slots[2] = {};
     for (VkPrivateDataSlot &slot : slots)
         ASSERT_EQ(vkCreatePrivateDataSlot(gpu().device(), &info, nullptr, &slot), VK_SUCCESS);
@@ -147,11 +141,8 @@ TEST_F(Lifetime, BuildAndCopyInTurnDoesNotUseUpSlots)
     VkCommandBuffer commands = gpu().begin();
     for (int round = 0; round < 300; ++round) {
         source.record(commands);
-        VkCopyAccelerationStructureInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR;
-        info.src = source.handle();
-        info.dst = target.handle();
-        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+        auto info = vkInit<VkCopyAccelerationStructureInfoKHR>(
+            {.src = source.handle(), .dst = target.handle(), .mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR});
         copy(commands, &info);
     }
     gpu().end(commands);

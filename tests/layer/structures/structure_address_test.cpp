@@ -51,17 +51,13 @@ TEST_F(StructureAddresses, OneThatIsGivenAgain)
         gone->placeIn(room.handle(), 256);
         gone->build(first.geometries());
         const VkDeviceAddress address = gone->address();
-        VkAccelerationStructureCreateInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-        info.buffer = room.handle();
-        info.offset = 256;
-        info.size = 32768;
-        info.type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        auto info = vkInit<VkAccelerationStructureCreateInfoKHR>({.buffer = room.handle(),
+                                                                  .offset = 256,
+                                                                  .size = 32768,
+                                                                  .type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR});
         VkAccelerationStructureKHR stays = VK_NULL_HANDLE;
         VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &stays));
-        VkAccelerationStructureDeviceAddressInfoKHR query{};
-        query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        query.accelerationStructure = stays;
+        auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = stays});
         if (asked)
             gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query);
         gone.reset();
@@ -84,17 +80,12 @@ TEST_F(StructureAddresses, OnesWhoseBufferIsGone)
 {
     auto room =
         std::make_unique<Buffer>(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    VkAccelerationStructureCreateInfoKHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-    info.buffer = room->handle();
-    info.size = 32768;
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = room->handle(), .size = 32768, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
     VkAccelerationStructureKHR asked = VK_NULL_HANDLE, never = VK_NULL_HANDLE;
     VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &asked));
     VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &never));
-    VkAccelerationStructureDeviceAddressInfoKHR query{};
-    query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-    query.accelerationStructure = asked;
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = asked});
     EXPECT_NE(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query), 0u);
     room.reset();
     gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), asked, nullptr);
@@ -112,10 +103,8 @@ TEST(StructureAddressesKhr, OneThatIsMadeAgain)
     gone->placeIn(room.handle(), 256);
     gone->build(patchwork.geometries());
     const VkDeviceSize size = gone->size();
-    VkAccelerationStructureCreateInfo2KHR info{};
-    info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-    info.addressRange = {room.address() + 256, 256};
-    info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.addressRange = {room.address() + 256, 256}, .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
     VkAccelerationStructureKHR micromap = VK_NULL_HANDLE;
     VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &micromap));
     gone.reset();

@@ -106,17 +106,14 @@ TEST_F(BadCopies, Modes)
     }
     const Buffer buffer(gpu(), 1 << 20, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     gpu().submit([&](VkCommandBuffer commands) {
-        VkCopyAccelerationStructureToMemoryInfoKHR save{};
-        save.sType = VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_TO_MEMORY_INFO_KHR;
-        save.src = source_->handle();
+        auto save = vkInit<VkCopyAccelerationStructureToMemoryInfoKHR>({.src = source_->handle()});
         save.dst.deviceAddress = buffer.address();
         save.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
         gpu().vk().CmdCopyAccelerationStructureToMemoryKHR(commands, &save);
     });
     expectFinding("VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412");
     gpu().submit([&](VkCommandBuffer commands) {
-        VkCopyMemoryToAccelerationStructureInfoKHR load{};
-        load.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+        auto load = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         load.src.deviceAddress = buffer.address();
         load.dst = target->handle();
         load.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
@@ -135,8 +132,7 @@ TEST_F(BadCopies, Addresses)
     const VkDeviceAddress aligned = (buffer.address() + 255) / 256 * 256;
     const auto load = [&](VkDeviceAddress address, VkAccelerationStructureKHR to) {
         gpu().submit([&](VkCommandBuffer commands) {
-            VkCopyMemoryToAccelerationStructureInfoKHR info{};
-            info.sType = VK_STRUCTURE_TYPE_COPY_MEMORY_TO_ACCELERATION_STRUCTURE_INFO_KHR;
+            auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
             info.src.deviceAddress = address;
             info.dst = to;
             info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
@@ -226,32 +222,20 @@ TEST_F(BadCopies, MemoryThatIsTooSmall)
         const uint64_t total = structure == &scene ? topData.total() : data.total();
         for (const uint64_t size : {uint64_t{16}, uint64_t{64}, total / 2, total - 16}) {
             // Two buffers over the same memory: the data must stay in the smaller one.
-            VkBufferCreateInfo info{};
-            info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-            info.size = size;
-            info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+            auto info = vkInit<VkBufferCreateInfo>(
+                {.size = size,
+                 .usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
             VkBuffer buffer = VK_NULL_HANDLE;
             VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
-            VkMemoryAllocateFlagsInfo flags{};
-            flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-            flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-            VkMemoryAllocateInfo allocation{};
-            allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-            allocation.pNext = &flags;
-            allocation.allocationSize = total + 65536;
             VkMemoryRequirements needs;
             vkGetBufferMemoryRequirements(gpu().device(), buffer, &needs);
-            allocation.memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
-            VkDeviceMemory memory = VK_NULL_HANDLE;
-            VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
+            needs.size = total + 65536;
+            const VkDeviceMemory memory = gpu().allocate(needs, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
             VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
             void *mapped = nullptr;
             VT_CHECK(vkMapMemory(gpu().device(), memory, 0, VK_WHOLE_SIZE, 0, &mapped));
             std::memset(mapped, 0xa5, total + 65536);
-            VkBufferDeviceAddressInfo query{};
-            query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-            query.buffer = buffer;
-            const VkDeviceAddress address = vkGetBufferDeviceAddress(gpu().device(), &query);
+            const VkDeviceAddress address = gpu().address(buffer);
             gpu().submit([&](VkCommandBuffer commands) { recordSerialize(gpu(), commands, *structure, address); });
             expectFinding("VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561");
             const auto *bytes = static_cast<const uint8_t *>(mapped);

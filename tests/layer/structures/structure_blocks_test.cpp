@@ -42,9 +42,8 @@ protected:
 
     VkDeviceAddress addressOf(const Micromap &micromap)
     {
-        VkAccelerationStructureDeviceAddressInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        info.accelerationStructure = micromap.handle().khr;
+        auto info =
+            vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = micromap.handle().khr});
         return gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &info);
     }
     // A micromap made like another, with its content once `copyTo` has executed.
@@ -218,10 +217,8 @@ TEST_F(StructureBlocks, AddressThatMarksDeletedEntries)
             const auto hash = hashReference(static_cast<uint32_t>(key), static_cast<uint32_t>(key >> 32));
             if ((hash & kMask) != (hashReference(~0u, ~0u) & kMask))
                 continue;
-            VkAccelerationStructureCreateInfo2KHR info{};
-            info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_2_KHR;
-            info.addressRange = {address, 1 << 20};
-            info.type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+            auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+                {.addressRange = {address, 1 << 20}, .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
             VT_CHECK(
                 gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &structures.emplace_back()));
             break;
@@ -250,43 +247,26 @@ TEST_F(StructureBlocks, GenericStructuresMadeBeforeTheirMemory)
     const Blas blas(gpu(), patchwork.geometries());
     const auto expected = seenOf(gpu(), blas);
     Serialized data = serialize(gpu(), blas);
-    VkBufferCreateInfo create{};
-    create.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
-    create.usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    auto create = vkInit<VkBufferCreateInfo>(
+        {.usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
     const VkDeviceSize second = (patchwork.micromap(0).size() + 255) / 256 * 256;
     create.size = second + patchwork.micromap(1).size();
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &create, nullptr, &buffer));
     VkAccelerationStructureKHR structures[2] = {};
     for (size_t i = 0; i < 2; ++i) {
-        VkAccelerationStructureCreateInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-        info.buffer = buffer;
-        info.offset = i * second;
-        info.size = patchwork.micromap(i).size();
-        info.type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        auto info = vkInit<VkAccelerationStructureCreateInfoKHR>({.buffer = buffer,
+                                                                  .offset = i * second,
+                                                                  .size = patchwork.micromap(i).size(),
+                                                                  .type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR});
         VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &structures[i]));
     }
-    VkMemoryRequirements needs{};
-    vkGetBufferMemoryRequirements(gpu().device(), buffer, &needs);
-    VkMemoryAllocateFlagsInfo flags{};
-    flags.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO;
-    flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
-    VkMemoryAllocateInfo allocation{};
-    allocation.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
-    allocation.pNext = &flags;
-    allocation.allocationSize = needs.size;
-    allocation.memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, 0);
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
+    const VkDeviceMemory memory = gpu().bindMemory(buffer);
 
-    VkBufferDeviceAddressInfo query{};
-    query.sType = VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO;
-    query.buffer = buffer;
+    std::map auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
     std::map<uint64_t, uint64_t> moved;
     for (size_t i = 0; i < 2; ++i)
-        moved[addressOf(patchwork.micromap(i))] = vkGetBufferDeviceAddress(gpu().device(), &query) + i * second;
+        moved[addressOf(patchwork.micromap(i))] = gpu().address(buffer) + i * second;
     Blocks blocks(data);
     for (size_t i = 0; i < blocks.addresses(); ++i)
         blocks.setAddress(i, moved.at(blocks.address(i)));

@@ -91,16 +91,10 @@ TEST_F(Churn, ManyStructures)
     for (size_t i = 0; i < 150'000; ++i) {
         VkAccelerationStructureKHR &place = alive[i * 7919 % kAlive];
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), place, nullptr);
-        VkAccelerationStructureCreateInfoKHR info{};
-        info.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR;
-        info.buffer = memory.handle();
-        info.offset = i * 12347 % 60000 * 256;
-        info.size = 256;
-        info.type = kBottom;
+        auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+            {.buffer = memory.handle(), .offset = i * 12347 % 60000 * 256, .size = 256, .type = kBottom});
         VT_CHECK(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &place));
-        VkAccelerationStructureDeviceAddressInfoKHR query{};
-        query.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_DEVICE_ADDRESS_INFO_KHR;
-        query.accelerationStructure = place;
+        auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = place});
         ASSERT_NE(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query), 0u);
         if (i == 30'000)
             warm = Footprint::now().resident;
