@@ -14,7 +14,6 @@ that the registry at hand is too old to have may be there.
 usage: check_extensions.py [--write] [REGISTRY [ROOT]]
 """
 import re
-import sys
 import xml.etree.ElementTree as ElementTree
 
 import findings
@@ -127,7 +126,4 @@ def check(registry_path, root):
 
 
 if __name__ == "__main__":
-    if "--write" in sys.argv:
-        sys.argv.remove("--write")
-        write(findings.root_from(sys.argv[2:]))
-    findings.run_with_registry(check, "extensions")
+    findings.run_with_registry(check, "extensions", write)

@@ -9,7 +9,6 @@ where it is passed on first, the page's counts. With --write, the table is broug
 usage: check_messages.py [--write] [ROOT]
 """
 import re
-import sys
 
 import findings
 
@@ -115,7 +114,4 @@ def check(root):
 
 
 if __name__ == "__main__":
-    if "--write" in sys.argv:
-        sys.argv.remove("--write")
-        write(findings.root_from(sys.argv[1:]))
-    findings.run(check, "messages")
+    findings.run(check, "messages", write)

@@ -9,7 +9,6 @@ usage: check_settings.py [--write] [ROOT]
 """
 import json
 import re
-import sys
 
 import findings
 
@@ -83,7 +82,4 @@ def check(root):
 
 
 if __name__ == "__main__":
-    if "--write" in sys.argv:
-        sys.argv.remove("--write")
-        write(findings.root_from(sys.argv[1:]))
-    findings.run(check, "settings")
+    findings.run(check, "settings", write)
