@@ -1,5 +1,5 @@
-// The ray flags that the driver does not get: with Opaque and CullNoOpaque it would decide hits that are to be looked up,
-// and it does not know ForceOpacityMicromap2State. docs/architecture.md says how they reach the shaders that need them.
+// The ray flags that the driver does not get: with Opaque and CullNoOpaque it would decide hits before they are looked
+// up, and it does not know ForceOpacityMicromap2State. How shaders get them: docs/design/ray-flags.md.
 #pragma once
 
 #include "core/opacity.h"

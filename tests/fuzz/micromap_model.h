@@ -1,5 +1,5 @@
 // What a micromap build is to make of its input, and what the result says. Written from the descriptions of the
-// specification, docs/architecture.md and core/records.h; on purpose none of it is the library's own code.
+// specification, docs/design/structures.md and core/records.h; on purpose none of it is the library's own code.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that docs/layer.md says of every Vulkan extension that may matter to the layer what the layer does about it, and
-prints what is missing.
+"""Checks that docs/extensions.md has every Vulkan extension that may matter to the layer, once, and prints what is missing.
 
 Extensions matter that, by the registry (vk.xml), have to do with ray tracing, shaders, pipelines or their caches:
 - their name says so;
@@ -8,17 +7,21 @@ Extensions matter that, by the registry (vk.xml), have to do with ray tracing, s
 - a structure of theirs extends or has one of MATTERS, or a command of theirs takes one;
 - they bring SPIR-V extensions or capabilities, or flags for pipelines, shaders or acceleration structures.
 
-The page has each in backticks in the first column of a table below "## Vulkan extensions", once; the second column says what
-the layer does. Extensions that the registry at hand is too old to have may be there.
+The page has each in backticks, in the first column of a table whose second column says what the layer does, or in the list
+of those that pass through. The table of hidden ones is generated from the code; with --write, it is written anew. Extensions
+that the registry at hand is too old to have may be there.
 
-usage: check_extensions.py [REGISTRY [ROOT]]
+usage: check_extensions.py [--write] [REGISTRY [ROOT]]
 """
 import re
 import xml.etree.ElementTree as ElementTree
 
 import findings
 
-PLACE = "docs/layer.md"
+PLACE = "docs/extensions.md"
+HIDDEN = "src/layer/entry/hidden_extensions.cpp"
+DISPLACEMENT = "VK_NV_displacement_micromap"
+BEGIN, END = "<!-- begin hidden -->\n", "<!-- end hidden -->\n"
 MATTERS = {
     "VkAccelerationStructureKHR", "VkMicromapEXT", "VkShaderModule", "VkShaderEXT", "VkPipelineCache",
     "VkPipelineBinaryKHR", "VkRayTracingPipelineCreateInfoKHR", "VkPipelineShaderStageCreateInfo",
@@ -78,27 +81,49 @@ class Registry:
 
 
 def described(page):
-    """Extension: what the layer does, and how often it is there."""
-    rows, inside = {}, False
+    """Extension: what the page says of it, each time."""
+    rows, passed = {}, False
     for line in page.splitlines():
         if line.startswith("## "):
-            inside = line == "## Vulkan extensions"
-        elif inside and line.startswith("|"):
-            columns = [column.strip() for column in line.strip("|").split("|")]
-            for name in re.findall(r"`(VK_\w+)`", columns[0]):
-                rows.setdefault(name, []).append(columns[1] if len(columns) > 1 else "")
+            passed = line == "## Passed through"
+        columns = [column.strip() for column in line.strip("|").split("|")] if line.startswith("|") else []
+        for name in re.findall(r"`(VK_\w+)`", columns[0] if columns else line if passed else ""):
+            rows.setdefault(name, []).append("passed through" if passed else "".join(columns[1:2]))
     return rows
+
+
+def hidden_table(code):
+    """Of the rows of kHidden: name, reason, and whether translated micromaps hide the extension as well."""
+    lines = ["| extension | why | also hidden from translated micromaps |", "|---|---|---|"]
+    for row in re.findall(r"^    \{((?:\"VK_|newer::).*?)\},$", code, re.M | re.S):
+        name = re.match(r'"(VK_\w+)"', row)
+        reason = re.findall(r'"([^"]*)"', row)[1 if name else 0]
+        lines.append(f"| `{name[1] if name else DISPLACEMENT}` | {reason} | {'yes' if 'Translated::' in row else 'no'} |")
+    return "\n".join(lines) + "\n"
+
+
+def generated(root):
+    page = (root / PLACE).read_text(encoding="utf-8")
+    before, rest = page.split(BEGIN)
+    return before + BEGIN + hidden_table((root / HIDDEN).read_text(encoding="utf-8")) + END + rest.split(END)[1]
+
+
+def write(root):
+    (root / PLACE).write_text(generated(root), encoding="utf-8")
 
 
 def check(registry_path, root):
     registry = Registry(registry_path)
-    rows = described((root / PLACE).read_text(encoding="utf-8"))
+    page = (root / PLACE).read_text(encoding="utf-8")
+    rows = described(page)
     wanted = sorted(name for name, extension in registry.extensions.items() if registry.matters(extension))
     found = [f"{PLACE}: nothing about {name}" for name in wanted if name not in rows]
     found += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
-    found += [f"{PLACE}: nothing is said of {name}" for name, texts in rows.items() if not all(texts)]
+    found += [f"{PLACE}: an empty cell about {name}" for name, texts in rows.items() if not all(texts)]
+    if page != generated(root):
+        found.append(f"{PLACE}: the table of hidden extensions is stale; run tests/structure/check_extensions.py --write")
     return found, len(wanted)
 
 
 if __name__ == "__main__":
-    findings.run_with_registry(check, "extensions")
+    findings.run_with_registry(check, "extensions", write)

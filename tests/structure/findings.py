@@ -5,22 +5,35 @@ import sys
 REGISTRY = "/usr/share/vulkan/registry/vk.xml"
 
 
-def run(check, things):
-    """Runs check(root), whose argument is the first of the command line, and exits."""
-    finish(things, *check(root_from(sys.argv[1:])))
+def run(check, things, write=None):
+    """Runs check(root), whose argument is the first of the command line, and exits. With --write, calls write(root) first."""
+    root = root_from(words())
+    write_if_asked(write, root)
+    finish(things, *check(root))
 
 
-def run_with_registry(check, things):
-    """Runs check(registry, root) and exits; the test is skipped where there is no registry."""
-    registry = pathlib.Path((sys.argv[1:] or [REGISTRY])[0])
+def run_with_registry(check, things, write=None):
+    """Runs check(registry, root) and exits, like run(); the test is skipped where there is no registry."""
+    registry = pathlib.Path((words() or [REGISTRY])[0])
+    root = root_from(words()[1:])
+    write_if_asked(write, root)
     if not registry.exists():
         print(f"skipped: there is no {registry}")
         sys.exit(77)
-    finish(things, *check(registry, root_from(sys.argv[2:])))
+    finish(things, *check(registry, root))
 
 
-def root_from(words):
-    return pathlib.Path(words[0]) if words else pathlib.Path(__file__).parents[2]
+def words():
+    return [word for word in sys.argv[1:] if word != "--write"]
+
+
+def root_from(paths):
+    return pathlib.Path(paths[0]) if paths else pathlib.Path(__file__).parents[2]
+
+
+def write_if_asked(write, root):
+    if write and "--write" in sys.argv:
+        write(root)
 
 
 def finish(things, findings, count):

@@ -1,6 +1,6 @@
 // What is wrong with one command or object, or with one element of a command. What would damage memory, read wild
 // addresses or has no meaning is refused. What does no harm is told, and the layer goes on, as drivers do; with the
-// setting `strict` it is refused as well. docs/refusals.md lists both.
+// setting `strict` it is refused as well. docs/messages.md lists both.
 #pragma once
 
 #include <cstdint>

@@ -26,7 +26,7 @@ namespace
 constexpr const char *kFilePrefix = "vellum_opacity_micromap.";
 
 // A setting is called by its key in structures, in files with kFilePrefix before it, and in capitals with
-// kVariablePrefix, or that after VK_, in the environment. The manifest and docs/using.md list the same
+// kVariablePrefix, or that after VK_, in the environment. The manifest and docs/settings.md list the same
 // (tests/structure/check_settings.py).
 struct Row {
     const char *key;

@@ -74,7 +74,7 @@ MicromapExtent extentOf(std::span<const VkMicromapUsageEXT> usages, VkBuildMicro
         }
     }
     // Sharing reads all data twice more, so that compaction has something to save. No frame was found that is faster
-    // with it (docs/measurements.md): PREFER_FAST_TRACE does not ask for it.
+    // with it (bench/results/lavapipe.md): PREFER_FAST_TRACE does not ask for it.
     extent.share = (flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                    (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 && extent.triangles > 0 &&
                    extent.triangles <= kMostSharing;

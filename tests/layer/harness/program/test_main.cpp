@@ -89,8 +89,10 @@ int main(int argc, char **argv)
     setenv("VK_ADD_LAYER_PATH", VELLUM_TEST_LAYER_PATH, 1);
     setenv("VK_LOADER_LAYERS_DISABLE", "~implicit~", 1);
 #ifdef VELLUM_TEST_ICD
-    setenv("VK_DRIVER_FILES", VELLUM_TEST_ICD, 1);
-    setenv("VK_ICD_FILENAMES", VELLUM_TEST_ICD, 1);
+    // Lavapipe, unless the environment names another driver's manifest (docs/conformance.md).
+    const char *driver = std::getenv("VELLUM_TEST_DRIVER");
+    setenv("VK_DRIVER_FILES", driver ? driver : VELLUM_TEST_ICD, 1);
+    setenv("VK_ICD_FILENAMES", driver ? driver : VELLUM_TEST_ICD, 1);
 #endif
     setenv("GALLIVM_PERF", "nopt", 0);
     setenv("MESA_SHADER_CACHE_DIR", VELLUM_TEST_SHADER_CACHE, 0);

@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""Tests check_messages.py on trees that are made up, each with one fault."""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CHECK = pathlib.Path(__file__).resolve().with_name("check_messages.py")
+
+CODE = """// "VELLUM-comment"
+report.error("VELLUM-VUID-vkCmdCopy-"
+             "src-00001", "a // text of VELLUM-shape");
+if (!check.tolerateIf(sizes(1), isLarge ? "VELLUM-shape" : "VELLUM-size", "text")) return; // "VELLUM-comment"
+const Ids ids = {"VELLUM-listed"};
+"""
+PAGE = """# Messages
+Not in a table: `VELLUM-text`.
+
+| id | severity | meaning | consequence |
+|---|---|---|---|
+| `VELLUM-listed` | warning | a | b |
+| `VELLUM-shape` | warning or error | a | as `VELLUM-other` |
+| `VELLUM-size` | warning or error | a | b |
+| `VUID-vkCmdCopy-src-00001` | error | a | b |
+"""
+
+
+def run(code, page, *options):
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in {"src/layer/base/code.cpp": code, "docs/messages.md": page}.items():
+            path = pathlib.Path(folder, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        result = subprocess.run([sys.executable, str(CHECK), *options, folder], stdout=subprocess.PIPE, text=True,
+                                check=False)
+        written = pathlib.Path(folder, "docs/messages.md").read_text(encoding="utf-8")
+    return result.returncode, result.stdout, written
+
+
+class CheckMessages(unittest.TestCase):
+    def expect_finding(self, code, page, *words):
+        status, output, _ = run(code, page)
+        self.assertEqual(status, 1, output)
+        self.assertEqual(len(output.splitlines()), 2, output)
+        for word in words:
+            self.assertIn(word, output)
+
+    def test_sound(self):
+        self.assertEqual(run(CODE, PAGE)[0], 0, run(CODE, PAGE)[1])
+
+    def test_not_listed(self):
+        self.expect_finding(CODE + 'error("VELLUM-new");', PAGE, "code.cpp: VELLUM-new is not in")
+
+    def test_no_such_message(self):
+        self.expect_finding(CODE, PAGE.replace("| `VELLUM-listed", "| `VELLUM-gone` | error | a | b |\n| `VELLUM-listed"),
+                            "there is no message VELLUM-gone")
+
+    def test_put_together(self):
+        self.expect_finding(CODE + 'error("VELLUM-VUID-" + name);', PAGE, "put together at run time")
+
+    def test_twice(self):
+        row = "| `VELLUM-size` | warning or error | a | b |\n"
+        self.expect_finding(CODE, PAGE.replace(row, row + row), "VELLUM-size is there 2 times")
+
+    def test_order(self):
+        row = "| `VELLUM-listed` | warning | a | b |\n"
+        self.expect_finding(CODE, PAGE.replace(row, "") + row, "VELLUM-listed is not in order")
+
+    def test_other_severity(self):
+        self.expect_finding(CODE, PAGE.replace("| error |", "| warning |"),
+                            'src-00001 is "warning", in the code "error"')
+        self.expect_finding(CODE + 'report.warning("VELLUM-VUID-vkCmdCopy-src-00001");', PAGE,
+                            'is "error", in the code "warning or error"')
+
+    def test_empty_cell(self):
+        self.expect_finding(CODE, PAGE.replace("| error | a |", "| error |  |"), "has an empty cell")
+
+    def test_written(self):
+        code = CODE.replace("00001", "00002").replace("tolerateIf", "reject") + 'info("VELLUM-added", "text");'
+        _, _, page = run(code, PAGE, "--write")
+        self.assertEqual([line for line in page.splitlines() if line.startswith("| `")],
+                         ["| `VELLUM-added` | info |  |  |", "| `VELLUM-listed` | warning | a | b |",
+                          "| `VELLUM-shape` | error | a | as `VELLUM-other` |", "| `VELLUM-size` | error | a | b |",
+                          "| `VUID-vkCmdCopy-src-00002` | error |  |  |"])
+
+
+if __name__ == "__main__":
+    unittest.main()
