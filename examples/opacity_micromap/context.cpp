@@ -284,8 +284,7 @@ VkDeviceAddress Context::buildCard(const void *opacityMicromap)
     const Buffer indices = upload(std::span<const uint16_t>(kCardIndices), kInput);
     // [geometry]
     VkAccelerationStructureGeometryKHR geometry{.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR,
-                                                .geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR,
-                                                .flags = 0}; // not OPAQUE: unknown hits must reach the shader
+                                                .geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR};
     geometry.geometry.triangles = {.sType = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR,
                                    .pNext = opacityMicromap, // chained to the triangles, not to the geometry
                                    .vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
