@@ -84,14 +84,17 @@ class Installation(unittest.TestCase):
         self.assertGreater(min(map(int, counts.groups())), 20, output)
 
     def build_by_cmake(self, example, compiler, program="bake", arguments=()):
+        return run(self.configure_and_build(example, compiler) / program, *arguments)
+
+    def configure_and_build(self, example, compiler, disabled=("PNG", "Vulkan"), more=()):
         folder = options.scratch / f"cmake-{example}"
         run(options.cmake, "-S", self.examples / example, "-B", folder, "-G", options.generator,
             f"-DCMAKE_PREFIX_PATH={self.prefix}", f"-D{compiler}",
-            f"-DCMAKE_{'CXX' if example == 'cpp' else 'C'}_FLAGS={' '.join(WARNINGS + flags())}",
+            f"-DCMAKE_{compiler.split('_')[1]}_FLAGS={' '.join([*WARNINGS, *more, *flags()])}",
             # Programs that use the library do not need what it is made of.
-            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("PNG", "Vulkan")))
+            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in disabled))
         run(options.cmake, "--build", folder)
-        return run(folder / program, *arguments)
+        return folder
 
     def build_by_pkg_config(self, example, *compiler, package="vellum", source="bake.c*", arguments=()):
         program = options.scratch / f"pkg-config-{example}"
@@ -107,6 +110,22 @@ class Installation(unittest.TestCase):
 
     def test_cpp_by_find_package(self):
         self.check_example(self.build_by_cmake("cpp", f"CMAKE_CXX_COMPILER={options.cxx}"))
+
+    def test_opacity_micromap_by_find_package(self):
+        """Both programs, with the installed layer: equal counts, whatever the extension."""
+        folder = self.configure_and_build("opacity_micromap", f"CMAKE_CXX_COMPILER={options.cxx}", disabled=("PNG",),
+                                          more=["-Wno-missing-field-initializers"])
+        environment = {"VK_LAYER_PATH": str(self.prefix / "share/vulkan/explicit_layer.d"),
+                       "ASAN_OPTIONS": "detect_leaks=0"}
+        for manifest in pathlib.Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"):
+            environment |= {"VK_DRIVER_FILES": str(manifest), "VK_ICD_FILENAMES": str(manifest)}
+        counts = set()
+        for extension in ("ext", "khr"):
+            output = run(folder / f"opacity_micromap_{extension}", environment=environment)
+            self.assertIn(f"VK_{extension.upper()}_opacity_micromap on ", output)
+            counts.add(output.splitlines()[1])
+        self.assertEqual(len(counts), 1, counts)
+        self.assertRegex(counts.pop(), r"^\d+ of 40000 rays pass, \d+ alpha tests, 0 rays differ from the texture$")
 
     def test_c_by_pkg_config(self):
         self.check_example(self.build_by_pkg_config("c", options.cc, "-std=c99"))
@@ -246,11 +265,11 @@ class Installation(unittest.TestCase):
         lib = options.libdir
         patterns = (r"bin/vellum", r"include/vellum/\w+\.h", rf"{lib}/libvellum(_gltf)?\.so[.\d]*",
                     rf"{lib}/libvellum-gpubake\.a",
-                    rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
+                    rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/(Vellum[\w-]+|opacity_micromap_mode)\.cmake",
                     rf"{lib}/pkgconfig/vellum(-gltf)?\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
                     r"share/man/man1/vellum\.1", r"share/bash-completion/completions/vellum",
                     r"share/zsh/site-functions/_vellum", r"share/fish/vendor_completions\.d/vellum\.fish",
-                    r"share/doc/vellum/examples/(c|cpp|gltf|python)/[\w.]+")
+                    r"share/doc/vellum/examples/(c|cpp|gltf|opacity_micromap|python)/[\w.]+")
         self.assertEqual([path for path in sorted(there) if not any(re.fullmatch(p, path) for p in patterns)], [])
 
     def test_what_is_not_built_is_not_installed(self):

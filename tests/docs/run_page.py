@@ -1,0 +1,88 @@
+#!/usr/bin/env python3
+"""Runs the commands of a document and compares what they print with what it says.
+
+Commands are the lines that begin with `$ ` in blocks marked `console`; the lines up to the next one are their output,
+stdout and stderr together. In output, `...` stands for any text within a line, and alone in a line for any lines. The
+commands of a page run in its order, in one empty folder in which `examples` is the checkout's; each must succeed.
+With --update, output that differs is replaced; lines with `...` are kept where they match.
+
+usage: run_page.py [--update] PAGE ROOT SCRATCH
+"""
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+BLOCK = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
+
+
+def commands_in(block):
+    """Pairs of a command and its output, both of them text."""
+    parts = re.split(r"^\$ (.*)\n", block, flags=re.M)
+    return list(zip(parts[1::2], parts[2::2]))
+
+
+def pattern_of(expected):
+    """A regular expression for a text with `...` in it."""
+    lines = []
+    for line in expected.splitlines():
+        if line == "...":
+            lines.append(r"(?:.*\n)*?")
+        else:
+            lines.append(".*".join(re.escape(part) for part in line.split("...")) + r"\n")
+    return re.compile("".join(lines))
+
+
+def matches(expected, actual):
+    return pattern_of(expected).fullmatch(actual) is not None
+
+
+def updated(expected, actual):
+    """The actual output, with the lines that have `...` where they match one."""
+    kept = [line for line in expected.splitlines() if "..." in line and line != "..."]
+    lines = []
+    for line in actual.splitlines():
+        lines.append(next((old for old in kept if matches(old + "\n", line + "\n")), line))
+    return "\n".join(lines) + "\n" if lines else ""
+
+
+def run(command, folder):
+    done = subprocess.run(["bash", "-c", command], cwd=folder, text=True, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, timeout=300)
+    return done.returncode, done.stdout
+
+
+def check(page, folder, update=False):
+    """Findings, and how many commands ran."""
+    text = page.read_text(encoding="utf-8")
+    findings, count = [], 0
+    for command, expected in [pair for block in BLOCK.findall(text) for pair in commands_in(block)]:
+        count += 1
+        code, actual = run(command, folder)
+        if code != 0:
+            findings.append(f"{page.name}: $ {command}\nexit code {code}\n{actual}")
+        elif not matches(expected, actual):
+            if update:
+                text = text.replace(f"$ {command}\n{expected}", f"$ {command}\n{updated(expected, actual)}")
+            else:
+                findings.append(f"{page.name}: $ {command}\nexpected:\n{expected}printed:\n{actual}")
+    if update:
+        page.write_text(text, encoding="utf-8")
+    return findings, count
+
+
+def main():
+    arguments = [word for word in sys.argv[1:] if word != "--update"]
+    page, root, scratch = (pathlib.Path(word).resolve() for word in arguments)
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    (scratch / "examples").symlink_to(root / "examples")
+    findings, count = check(page, scratch, "--update" in sys.argv)
+    print(*findings, sep="\n")
+    print(f"{len(findings)} of {count} commands of {page.name} print something else")
+    return 1 if findings or not count else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,48 @@
+#!/usr/bin/env python3
+"""Tests run_page.py."""
+import pathlib
+import tempfile
+import unittest
+
+import run_page
+
+
+class Pages(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.page = pathlib.Path(self.folder.name) / "page.md"
+
+    def check(self, block, update=False):
+        self.page.write_text(f"Text.\n\n```console\n{block}```\n\n```\n$ false\n```\n")
+        return run_page.check(self.page, self.folder.name, update)
+
+    def test_equal_output(self):
+        self.assertEqual(self.check("$ echo one && echo two\none\ntwo\n$ true\n"), ([], 2))
+
+    def test_other_output(self):
+        self.assertEqual(self.check("$ echo one\ntwo\n")[0], ["page.md: $ echo one\nexpected:\ntwo\nprinted:\none\n"])
+
+    def test_missing_and_additional_lines(self):
+        self.assertEqual(len(self.check("$ echo one\n")[0]), 1)
+        self.assertEqual(len(self.check("$ true\none\n")[0]), 1)
+
+    def test_stderr_and_failure(self):
+        self.assertEqual(self.check("$ echo one >&2\none\n")[0], [])
+        self.assertEqual(self.check("$ exit 3\n")[0], ["page.md: $ exit 3\nexit code 3\n"])
+
+    def test_ellipsis(self):
+        self.assertEqual(self.check("$ echo took 12 ms at 3; seq 5\ntook ... ms at 3\n1\n...\n5\n")[0], [])
+        self.assertEqual(len(self.check("$ echo took 12 ms at 4\ntook ... ms at 3\n")[0]), 1)
+
+    def test_commands_share_a_folder(self):
+        self.assertEqual(self.check("$ echo one >file\n$ cat file\none\n")[0], [])
+
+    def test_update(self):
+        findings, _ = self.check("$ echo took 12 ms; echo 7\ntook ... ms\n6\n", update=True)
+        self.assertEqual(findings, [])
+        self.assertIn("```console\n$ echo took 12 ms; echo 7\ntook ... ms\n7\n```", self.page.read_text())
+
+
+if __name__ == "__main__":
+    unittest.main()
