@@ -29,20 +29,13 @@ spirv::RewriteResult rewriteAs(const Module &words, const spirv::HiddenFlags &hi
 // A ray generation shader; `body` may use %object, a hit object, and `other` is that of a second entry point.
 std::string moduleOf(const std::string &body, const std::string &other = "", const std::string &functions = "")
 {
-    return R"(
-        OpCapability RayTracingKHR
-        OpCapability RayQueryKHR
-        OpCapability ShaderInvocationReorderNV
-        OpExtension "SPV_KHR_ray_tracing"
-        OpExtension "SPV_KHR_ray_query"
-        OpExtension "SPV_NV_shader_invocation_reorder"
-        OpMemoryModel Logical GLSL450
+    return rayTracingText(R"(
         OpEntryPoint RayGenerationKHR %f "main" %scene %payload %object %objects %query %computed %attributes
         OpEntryPoint RayGenerationKHR %g "other" %scene %payload %object %objects %query %computed %attributes
         OpDecorate %scene DescriptorSet 0
         OpDecorate %scene Binding 0
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
+)",
+                          R"(
 %uint = OpTypeInt 32 0
 %int = OpTypeInt 32 1
 %float = OpTypeFloat 32
@@ -76,21 +69,15 @@ std::string moduleOf(const std::string &body, const std::string &other = "", con
 %force = OpConstant %uint 1024
 %number = OpConstant %float 1
 %vector = OpConstantComposite %vec3 %number %number %number
-%f = OpFunction %void None %proc
-%l = OpLabel
-%own = OpVariable %local Function
-%s = OpLoad %structure %scene
-)" + body + R"(
-     OpReturn
-     OpFunctionEnd
-%g = OpFunction %void None %proc
-%k = OpLabel
-%t = OpLoad %structure %scene
-)" + other +
-           R"(
-     OpReturn
-     OpFunctionEnd
-)" + functions;
+)" + functionText("f", "%own = OpVariable %local Function\n%s = OpLoad %structure %scene\n" + body) +
+                              functionText("g", "%t = OpLoad %structure %scene\n" + other) + functions,
+                          R"(
+        OpCapability RayTracingKHR
+        OpCapability RayQueryKHR
+        OpCapability ShaderInvocationReorderNV
+        OpExtension "SPV_KHR_ray_query"
+        OpExtension "SPV_NV_shader_invocation_reorder"
+)");
 }
 
 Module hitObjects(const std::string &body, const std::string &other = "", const std::string &functions = "")

@@ -34,21 +34,12 @@ spirv::TypeWords payloadOf(const Module &words, spv::ExecutionModel model)
 Module closestHit(const std::string &types, const std::string &capabilities = "", uint32_t version = 0x00010500)
 {
     const bool interfaces = version >= 0x00010400;
-    Module words = assemble("OpCapability RayTracingKHR\n" + capabilities + R"(
-        OpExtension "SPV_KHR_ray_tracing"
-        OpMemoryModel Logical GLSL450
-        OpEntryPoint ClosestHitKHR %f "main")" +
-                            (interfaces ? " %variable" : "") + R"(
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
-)" + types + R"(
+    Module words = assemble(rayTracingText(
+        std::string("OpEntryPoint ClosestHitKHR %f \"main\"") + (interfaces ? " %variable" : ""), types + R"(
 %pp = OpTypePointer IncomingRayPayloadKHR %payload
 %variable = OpVariable %pp IncomingRayPayloadKHR
-%f = OpFunction %void None %proc
-%l = OpLabel
-     OpReturn
-     OpFunctionEnd
-)");
+)" + functionText("f"),
+        "OpCapability RayTracingKHR\n" + capabilities));
     words[1] = version;
     EXPECT_EQ(validate(words), "") << types;
     return words;
@@ -144,36 +135,19 @@ TEST(Payloads, ThatNothingUsesAreFoundInOldModules)
 TEST(Payloads, OfOtherStagesAreNotTaken)
 {
     const auto module = [](const std::string &store) {
-        Module words = assemble(R"(
-        OpCapability RayTracingKHR
-        OpExtension "SPV_KHR_ray_tracing"
-        OpMemoryModel Logical GLSL450
+        Module words = assemble(rayTracingText(R"(
         OpEntryPoint AnyHitKHR %f "main"
         OpEntryPoint ClosestHitKHR %g "big"
         OpName %payload "payload"
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
+)",
+                                               R"(
 %uint = OpTypeInt 32 0
 %many = OpConstant %uint 64
 %array = OpTypeArray %uint %many
 %pp = OpTypePointer IncomingRayPayloadKHR %array
 %pu = OpTypePointer IncomingRayPayloadKHR %uint
 %payload = OpVariable %pp IncomingRayPayloadKHR
-%f = OpFunction %void None %proc
-%l = OpLabel
-     OpReturn
-     OpFunctionEnd
-%h = OpFunction %void None %proc
-%m = OpLabel
-)" + store + R"(
-     OpReturn
-     OpFunctionEnd
-%g = OpFunction %void None %proc
-%k = OpLabel
-%n = OpFunctionCall %void %h
-     OpReturn
-     OpFunctionEnd
-)");
+)" + functionText("f") + functionText("h", store) + functionText("g", "%n = OpFunctionCall %void %h")));
         words[1] = 0x00010300;
         return words;
     };
@@ -206,20 +180,15 @@ TEST(Payloads, OfOtherStagesAreNotTaken)
 // Of two, it is the one that the stage's code uses; a literal that happens to be equal to the other's id is no use.
 TEST(Payloads, AreNotMistakenForLiterals)
 {
-    Module words = assemble(R"(
-        OpCapability RayTracingKHR
-        OpCapability PhysicalStorageBufferAddresses
-        OpCapability Int64
-        OpExtension "SPV_KHR_ray_tracing"
-        OpMemoryModel PhysicalStorageBuffer64 GLSL450
+    std::string module = rayTracingText(R"(
         OpEntryPoint AnyHitKHR %f "main"
         OpEntryPoint ClosestHitKHR %g "other"
         OpName %64 "payloadOfOther"
         OpName %payload "payload"
         OpDecorate %block Block
         OpMemberDecorate %block 0 Offset 0
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
+)",
+                                        R"(
 %uint = OpTypeInt 32 0
 %long = OpTypeInt 64 0
 %float = OpTypeFloat 32
@@ -232,20 +201,19 @@ TEST(Payloads, AreNotMistakenForLiterals)
 %zero = OpConstant %uint 0
 %64 = OpVariable %pf IncomingRayPayloadKHR
 %payload = OpVariable %pp IncomingRayPayloadKHR
-%f = OpFunction %void None %proc
-%l = OpLabel
+)" + functionText("f", R"(
 %b = OpConvertUToPtr %pb %address
 %m = OpAccessChain %pu %b %zero
 %v = OpLoad %uint %m Aligned 64
      OpStore %payload %v
-     OpReturn
-     OpFunctionEnd
-%g = OpFunction %void None %proc
-%k = OpLabel
-%w = OpLoad %float %64
-     OpReturn
-     OpFunctionEnd
+)") + functionText("g", "%w = OpLoad %float %64"),
+                                        R"(
+        OpCapability RayTracingKHR
+        OpCapability PhysicalStorageBufferAddresses
+        OpCapability Int64
 )");
+    module.replace(module.find("Logical"), 7, "PhysicalStorageBuffer64");
+    Module words = assemble(module);
     words[1] = 0x00010300;
     const auto result = rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;

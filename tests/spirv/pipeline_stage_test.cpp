@@ -267,39 +267,32 @@ TEST(PipelineStages, ThatCannotBeRewrittenSayWhy)
 }
 
 // Two entry points, one function, a built-in that both know, and a copy of it from memory to memory.
-constexpr const char *kTwoEntryPoints = R"(
-        OpCapability RayTracingKHR
-        OpExtension "SPV_KHR_ray_tracing"
-        OpMemoryModel Logical GLSL450
+std::string twoEntryPoints()
+{
+    return rayTracingText(R"(
         OpEntryPoint AnyHitKHR %f "first" %index %index2 %payload
         OpEntryPoint ClosestHitKHR %f "second" %index %index2 %payload
         OpEntryPoint RayGenerationKHR %g "main"
         OpDecorate %index BuiltIn InstanceCustomIndexKHR
         OpDecorate %index2 BuiltIn IncomingRayFlagsKHR
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
+)",
+                          R"(
  %int = OpTypeInt 32 1
   %in = OpTypePointer Input %int
   %pp = OpTypePointer IncomingRayPayloadKHR %int
 %index = OpVariable %in Input
 %index2 = OpVariable %in Input
 %payload = OpVariable %pp IncomingRayPayloadKHR
-   %f = OpFunction %void None %proc
-  %l1 = OpLabel
+)" + functionText("f", R"(
         OpCopyMemory %payload %index Volatile
   %v = OpLoad %int %index2
         OpStore %payload %v
-        OpReturn
-        OpFunctionEnd
-   %g = OpFunction %void None %proc
-  %l2 = OpLabel
-        OpReturn
-        OpFunctionEnd
-)";
+)") + functionText("g"));
+}
 
 TEST(PipelineStages, OtherEntryPointsAreGone)
 {
-    const Module words = assemble(kTwoEntryPoints);
+    const Module words = assemble(twoEntryPoints());
     for (const auto &[name, model, decides] :
          {std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits),
           std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::BoxHits),
@@ -327,27 +320,16 @@ TEST(PipelineStages, OtherEntryPointsAreGone)
 // What a compiler would not write, around one any-hit shader. `declarations` end the part before the types.
 std::string anyHitText(const std::string &capability, const std::string &declarations, const std::string &body)
 {
-    return "OpCapability " + capability + R"(
-        OpExtension "SPV_KHR_ray_tracing"
-        OpExtension "SPV_NV_shader_invocation_reorder"
-        OpMemoryModel Logical GLSL450
-        OpEntryPoint AnyHitKHR %f "main" %index %payload
-)" + declarations +
-           R"(
-        OpDecorate %index BuiltIn InstanceCustomIndexKHR
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
+    return rayTracingText("OpEntryPoint AnyHitKHR %f \"main\" %index %payload\n" + declarations +
+                              "OpDecorate %index BuiltIn InstanceCustomIndexKHR",
+                          R"(
  %int = OpTypeInt 32 1
   %in = OpTypePointer Input %int
   %pp = OpTypePointer IncomingRayPayloadKHR %int
 %index = OpVariable %in Input
 %payload = OpVariable %pp IncomingRayPayloadKHR
-   %f = OpFunction %void None %proc
-   %l = OpLabel
-)" + body + R"(
-        OpReturn
-        OpFunctionEnd
-)";
+)" + functionText("f", body),
+                          "OpCapability " + capability + "\nOpExtension \"SPV_NV_shader_invocation_reorder\"");
 }
 
 TEST(PipelineStages, ACopyOfAPointerHidesNoBuiltIn)
@@ -384,14 +366,11 @@ TEST(PipelineStages, StrangersAmongExecutionModesStay)
 // Before SPIR-V 1.4 the interface does not tell whose attributes are whose.
 TEST(PipelineStages, UseTheirOwnHitAttributes)
 {
-    Module words = assemble(R"(
-        OpCapability RayTracingKHR
-        OpExtension "SPV_KHR_ray_tracing"
-        OpMemoryModel Logical GLSL450
+    Module words = assemble(rayTracingText(R"(
         OpEntryPoint AnyHitKHR %f "main"
         OpEntryPoint IntersectionKHR %g "box"
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
+)",
+                                           R"(
 %float = OpTypeFloat 32
 %vec2 = OpTypeVector %float 2
 %vec4 = OpTypeVector %float 4
@@ -402,23 +381,9 @@ TEST(PipelineStages, UseTheirOwnHitAttributes)
   %uv = OpVariable %p2 HitAttributeKHR
  %box = OpVariable %p4 HitAttributeKHR
 %zero = OpConstantNull %vec4
-%inner = OpFunction %void None %proc
-  %l0 = OpLabel
-   %v = OpLoad %vec2 %uv
-        OpStore %payload %v
-        OpReturn
-        OpFunctionEnd
-   %f = OpFunction %void None %proc
-  %l1 = OpLabel
-   %c = OpFunctionCall %void %inner
-        OpReturn
-        OpFunctionEnd
-   %g = OpFunction %void None %proc
-  %l2 = OpLabel
-        OpStore %box %zero
-        OpReturn
-        OpFunctionEnd
-)");
+)" + functionText("inner", "%v = OpLoad %vec2 %uv\nOpStore %payload %v") +
+                                               functionText("f", "%c = OpFunctionCall %void %inner") +
+                                               functionText("g", "OpStore %box %zero")));
     words[1] = 0x00010300;
     const auto result = spirv::rewrite(words, optionsOf(kTriangles));
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
@@ -437,21 +402,10 @@ TEST(PipelineStages, HostileHitAttributesAreRefused)
             types += member;
         types += "\n";
     }
-    const Module words = assemble(R"(
-        OpCapability RayTracingKHR
-        OpExtension "SPV_KHR_ray_tracing"
-        OpMemoryModel Logical GLSL450
-        OpEntryPoint AnyHitKHR %f "main" %a
-%void = OpTypeVoid
-%proc = OpTypeFunction %void
-)" + types + R"(
+    const Module words = assemble(rayTracingText("OpEntryPoint AnyHitKHR %f \"main\" %a", types + R"(
    %p = OpTypePointer HitAttributeKHR %s11
    %a = OpVariable %p HitAttributeKHR
-   %f = OpFunction %void None %proc
-   %l = OpLabel
-        OpReturn
-        OpFunctionEnd
-)");
+)" + functionText("f")));
     EXPECT_EQ(spirv::rewrite(words, optionsOf(kTriangles)).status, Status::Failed);
 }
 

@@ -199,4 +199,22 @@ std::string moduleText(const std::string &body, const std::string &globals, cons
 )" + functions;
 }
 
+std::string rayTracingText(const std::string &declarations, const std::string &body, const std::string &needs)
+{
+    return needs + R"(
+        OpExtension "SPV_KHR_ray_tracing"
+        OpMemoryModel Logical GLSL450
+)" + declarations +
+           R"(
+%void = OpTypeVoid
+%proc = OpTypeFunction %void
+)" + body;
+}
+
+std::string functionText(const std::string &name, const std::string &code)
+{
+    return "%" + name + " = OpFunction %void None %proc\n%label_" + name + " = OpLabel\n" + code +
+           "\nOpReturn\nOpFunctionEnd\n";
+}
+
 } // namespace vellum::test

@@ -49,4 +49,12 @@ Forms formsOf(const Module &rewritten);
 // query. `globals` and `functions` are added at their places. See support.cpp for the names in reach.
 std::string moduleText(const std::string &body, const std::string &globals = "", const std::string &functions = "");
 
+// A module of ray tracing stages: `declarations` are its entry points, names and decorations, `body` the types,
+// variables and functions. %void and %proc, the type of a function without parameters, are declared before them.
+std::string rayTracingText(const std::string &declarations, const std::string &body,
+                           const std::string &needs = "OpCapability RayTracingKHR\n");
+
+// A function of that type; `code` stands between its first label and its OpReturn.
+std::string functionText(const std::string &name, const std::string &code = "");
+
 } // namespace vellum::test

@@ -120,8 +120,9 @@ struct World::Description {
              .indexStride = attachment.indexStride,
              .micromap = world.micromaps_[map].handle.khr});
         VkAccelerationStructureGeometryKHR &geometry = geometries[g];
-        geometry = vkInit<VkAccelerationStructureGeometryKHR>(
-            {.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR, .flags = opaque(g) ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0});
+        geometry =
+            vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR,
+                                                        .flags = opaque(g) ? VkFlags{VK_GEOMETRY_OPAQUE_BIT_KHR} : 0});
         VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
         triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
             {.pNext = world.gpu_.khr() ? static_cast<const void *>(&khr) : &attachment,

@@ -56,7 +56,7 @@ protected:
         auto pool = vkInit<VkDescriptorPoolCreateInfo>({.maxSets = 2, .poolSizeCount = 1, .pPoolSizes = &size});
         VT_CHECK(vkCreateDescriptorPool(gpu().device(), &pool, nullptr, &pool_));
         auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
-            {.descriptorPool = pool_, .descriptorSetCount = pushed_ ? 1 : 2, .pSetLayouts = setLayouts_.data()});
+            {.descriptorPool = pool_, .descriptorSetCount = pushed_ ? 1u : 2u, .pSetLayouts = setLayouts_.data()});
         VT_CHECK(vkAllocateDescriptorSets(gpu().device(), &allocation, sets_.data()));
         seen_ = Buffer(gpu(), 128 * 4, kStorage);
         first_ = gpu().upload(std::span<const uint32_t>(std::array{0xabcd0001u}), kStorage);

@@ -65,7 +65,7 @@ VkPipeline AddressGraphics::pipeline(Kind kind)
     auto blend = vkInit<VkPipelineColorBlendStateCreateInfo>({.attachmentCount = 1, .pAttachments = &attachment});
     const VkDynamicState stride = VK_DYNAMIC_STATE_VERTEX_INPUT_BINDING_STRIDE;
     auto dynamic = vkInit<VkPipelineDynamicStateCreateInfo>(
-        {.dynamicStateCount = kind == Kind::DynamicStrides ? 1 : 0, .pDynamicStates = &stride});
+        {.dynamicStateCount = kind == Kind::DynamicStrides ? 1u : 0u, .pDynamicStates = &stride});
     auto rendering =
         vkInit<VkPipelineRenderingCreateInfo>({.colorAttachmentCount = 1, .pColorAttachmentFormats = &kFormat});
     auto info = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &rendering,

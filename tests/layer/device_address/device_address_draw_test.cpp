@@ -470,7 +470,7 @@ protected:
         auto info = vkInit<VkConditionalRenderingBeginInfo2EXT>(
             {.addressRange = range,
              .addressFlags = kAnyUsage,
-             .flags = inverted ? VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT : 0});
+             .flags = inverted ? VkFlags{VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT} : 0});
         gpu().vk().CmdBeginConditionalRendering2EXT(commands, &info);
     }
     VkPipelineLayout layout_ = VK_NULL_HANDLE;

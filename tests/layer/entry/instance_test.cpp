@@ -71,7 +71,7 @@ TEST_P(OldInstance, NothingNewerIsCalled)
                                               .pApplicationInfo = &application,
                                               .enabledLayerCount = 2,
                                               .ppEnabledLayerNames = layers,
-                                              .enabledExtensionCount = GetParam() ? 2 : 1,
+                                              .enabledExtensionCount = GetParam() ? 2u : 1u,
                                               .ppEnabledExtensionNames = extensions});
     VkInstance instance = VK_NULL_HANDLE;
     ASSERT_EQ(vkCreateInstance(&info, nullptr, &instance), VK_SUCCESS);

@@ -11,6 +11,7 @@ namespace
 const vt::Labels kLabels{{"Properties.*", "one_api"}, {"PropertiesNewer.*", "one_api"}, {"WithoutLayer.*", "one_api"}};
 
 using vt::Gpu;
+namespace newer = vt::newer;
 
 bool advertises(VkPhysicalDevice physical)
 {

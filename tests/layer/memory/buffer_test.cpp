@@ -53,7 +53,7 @@ TEST_F(Buffers, ThatAreProtectedGetNoUsageMore)
     for (const VkBufferUsageFlags usage : {kScratchUsage, VkBufferUsageFlags{VK_BUFFER_USAGE_STORAGE_BUFFER_BIT},
                                            kScratchUsage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT}) {
         create(bufferInfo(usage, nullptr, VK_BUFFER_CREATE_PROTECTED_BIT));
-        const Usage2 usage2{.usage = usage};
+        const auto usage2 = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = usage});
         create(bufferInfo(0, &usage2, VK_BUFFER_CREATE_PROTECTED_BIT));
     }
 }
@@ -67,7 +67,7 @@ TEST_F(Buffers, OfTileMemoryGetNoUsageMore)
 // The driver gets it as it is, where the layer has to change it.
 TEST_F(Buffers, UsageBehindAnUnknownStructureIsReported)
 {
-    Usage2 usage2{.usage = kScratchUsage};
+    auto usage2 = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = kScratchUsage});
     const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&usage2)};
     create(bufferInfo(0, &unknown));
     expectMessages("VELLUM-unknown-structure", 2);
@@ -93,7 +93,7 @@ TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
 // Their usage, too, may be in the chain.
 TEST_F(Buffers, OfExternalMemory)
 {
-    const Usage2 usage2{.usage = kMicromapUsage};
+    const auto usage2 = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = kMicromapUsage});
     auto info = vkInit<VkPhysicalDeviceExternalBufferInfo>(
         {.usage = kMicromapUsage, .handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT});
     for (const void *chain : {static_cast<const void *>(nullptr), static_cast<const void *>(&usage2)}) {

@@ -189,8 +189,7 @@ protected:
         setup.groups = {{.general = 0}};
         setup.layout = tracer_.layout();
         PipelineInfo info(gpu(), setup);
-        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed});
-        flags.flags |= others;
+        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed | others});
         info.get().pNext = &flags;
         VkPipeline pipeline = VK_NULL_HANDLE;
         EXPECT_EQ(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1,

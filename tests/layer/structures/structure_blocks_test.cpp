@@ -263,7 +263,6 @@ TEST_F(StructureBlocks, GenericStructuresMadeBeforeTheirMemory)
     }
     const VkDeviceMemory memory = gpu().bindMemory(buffer);
 
-    std::map auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
     std::map<uint64_t, uint64_t> moved;
     for (size_t i = 0; i < 2; ++i)
         moved[addressOf(patchwork.micromap(i))] = gpu().address(buffer) + i * second;
