@@ -1,31 +1,25 @@
 #!/usr/bin/env python3
-"""Checks that the layer intercepts a command by each of its names or by none, and prints which names it lacks.
+"""Checks the table of intercepted commands, and prints what is wrong.
 
-Commands that became part of an extension or of Vulkan itself have other names there (vk.xml has them as aliases). Without
-one, an application that uses it gets past the layer. So the version of Vulkan in the layer's manifest is one whose commands
-all pass; the layer itself returns the same. Names that the registry at hand is too old to have may be there.
+Each command has one row, under the name that the registry describes: promoted commands are found by their aliases
+(command_aliases.py), so a row of an alias is a second row. An alias that command_aliases.py adds for older registries is
+the same in the registry at hand, if that has it. The version of Vulkan in the manifest is the one that the layer returns.
 
 usage: check_commands.py [REGISTRY [ROOT]]
 """
+import collections
+import pathlib
 import re
-import xml.etree.ElementTree as ElementTree
+import sys
 
 import findings
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "src/layer/base"))
+import command_aliases  # noqa: E402
 
 ROWS = "src/layer/entry/entry.cpp"
 MANIFEST = "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in"
 RETURNED = "src/layer/entry/instance.cpp"
-# Of VK_NV_ray_tracing, whose pipelines the layer leaves alone.
-OTHERS = {"vkGetRayTracingShaderGroupHandlesNV"}
-
-
-def names_of(registry):
-    """The names of each command that has several."""
-    names = {}
-    for command in ElementTree.parse(registry).getroot().findall("commands/command"):
-        if command.get("alias"):
-            names.setdefault(command.get("alias"), {command.get("alias")}).add(command.get("name"))
-    return names
 
 
 def versions(root):
@@ -36,10 +30,12 @@ def versions(root):
 
 
 def check(registry, root):
-    rows = set(re.findall(r'row<\w+>\(\s*"(vk\w+)"', (root / ROWS).read_text(encoding="utf-8")))
-    names = names_of(registry)
-    found = [f"{ROWS}: {name} is not there, {', '.join(sorted(all_names & rows))} is"
-             for all_names in names.values() if all_names & rows for name in sorted(all_names - rows - OTHERS)]
+    rows = re.findall(r'row<\w+(?:, \w+)?>\(\s*"(vk\w+)"', (root / ROWS).read_text(encoding="utf-8"))
+    aliases = command_aliases.aliases(registry)
+    found = [f"{ROWS}: {name} is an alias of {aliases[name]}" for name in rows if name in aliases]
+    found += [f"{ROWS}: {name} has {count} rows" for name, count in collections.Counter(rows).items() if count > 1]
+    found += [f"command_aliases.py: {name} is an alias of {aliases[name]}"
+              for name, command in command_aliases.NEWER.items() if aliases[name] != command]
     manifest, returned = versions(root)
     if manifest != returned or not manifest:
         found.append(f"{MANIFEST}: the version is {manifest}, in {RETURNED} {returned}")

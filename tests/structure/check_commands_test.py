@@ -17,7 +17,7 @@ REGISTRY = """<registry><commands>
 """
 
 
-def run(*names, returned="1, 4, 300"):
+def run(*names, returned="1, 4, 300", more=""):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
         (root / "src/layer/entry").mkdir(parents=True)
@@ -27,25 +27,34 @@ def run(*names, returned="1, 4, 300"):
             '{"layer": {"api_version": "1.4.300"}}', encoding="utf-8")
         (root / "src/layer/entry/instance.cpp").write_text(f"specVersion = VK_MAKE_API_VERSION(0, {returned});",
                                                           encoding="utf-8")
-        (root / "vk.xml").write_text(REGISTRY, encoding="utf-8")
+        (root / "vk.xml").write_text(REGISTRY.replace("</commands>", more + "</commands>"), encoding="utf-8")
         result = subprocess.run([sys.executable, str(CHECK), str(root / "vk.xml"), folder], stdout=subprocess.PIPE,
                                 text=True, check=False)
     return result.returncode, result.stdout
 
 
 class CheckCommands(unittest.TestCase):
-    def test_all_names(self):
-        self.assertEqual(run("vkOne", "vkOneKHR", "vkOneEXT", "vkThree")[0], 0)
+    def test_one_row_each(self):
+        self.assertEqual(run("vkOne", "vkTwo", "vkThree")[0], 0)
 
-    def test_missing_names(self):
-        code, out = run("vkOneKHR", "vkTwo", "vkTwoKHR")
+    def test_row_of_an_alias(self):
+        code, out = run("vkOne", "vkTwoKHR")
         self.assertEqual(code, 1)
-        self.assertIn("vkOne is not there, vkOneKHR is", out)
-        self.assertIn("vkOneEXT is not there, vkOneKHR is", out)
-        self.assertNotIn("vkTwo", out)
+        self.assertIn("vkTwoKHR is an alias of vkTwo", out)
+        self.assertNotIn("vkOne", out)
+
+    def test_two_rows(self):
+        code, out = run("vkOne", "vkTwo", "vkOne")
+        self.assertEqual(code, 1)
+        self.assertIn("vkOne has 2 rows", out)
+
+    def test_alias_that_the_registry_has_otherwise(self):
+        code, out = run("vkOne", more='<command name="vkMapMemory2KHR" alias="vkMapMemory3"/>')
+        self.assertEqual(code, 1)
+        self.assertIn("vkMapMemory2KHR is an alias of vkMapMemory3", out)
 
     def test_other_version(self):
-        code, out = run("vkTwo", "vkTwoKHR", returned="1, 3, 300")
+        code, out = run("vkTwo", returned="1, 3, 300")
         self.assertEqual(code, 1)
         self.assertIn("the version is ['1.4.300']", out)
 

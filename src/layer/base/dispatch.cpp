@@ -1,15 +1,42 @@
 #include "layer/base/dispatch.h"
 
+#include <algorithm>
+#include <string_view>
+
+#include "layer/base/command_aliases.h"
+
 namespace vellum::layer
 {
+namespace
+{
+
+// The first of a command's names that `get` returns a function for: its own, and those of its aliases.
+template <typename Get>
+PFN_vkVoidFunction findByAnyName(const char *name, bool aliasesFirst, Get get)
+{
+    PFN_vkVoidFunction found = aliasesFirst ? nullptr : get(name);
+    const char *command = commandOf(name);
+    for (const CommandAlias &alias : kCommandAliases) {
+        if (!found && std::string_view(command) == alias.command)
+            found = get(alias.alias);
+    }
+    return found ? found : get(command);
+}
+
+} // namespace
+
+const char *commandOf(const char *name)
+{
+    const auto *alias = std::ranges::lower_bound(kCommandAliases, std::string_view(name), {},
+                                                 [](const CommandAlias &a) { return std::string_view(a.alias); });
+    return alias != std::end(kCommandAliases) && std::string_view(alias->alias) == name ? alias->command : name;
+}
 
 void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core)
 {
     GetInstanceProcAddr = next;
-#define VELLUM_LOAD(name, alias)                                                                                       \
-    name = reinterpret_cast<PFN_vk##name>(next(instance, core ? "vk" #name : "vk" #alias));                            \
-    if (!name)                                                                                                         \
-        name = reinterpret_cast<PFN_vk##name>(next(instance, core ? "vk" #alias : "vk" #name));
+    const auto get = [=](const char *name) { return next(instance, name); };
+#define VELLUM_LOAD(name) name = reinterpret_cast<PFN_vk##name>(findByAnyName("vk" #name, !core, get));
     VELLUM_INSTANCE_COMMANDS(VELLUM_LOAD)
 #undef VELLUM_LOAD
 }
@@ -17,35 +44,13 @@ void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bo
 void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
 {
     GetDeviceProcAddr = next;
-#define VELLUM_LOAD(name, alias)                                                                                       \
-    name = reinterpret_cast<PFN_vk##name>(next(device, "vk" #name));                                                   \
-    if (!name)                                                                                                         \
-        name = reinterpret_cast<PFN_vk##name>(next(device, "vk" #alias));
+    const auto get = [=](const char *name) { return next(device, name); };
+#define VELLUM_LOAD(name) name = reinterpret_cast<PFN_vk##name>(findByAnyName("vk" #name, false, get));
+#define VELLUM_LOAD_NEWER(name, type) name = reinterpret_cast<newer::PFN_##type>(findByAnyName("vk" #name, false, get));
     VELLUM_DEVICE_COMMANDS(VELLUM_LOAD)
+    VELLUM_NEWER_DEVICE_COMMANDS(VELLUM_LOAD_NEWER)
 #undef VELLUM_LOAD
-    CmdBindIndexBuffer2 = reinterpret_cast<newer::PFN_CmdBindIndexBuffer2>(next(device, "vkCmdBindIndexBuffer2"));
-    if (!CmdBindIndexBuffer2)
-        CmdBindIndexBuffer2 =
-            reinterpret_cast<newer::PFN_CmdBindIndexBuffer2>(next(device, "vkCmdBindIndexBuffer2KHR"));
-    CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2"));
-    if (!CmdPushConstants2)
-        CmdPushConstants2 = reinterpret_cast<newer::PFN_CmdPushConstants2>(next(device, "vkCmdPushConstants2KHR"));
-    MapMemory2 = reinterpret_cast<newer::PFN_MapMemory2>(next(device, "vkMapMemory2"));
-    if (!MapMemory2)
-        MapMemory2 = reinterpret_cast<newer::PFN_MapMemory2>(next(device, "vkMapMemory2KHR"));
-    UnmapMemory2 = reinterpret_cast<newer::PFN_UnmapMemory2>(next(device, "vkUnmapMemory2"));
-    if (!UnmapMemory2)
-        UnmapMemory2 = reinterpret_cast<newer::PFN_UnmapMemory2>(next(device, "vkUnmapMemory2KHR"));
-    CreateShadersEXT = reinterpret_cast<newer::PFN_CreateShaders>(next(device, "vkCreateShadersEXT"));
-    GetShaderBinaryDataEXT = reinterpret_cast<newer::PFN_GetShaderBinaryData>(next(device, "vkGetShaderBinaryDataEXT"));
-    CmdBindShadersEXT = reinterpret_cast<newer::PFN_CmdBindShaders>(next(device, "vkCmdBindShadersEXT"));
-    CreatePipelineBinariesKHR =
-        reinterpret_cast<newer::PFN_CreatePipelineBinaries>(next(device, "vkCreatePipelineBinariesKHR"));
-    DestroyPipelineBinaryKHR =
-        reinterpret_cast<newer::PFN_DestroyPipelineBinary>(next(device, "vkDestroyPipelineBinaryKHR"));
-    GetPipelineKeyKHR = reinterpret_cast<newer::PFN_GetPipelineKey>(next(device, "vkGetPipelineKeyKHR"));
-    GetPipelineBinaryDataKHR =
-        reinterpret_cast<newer::PFN_GetPipelineBinaryData>(next(device, "vkGetPipelineBinaryDataKHR"));
+#undef VELLUM_LOAD_NEWER
 }
 
 } // namespace vellum::layer

@@ -1,4 +1,4 @@
-// Function pointers of the next layer or driver, one row per command that the layer calls or intercepts.
+// Function pointers of the next layer or driver: one row per command that the layer calls.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -8,180 +8,187 @@
 namespace vellum::layer
 {
 
-// X(name, name of an alias that may be there instead)
+// X(name). Where the command is missing, its aliases in the registry are tried.
 #define VELLUM_INSTANCE_COMMANDS(X)                                                                                    \
-    X(DestroyInstance, DestroyInstance)                                                                                \
-    X(EnumerateDeviceExtensionProperties, EnumerateDeviceExtensionProperties)                                          \
-    X(GetPhysicalDeviceProperties, GetPhysicalDeviceProperties)                                                        \
-    X(GetPhysicalDeviceMemoryProperties, GetPhysicalDeviceMemoryProperties)                                            \
-    X(GetPhysicalDeviceQueueFamilyProperties, GetPhysicalDeviceQueueFamilyProperties)                                  \
-    X(GetPhysicalDeviceExternalBufferProperties, GetPhysicalDeviceExternalBufferPropertiesKHR)                         \
-    X(GetPhysicalDeviceFeatures2, GetPhysicalDeviceFeatures2KHR)                                                       \
-    X(GetPhysicalDeviceProperties2, GetPhysicalDeviceProperties2KHR)                                                   \
-    X(GetPhysicalDeviceToolProperties, GetPhysicalDeviceToolPropertiesEXT)                                             \
-    X(CreateDebugUtilsMessengerEXT, CreateDebugUtilsMessengerEXT)                                                      \
-    X(DestroyDebugUtilsMessengerEXT, DestroyDebugUtilsMessengerEXT)                                                    \
-    X(SubmitDebugUtilsMessageEXT, SubmitDebugUtilsMessageEXT)                                                          \
-    X(DebugReportMessageEXT, DebugReportMessageEXT)
+    X(DestroyInstance)                                                                                                 \
+    X(EnumerateDeviceExtensionProperties)                                                                              \
+    X(GetPhysicalDeviceProperties)                                                                                     \
+    X(GetPhysicalDeviceMemoryProperties)                                                                               \
+    X(GetPhysicalDeviceQueueFamilyProperties)                                                                          \
+    X(GetPhysicalDeviceExternalBufferProperties)                                                                       \
+    X(GetPhysicalDeviceFeatures2)                                                                                      \
+    X(GetPhysicalDeviceProperties2)                                                                                    \
+    X(GetPhysicalDeviceToolProperties)                                                                                 \
+    X(CreateDebugUtilsMessengerEXT)                                                                                    \
+    X(DestroyDebugUtilsMessengerEXT)                                                                                   \
+    X(SubmitDebugUtilsMessageEXT)                                                                                      \
+    X(DebugReportMessageEXT)
 
 #define VELLUM_DEVICE_COMMANDS(X)                                                                                      \
-    X(DestroyDevice, DestroyDevice)                                                                                    \
-    X(GetDeviceQueue2, GetDeviceQueue2)                                                                                \
-    X(QueueSubmit, QueueSubmit)                                                                                        \
-    X(QueueBindSparse, QueueBindSparse)                                                                                \
-    X(QueuePresentKHR, QueuePresentKHR)                                                                                \
-    X(CreateFence, CreateFence)                                                                                        \
-    X(DestroyFence, DestroyFence)                                                                                      \
-    X(QueueWaitIdle, QueueWaitIdle)                                                                                    \
-    X(CreateCommandPool, CreateCommandPool)                                                                            \
-    X(EndCommandBuffer, EndCommandBuffer)                                                                              \
-    X(CreateBuffer, CreateBuffer)                                                                                      \
-    X(DestroyBuffer, DestroyBuffer)                                                                                    \
-    X(GetBufferMemoryRequirements, GetBufferMemoryRequirements)                                                        \
-    X(GetDeviceBufferMemoryRequirements, GetDeviceBufferMemoryRequirementsKHR)                                         \
-    X(AllocateMemory, AllocateMemory)                                                                                  \
-    X(GetMemoryHostPointerPropertiesEXT, GetMemoryHostPointerPropertiesEXT)                                            \
-    X(FreeMemory, FreeMemory)                                                                                          \
-    X(BindBufferMemory, BindBufferMemory)                                                                              \
-    X(MapMemory, MapMemory)                                                                                            \
-    X(UnmapMemory, UnmapMemory)                                                                                        \
-    X(BindBufferMemory2, BindBufferMemory2KHR)                                                                         \
-    X(FlushMappedMemoryRanges, FlushMappedMemoryRanges)                                                                \
-    X(InvalidateMappedMemoryRanges, InvalidateMappedMemoryRanges)                                                      \
-    X(GetBufferDeviceAddress, GetBufferDeviceAddressKHR)                                                               \
-    X(GetBufferOpaqueCaptureAddress, GetBufferOpaqueCaptureAddressKHR)                                                 \
-    X(GetDeviceMemoryOpaqueCaptureAddress, GetDeviceMemoryOpaqueCaptureAddressKHR)                                     \
-    X(CreateShaderModule, CreateShaderModule)                                                                          \
-    X(DestroyShaderModule, DestroyShaderModule)                                                                        \
-    X(CreatePipelineLayout, CreatePipelineLayout)                                                                      \
-    X(DestroyPipelineLayout, DestroyPipelineLayout)                                                                    \
-    X(CreateComputePipelines, CreateComputePipelines)                                                                  \
-    X(CreateGraphicsPipelines, CreateGraphicsPipelines)                                                                \
-    X(GetShaderModuleIdentifierEXT, GetShaderModuleIdentifierEXT)                                                      \
-    X(GetShaderModuleCreateInfoIdentifierEXT, GetShaderModuleCreateInfoIdentifierEXT)                                  \
-    X(CreateRayTracingPipelinesKHR, CreateRayTracingPipelinesKHR)                                                      \
-    X(GetRayTracingShaderGroupHandlesKHR, GetRayTracingShaderGroupHandlesKHR)                                          \
-    X(GetRayTracingCaptureReplayShaderGroupHandlesKHR, GetRayTracingCaptureReplayShaderGroupHandlesKHR)                \
-    X(GetRayTracingShaderGroupStackSizeKHR, GetRayTracingShaderGroupStackSizeKHR)                                      \
-    X(CmdSetRayTracingPipelineStackSizeKHR, CmdSetRayTracingPipelineStackSizeKHR)                                      \
-    X(CmdTraceRaysKHR, CmdTraceRaysKHR)                                                                                \
-    X(CmdTraceRaysIndirectKHR, CmdTraceRaysIndirectKHR)                                                                \
-    X(CmdTraceRaysIndirect2KHR, CmdTraceRaysIndirect2KHR)                                                              \
-    X(DeferredOperationJoinKHR, DeferredOperationJoinKHR)                                                              \
-    X(GetDeferredOperationResultKHR, GetDeferredOperationResultKHR)                                                    \
-    X(DestroyDeferredOperationKHR, DestroyDeferredOperationKHR)                                                        \
-    X(DestroyPipeline, DestroyPipeline)                                                                                \
-    X(CreateRenderPass2, CreateRenderPass2KHR)                                                                         \
-    X(CreateAccelerationStructureKHR, CreateAccelerationStructureKHR)                                                  \
-    X(CreateAccelerationStructure2KHR, CreateAccelerationStructure2KHR)                                                \
-    X(DestroyAccelerationStructureKHR, DestroyAccelerationStructureKHR)                                                \
-    X(GetAccelerationStructureBuildSizesKHR, GetAccelerationStructureBuildSizesKHR)                                    \
-    X(GetAccelerationStructureDeviceAddressKHR, GetAccelerationStructureDeviceAddressKHR)                              \
-    X(GetAccelerationStructureOpaqueCaptureDescriptorDataEXT, GetAccelerationStructureOpaqueCaptureDescriptorDataEXT)  \
-    X(GetDeviceAccelerationStructureCompatibilityKHR, GetDeviceAccelerationStructureCompatibilityKHR)                  \
-    X(CmdBuildAccelerationStructuresKHR, CmdBuildAccelerationStructuresKHR)                                            \
-    X(CmdBuildAccelerationStructuresIndirectKHR, CmdBuildAccelerationStructuresIndirectKHR)                            \
-    X(CmdCopyAccelerationStructureToMemoryKHR, CmdCopyAccelerationStructureToMemoryKHR)                                \
-    X(CmdCopyAccelerationStructureKHR, CmdCopyAccelerationStructureKHR)                                                \
-    X(CmdCopyMemoryToAccelerationStructureKHR, CmdCopyMemoryToAccelerationStructureKHR)                                \
-    X(BuildAccelerationStructuresKHR, BuildAccelerationStructuresKHR)                                                  \
-    X(CopyAccelerationStructureKHR, CopyAccelerationStructureKHR)                                                      \
-    X(CopyAccelerationStructureToMemoryKHR, CopyAccelerationStructureToMemoryKHR)                                      \
-    X(CopyMemoryToAccelerationStructureKHR, CopyMemoryToAccelerationStructureKHR)                                      \
-    X(CreateMicromapEXT, CreateMicromapEXT)                                                                            \
-    X(DestroyMicromapEXT, DestroyMicromapEXT)                                                                          \
-    X(GetMicromapBuildSizesEXT, GetMicromapBuildSizesEXT)                                                              \
-    X(GetDeviceMicromapCompatibilityEXT, GetDeviceMicromapCompatibilityEXT)                                            \
-    X(CmdBuildMicromapsEXT, CmdBuildMicromapsEXT)                                                                      \
-    X(CmdCopyMicromapEXT, CmdCopyMicromapEXT)                                                                          \
-    X(CmdCopyMicromapToMemoryEXT, CmdCopyMicromapToMemoryEXT)                                                          \
-    X(CmdCopyMemoryToMicromapEXT, CmdCopyMemoryToMicromapEXT)                                                          \
-    X(CmdWriteMicromapsPropertiesEXT, CmdWriteMicromapsPropertiesEXT)                                                  \
-    X(CreateQueryPool, CreateQueryPool)                                                                                \
-    X(DestroyQueryPool, DestroyQueryPool)                                                                              \
-    X(ResetQueryPool, ResetQueryPoolEXT)                                                                               \
-    X(GetQueryPoolResults, GetQueryPoolResults)                                                                        \
-    X(CmdResetQueryPool, CmdResetQueryPool)                                                                            \
-    X(CmdCopyQueryPoolResults, CmdCopyQueryPoolResults)                                                                \
-    X(CmdWriteAccelerationStructuresPropertiesKHR, CmdWriteAccelerationStructuresPropertiesKHR)                        \
-    X(WriteAccelerationStructuresPropertiesKHR, WriteAccelerationStructuresPropertiesKHR)                              \
-    X(CmdFillBuffer, CmdFillBuffer)                                                                                    \
-    X(DeviceWaitIdle, DeviceWaitIdle)                                                                                  \
-    X(WaitForFences, WaitForFences)                                                                                    \
-    X(GetFenceStatus, GetFenceStatus)                                                                                  \
-    X(WaitSemaphores, WaitSemaphoresKHR)                                                                               \
-    X(CmdBindDescriptorBuffersEXT, CmdBindDescriptorBuffersEXT)                                                        \
-    X(SetPrivateData, SetPrivateDataEXT)                                                                               \
-    X(GetPrivateData, GetPrivateDataEXT)                                                                               \
-    X(DestroyPrivateDataSlot, DestroyPrivateDataSlotEXT)                                                               \
-    X(AllocateCommandBuffers, AllocateCommandBuffers)                                                                  \
-    X(FreeCommandBuffers, FreeCommandBuffers)                                                                          \
-    X(DestroyCommandPool, DestroyCommandPool)                                                                          \
-    X(BeginCommandBuffer, BeginCommandBuffer)                                                                          \
-    X(CmdBindPipeline, CmdBindPipeline)                                                                                \
-    X(CmdPushConstants, CmdPushConstants)                                                                              \
-    X(CmdExecuteCommands, CmdExecuteCommands)                                                                          \
-    X(CmdDispatch, CmdDispatch)                                                                                        \
-    X(CmdDispatchIndirect, CmdDispatchIndirect)                                                                        \
-    X(CmdPipelineBarrier, CmdPipelineBarrier)                                                                          \
-    X(CmdCopyBuffer, CmdCopyBuffer)                                                                                    \
-    X(CmdUpdateBuffer, CmdUpdateBuffer)                                                                                \
-    X(CmdBeginConditionalRenderingEXT, CmdBeginConditionalRenderingEXT)                                                \
-    X(CmdEndConditionalRenderingEXT, CmdEndConditionalRenderingEXT)                                                    \
-    X(CmdCopyBufferToImage2, CmdCopyBufferToImage2KHR)                                                                 \
-    X(CmdCopyImageToBuffer2, CmdCopyImageToBuffer2KHR)                                                                 \
-    X(CmdBindIndexBuffer, CmdBindIndexBuffer)                                                                          \
-    X(CmdBindVertexBuffers, CmdBindVertexBuffers)                                                                      \
-    X(CmdBindVertexBuffers2, CmdBindVertexBuffers2EXT)                                                                 \
-    X(CmdDrawIndirect, CmdDrawIndirect)                                                                                \
-    X(CmdDrawIndexedIndirect, CmdDrawIndexedIndirect)                                                                  \
-    X(CmdDrawIndirectCount, CmdDrawIndirectCountKHR)                                                                   \
-    X(CmdDrawIndexedIndirectCount, CmdDrawIndexedIndirectCountKHR)                                                     \
-    X(CmdDrawMeshTasksIndirectEXT, CmdDrawMeshTasksIndirectEXT)                                                        \
-    X(CmdDrawMeshTasksIndirectCountEXT, CmdDrawMeshTasksIndirectCountEXT)                                              \
-    X(CmdBindTransformFeedbackBuffersEXT, CmdBindTransformFeedbackBuffersEXT)                                          \
-    X(CmdBeginTransformFeedbackEXT, CmdBeginTransformFeedbackEXT)                                                      \
-    X(CmdEndTransformFeedbackEXT, CmdEndTransformFeedbackEXT)                                                          \
-    X(CmdDrawIndirectByteCountEXT, CmdDrawIndirectByteCountEXT)                                                        \
-    X(CmdPipelineBarrier2, CmdPipelineBarrier2KHR)                                                                     \
-    X(CmdSetEvent2, CmdSetEvent2KHR)                                                                                   \
-    X(CmdResetEvent2, CmdResetEvent2KHR)                                                                               \
-    X(CmdWaitEvents2, CmdWaitEvents2KHR)                                                                               \
-    X(CmdWriteTimestamp2, CmdWriteTimestamp2KHR)                                                                       \
-    X(CmdWriteBufferMarker2AMD, CmdWriteBufferMarker2AMD)                                                              \
-    X(QueueSubmit2, QueueSubmit2KHR)                                                                                   \
-    X(QueueBeginDebugUtilsLabelEXT, QueueBeginDebugUtilsLabelEXT)                                                      \
-    X(QueueEndDebugUtilsLabelEXT, QueueEndDebugUtilsLabelEXT)                                                          \
-    X(QueueInsertDebugUtilsLabelEXT, QueueInsertDebugUtilsLabelEXT)                                                    \
-    X(SetDebugUtilsObjectNameEXT, SetDebugUtilsObjectNameEXT)                                                          \
-    X(SetDebugUtilsObjectTagEXT, SetDebugUtilsObjectTagEXT)                                                            \
-    X(DebugMarkerSetObjectNameEXT, DebugMarkerSetObjectNameEXT)                                                        \
-    X(DebugMarkerSetObjectTagEXT, DebugMarkerSetObjectTagEXT)
+    X(DestroyDevice)                                                                                                   \
+    X(GetDeviceQueue2)                                                                                                 \
+    X(QueueSubmit)                                                                                                     \
+    X(QueueBindSparse)                                                                                                 \
+    X(QueuePresentKHR)                                                                                                 \
+    X(CreateFence)                                                                                                     \
+    X(DestroyFence)                                                                                                    \
+    X(QueueWaitIdle)                                                                                                   \
+    X(CreateCommandPool)                                                                                               \
+    X(EndCommandBuffer)                                                                                                \
+    X(CreateBuffer)                                                                                                    \
+    X(DestroyBuffer)                                                                                                   \
+    X(GetBufferMemoryRequirements)                                                                                     \
+    X(GetDeviceBufferMemoryRequirements)                                                                               \
+    X(AllocateMemory)                                                                                                  \
+    X(GetMemoryHostPointerPropertiesEXT)                                                                               \
+    X(FreeMemory)                                                                                                      \
+    X(BindBufferMemory)                                                                                                \
+    X(MapMemory)                                                                                                       \
+    X(UnmapMemory)                                                                                                     \
+    X(BindBufferMemory2)                                                                                               \
+    X(FlushMappedMemoryRanges)                                                                                         \
+    X(InvalidateMappedMemoryRanges)                                                                                    \
+    X(GetBufferDeviceAddress)                                                                                          \
+    X(GetBufferOpaqueCaptureAddress)                                                                                   \
+    X(GetDeviceMemoryOpaqueCaptureAddress)                                                                             \
+    X(CreateShaderModule)                                                                                              \
+    X(DestroyShaderModule)                                                                                             \
+    X(CreatePipelineLayout)                                                                                            \
+    X(DestroyPipelineLayout)                                                                                           \
+    X(CreateComputePipelines)                                                                                          \
+    X(CreateGraphicsPipelines)                                                                                         \
+    X(GetShaderModuleIdentifierEXT)                                                                                    \
+    X(GetShaderModuleCreateInfoIdentifierEXT)                                                                          \
+    X(CreateRayTracingPipelinesKHR)                                                                                    \
+    X(GetRayTracingShaderGroupHandlesKHR)                                                                              \
+    X(GetRayTracingCaptureReplayShaderGroupHandlesKHR)                                                                 \
+    X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
+    X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(CmdTraceRaysKHR)                                                                                                 \
+    X(CmdTraceRaysIndirectKHR)                                                                                         \
+    X(CmdTraceRaysIndirect2KHR)                                                                                        \
+    X(DeferredOperationJoinKHR)                                                                                        \
+    X(GetDeferredOperationResultKHR)                                                                                   \
+    X(DestroyDeferredOperationKHR)                                                                                     \
+    X(DestroyPipeline)                                                                                                 \
+    X(CreateRenderPass2)                                                                                               \
+    X(CreateAccelerationStructureKHR)                                                                                  \
+    X(CreateAccelerationStructure2KHR)                                                                                 \
+    X(DestroyAccelerationStructureKHR)                                                                                 \
+    X(GetAccelerationStructureBuildSizesKHR)                                                                           \
+    X(GetAccelerationStructureDeviceAddressKHR)                                                                        \
+    X(GetAccelerationStructureOpaqueCaptureDescriptorDataEXT)                                                          \
+    X(GetDeviceAccelerationStructureCompatibilityKHR)                                                                  \
+    X(CmdBuildAccelerationStructuresKHR)                                                                               \
+    X(CmdBuildAccelerationStructuresIndirectKHR)                                                                       \
+    X(CmdCopyAccelerationStructureToMemoryKHR)                                                                         \
+    X(CmdCopyAccelerationStructureKHR)                                                                                 \
+    X(CmdCopyMemoryToAccelerationStructureKHR)                                                                         \
+    X(BuildAccelerationStructuresKHR)                                                                                  \
+    X(CopyAccelerationStructureKHR)                                                                                    \
+    X(CopyAccelerationStructureToMemoryKHR)                                                                            \
+    X(CopyMemoryToAccelerationStructureKHR)                                                                            \
+    X(CreateMicromapEXT)                                                                                               \
+    X(DestroyMicromapEXT)                                                                                              \
+    X(GetMicromapBuildSizesEXT)                                                                                        \
+    X(GetDeviceMicromapCompatibilityEXT)                                                                               \
+    X(CmdBuildMicromapsEXT)                                                                                            \
+    X(CmdCopyMicromapEXT)                                                                                              \
+    X(CmdCopyMicromapToMemoryEXT)                                                                                      \
+    X(CmdCopyMemoryToMicromapEXT)                                                                                      \
+    X(CmdWriteMicromapsPropertiesEXT)                                                                                  \
+    X(CreateQueryPool)                                                                                                 \
+    X(DestroyQueryPool)                                                                                                \
+    X(ResetQueryPool)                                                                                                  \
+    X(GetQueryPoolResults)                                                                                             \
+    X(CmdResetQueryPool)                                                                                               \
+    X(CmdCopyQueryPoolResults)                                                                                         \
+    X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
+    X(WriteAccelerationStructuresPropertiesKHR)                                                                        \
+    X(CmdFillBuffer)                                                                                                   \
+    X(DeviceWaitIdle)                                                                                                  \
+    X(WaitForFences)                                                                                                   \
+    X(GetFenceStatus)                                                                                                  \
+    X(WaitSemaphores)                                                                                                  \
+    X(CmdBindDescriptorBuffersEXT)                                                                                     \
+    X(SetPrivateData)                                                                                                  \
+    X(GetPrivateData)                                                                                                  \
+    X(DestroyPrivateDataSlot)                                                                                          \
+    X(AllocateCommandBuffers)                                                                                          \
+    X(FreeCommandBuffers)                                                                                              \
+    X(DestroyCommandPool)                                                                                              \
+    X(BeginCommandBuffer)                                                                                              \
+    X(CmdBindPipeline)                                                                                                 \
+    X(CmdPushConstants)                                                                                                \
+    X(CmdExecuteCommands)                                                                                              \
+    X(CmdDispatch)                                                                                                     \
+    X(CmdDispatchIndirect)                                                                                             \
+    X(CmdPipelineBarrier)                                                                                              \
+    X(CmdCopyBuffer)                                                                                                   \
+    X(CmdUpdateBuffer)                                                                                                 \
+    X(CmdBeginConditionalRenderingEXT)                                                                                 \
+    X(CmdEndConditionalRenderingEXT)                                                                                   \
+    X(CmdCopyBufferToImage2)                                                                                           \
+    X(CmdCopyImageToBuffer2)                                                                                           \
+    X(CmdBindIndexBuffer)                                                                                              \
+    X(CmdBindVertexBuffers)                                                                                            \
+    X(CmdBindVertexBuffers2)                                                                                           \
+    X(CmdDrawIndirect)                                                                                                 \
+    X(CmdDrawIndexedIndirect)                                                                                          \
+    X(CmdDrawIndirectCount)                                                                                            \
+    X(CmdDrawIndexedIndirectCount)                                                                                     \
+    X(CmdDrawMeshTasksIndirectEXT)                                                                                     \
+    X(CmdDrawMeshTasksIndirectCountEXT)                                                                                \
+    X(CmdBindTransformFeedbackBuffersEXT)                                                                              \
+    X(CmdBeginTransformFeedbackEXT)                                                                                    \
+    X(CmdEndTransformFeedbackEXT)                                                                                      \
+    X(CmdDrawIndirectByteCountEXT)                                                                                     \
+    X(CmdPipelineBarrier2)                                                                                             \
+    X(CmdSetEvent2)                                                                                                    \
+    X(CmdResetEvent2)                                                                                                  \
+    X(CmdWaitEvents2)                                                                                                  \
+    X(CmdWriteTimestamp2)                                                                                              \
+    X(CmdWriteBufferMarker2AMD)                                                                                        \
+    X(QueueSubmit2)                                                                                                    \
+    X(QueueBeginDebugUtilsLabelEXT)                                                                                    \
+    X(QueueEndDebugUtilsLabelEXT)                                                                                      \
+    X(QueueInsertDebugUtilsLabelEXT)                                                                                   \
+    X(SetDebugUtilsObjectNameEXT)                                                                                      \
+    X(SetDebugUtilsObjectTagEXT)                                                                                       \
+    X(DebugMarkerSetObjectNameEXT)                                                                                     \
+    X(DebugMarkerSetObjectTagEXT)
+
+// Commands that the oldest headers do not declare: X(name, type in base/vulkan_newer.h).
+#define VELLUM_NEWER_DEVICE_COMMANDS(X)                                                                                \
+    X(CmdBindIndexBuffer2, CmdBindIndexBuffer2)                                                                        \
+    X(CmdPushConstants2, CmdPushConstants2)                                                                            \
+    X(MapMemory2, MapMemory2)                                                                                          \
+    X(UnmapMemory2, UnmapMemory2)                                                                                      \
+    X(CreateShadersEXT, CreateShaders)                                                                                 \
+    X(CmdBindShadersEXT, CmdBindShaders)                                                                               \
+    X(GetShaderBinaryDataEXT, GetShaderBinaryData)                                                                     \
+    X(CreatePipelineBinariesKHR, CreatePipelineBinaries)                                                               \
+    X(DestroyPipelineBinaryKHR, DestroyPipelineBinary)                                                                 \
+    X(GetPipelineKeyKHR, GetPipelineKey)                                                                               \
+    X(GetPipelineBinaryDataKHR, GetPipelineBinaryData)
+
+// The name under which the registry describes a command: `name`, or what it is an alias of.
+const char *commandOf(const char *name);
 
 struct InstanceTable {
-#define VELLUM_MEMBER(name, alias) PFN_vk##name name = nullptr;
+#define VELLUM_MEMBER(name) PFN_vk##name name = nullptr;
     VELLUM_INSTANCE_COMMANDS(VELLUM_MEMBER)
     PFN_vkGetInstanceProcAddr GetInstanceProcAddr = nullptr;
-    // `core`: the instance is one of Vulkan 1.1 or later. In others, commands that 1.1 has taken over are those of
-    // their extensions.
+    // `core`: the instance has Vulkan 1.1 or later. Others have the commands that 1.1 promoted under their aliases.
     void load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core);
 };
 
 struct DeviceTable {
     VELLUM_DEVICE_COMMANDS(VELLUM_MEMBER)
 #undef VELLUM_MEMBER
-    // Commands that the oldest headers do not declare.
-    newer::PFN_CmdBindIndexBuffer2 CmdBindIndexBuffer2 = nullptr;
-    newer::PFN_CmdPushConstants2 CmdPushConstants2 = nullptr;
-    newer::PFN_MapMemory2 MapMemory2 = nullptr;
-    newer::PFN_UnmapMemory2 UnmapMemory2 = nullptr;
-    newer::PFN_CreateShaders CreateShadersEXT = nullptr;
-    newer::PFN_CmdBindShaders CmdBindShadersEXT = nullptr;
-    newer::PFN_GetShaderBinaryData GetShaderBinaryDataEXT = nullptr;
-    newer::PFN_CreatePipelineBinaries CreatePipelineBinariesKHR = nullptr;
-    newer::PFN_DestroyPipelineBinary DestroyPipelineBinaryKHR = nullptr;
-    newer::PFN_GetPipelineKey GetPipelineKeyKHR = nullptr;
-    newer::PFN_GetPipelineBinaryData GetPipelineBinaryDataKHR = nullptr;
+#define VELLUM_NEWER_MEMBER(name, type) newer::PFN_##type name = nullptr;
+    VELLUM_NEWER_DEVICE_COMMANDS(VELLUM_NEWER_MEMBER)
+#undef VELLUM_NEWER_MEMBER
     PFN_vkGetDeviceProcAddr GetDeviceProcAddr = nullptr;
     void load(VkDevice device, PFN_vkGetDeviceProcAddr next);
 };

@@ -1,10 +1,9 @@
 #include "layer/entry/device.h"
-#include "layer/khr_over_ext/ext_backend.h"
-#include "layer/structures/emulated_backend.h"
 
 #include <algorithm>
 #include <atomic>
 #include <cstring>
+#include <memory>
 #include <string>
 #include <thread>
 #include <type_traits>
@@ -12,10 +11,12 @@
 
 #include <vulkan/vk_layer.h>
 
-#include "layer/base/pnext.h"
 #include "layer/base/undo.h"
+#include "layer/entry/device_info.h"
 #include "layer/entry/hidden_extensions.h"
 #include "layer/entry/registry.h"
+#include "layer/khr_over_ext/ext_backend.h"
+#include "layer/structures/emulated_backend.h"
 
 namespace vellum::layer
 {
@@ -23,143 +24,87 @@ namespace
 {
 
 constinit Registry<Device> devices;
-// At the end of the process nothing is destroyed.
+// Nothing is destroyed at the end of the process.
 static_assert(std::is_trivially_destructible_v<Registry<Device>>);
 
-bool asksFor(const VkDeviceCreateInfo &info, const char *extension)
+void reportDeviceError(Instance &instance, VkPhysicalDevice handle, const char *id, const std::string &text)
+{
+    instance.report.error(id, text, VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(handle));
+}
+
+// The mode of a device, if every extension that the application enables can be had.
+Mode modeOf(const VkDeviceCreateInfo &info, const Implementations &have)
 {
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
-        if (std::strcmp(info.ppEnabledExtensionNames[i], extension) == 0)
+        // A driver that has one of the two micromap extensions is always used for both.
+        if (isProvided(have.of(info.ppEnabledExtensionNames[i])))
+            return have.khr == Implementation::Translation ? Mode::KhrOverExt : Mode::Emulated;
+    }
+    const bool identifiers = enablesExtension(info, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME);
+    return identifiers && have.mixesIdentifiers() ? Mode::Identifiers : Mode::PassThrough;
+}
+
+// The reason why a device of that mode cannot have an extension of the driver; null if it can.
+const char *reasonToHide(const char *name, Mode mode, const Implementations &have, const EnabledFeatures &enabled)
+{
+    if (mode == Mode::Emulated || have.ext == Implementation::Emulation) {
+        const HiddenExtension *hidden = hiddenByEmulation(name);
+        return hidden ? hidden->reason : nullptr;
+    }
+    const HiddenExtension *hidden = mode == Mode::KhrOverExt ? hiddenByTranslation(name) : nullptr;
+    // Without KHR a translated device has the driver's micromaps, unchanged.
+    if (!hidden || (!enabled.khr && hidden->translated != HiddenExtension::Translated::NotBesideWork))
+        return nullptr;
+    return hidden->reason;
+}
+
+// Whether the application enables anything whose implementation depends on the layer.
+bool dependsOnLayer(const VkDeviceCreateInfo &info)
+{
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
+        const char *name = info.ppEnabledExtensionNames[i];
+        const auto isName = [name](const ProvidedExtension &own) { return std::strcmp(own.name, name) == 0; };
+        if (std::ranges::any_of(kProvidedExtensions, isName) || hiddenByEmulation(name) ||
+            std::strcmp(name, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME) == 0)
             return true;
     }
     return false;
 }
 
-template <typename T>
-const T *featuresIn(const VkDeviceCreateInfo &info, VkStructureType type)
+// VK_ERROR_EXTENSION_NOT_PRESENT after a message if an enabled extension cannot be had.
+VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDeviceCreateInfo &info,
+                         const Implementations &have, const Driver &driver)
 {
-    return findInChain<T>(info.pNext, type);
-}
-
-const VkPhysicalDeviceOpacityMicromapFeaturesEXT *extFeatures(const VkDeviceCreateInfo &info)
-{
-    return featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-}
-
-const VkPhysicalDeviceOpacityMicromapFeaturesKHR *khrFeatures(const VkDeviceCreateInfo &info)
-{
-    return featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesKHR>(
-        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
-}
-
-// What the application asks for, of what the layer may provide.
-EnabledFeatures enabledFeaturesOf(const VkDeviceCreateInfo &info)
-{
-    EnabledFeatures enabled;
-    enabled.ext = asksFor(info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-    enabled.khr = asksFor(info, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
-    enabled.addressCommands = asksFor(info, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
-    enabled.pipelineMicromaps = asksFor(info, newer::kPipelineOpacityMicromapExtension);
-    if (const auto *features = extFeatures(info)) {
-        enabled.extFeature = features->micromap;
-        enabled.captureReplay = features->micromapCaptureReplay;
-        enabled.hostCommands = features->micromapHostCommands;
-    }
-    if (const auto *features = khrFeatures(info))
-        enabled.khrFeature = features->micromap;
-    if (const auto *features = featuresIn<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
-            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
-        enabled.structures = features->accelerationStructure;
-    if (const auto *features = featuresIn<VkPhysicalDeviceRayQueryFeaturesKHR>(
-            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR))
-        enabled.rayQueries = features->rayQuery;
-    if (const auto *features = featuresIn<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>(
-            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_PIPELINE_FEATURES_KHR))
-        enabled.rayTracingPipelines = features->rayTracingPipeline;
-    return enabled;
-}
-
-// What a device that is being made may need of the layer.
-struct Provided {
-    // There is something that the layer provides, by emulation, or by the driver's VK_EXT_opacity_micromap.
-    Mode mode = Mode::PassThrough;
-    Implementations have;
-    std::vector<VkExtensionProperties> extensions; // the driver's; empty where nothing was asked for
-};
-
-// VK_ERROR_EXTENSION_NOT_PRESENT where nobody can provide what is asked for.
-VkResult findProvided(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info,
-                      Provided &provided)
-{
-    const EnabledFeatures enabled = enabledFeaturesOf(info);
-    const HiddenExtension *hidden = nullptr;
-    for (uint32_t i = 0; i < info.enabledExtensionCount && !hidden; ++i)
-        hidden = hiddenByEmulation(info.ppEnabledExtensionNames[i]);
-    if (!enabled.ext && !enabled.khr && !enabled.addressCommands && !hidden)
-        return VK_SUCCESS;
-    provided.extensions = driverExtensions(instance, physicalDevice);
-    const Implementations have = provided.have = implementationsOf(instance, physicalDevice, provided.extensions);
-    bool provides = false;
-    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
-        const Implementation implementation = have.of(info.ppEnabledExtensionNames[i]);
-        provides |= implementation == Implementation::Emulation || implementation == Implementation::Translation;
-    }
-    // A device of a driver with one of the two micromap extensions has the driver's micromaps, whichever it enables.
-    const bool translated = provides && have.khr == Implementation::Translation;
-    if (provides)
-        provided.mode = translated ? Mode::KhrOverExt : Mode::Emulated;
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
         const char *name = info.ppEnabledExtensionNames[i];
-        hidden = nullptr;
-        if (provided.mode == Mode::Emulated || have.ext == Implementation::Emulation)
-            hidden = hiddenByEmulation(name);
-        else if (translated)
-            hidden = hiddenByTranslation(name);
-        // Without KHR the micromaps of a translated device are as the driver knows them.
-        if (!hidden || (translated && !enabled.khr && hidden->translated != HiddenExtension::Translated::NotBesideWork))
+        const char *reason = reasonToHide(name, driver.mode, have, driver.enabled);
+        if (!reason)
             continue;
-        instance.report.error("VELLUM-hidden-extension",
-                              std::string(name) + " is not there beside " + (translated ? "translated" : "emulated") +
-                                  " micromaps: " + hidden->reason,
-                              VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
+        reportDeviceError(instance, handle, "VELLUM-hidden-extension",
+                          std::string(name) + " is not available beside " +
+                              (driver.translated() ? "translated" : "emulated") + " micromaps: " + reason);
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
-    const char *missing = enabled.ext && have.ext == Implementation::None   ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME
-                          : enabled.khr && have.khr == Implementation::None ? VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME
-                                                                            : nullptr;
+    const char *missing =
+        driver.enabled.ext && have.ext == Implementation::None   ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME
+        : driver.enabled.khr && have.khr == Implementation::None ? VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME
+                                                                 : nullptr;
     if (!missing)
         return VK_SUCCESS;
-    instance.report.error("VELLUM-device-without-ray-tracing",
-                          std::string(missing) + " cannot be provided on this device: it has no acceleration "
-                                                 "structures or no buffer device addresses",
-                          VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(physicalDevice));
+    reportDeviceError(instance, handle, "VELLUM-device-without-ray-tracing",
+                      std::string(missing) + " cannot be provided on this device: it has no acceleration "
+                                             "structures or no buffer device addresses");
     return VK_ERROR_EXTENSION_NOT_PRESENT;
 }
 
-// Whether the application wants addresses to be captured and replayed.
-bool asksForReplay(const VkDeviceCreateInfo &info)
+// The beginning of the paths of the files that keep the addresses of tables for this device and driver
+// (memory/kept_addresses.h); empty if they are not kept.
+std::string keptAddresses(const Settings &settings, const PhysicalDevice &physical)
 {
-    const auto *core =
-        featuresIn<VkPhysicalDeviceVulkan12Features>(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
-    const auto *own = featuresIn<VkPhysicalDeviceBufferDeviceAddressFeatures>(
-        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES);
-    const auto *old = featuresIn<VkPhysicalDeviceBufferDeviceAddressFeaturesEXT>(
-        info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES_EXT);
-    return (core && core->bufferDeviceAddressCaptureReplay) || (own && own->bufferDeviceAddressCaptureReplay) ||
-           (old && old->bufferDeviceAddressCaptureReplay);
-}
-
-// The begin of the path of files about where tables of this device and driver lay (memory/kept_addresses.h).
-std::string keptAddresses(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    if (instance.settings.cacheFolder.empty())
+    if (settings.cacheFolder.empty())
         return {};
-    VkPhysicalDeviceIDProperties id{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES};
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &id, {}};
-    instance.next.GetPhysicalDeviceProperties2(physicalDevice, &properties);
-    std::string path = instance.settings.cacheFolder + "/";
-    for (const auto *uuid : {&id.deviceUUID, &properties.properties.pipelineCacheUUID}) {
+    std::string path = settings.cacheFolder + "/";
+    for (const auto *uuid : {&physical.deviceUuid, &physical.pipelineCacheUuid}) {
         for (const uint8_t byte : *uuid) {
             constexpr const char *kDigits = "0123456789abcdef";
             path += {kDigits[byte >> 4], kDigits[byte & 15]};
@@ -168,127 +113,36 @@ std::string keptAddresses(const Instance &instance, VkPhysicalDevice physicalDev
     return path;
 }
 
-// The device as the driver is asked for it: without what the layer provides, with what the layer needs. Where the
-// driver cannot be asked for replayed addresses, `gpu` has none.
-struct DriverDeviceInfo {
-    DriverDeviceInfo(const VkDeviceCreateInfo &application, const Driver &driver, const Implementations &have,
-                     GpuContext &gpu)
-        : info(application), chain(application.pNext)
-    {
-        const bool ownAddressCommands = driver.ownAddressCommands;
-        const bool keepsExt = driver.translated();
-        const bool keepsPipelines = driver.translated() && have.pipelines == Implementation::PassThrough;
-        const auto provided = [=](const char *name) {
-            if (std::strcmp(name, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
-                return ownAddressCommands;
-            return (std::strcmp(name, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0 && !keepsExt) ||
-                   std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
-                   (std::strcmp(name, newer::kPipelineOpacityMicromapExtension) == 0 && !keepsPipelines);
-        };
-        for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {
-            if (!provided(application.ppEnabledExtensionNames[i]))
-                extensions.push_back(application.ppEnabledExtensionNames[i]);
-        }
-        if (gpu.importsHostMemory && !asksFor(application, VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME))
-            extensions.push_back(VK_EXT_EXTERNAL_MEMORY_HOST_EXTENSION_NAME);
-        if (driver.translated() && driver.enabled.khr && !driver.enabled.ext)
-            extensions.push_back(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
-        info.enabledExtensionCount = static_cast<uint32_t>(extensions.size());
-        info.ppEnabledExtensionNames = extensions.data();
-        chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
-        if (driver.translated() && !setExtFeature(driver.enabled.khr))
-            impossible = "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable micromap";
-        if (!driver.translated())
-            chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-        if (ownAddressCommands)
-            chain.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
-        if (!keepsPipelines)
-            chain.remove(newer::kPipelineOpacityMicromapFeatures);
-        if (!keepsExt)
-            chain.remove(newer::kDisplacementMicromapFeatures);
-        if (!enableAddresses(gpu))
-            impossible = "the structure in which the layer has to enable bufferDeviceAddress";
-        info.pNext = chain.head();
-    }
-    // The tables are reached by address from every rewritten shader.
-    bool enableAddresses(GpuContext &gpu)
-    {
-        const auto enable = [&gpu](auto *features) {
-            if (features) {
-                features->bufferDeviceAddress = VK_TRUE;
-                features->bufferDeviceAddressCaptureReplay |= VkBool32{gpu.replaysAddresses};
-            }
-            return features != nullptr;
-        };
-        constexpr VkStructureType kCore = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
-        constexpr VkStructureType kOwn = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES;
-        if (enable(chain.edit<VkPhysicalDeviceVulkan12Features>(kCore)) ||
-            enable(chain.edit<VkPhysicalDeviceBufferDeviceAddressFeatures>(kOwn)))
-            return true;
-        const auto *core = findInChain<VkPhysicalDeviceVulkan12Features>(chain.head(), kCore);
-        const auto *own = findInChain<VkPhysicalDeviceBufferDeviceAddressFeatures>(chain.head(), kOwn);
-        if (!core && !own) {
-            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&addresses));
-            return enable(&addresses);
-        }
-        // It lies behind a structure of unknown size, and is what the application made it.
-        gpu.replaysAddresses = false;
-        return core ? core->bufferDeviceAddress : own->bufferDeviceAddress;
-    }
-    // The driver's micromaps, for those of VK_KHR_opacity_micromap. Whether the driver can be asked for them.
-    bool setExtFeature(bool needed)
-    {
-        if (!needed)
-            return true;
-        if (auto *own = chain.edit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-                VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
-            own->micromap = VK_TRUE;
-        } else if (const auto *applications = findInChain<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
-                       chain.head(), VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
-            return applications->micromap; // it lies behind a structure of unknown size
-        } else {
-            micromaps.micromap = VK_TRUE;
-            chain.prepend(reinterpret_cast<VkBaseInStructure *>(&micromaps));
-        }
-        return true;
-    }
-    const char *impossible = nullptr; // what lies behind a structure of unknown size, and must be changed
-    VkDeviceCreateInfo info;
-    Chain chain;
-    std::vector<const char *> extensions;
-    VkPhysicalDeviceOpacityMicromapFeaturesEXT micromaps{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
-    VkPhysicalDeviceBufferDeviceAddressFeatures addresses{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES};
+// The next layer's functions, by the loader's protocol.
+struct NextLayer {
+    PFN_vkCreateDevice createDevice = nullptr;
+    PFN_vkGetDeviceProcAddr getDeviceProcAddr = nullptr;
 };
 
-std::vector<VkQueueFamilyProperties> queueFamiliesOf(const Instance &instance, VkPhysicalDevice physicalDevice)
-{
-    uint32_t count = 0;
-    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, nullptr);
-    std::vector<VkQueueFamilyProperties> families(count);
-    instance.next.GetPhysicalDeviceQueueFamilyProperties(physicalDevice, &count, families.data());
-    return families;
-}
-
-const VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
+VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunction function)
 {
     const auto *link = static_cast<const VkLayerDeviceCreateInfo *>(info.pNext);
     while (link && !(link->sType == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO && link->function == function))
         link = static_cast<const VkLayerDeviceCreateInfo *>(link->pNext);
-    return link;
+    return const_cast<VkLayerDeviceCreateInfo *>(link);
+}
+
+// Moves the loader's link on for the next layer. No function is there if there is no link.
+NextLayer takeLink(const Instance &instance, const VkDeviceCreateInfo &info)
+{
+    VkLayerDeviceCreateInfo *link = loaderInfo(info, VK_LAYER_LINK_INFO);
+    if (!link || !link->u.pLayerInfo)
+        return {};
+    const VkLayerDeviceLink &next = *link->u.pLayerInfo;
+    link->u.pLayerInfo = next.pNext;
+    return {reinterpret_cast<PFN_vkCreateDevice>(next.pfnNextGetInstanceProcAddr(instance.handle, "vkCreateDevice")),
+            next.pfnNextGetDeviceProcAddr};
 }
 
 PFN_vkSetDeviceLoaderData loaderDataCallback(const VkDeviceCreateInfo &info)
 {
     const VkLayerDeviceCreateInfo *link = loaderInfo(info, VK_LOADER_DATA_CALLBACK);
     return link ? link->u.pfnSetDeviceLoaderData : nullptr;
-}
-
-VkLayerDeviceCreateInfo *linkInfo(const VkDeviceCreateInfo &info)
-{
-    auto *link = const_cast<VkLayerDeviceCreateInfo *>(loaderInfo(info, VK_LAYER_LINK_INFO));
-    return link && link->u.pLayerInfo ? link : nullptr;
 }
 
 // A family may be named twice, for protected queues.
@@ -303,35 +157,142 @@ std::shared_ptr<const std::vector<uint32_t>> queueFamiliesIn(const VkDeviceCreat
     return std::make_shared<const std::vector<uint32_t>>(std::move(families));
 }
 
-VkResult createInjected(const DriverFacts &facts, Device &device)
+// Creates a device, by prepare(), create() and start().
+class DeviceCreation
 {
-    return device.commands.injected.create(device.buffers.gpu,
-                                           facts.isLavapipeBefore26 ? facts.maxPushConstantsSize : kPushBytes);
-}
+public:
+    DeviceCreation(Instance &instance, VkPhysicalDevice handle, const VkDeviceCreateInfo &info)
+        : instance_(instance), physicalHandle_(handle), info_(info)
+    {
+    }
+    // Decides what the layer does on the device, and checks whether it can.
+    VkResult prepare();
+    // Creates the driver's device.
+    VkResult create(const NextLayer &next, const VkAllocationCallbacks *allocator, VkDevice *handle);
+    // Creates what the layer needs on it.
+    VkResult start();
 
-VkResult startEmulation(Instance &instance, VkPhysicalDevice physicalDevice, const VkDeviceCreateInfo &info,
-                        const DriverFacts &facts, Device &device)
+    std::unique_ptr<Device> device = std::make_unique<Device>();
+
+private:
+    VkResult prepareEmulation();
+    void prepareTranslation();
+    VkResult startEmulation();
+    VkResult createInjected();
+    [[nodiscard]] bool providesMicromaps() const { return device->driver.emulated() || device->driver.translated(); }
+
+    Instance &instance_;
+    VkPhysicalDevice physicalHandle_;
+    const VkDeviceCreateInfo &info_;
+    std::shared_ptr<const PhysicalDevice> physical_; // null if nothing depends on the layer
+};
+
+VkResult DeviceCreation::prepare()
 {
-    device.pipelines.anyHitModules.create(device.buffers.gpu);
-    device.buffers.onAddress = [&objects = device.objects](VkBuffer buffer) { bufferHasAddress(objects, buffer); };
-    VkResult result = device.objects.root.create(device.buffers.gpu, keptAddresses(instance, physicalDevice));
-    if (result == VK_SUCCESS)
-        result = createInjected(facts, device);
-    if (result == VK_SUCCESS && instance.settings.validate)
-        result = device.commands.validationLog.create(device.buffers.gpu);
-    if (result != VK_SUCCESS)
+    Driver &driver = device->driver;
+    driver.physicalDevice = physicalHandle_;
+    driver.instance = &instance_.next;
+    driver.settings = &instance_.settings;
+    driver.reporter = &instance_.report;
+    device->instance = &instance_;
+    if (!dependsOnLayer(info_))
+        return VK_SUCCESS;
+    physical_ = describe(instance_, physicalHandle_);
+    driver.enabled = enabledFeatures(info_);
+    driver.mode = modeOf(info_, physical_->have);
+    const VkResult result = checkExtensions(instance_, physicalHandle_, info_, physical_->have, driver);
+    if (result != VK_SUCCESS || !providesMicromaps())
         return result;
-    device.driver.threads = facts.isCpu ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
-    device.driver.queriesStructureSize = asksFor(info, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-    device.commands.probes.choose(device.buffers.gpu, instance.report, device.driver.threads != 0,
-                                  queueFamiliesOf(instance, physicalDevice), info, loaderDataCallback(info));
+    driver.ownAddressCommands =
+        driver.enabled.addressCommands && physical_->have.addressCommands == Implementation::Emulation;
+    driver.nullIndexBuffer = enablesNullIndexBuffer(info_);
+    driver.queriesStructureSize = enablesExtension(info_, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+    driver.clearsWholeHandles = driver.keepsOldPushConstants = physical_->isLavapipeBefore26;
+    driver.driverUuid = physical_->driverUuid;
+    if (driver.emulated())
+        return prepareEmulation();
+    prepareTranslation();
     return VK_SUCCESS;
 }
 
-VkResult startTranslation(const DriverFacts &facts, Device &device)
+VkResult DeviceCreation::prepareEmulation()
 {
-    device.buffers.onAddress = [](VkBuffer) {};
-    return createInjected(facts, device);
+    device->structures.backend = std::make_unique<EmulatedBackend>(device->structures);
+    device->driver.threads = physical_->isCpu ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
+    if (device->driver.enabled.captureReplay && !physical_->replaysAddresses) {
+        instance_.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    }
+    GpuContext &gpu = device->buffers.gpu;
+    gpu.importsHostMemory = physical_->importsHostMemory;
+    // An application that replays addresses chooses all of them.
+    gpu.replaysAddresses = !gpu.importsHostMemory && !enablesAddressReplay(info_) && physical_->replaysAddresses;
+    return VK_SUCCESS;
+}
+
+void DeviceCreation::prepareTranslation()
+{
+    const EnabledFeatures &enabled = device->driver.enabled;
+    device->buffers.gpu.driversMicromaps = enabled.ext || enabled.khr;
+    device->structures.backend = std::make_unique<ExtBackend>(device->translation, physical_->extLimits);
+}
+
+VkResult DeviceCreation::create(const NextLayer &next, const VkAllocationCallbacks *allocator, VkDevice *handle)
+{
+    if (!providesMicromaps())
+        return next.createDevice(physicalHandle_, &info_, allocator, handle);
+    GpuContext &gpu = device->buffers.gpu;
+    const DriverDeviceInfo driverInfo(info_, device->driver, physical_->have, gpu);
+    if (driverInfo.unreachable) {
+        instance_.report.error("VELLUM-device-features",
+                               std::string(driverInfo.unreachable) + " is behind a structure of unknown size");
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    }
+    gpu.memory = physical_->memory;
+    gpu.queueFamilies = queueFamiliesIn(info_);
+    return next.createDevice(physicalHandle_, &driverInfo.info, allocator, handle);
+}
+
+VkResult DeviceCreation::createInjected()
+{
+    const uint32_t pushBytes = physical_->isLavapipeBefore26 ? physical_->maxPushConstantsSize : kPushBytes;
+    return device->commands.injected.create(device->buffers.gpu, pushBytes);
+}
+
+VkResult DeviceCreation::startEmulation()
+{
+    const GpuContext &gpu = device->buffers.gpu;
+    device->pipelines.anyHitModules.create(gpu);
+    device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) { bufferHasAddress(objects, buffer); };
+    VkResult result = device->objects.root.create(gpu, keptAddresses(instance_.settings, *physical_));
+    if (result == VK_SUCCESS)
+        result = createInjected();
+    if (result == VK_SUCCESS && instance_.settings.validate)
+        result = device->commands.validationLog.create(gpu);
+    if (result == VK_SUCCESS)
+        device->commands.probes.choose(gpu, instance_.report, physical_->isCpu, physical_->queueFamilies, info_,
+                                       loaderDataCallback(info_));
+    return result;
+}
+
+VkResult DeviceCreation::start()
+{
+    if (!providesMicromaps())
+        return VK_SUCCESS;
+    GpuContext &gpu = device->buffers.gpu;
+    gpu.device = device->driver.handle;
+    gpu.next = &device->driver.next;
+    device->buffers.onAddress = [](VkBuffer) {};
+    const bool emulated = device->driver.emulated();
+    const VkResult result = emulated ? startEmulation() : createInjected();
+    if (result != VK_SUCCESS) {
+        instance_.report.error("VELLUM-device-tables", "no memory for the layer's tables");
+        return result;
+    }
+    instance_.report.info("VELLUM-device", emulated ? "opacity micromaps are emulated on this device"
+                                                    : "VK_KHR_opacity_micromap is translated to the driver's "
+                                                      "VK_EXT_opacity_micromap on this device");
+    return VK_SUCCESS;
 }
 
 } // namespace
@@ -351,100 +312,30 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
                                             const VkAllocationCallbacks *allocator, VkDevice *handle)
 {
     Instance &instance = instanceOf(physicalDevice);
-    VkLayerDeviceCreateInfo *link = linkInfo(*info);
-    if (!link)
+    const NextLayer next = takeLink(instance, *info);
+    if (!next.createDevice)
         return VK_ERROR_INITIALIZATION_FAILED;
-    const PFN_vkGetInstanceProcAddr nextInstanceGet = link->u.pLayerInfo->pfnNextGetInstanceProcAddr;
-    const PFN_vkGetDeviceProcAddr nextDeviceGet = link->u.pLayerInfo->pfnNextGetDeviceProcAddr;
-    link->u.pLayerInfo = link->u.pLayerInfo->pNext; // the loader's protocol
-    const auto nextCreate = reinterpret_cast<PFN_vkCreateDevice>(nextInstanceGet(instance.handle, "vkCreateDevice"));
-    if (!nextCreate)
-        return VK_ERROR_INITIALIZATION_FAILED;
-
-    Provided provided;
-    VkResult result = findProvided(instance, physicalDevice, *info, provided);
-    if (result != VK_SUCCESS)
-        return result;
-    auto device = std::make_unique<Device>();
-    device->driver.mode = provided.mode;
-    DriverFacts facts;
-    const bool provides = provided.mode != Mode::PassThrough;
-    if (!provides && asksFor(*info, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME)) {
-        if (implementationsOn(instance, physicalDevice).mixesIdentifiers())
-            device->driver.mode = Mode::Identifiers;
-        device->driver.enabled = enabledFeaturesOf(*info);
-    }
-    if (provides) {
-        facts = driverFactsOf(instance, physicalDevice, provided.extensions);
-        device->driver.enabled = enabledFeaturesOf(*info);
-        device->driver.ownAddressCommands =
-            device->driver.enabled.addressCommands && provided.have.addressCommands == Implementation::Emulation;
-    }
-    if (device->driver.translated()) {
-        device->buffers.gpu.driversMicromaps = device->driver.enabled.ext || device->driver.enabled.khr;
-        device->structures.backend =
-            std::make_unique<ExtBackend>(device->translation, driverLimits(instance, physicalDevice));
-    } else if (device->driver.emulated()) {
-        device->structures.backend = std::make_unique<EmulatedBackend>(device->structures);
-        if (device->driver.enabled.captureReplay && !replaysAddresses(instance, physicalDevice)) {
-            instance.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
-            return VK_ERROR_FEATURE_NOT_PRESENT;
-        }
-        device->buffers.gpu.importsHostMemory = facts.importsHostMemory;
-        // An application that replays addresses has all of them to itself.
-        device->buffers.gpu.replaysAddresses = !device->buffers.gpu.importsHostMemory && !asksForReplay(*info) &&
-                                               replaysAddresses(instance, physicalDevice);
-    }
-    if (provides) {
-        const DriverDeviceInfo driverInfo(*info, device->driver, provided.have, device->buffers.gpu);
-        if (driverInfo.impossible) {
-            instance.report.error("VELLUM-device-features",
-                                  std::string(driverInfo.impossible) + " lies behind a structure of unknown size");
-            return VK_ERROR_FEATURE_NOT_PRESENT;
-        }
-        result = nextCreate(physicalDevice, &driverInfo.info, allocator, handle);
-    } else {
-        result = nextCreate(physicalDevice, info, allocator, handle);
-    }
+    DeviceCreation creation(instance, physicalDevice, *info);
+    VkResult result = creation.prepare();
+    if (result == VK_SUCCESS)
+        result = creation.create(next, allocator, handle);
     if (result != VK_SUCCESS)
         return result;
 
     static std::atomic<uint64_t> numbers{0};
-    device->driver.next.load(*handle, nextDeviceGet);
-    const PFN_vkDestroyDevice destroy = device->driver.next.DestroyDevice;
-    Undo undo([&] {
-        device.reset();
+    Driver &driver = creation.device->driver;
+    driver.next.load(*handle, next.getDeviceProcAddr);
+    driver.handle = *handle;
+    driver.number = ++numbers;
+    Undo undo([&, destroy = driver.next.DestroyDevice] {
+        creation.device.reset();
         destroy(*handle, allocator);
         *handle = VK_NULL_HANDLE;
     });
-    device->driver.handle = *handle;
-    device->driver.number = ++numbers;
-    device->driver.physicalDevice = physicalDevice;
-    device->instance = &instance;
-    device->driver.instance = &instance.next;
-    device->driver.settings = &instance.settings;
-    device->driver.reporter = &instance.report;
-    if (provides) {
-        instance.next.GetPhysicalDeviceMemoryProperties(physicalDevice, &device->buffers.gpu.memory);
-        device->buffers.gpu.device = *handle;
-        device->buffers.gpu.next = &device->driver.next;
-        device->buffers.gpu.queueFamilies = queueFamiliesIn(*info);
-        device->driver.nullIndexBuffer = enablesNullIndexBuffer(*info);
-        device->driver.clearsWholeHandles = device->driver.keepsOldPushConstants = facts.isLavapipeBefore26;
-        device->driver.driverUuid = facts.driverUuid;
-        result = device->driver.emulated() ? startEmulation(instance, physicalDevice, *info, facts, *device)
-                                           : startTranslation(facts, *device);
-        if (result != VK_SUCCESS) {
-            instance.report.error("VELLUM-device-tables", "no memory for the layer's tables");
-            return result;
-        }
-        instance.report.info("VELLUM-device",
-                             device->driver.emulated()
-                                 ? "opacity micromaps are emulated on this device"
-                                 : "VK_KHR_opacity_micromap is translated to the driver's VK_EXT_opacity_micromap on "
-                                   "this device");
-    }
-    devices.add(*device.release(), dispatchKey(*handle));
+    result = creation.start();
+    if (result != VK_SUCCESS)
+        return result;
+    devices.add(*creation.device.release(), dispatchKey(*handle));
     undo.keep();
     return VK_SUCCESS;
 }

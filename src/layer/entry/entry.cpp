@@ -1,4 +1,5 @@
-// The layer's way in: the loader's negotiation, and one table row per intercepted command.
+// The entry points of the layer: the negotiation with the loader, and one table row per intercepted command.
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -28,28 +29,30 @@ namespace
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance, const char *name);
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice device, const char *name);
 
+// The instances or devices on which the layer intercepts a command.
 enum class Scope {
-    Global,     // before there is an instance
-    Instance,   // where the next layer has it
-    Device,     // on every device
-    Debug,      // on every device, where the next layer has it; loaders call it through the instance's chain
-    Emulated,   // on emulated devices, where the next layer has it
-    Identified, // likewise, and where only identifiers of shader modules are the layer's
-    Translated, // on devices whose VK_KHR_opacity_micromap is the driver's VK_EXT_opacity_micromap, likewise
-    Provided,   // on both, likewise
-    Own,        // on emulated devices: the commands of VK_EXT_opacity_micromap
-    Address,    // where VK_KHR_device_address_commands is enabled and the layer's
-    Create2,    // where VK_KHR_device_address_commands is enabled, whoever's it is
+    Global,         // before there is an instance
+    Instance,       // if the next layer has the command
+    Device,         // every device
+    Debug,          // every device, if the next layer has it; loaders call it through the chain of the instance
+    Emulated,       // emulated devices, if the next layer has it
+    Identified,     // the same, and devices of Mode::Identifiers
+    Provided,       // emulated and translated devices, if the next layer has it
+    Ext,            // emulated devices with VK_EXT_opacity_micromap
+    Address,        // devices with the layer's VK_KHR_device_address_commands
+    AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, whoever implements it
 };
 
+// One intercepted command. It is also found by its aliases (commandOf).
 struct Row {
-    const char *name;
+    const char *command;
     Scope scope;
     PFN_vkVoidFunction function;
-    const char *from = nullptr; // where the command is given only on devices that have another, that one
+    PFN_vkVoidFunction translated = nullptr; // on translated devices, if the next layer has it; null: by the scope
+    const char *required = nullptr;          // the command is there only if the driver has this one
 };
 
-// No exception crosses the Vulkan ABI. The layer throws nothing itself; the library does when memory runs out.
+// No exception crosses the Vulkan ABI. The layer throws none; the standard library does when memory runs out.
 template <typename Result, typename Function>
 Result guarded(Function function) noexcept
 {
@@ -64,7 +67,7 @@ Result guarded(Function function) noexcept
         return Result{};
 }
 
-// A function as Vulkan calls it.
+// A function with the signature that Vulkan calls.
 template <auto function>
 struct Command;
 
@@ -76,7 +79,7 @@ requires(!std::is_reference_v<First>) struct Command<function> {
     }
 };
 
-// One of a room, which works on what the room has of a device.
+// A command of a subsystem. It gets the subsystem's part of the device.
 template <typename Result, typename Subsystem, typename Handle, typename... Arguments,
           Result (*function)(Subsystem &, Handle, Arguments...)>
 struct Command<function> {
@@ -88,9 +91,21 @@ struct Command<function> {
 };
 
 template <auto function>
-Row row(const char *name, Scope scope, const char *from = nullptr)
+PFN_vkVoidFunction pointerTo()
 {
-    return {name, scope, reinterpret_cast<PFN_vkVoidFunction>(&Command<function>::call), from};
+    return reinterpret_cast<PFN_vkVoidFunction>(&Command<function>::call);
+}
+
+template <auto function>
+Row row(const char *name, Scope scope, const char *required = nullptr)
+{
+    return {commandOf(name), scope, pointerTo<function>(), nullptr, required};
+}
+
+template <auto function, auto translated>
+Row row(const char *name, Scope scope)
+{
+    return {commandOf(name), scope, pointerTo<function>(), pointerTo<translated>()};
 }
 
 const Row kRows[] = {
@@ -102,13 +117,9 @@ const Row kRows[] = {
     row<createDevice>("vkCreateDevice", Scope::Instance),
     row<enumerateDeviceExtensionProperties>("vkEnumerateDeviceExtensionProperties", Scope::Instance),
     row<getPhysicalDeviceFeatures2>("vkGetPhysicalDeviceFeatures2", Scope::Instance),
-    row<getPhysicalDeviceFeatures2>("vkGetPhysicalDeviceFeatures2KHR", Scope::Instance),
     row<getPhysicalDeviceProperties2>("vkGetPhysicalDeviceProperties2", Scope::Instance),
-    row<getPhysicalDeviceProperties2>("vkGetPhysicalDeviceProperties2KHR", Scope::Instance),
     row<getPhysicalDeviceToolProperties>("vkGetPhysicalDeviceToolProperties", Scope::Instance),
-    row<getPhysicalDeviceToolProperties>("vkGetPhysicalDeviceToolPropertiesEXT", Scope::Instance),
     row<getPhysicalDeviceExternalBufferProperties>("vkGetPhysicalDeviceExternalBufferProperties", Scope::Instance),
-    row<getPhysicalDeviceExternalBufferProperties>("vkGetPhysicalDeviceExternalBufferPropertiesKHR", Scope::Instance),
     row<createDebugUtilsMessenger>("vkCreateDebugUtilsMessengerEXT", Scope::Instance),
     row<destroyDebugUtilsMessenger>("vkDestroyDebugUtilsMessengerEXT", Scope::Instance),
     row<submitDebugUtilsMessage>("vkSubmitDebugUtilsMessageEXT", Scope::Instance),
@@ -120,26 +131,19 @@ const Row kRows[] = {
     row<createBuffer>("vkCreateBuffer", Scope::Provided),
     row<destroyBuffer>("vkDestroyBuffer", Scope::Provided),
     row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Provided),
-    row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirementsKHR", Scope::Provided),
     row<allocateMemory>("vkAllocateMemory", Scope::Emulated),
     row<freeMemory>("vkFreeMemory", Scope::Emulated),
     row<bindBufferMemory>("vkBindBufferMemory", Scope::Provided),
     row<bindBufferMemory2>("vkBindBufferMemory2", Scope::Provided),
-    row<bindBufferMemory2>("vkBindBufferMemory2KHR", Scope::Provided),
     row<mapMemory>("vkMapMemory", Scope::Emulated),
     row<unmapMemory>("vkUnmapMemory", Scope::Emulated),
     row<mapMemory2>("vkMapMemory2", Scope::Emulated),
-    row<mapMemory2>("vkMapMemory2KHR", Scope::Emulated),
     row<unmapMemory2>("vkUnmapMemory2", Scope::Emulated),
-    row<unmapMemory2>("vkUnmapMemory2KHR", Scope::Emulated),
     row<getBufferDeviceAddress>("vkGetBufferDeviceAddress", Scope::Provided),
-    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressKHR", Scope::Provided),
-    row<getBufferDeviceAddress>("vkGetBufferDeviceAddressEXT", Scope::Provided),
     row<cmdBindDescriptorBuffers>("vkCmdBindDescriptorBuffersEXT", Scope::Provided),
     row<createQueryPool>("vkCreateQueryPool", Scope::Provided),
     row<destroyQueryPool>("vkDestroyQueryPool", Scope::Provided),
     row<resetQueryPool>("vkResetQueryPool", Scope::Provided),
-    row<resetQueryPool>("vkResetQueryPoolEXT", Scope::Provided),
     row<getQueryPoolResults>("vkGetQueryPoolResults", Scope::Provided),
     row<cmdResetQueryPool>("vkCmdResetQueryPool", Scope::Provided),
     row<cmdCopyQueryPoolResults>("vkCmdCopyQueryPoolResults", Scope::Provided),
@@ -150,16 +154,12 @@ const Row kRows[] = {
     row<waitForFences>("vkWaitForFences", Scope::Emulated),
     row<getFenceStatus>("vkGetFenceStatus", Scope::Emulated),
     row<waitSemaphores>("vkWaitSemaphores", Scope::Emulated),
-    row<waitSemaphores>("vkWaitSemaphoresKHR", Scope::Emulated),
     row<queueSubmit>("vkQueueSubmit", Scope::Emulated),
     row<queueBindSparse>("vkQueueBindSparse", Scope::Emulated),
     row<queuePresent>("vkQueuePresentKHR", Scope::Emulated),
     row<setPrivateData>("vkSetPrivateData", Scope::Provided),
-    row<setPrivateData>("vkSetPrivateDataEXT", Scope::Provided),
     row<getPrivateData>("vkGetPrivateData", Scope::Provided),
-    row<getPrivateData>("vkGetPrivateDataEXT", Scope::Provided),
     row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlot", Scope::Provided),
-    row<destroyPrivateDataSlot>("vkDestroyPrivateDataSlotEXT", Scope::Provided),
     row<queueBeginDebugUtilsLabel>("vkQueueBeginDebugUtilsLabelEXT", Scope::Debug),
     row<queueEndDebugUtilsLabel>("vkQueueEndDebugUtilsLabelEXT", Scope::Debug),
     row<queueInsertDebugUtilsLabel>("vkQueueInsertDebugUtilsLabelEXT", Scope::Debug),
@@ -168,17 +168,19 @@ const Row kRows[] = {
     row<debugMarkerSetObjectName>("vkDebugMarkerSetObjectNameEXT", Scope::Debug),
     row<debugMarkerSetObjectTag>("vkDebugMarkerSetObjectTagEXT", Scope::Debug),
 
-    row<createShaderModule>("vkCreateShaderModule", Scope::Identified),
-    row<createComputePipelines>("vkCreateComputePipelines", Scope::Identified),
-    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Identified),
-    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Identified),
+    row<createShaderModule, createTranslatedModule>("vkCreateShaderModule", Scope::Identified),
+    row<createComputePipelines, createTranslatedComputePipelines>("vkCreateComputePipelines", Scope::Identified),
+    row<createGraphicsPipelines, createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Identified),
+    row<destroyShaderModule, destroyTranslatedModule>("vkDestroyShaderModule", Scope::Identified),
     row<getShaderModuleIdentifier>("vkGetShaderModuleIdentifierEXT", Scope::Identified),
-    row<getShaderModuleCreateInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Identified),
-    row<createPipelineBinaries>("vkCreatePipelineBinariesKHR", Scope::Identified),
+    row<getShaderModuleCreateInfoIdentifier, getTranslatedInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT",
+                                                                          Scope::Identified),
+    row<createPipelineBinaries, createTranslatedBinaries>("vkCreatePipelineBinariesKHR", Scope::Identified),
     row<destroyPipelineBinary>("vkDestroyPipelineBinaryKHR", Scope::Emulated),
-    row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Identified),
+    row<getPipelineKey, getTranslatedKey>("vkGetPipelineKeyKHR", Scope::Identified),
     row<getPipelineBinaryData>("vkGetPipelineBinaryDataKHR", Scope::Emulated),
-    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Identified),
+    row<createRayTracingPipelines, createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR",
+                                                                        Scope::Identified),
     row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
     row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),
     row<getCaptureReplayShaderGroupHandles>("vkGetRayTracingCaptureReplayShaderGroupHandlesKHR", Scope::Emulated),
@@ -190,7 +192,7 @@ const Row kRows[] = {
     row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Provided),
     row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Provided),
     row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Provided),
-    row<createShaders>("vkCreateShadersEXT", Scope::Emulated),
+    row<createShaders, createTranslatedShaders>("vkCreateShadersEXT", Scope::Emulated),
     row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
 
     row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Provided),
@@ -220,60 +222,42 @@ const Row kRows[] = {
     row<cmdBindShaders>("vkCmdBindShadersEXT", Scope::Provided),
     row<cmdPushConstants>("vkCmdPushConstants", Scope::Provided),
     row<cmdPushConstants2>("vkCmdPushConstants2", Scope::Provided),
-    row<cmdPushConstants2>("vkCmdPushConstants2KHR", Scope::Provided),
     row<cmdExecuteCommands>("vkCmdExecuteCommands", Scope::Provided),
     row<cmdBeginConditionalRendering>("vkCmdBeginConditionalRenderingEXT", Scope::Provided),
     row<cmdEndConditionalRendering>("vkCmdEndConditionalRenderingEXT", Scope::Provided),
 
     row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2", Scope::Provided),
-    row<cmdPipelineBarrier2>("vkCmdPipelineBarrier2KHR", Scope::Provided),
     row<cmdSetEvent2>("vkCmdSetEvent2", Scope::Provided),
-    row<cmdSetEvent2>("vkCmdSetEvent2KHR", Scope::Provided),
     row<cmdResetEvent2>("vkCmdResetEvent2", Scope::Emulated),
-    row<cmdResetEvent2>("vkCmdResetEvent2KHR", Scope::Emulated),
     row<cmdWaitEvents2>("vkCmdWaitEvents2", Scope::Provided),
-    row<cmdWaitEvents2>("vkCmdWaitEvents2KHR", Scope::Provided),
     row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2", Scope::Emulated),
-    row<cmdWriteTimestamp2>("vkCmdWriteTimestamp2KHR", Scope::Emulated),
     row<cmdWriteBufferMarker2>("vkCmdWriteBufferMarker2AMD", Scope::Emulated),
     row<queueSubmit2>("vkQueueSubmit2", Scope::Emulated),
-    row<queueSubmit2>("vkQueueSubmit2KHR", Scope::Emulated),
     row<createRenderPass2>("vkCreateRenderPass2", Scope::Emulated),
-    row<createRenderPass2>("vkCreateRenderPass2KHR", Scope::Emulated),
 
-    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::Create2),
+    row<createAccelerationStructure2>("vkCreateAccelerationStructure2KHR", Scope::AddressEnabled),
 
-    row<createMicromap>("vkCreateMicromapEXT", Scope::Own),
-    row<destroyMicromap>("vkDestroyMicromapEXT", Scope::Own),
-    row<getMicromapBuildSizes>("vkGetMicromapBuildSizesEXT", Scope::Own),
-    row<getDeviceMicromapCompatibility>("vkGetDeviceMicromapCompatibilityEXT", Scope::Own),
-    row<cmdBuildMicromaps>("vkCmdBuildMicromapsEXT", Scope::Own),
-    row<cmdCopyMicromap>("vkCmdCopyMicromapEXT", Scope::Own),
-    row<cmdCopyMicromapToMemory>("vkCmdCopyMicromapToMemoryEXT", Scope::Own),
-    row<cmdCopyMemoryToMicromap>("vkCmdCopyMemoryToMicromapEXT", Scope::Own),
-    row<cmdWriteMicromapsProperties>("vkCmdWriteMicromapsPropertiesEXT", Scope::Own),
-    row<buildMicromaps>("vkBuildMicromapsEXT", Scope::Own),
-    row<copyMicromap>("vkCopyMicromapEXT", Scope::Own),
-    row<copyMicromapToMemory>("vkCopyMicromapToMemoryEXT", Scope::Own),
-    row<copyMemoryToMicromap>("vkCopyMemoryToMicromapEXT", Scope::Own),
-    row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Own),
-
-    row<createTranslatedModule>("vkCreateShaderModule", Scope::Translated),
-    row<destroyTranslatedModule>("vkDestroyShaderModule", Scope::Translated),
-    row<createTranslatedComputePipelines>("vkCreateComputePipelines", Scope::Translated),
-    row<createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Translated),
-    row<createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Translated),
-    row<createTranslatedShaders>("vkCreateShadersEXT", Scope::Translated),
-    row<getTranslatedInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Translated),
-    row<createTranslatedBinaries>("vkCreatePipelineBinariesKHR", Scope::Translated),
-    row<getTranslatedKey>("vkGetPipelineKeyKHR", Scope::Translated),
+    row<createMicromap>("vkCreateMicromapEXT", Scope::Ext),
+    row<destroyMicromap>("vkDestroyMicromapEXT", Scope::Ext),
+    row<getMicromapBuildSizes>("vkGetMicromapBuildSizesEXT", Scope::Ext),
+    row<getDeviceMicromapCompatibility>("vkGetDeviceMicromapCompatibilityEXT", Scope::Ext),
+    row<cmdBuildMicromaps>("vkCmdBuildMicromapsEXT", Scope::Ext),
+    row<cmdCopyMicromap>("vkCmdCopyMicromapEXT", Scope::Ext),
+    row<cmdCopyMicromapToMemory>("vkCmdCopyMicromapToMemoryEXT", Scope::Ext),
+    row<cmdCopyMemoryToMicromap>("vkCmdCopyMemoryToMicromapEXT", Scope::Ext),
+    row<cmdWriteMicromapsProperties>("vkCmdWriteMicromapsPropertiesEXT", Scope::Ext),
+    row<buildMicromaps>("vkBuildMicromapsEXT", Scope::Ext),
+    row<copyMicromap>("vkCopyMicromapEXT", Scope::Ext),
+    row<copyMicromapToMemory>("vkCopyMicromapToMemoryEXT", Scope::Ext),
+    row<copyMemoryToMicromap>("vkCopyMemoryToMicromapEXT", Scope::Ext),
+    row<writeMicromapsProperties>("vkWriteMicromapsPropertiesEXT", Scope::Ext),
 
     row<cmdCopyMemory>("vkCmdCopyMemoryKHR", Scope::Address),
     row<cmdCopyMemoryToImage>("vkCmdCopyMemoryToImageKHR", Scope::Address),
     row<cmdCopyImageToMemory>("vkCmdCopyImageToMemoryKHR", Scope::Address),
     row<cmdUpdateMemory>("vkCmdUpdateMemoryKHR", Scope::Address),
     row<cmdFillMemory>("vkCmdFillMemoryKHR", Scope::Address),
-    row<cmdCopyQueryPoolResultsToMemory>("vkCmdCopyQueryPoolResultsToMemoryKHR", Scope::Create2),
+    row<cmdCopyQueryPoolResultsToMemory>("vkCmdCopyQueryPoolResultsToMemoryKHR", Scope::AddressEnabled),
     row<cmdWriteMarkerToMemory>("vkCmdWriteMarkerToMemoryAMD", Scope::Address, "vkCmdWriteBufferMarkerAMD"),
     row<cmdBindIndexBuffer3>("vkCmdBindIndexBuffer3KHR", Scope::Address),
     row<cmdBindVertexBuffers3>("vkCmdBindVertexBuffers3KHR", Scope::Address),
@@ -285,7 +269,7 @@ const Row kRows[] = {
     row<cmdDrawMeshTasksIndirectCount2>("vkCmdDrawMeshTasksIndirectCount2EXT", Scope::Address,
                                         "vkCmdDrawMeshTasksIndirectCountEXT"),
     row<cmdDispatchIndirect2>("vkCmdDispatchIndirect2KHR", Scope::Address),
-    row<cmdBeginConditionalRendering2>("vkCmdBeginConditionalRendering2EXT", Scope::Create2,
+    row<cmdBeginConditionalRendering2>("vkCmdBeginConditionalRendering2EXT", Scope::AddressEnabled,
                                        "vkCmdBeginConditionalRenderingEXT"),
     row<cmdBindTransformFeedbackBuffers2>("vkCmdBindTransformFeedbackBuffers2EXT", Scope::Address,
                                           "vkCmdBindTransformFeedbackBuffersEXT"),
@@ -295,45 +279,42 @@ const Row kRows[] = {
     row<cmdDrawIndirectByteCount2>("vkCmdDrawIndirectByteCount2EXT", Scope::Address, "vkCmdDrawIndirectByteCountEXT"),
 };
 
-// Commands that are other ones on emulated and on translated devices have two rows, of which this is the first.
-const Row *find(const char *name, const Row *after = nullptr)
+// The row of a command, by any of its names.
+const Row *find(const char *name)
 {
-    for (const Row *r = after ? after + 1 : std::begin(kRows); r != std::end(kRows); ++r) {
-        if (std::strcmp(r->name, name) == 0)
-            return r;
-    }
-    return nullptr;
+    const char *command = commandOf(name);
+    const auto *row = std::ranges::find_if(kRows, [=](const Row &r) { return std::strcmp(r.command, command) == 0; });
+    return row == std::end(kRows) ? nullptr : row;
 }
 
-// Whether the row counts on a device, `next` being the command of the next layer.
-bool applies(const Row &row, const Driver &driver, PFN_vkVoidFunction next)
+// Whether the layer intercepts a command on a device; `next` is the command of the next layer.
+bool applies(Scope scope, const Driver &driver, PFN_vkVoidFunction next)
 {
     const bool provided = driver.emulated() || driver.translated();
-    switch (row.scope) {
+    switch (scope) {
     case Scope::Global:
     case Scope::Instance: return false;
     case Scope::Device: return true;
     case Scope::Debug: return next;
     case Scope::Emulated: return next && driver.emulated();
     case Scope::Identified: return next && (driver.emulated() || driver.mode == Mode::Identifiers);
-    case Scope::Translated: return next && driver.translated();
     case Scope::Provided: return next && provided;
-    case Scope::Own: return driver.emulated() && driver.enabled.ext;
+    case Scope::Ext: return driver.emulated() && driver.enabled.ext;
     case Scope::Address: return provided && driver.ownAddressCommands;
-    case Scope::Create2: return provided && driver.enabled.addressCommands;
+    case Scope::AddressEnabled: return provided && driver.enabled.addressCommands;
     }
     return false;
 }
 
-// Device commands asked for by instance are the same for all its devices, emulated or not: they are left to
-// vkGetDeviceProcAddr, which the loader asks for each device. Only vkDestroyDevice and vkGetDeviceProcAddr are the same
-// for all.
+// A device command that is queried by instance has to serve all devices of the instance, emulated or not. So the layer
+// returns those of the next layer, except vkDestroyDevice and vkGetDeviceProcAddr, which every device has. The loader
+// queries the others for each device, by vkGetDeviceProcAddr.
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, const char *name)
 {
     const Row *r = find(name);
     if (r && r->scope == Scope::Global)
         return r->function;
-    // Layers above ask without an instance for what they call with one, as MangoHud 0.6.8 and vkBasalt 0.3.2 do for
+    // Layers above may query instance commands without an instance, as MangoHud 0.6.8 and vkBasalt 0.3.2 do for
     // vkCreateDevice.
     if (!handle)
         return r && (r->scope == Scope::Instance || r->scope == Scope::Device) ? r->function : nullptr;
@@ -347,25 +328,25 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance handle, 
 
 VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, const char *name)
 {
-    const Row *first = find(name);
-    if (first && first->scope == Scope::Device)
-        return first->function;
+    const Row *row = find(name);
+    if (row && row->scope == Scope::Device)
+        return row->function;
     Device *device = deviceOfKey(dispatchKey(handle));
     if (!device)
         return nullptr;
     const Driver &driver = device->driver;
-    if ((driver.emulated() || driver.translated()) && first && first->from &&
-        !driver.next.GetDeviceProcAddr(handle, first->from))
-        return nullptr;
-    // On translated devices, what the layer itself enabled.
-    if (driver.translated() && !driver.enabled.ext && first && first->scope == Scope::Own)
-        return nullptr;
     const PFN_vkVoidFunction next = driver.next.GetDeviceProcAddr(handle, name);
-    for (const Row *r = first; r; r = find(name, r)) {
-        if (applies(*r, driver, next))
-            return r->function;
-    }
-    return next;
+    if (!row)
+        return next;
+    if (row->required && (driver.emulated() || driver.translated()) &&
+        !driver.next.GetDeviceProcAddr(handle, row->required))
+        return nullptr;
+    // On translated devices the layer has enabled VK_EXT_opacity_micromap, and not the application.
+    if (row->scope == Scope::Ext && driver.translated() && !driver.enabled.ext)
+        return nullptr;
+    if (row->translated && driver.translated())
+        return next ? row->translated : nullptr;
+    return applies(row->scope, driver, next) ? row->function : next;
 }
 
 } // namespace
