@@ -104,7 +104,7 @@ FakeDevice::FakeDevice()
     FUZZ_CHECK(layer::createDevice(reinterpret_cast<VkPhysicalDevice>(instance), &deviceInfo, nullptr, &handle_) ==
                VK_SUCCESS);
     state_ = &layer::deviceOf(handle_);
-    state_->driver.asked.hostCommands = true;
+    state_->driver.enabled.hostCommands = true;
 
     VkDebugUtilsMessengerCreateInfoEXT messenger{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
     messenger.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
