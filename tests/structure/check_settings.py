@@ -1,38 +1,31 @@
 #!/usr/bin/env python3
-"""Checks that the layer's manifest has the settings of the code, and docs/settings.md those of the manifest.
+"""Checks that the layer's manifest has the settings of the table in the code, and docs/settings.md as well.
 
-The code's are the rows of kRows in settings.cpp and the members of Settings in settings.h. The manifest has each with its
-environment variable, type and default, for Vulkan Configurator. The table of the page is generated from the manifest: with
---write, it is written anew.
+The table is settings_table.h; the manifest gets it when the build is configured. The table of the page is generated from
+it: with --write, it is written anew.
 
 usage: check_settings.py [--write] [ROOT]
 """
 import json
+import pathlib
 import re
+import sys
 
 import findings
 
-CODE = "src/layer/base/settings.cpp"
-HEADER = "src/layer/base/settings.h"
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "src/layer/base"))
+import settings  # noqa: E402
+
+CODE = "src/layer/base/settings_table.h"
 MANIFEST = "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in"
 PAGE = "docs/settings.md"
 BEGIN, END = "<!-- begin settings -->\n", "<!-- end settings -->\n"
-TYPES = {"bool": "BOOL", "ReportLevel": "ENUM", "std::string": "SAVE_FOLDER"}
-DEFAULTS = {"true": True, "false": False, "ReportLevel::None": "none", None: ""}
 
 
-def of_code(root):
-    """Key: what the manifest is to say of it."""
-    members = {name: (kind, default) for kind, name, default in re.findall(
-        r"^    (bool|ReportLevel|std::string) (\w+)(?: = ([\w:]+))?;", (root / HEADER).read_text(encoding="utf-8"), re.M)}
-    rows = re.findall(r'\{"(\w+)", &Settings::(\w+)\}', (root / CODE).read_text(encoding="utf-8"))
-    return {key: ("VELLUM_" + key.upper(), TYPES[members[member][0]], DEFAULTS[members[member][1] or None])
-            for key, member in rows}
-
-
-def settings_of_manifest(root):
-    layer = json.loads((root / MANIFEST).read_text(encoding="utf-8"))["layer"]
-    return layer["features"]["settings"]
+def of_manifest(root, rows):
+    """The settings of the manifest as the build configures it."""
+    text = (root / MANIFEST).read_text(encoding="utf-8").replace("@VELLUM_SETTINGS@", json.dumps(rows))
+    return {row["key"]: row for row in json.loads(text)["layer"]["features"]["settings"]}
 
 
 def code(text):
@@ -51,34 +44,38 @@ def default_of(row):
     return code(json.dumps(row["default"]).strip('"'))
 
 
-def table(settings):
+def table(rows):
     lines = ["| environment variable | name in files and structures | values | default | meaning |", "|---|---|---|---|---|"]
-    for row in settings:
+    for row in rows:
         cells = (code(row["env"]), code(row["key"]), values_of(row), default_of(row), row["description"])
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
-def generated(page, settings):
+def generated(page, rows):
     before, rest = page.split(BEGIN)
-    return before + BEGIN + table(settings) + END + rest.split(END)[1]
+    return before + BEGIN + table(rows) + END + rest.split(END)[1]
 
 
 def write(root):
     page = root / PAGE
-    page.write_text(generated(page.read_text(encoding="utf-8"), settings_of_manifest(root)), encoding="utf-8")
+    page.write_text(generated(page.read_text(encoding="utf-8"), settings.read(root / CODE)), encoding="utf-8")
 
 
 def check(root):
-    settings = settings_of_manifest(root)
-    manifest = {row["key"]: (row["env"], row["type"], row["default"]) for row in settings}
-    code_has = of_code(root)
-    found = [f"{MANIFEST}: {key} is {manifest.get(key, 'not there')}, in the code {code_has.get(key, 'not there')}"
-             for key in sorted({*code_has, *manifest}) if code_has.get(key) != manifest.get(key)]
+    rows = settings.read(root / CODE)
+    code_has, manifest = {row["key"]: row for row in rows}, of_manifest(root, rows)
+    found = [f"{CODE}: {row['key']} has no {what}" for row in rows for what in ("label", "description") if not row[what]]
+    found += [f"{MANIFEST}: {key} is {manifest.get(key, 'not there')}, in the code {code_has.get(key, 'not there')}"
+              for key in sorted({*code_has, *manifest}) if code_has.get(key) != manifest.get(key)]
+    text = (root / CODE).read_text(encoding="utf-8")
+    written = len(re.findall(r"^    X\(", text, re.M)) - len(settings.LEVEL.findall(text))
+    if written != len(rows):
+        found.append(f"{CODE}: {written} settings, of which settings.py understands {len(rows)}")
     page = (root / PAGE).read_text(encoding="utf-8")
-    if page != generated(page, settings):
+    if page != generated(page, rows):
         found.append(f"{PAGE}: the table is stale; run tests/structure/check_settings.py --write")
-    return found, len(code_has)
+    return found, len(rows)
 
 
 if __name__ == "__main__":

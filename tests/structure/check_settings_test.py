@@ -15,7 +15,7 @@ import check_settings  # noqa: E402
 
 def run(file, old, new):
     with tempfile.TemporaryDirectory() as folder:
-        for name in (check_settings.CODE, check_settings.HEADER, check_settings.MANIFEST, check_settings.PAGE):
+        for name in (check_settings.CODE, check_settings.MANIFEST, check_settings.PAGE):
             copy = pathlib.Path(folder, name)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, copy)
@@ -32,26 +32,32 @@ class CheckSettings(unittest.TestCase):
     def test_same(self):
         self.assertEqual(run(check_settings.PAGE, "## Notes", "## Notes")[0], 0)
 
-    def test_row_that_the_others_lack(self):
-        code, out = run(check_settings.CODE, '    {"strict",', '    {"newer", &Settings::strict},\n    {"strict",')
+    def test_row_that_the_page_lacks(self):
+        code, out = run(check_settings.CODE, "    X(strict,", '    X(newer, newer, bool, false, "Newer", "A newer one.") \\\n    X(strict,')
         self.assertEqual(code, 1)
-        self.assertIn(f"{check_settings.MANIFEST}: newer is not there", out)
+        self.assertIn(f"{check_settings.PAGE}: the table is stale", out)
+        self.assertNotIn(check_settings.MANIFEST, out)
 
-    def test_other_default(self):
-        code, out = run(check_settings.HEADER, "bool strict = false", "bool strict = true")
+    def test_row_without_a_description(self):
+        code, out = run(check_settings.CODE, '"Emulate micromaps even if the driver provides them."', '""')
         self.assertEqual(code, 1)
-        self.assertIn(f"{check_settings.MANIFEST}: strict", out)
+        self.assertIn("force_emulation has no description", out)
 
-    def test_other_variable(self):
-        code, out = run(check_settings.MANIFEST, '"VELLUM_STRICT"', '"VELLUM_STRICTER"')
+    def test_row_that_is_not_understood(self):
+        code, out = run(check_settings.CODE, "X(strict, strict, bool, false,", "X(strict, strict, bool, 1 + 1,")
         self.assertEqual(code, 1)
-        self.assertIn("VELLUM_STRICTER", out)
+        self.assertIn("8 settings, of which settings.py understands 7", out)
+
+    def test_manifest_of_its_own(self):
+        code, out = run(check_settings.MANIFEST, "@VELLUM_SETTINGS@", '[{"key": "strict"}]')
+        self.assertEqual(code, 1)
+        self.assertIn(f"{check_settings.MANIFEST}: strict is", out)
+        self.assertIn(f"{check_settings.MANIFEST}: validate is not there", out)
 
     def test_stale_page(self):
         code, out = run(check_settings.PAGE, "| `VELLUM_STRICT` ", "| `VELLUM_STRICTER` ")
         self.assertEqual(code, 1)
         self.assertIn(f"{check_settings.PAGE}: the table is stale", out)
-
 
 
 if __name__ == "__main__":

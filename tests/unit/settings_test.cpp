@@ -99,6 +99,12 @@ TEST_F(SettingsTest, StrictInAllThreePlaces)
 TEST_F(SettingsTest, VariablesWithVkBefore)
 {
     write("");
+    // As Vulkan-Utility-Libraries names it after the layer.
+    set("VK_VELLUM_OPACITY_MICROMAP_STRICT", "1");
+    EXPECT_EQ(printed(), "");
+    EXPECT_TRUE(settings_.strict);
+    set("VK_VELLUM_STRICT", "0");
+    EXPECT_FALSE(readSettings(nullptr).strict);
     set("VK_VELLUM_STRICT", "1");
     EXPECT_TRUE(readSettings(nullptr).strict);
     set("VELLUM_STRICT", "0");
@@ -161,15 +167,17 @@ TEST_F(SettingsTest, EmptyValueInTheFile)
 TEST_F(SettingsTest, WrongNamesAreReportedOnce)
 {
     write("vellum_opacity_micromap.strickt = true\nkhronos_validation.strickt = true");
-    set("VELLUM_STRICKT", "1");
+    set("VK_VELLUM_OPACITY_MICROMAP_STRICKT", "1");
     set("VK_VELLUM_STRICKT", "1");
+    set("VELLUM_STRICKT", "1");
     set("VELLUM_TEST_SOMETHING", "1"); // of the tests
     const newer::LayerSetting settings[]{{kLayerName, "stricter", newer::kLayerSettingBool32, 0, nullptr},
                                          {"VK_LAYER_other", "strictest", newer::kLayerSettingBool32, 0, nullptr}};
     const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
     const std::string head = "vellum: VELLUM-setting: there is no setting ";
     EXPECT_EQ(printed(&chain), head + "strickt (" + file_.string() + ")\n" + head + "stricter (VkLayerSettingEXT)\n" +
-                                   head + "VK_VELLUM_STRICKT\n" + head + "VELLUM_STRICKT\n");
+                                   head + "VK_VELLUM_OPACITY_MICROMAP_STRICKT\n" + head + "VK_VELLUM_STRICKT\n" +
+                                   head + "VELLUM_STRICKT\n");
     EXPECT_EQ(printed(&chain), "");
     EXPECT_FALSE(settings_.strict);
 }
@@ -247,19 +255,23 @@ TEST_F(SettingsTest, CaseDoesNotMatter)
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
-VKAPI_ATTR VkBool32 VKAPI_CALL remember(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
+VKAPI_ATTR VkBool32 VKAPI_CALL remember(VkDebugUtilsMessageSeverityFlagBitsEXT severity,
+                                        VkDebugUtilsMessageTypeFlagsEXT,
                                         const VkDebugUtilsMessengerCallbackDataEXT *data, void *texts)
 {
-    *static_cast<std::string *>(texts) += std::string(data->pMessageIdName) + ": " + data->pMessage + "\n";
+    const bool warning = severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT;
+    *static_cast<std::string *>(texts) +=
+        (warning ? "warning: " : "error: ") + std::string(data->pMessageIdName) + ": " + data->pMessage + "\n";
     return VK_FALSE;
 }
 
-// The text says what becomes of a fault that does no harm.
+// The severity and the text of a fault that does no harm state whether the layer goes on.
 TEST(ReporterTest, ToleratesUnlessStrict)
 {
     std::string texts;
     VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
-    info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    info.messageSeverity =
+        VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT;
     info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
     info.pfnUserCallback = remember;
     info.pUserData = &texts;
@@ -271,7 +283,7 @@ TEST(ReporterTest, ToleratesUnlessStrict)
     settings.strict = true;
     report.apply(settings);
     EXPECT_FALSE(report.tolerates("VELLUM-a", "two"));
-    EXPECT_EQ(texts, "VELLUM-a: one; the layer goes on\nVELLUM-a: two\n");
+    EXPECT_EQ(texts, "warning: VELLUM-a: one; the layer goes on\nerror: VELLUM-a: two\n");
 }
 
 } // namespace

@@ -1,6 +1,6 @@
-// What is wrong with one command or object, or with one element of a command. What would damage memory, read wild
-// addresses or has no meaning is refused. What does no harm is told, and the layer goes on, as drivers do; with the
-// setting `strict` it is refused as well. docs/messages.md lists both.
+// Checks of the input of a command, and the policy for violations. Input is rejected, with an error, if it would damage
+// memory, read wild addresses or has no meaning. Input that does no harm is tolerated, with a warning: the layer goes
+// on, as drivers do. With the setting `strict` it is rejected as well. docs/messages.md lists the messages.
 #pragma once
 
 #include <cstdint>
@@ -17,32 +17,32 @@ namespace vellum::layer
 class InputCheck
 {
 public:
-    // `element`: of pInfos. The object is the one that messages are about; 0: none.
+    // `element`: index in pInfos. `object`: the object that messages are about, or 0.
     InputCheck(Reporter &report, const char *command, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0,
                std::optional<uint32_t> element = std::nullopt)
         : report_(report), command_(command), type_(type), object_(object), element_(element)
     {
     }
 
-    // Tells what forbids it. Always false: it may not be carried out.
+    // Reports an error. Returns false, so that callers can write return reject(...).
     bool reject(const char *id, const std::string &text) const
     {
         report_.error(id, where() + text, type_, object_);
         return false;
     }
-    // Tells what does no harm. Whether it may be carried out.
+    // Reports a fault that does no harm. Returns whether the command may be carried out.
     [[nodiscard]] bool tolerate(const char *id, const std::string &text) const
     {
         return report_.tolerates(id, where() + text, type_, object_);
     }
 
-    // Tolerates or refuses what does harm only sometimes.
+    // Tolerates or rejects input that does harm only under some conditions.
     [[nodiscard]] bool tolerateIf(bool harmless, const char *id, const std::string &text) const
     {
         return harmless ? tolerate(id, text) : reject(id, text);
     }
-    // Serialized data at an address that the specification wants to be a multiple of `alignment`. Shaders of the layer
-    // read and write 16 bytes at once.
+    // Checks the address of serialized data, which by the specification is a multiple of `alignment`. The layer's
+    // shaders read and write 16 bytes at once, so other multiples of 16 do no harm.
     [[nodiscard]] bool checkSerializedAddress(VkDeviceAddress address, uint32_t alignment, const char *nullId,
                                               const char *alignmentId) const
     {

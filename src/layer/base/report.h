@@ -1,5 +1,4 @@
-// What the layer has to say goes to the application's debug-utils messengers, and to stderr when the setting asks for
-// it.
+// Messages of the layer. They go to the application's debug-utils messengers, and to stderr by the setting `report`.
 #pragma once
 
 #include <mutex>
@@ -26,31 +25,35 @@ public:
     void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
     void removeMessenger(VkDebugUtilsMessengerEXT handle);
 
-    // Name of an object that messages may be about; empty: none any more.
+    // Name of an object, for messages about it; empty: the object has none any more.
     void setName(uint64_t object, const std::string &name);
 
-    // `id`: a short name ("VELLUM-micromap-build"), or the VUID that was broken, after the prefix "VELLUM-".
+    // `id`: a short name ("VELLUM-micromap-build"), or the VUID of the violated rule after the prefix "VELLUM-".
     // `object`: the object concerned, or 0.
-    // A message for which there is no memory goes to stderr: reporting does not throw.
+    // Reporting does not throw: a message for which there is no memory goes to stderr.
     void error(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0)
     {
         send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text, type, object);
     }
-    // An error that does no harm. Whether the layer goes on, as drivers do: not with the setting `strict`.
+    // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
+    // on, as drivers do; it does unless `strict` is set.
     [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
                                  uint64_t object = 0)
     {
-        error(id, strict_ ? std::string(text) : std::string(text) + "; the layer goes on", type, object);
+        if (strict_)
+            error(id, text, type, object);
+        else
+            warning(id, std::string(text) + "; the layer goes on", type, object);
         return !strict_;
     }
-    // What the layer refuses to do, because doing it in part would be silently wrong.
+    // Reports a command that the layer rejects, because carrying it out in part would be silently wrong.
     void notAvailable(const std::string &what)
     {
         error("VELLUM-not-available", what + " is not available in this version of the layer");
     }
-    void warning(const char *id, std::string_view text)
+    void warning(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0)
     {
-        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT, id, text, VK_OBJECT_TYPE_UNKNOWN, 0);
+        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT, id, text, type, object);
     }
     void info(const char *id, std::string_view text)
     {

@@ -1,6 +1,7 @@
 #include "layer/base/settings.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cstdio>
 #include <cstdlib>
@@ -25,39 +26,35 @@ namespace
 
 constexpr const char *kFilePrefix = "vellum_opacity_micromap.";
 
-// A setting is called by its key in structures, in files with kFilePrefix before it, and in capitals with
-// kVariablePrefix, or that after VK_, in the environment. The manifest and docs/settings.md list the same
-// (tests/structure/check_settings.py).
 struct Row {
     const char *key;
     std::variant<bool Settings::*, ReportLevel Settings::*, std::string Settings::*> member;
 };
-constexpr Row kRows[] = {
-    {"force_emulation", &Settings::forceEmulation},
-    {"report", &Settings::report},
-    {"validate", &Settings::validate},
-    {"strict", &Settings::strict},
-    {"assume_micromaps", &Settings::assumeMicromaps},
-    {"constant_ray_flags", &Settings::constantRayFlags},
-    {"cache_folder", &Settings::cacheFolder},
-    {"dump_shaders", &Settings::dumpShaders},
-};
+#define VELLUM_ROW(key, member, type, initial, label, description) {#key, &Settings::member},
+constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
+#undef VELLUM_ROW
 
-// Variables that begin like those of settings: of the project's tests, and of libvellum's module for Python.
+// Variables with the prefix of settings that are none: those of the tests, and of the Python module.
 constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY"};
 
+#define VELLUM_LEVEL(name, value, label, description) {#name, ReportLevel::value},
 constexpr std::pair<const char *, ReportLevel> kLevels[] = {
-    {"none", ReportLevel::None},    {"error", ReportLevel::Error}, {"warning", ReportLevel::Warning},
-    {"warn", ReportLevel::Warning}, {"info", ReportLevel::Info},   {"0", ReportLevel::None},
-    {"off", ReportLevel::None},     {"false", ReportLevel::None},  {"1", ReportLevel::Info},
-    {"on", ReportLevel::Info},      {"true", ReportLevel::Info},
+    VELLUM_REPORT_LEVELS(VELLUM_LEVEL) // their names, and what users may write instead
+    {"warn", ReportLevel::Warning},
+    {"0", ReportLevel::None},
+    {"off", ReportLevel::None},
+    {"false", ReportLevel::None},
+    {"1", ReportLevel::Info},
+    {"on", ReportLevel::Info},
+    {"true", ReportLevel::Info},
 };
+#undef VELLUM_LEVEL
 constexpr std::pair<const char *, bool> kBooleans[] = {
     {"true", true}, {"false", false}, {"1", true}, {"0", false}, {"on", true}, {"off", false},
 };
 
-// Prints what is wrong with the settings, each thing once in the life of the process: they are read before there is a
-// messenger, and may turn messages off.
+// Prints a fault in the settings, each text once in the life of the process. Settings are read before there is a
+// messenger, and may turn messages off, so faults go to stderr.
 void reportOnce(const std::string &text)
 {
     static std::mutex mutex;
@@ -89,7 +86,7 @@ std::optional<Value> named(const std::pair<const char *, Value> (&values)[count]
     return found == std::end(values) ? std::nullopt : std::optional(found->second);
 }
 
-// A setting as someone gave it.
+// A setting as it was found in one of the sources.
 struct Given {
     std::string key;
     std::string origin;
@@ -120,7 +117,7 @@ void apply(Settings &settings, const Row &row, const Given &given)
         assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
 }
 
-// Null, after a report, where there is no such setting.
+// Null after a message if there is no such setting.
 const Row *rowOf(const Given &given)
 {
     const auto found = std::ranges::find_if(kRows, [&](const Row &row) { return given.key == row.key; });
@@ -130,7 +127,7 @@ const Row *rowOf(const Given &given)
     return nullptr;
 }
 
-// By the XDG Base Directory Specification. Nowhere in programs that run with more rights than their user has.
+// By the XDG Base Directory Specification. Empty in programs that run with more rights than their user has.
 std::string userCacheFolder()
 {
     if (const char *folder = secure_getenv("XDG_CACHE_HOME"); folder && *folder == '/')
@@ -147,8 +144,8 @@ bool isFile(const std::string &path)
     return stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
-// Of the files that there are, the first of: the one that VK_LAYER_SETTINGS_PATH names; that of the user, which Vulkan
-// Configurator writes; that in the working directory; that of the machine. Empty if there is none.
+// The first file that exists of: the one that VK_LAYER_SETTINGS_PATH names; the user's file, which Vulkan Configurator
+// writes; the one in the working directory; the one of the machine. Empty if none exists.
 std::string settingsFile()
 {
     const std::string name = "vk_layer_settings.txt";
@@ -174,7 +171,7 @@ std::string settingsFile()
     return {};
 }
 
-// An empty value there, as Configurator writes where its user gives none, is no value.
+// An empty value in a file leaves the setting alone: Vulkan Configurator writes one for each setting without a value.
 void readFile(Settings &settings)
 {
     const std::string path = settingsFile();
@@ -221,27 +218,42 @@ void readStructures(Settings &settings, const void *chain)
     }
 }
 
+// The prefixes of environment variables, from the weakest to the strongest. The first is the one that
+// Vulkan-Utility-Libraries derives from the name of the layer.
+std::array<std::string, 3> variablePrefixes()
+{
+    const std::string layer = kLayerName + std::strlen("VK_LAYER_");
+    return {"VK_" + inCapitals(layer) + "_", std::string("VK_") + kVariablePrefix, kVariablePrefix};
+}
+
+bool isKnownVariable(const std::string &key)
+{
+    return std::ranges::any_of(kRows, [&](const Row &row) { return key == inCapitals(row.key); }) ||
+           std::ranges::any_of(kOtherVariables, [&](const char *other) { return key.starts_with(other); });
+}
+
+void reportUnknownVariables(const std::array<std::string, 3> &prefixes)
+{
+    for (char **variable = environ; variable && *variable; ++variable) {
+        const std::string name(*variable, std::strcspn(*variable, "="));
+        const auto prefix =
+            std::ranges::find_if(prefixes, [&name](const std::string &p) { return name.starts_with(p); });
+        if (prefix != prefixes.end() && !isKnownVariable(name.substr(prefix->size())))
+            reportOnce("there is no setting " + name);
+    }
+}
+
 void readVariables(Settings &settings)
 {
-    const std::string prefix = kVariablePrefix;
-    for (const std::string &before : {"VK_" + prefix, prefix}) {
+    const std::array<std::string, 3> prefixes = variablePrefixes();
+    for (const std::string &prefix : prefixes) {
         for (const Row &row : kRows) {
-            const std::string name = before + inCapitals(row.key);
+            const std::string name = prefix + inCapitals(row.key);
             if (const char *value = std::getenv(name.c_str()))
                 apply(settings, row, {row.key, name, value});
         }
-        for (char **variable = environ; variable && *variable; ++variable) {
-            const std::string name(*variable, std::strcspn(*variable, "="));
-            if (!name.starts_with(before))
-                continue;
-            const std::string key = name.substr(before.size());
-            const bool isSetting =
-                std::ranges::any_of(kRows, [&](const Row &row) { return key == inCapitals(row.key); });
-            if (!isSetting &&
-                std::ranges::none_of(kOtherVariables, [&](const char *other) { return key.starts_with(other); }))
-                reportOnce("there is no setting " + name);
-        }
     }
+    reportUnknownVariables(prefixes);
 }
 
 } // namespace

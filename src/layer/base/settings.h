@@ -1,35 +1,26 @@
-// The layer's settings. Sources, the later ones winning: vk_layer_settings.txt, VkLayerSettingsCreateInfoEXT,
-// environment variables. Names and values that are none are reported on stderr.
+// The settings of the layer. Their sources, from the weakest to the strongest: vk_layer_settings.txt,
+// VkLayerSettingsCreateInfoEXT, environment variables. Unknown names and wrong values are reported on stderr.
 #pragma once
 
 #include <string>
 
+#include "layer/base/settings_table.h"
+
 namespace vellum::layer
 {
 
-// What tells copies of the layer apart (copy.cpp): the tests have a second one, which stands for a driver with
-// micromaps under the first.
+// The names of this copy of the layer (copy.cpp). The tests have a second copy, which acts as a driver with micromaps
+// under the first.
 extern const char *const kLayerName;      // VK_LAYER_VELLUM_opacity_micromap
 extern const char *const kVariablePrefix; // of environment variables: VELLUM_
-extern const char *const kMessagePrefix;  // of ids of messages; empty but in the copy
+extern const char *const kMessagePrefix;  // of message ids; empty except in the second copy
 
 enum class ReportLevel { None, Error, Warning, Info };
 
 struct Settings {
-    bool forceEmulation = false;            // VELLUM_FORCE_EMULATION, vellum_opacity_micromap.force_emulation
-    ReportLevel report = ReportLevel::None; // VELLUM_REPORT, .report: what also goes to stderr
-    bool validate = false; // VELLUM_VALIDATE, .validate: shaders look for wrong input, and the layer tells of it
-    // VELLUM_ASSUME_MICROMAPS, .assume_micromaps: ray tracing pipelines without the micromap bit and ray queries
-    // without the execution mode use micromaps all the same, where the feature is enabled
-    bool assumeMicromaps = false;
-    bool strict = false; // VELLUM_STRICT, .strict: what breaks a rule is refused where it does no harm, too
-    // VELLUM_CONSTANT_RAY_FLAGS, .constant_ray_flags: if off, flags that are constant in a module or pipeline go the
-    // way of those that are not; for tests
-    bool constantRayFlags = true;
-    // VELLUM_CACHE_FOLDER, .cache_folder: what is the same in every run is kept there (memory/kept_addresses.h);
-    // nowhere if empty. Where it is not set, it is "vellum" in the user's folder for caches.
-    std::string cacheFolder;
-    std::string dumpShaders; // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
+#define VELLUM_MEMBER(key, member, type, initial, label, description) type member = initial;
+    VELLUM_SETTINGS(VELLUM_MEMBER)
+#undef VELLUM_MEMBER
 };
 
 // `instanceChain`: the pNext chain of VkInstanceCreateInfo.

@@ -3,6 +3,7 @@
 #include "command_buffer/state_scene.h"
 #include "harness/expected.h"
 #include "harness/program/labels.h"
+#include "harness/severity.h"
 
 namespace
 {
@@ -60,7 +61,7 @@ protected:
     {
         bool complained = false;
         for (const Message &m : gpu().takeUnexpectedMessages()) {
-            if (m.fromVellum() && m.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT) {
+            if (m.fromVellum() && m.severity == expectedSeverity(m)) {
                 EXPECT_NE(m.id.find(rule), std::string::npos) << m.id << ": " << m.text;
                 EXPECT_FALSE(m.text.empty());
                 complained = true;

@@ -1,6 +1,7 @@
 // Ray tracing pipelines that break the rules: a message that names the rule, no crash, and a device that goes on
 // working.
 #include "harness/program/labels.h"
+#include "harness/severity.h"
 #include "pipelines/pipeline_scene.h"
 
 namespace
@@ -55,7 +56,7 @@ protected:
         bool complained = false;
         for (const Message &m : messages_) {
             EXPECT_TRUE(m.fromVellum()) << "from elsewhere: " << m.id << ": " << m.text;
-            if (m.fromVellum() && m.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
+            if (m.fromVellum() && m.severity == expectedSeverity(m))
                 complained = complained || m.id.find(rule) != std::string::npos;
         }
         EXPECT_TRUE(complained) << "no message of " << rule;

@@ -1,0 +1,43 @@
+#!/usr/bin/env python3
+"""Reads the table of settings (settings_table.h), and prints it as the JSON of the manifest's `features.settings`.
+
+usage: settings.py [TABLE]
+"""
+import json
+import pathlib
+import re
+import sys
+
+TABLE = pathlib.Path(__file__).with_name("settings_table.h")
+TEXT = r'((?:"[^"]*"\s*)+)'
+SETTING = re.compile(r'X\((\w+), (\w+), ([\w:]+), ([\w:{}]+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
+LEVEL = re.compile(r'X\((\w+), (\w+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
+TYPES = {"bool": "BOOL", "ReportLevel": "ENUM", "std::string": "SAVE_FOLDER"}
+DEFAULTS = {"true": True, "false": False, "{}": ""}
+
+
+def joined(literals):
+    """The text of adjacent string literals."""
+    return "".join(re.findall(r'"([^"]*)"', literals))
+
+
+def read(table=TABLE):
+    """The settings as the manifest has them."""
+    text = pathlib.Path(table).read_text(encoding="utf-8").replace("\\\n", "\n")
+    levels = [{"key": name, "label": joined(label), "description": joined(description)}
+              for name, _, label, description in LEVEL.findall(text)]
+    names = {f"ReportLevel::{value}": name for name, value, _, _ in LEVEL.findall(text)}
+    settings = []
+    for key, _, kind, default, label, description in SETTING.findall(text):
+        setting = {"key": key, "env": "VELLUM_" + key.upper(), "label": joined(label),
+                   "description": joined(description), "type": TYPES[kind], "default": (DEFAULTS | names)[default]}
+        settings.append(setting | ({"flags": levels} if kind == "ReportLevel" else {}))
+    return settings
+
+
+def main():
+    print(json.dumps(read(*sys.argv[1:2]), indent=2))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,32 @@
+// Every setting of the layer, stated once. settings.py reads this table for the manifest.
+#pragma once
+
+// Levels of the setting `report`: X(name, value of ReportLevel, label, description)
+#define VELLUM_REPORT_LEVELS(X)                                                                                        \
+    X(none, None, "None", "Print nothing.")                                                                            \
+    X(error, Error, "Error", "Print errors.")                                                                          \
+    X(warning, Warning, "Warning", "Print errors and warnings.")                                                       \
+    X(info, Info, "Info", "Print all messages.")
+
+// X(key, member of Settings, type, default, label, description)
+// A setting has its key as its name in VkLayerSettingEXT. In files, vellum_opacity_micromap. precedes the key; in the
+// environment the key is in capitals, and VELLUM_ precedes it.
+#define VELLUM_SETTINGS(X)                                                                                             \
+    X(force_emulation, forceEmulation, bool, false, "Force emulation",                                                 \
+      "Emulate micromaps even if the driver provides them.")                                                           \
+    X(report, report, ReportLevel, ReportLevel::None, "Messages on stderr",                                            \
+      "Print messages of this severity and above to stderr. VK_EXT_debug_utils messengers always get them.")           \
+    X(validate, validate, bool, false, "Validate input of builds",                                                     \
+      "Check the input of micromap builds on the GPU. Each violation is reported with the number of its triangle.")    \
+    X(strict, strict, bool, false, "Strict",                                                                           \
+      "Reject input that breaks a rule even if it does no harm, instead of only warning. For tests of applications.")  \
+    X(assume_micromaps, assumeMicromaps, bool, false, "Assume micromaps",                                              \
+      "Use micromaps in ray tracing pipelines without the micromap bit and in ray queries without the execution "      \
+      "mode, if the feature is enabled.")                                                                              \
+    X(constant_ray_flags, constantRayFlags, bool, true, "Constant ray flags",                                          \
+      "Use the values of ray flags that are constant in a module or pipeline. Turned off only for tests.")             \
+    X(cache_folder, cacheFolder, std::string, {}, "Cache folder",                                                      \
+      "Folder for the addresses of the layer's tables, so that shader caches of one run hit in the next. Default: "    \
+      "vellum in the user's cache folder. Empty: addresses are not kept.")                                             \
+    X(dump_shaders, dumpShaders, std::string, {}, "Dump shaders",                                                      \
+      "Existing folder to which each shader that the layer rewrites is written, before and after.")

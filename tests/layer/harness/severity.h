@@ -1,0 +1,15 @@
+// The severity of the layer's messages about wrong input: tolerated input is a warning, rejected input an error.
+#pragma once
+
+#include "harness/harness.h"
+
+namespace vt
+{
+
+inline VkDebugUtilsMessageSeverityFlagBitsEXT expectedSeverity(const Message &m)
+{
+    return m.text.ends_with("; the layer goes on") ? VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT
+                                                   : VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+}
+
+} // namespace vt
