@@ -1,4 +1,4 @@
-// The greatest of the values that threads have seen.
+// An atomic maximum.
 #pragma once
 
 #include <atomic>

@@ -1,5 +1,5 @@
-// The names of this copy of the layer. It is a file of its own so that the tests' copy can have another one, and
-// everything else from the same static library.
+// The names of this copy of the layer. They are in a file of their own so that the tests can build a second copy, with
+// other names, from the same static library.
 #include "layer/base/settings.h"
 
 #ifndef VELLUM_COPY

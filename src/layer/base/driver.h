@@ -1,5 +1,5 @@
-// The ground: what every other room stands on and what knows nothing of micromaps. Dispatch tables, pNext chains,
-// settings, messages, newer Vulkan declarations, and the driver below a device.
+// The base: what every other subsystem uses, and what does not depend on micromaps. Dispatch tables, pNext chains,
+// settings, messages, newer Vulkan declarations, and the driver of a device.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@
 namespace vellum::layer
 {
 
-// What the application enabled on an emulated or translated device.
+// The features that the application enabled on a device that depends on the layer.
 struct EnabledFeatures {
     bool ext = false;             // VK_EXT_opacity_micromap
     bool khr = false;             // VK_KHR_opacity_micromap
@@ -29,7 +29,7 @@ struct EnabledFeatures {
     bool pipelineMicromaps = false; // VK_ARM_pipeline_opacity_micromap
 
     [[nodiscard]] bool anyFeature() const { return extFeature || khrFeature; }
-    // With VK_EXT_opacity_micromap every ray query uses micromaps; without it, those whose entry point asks for it.
+    // With VK_EXT_opacity_micromap every ray query uses micromaps; otherwise those with the execution mode.
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
 };
 
@@ -41,10 +41,10 @@ enum class Mode {
     KhrOverExt,  // the driver provides VK_EXT_opacity_micromap, and the layer translates VK_KHR_opacity_micromap to it
 };
 
-// A device as the next layer or the driver made it.
+// A device of the next layer or the driver.
 struct Driver {
     VkDevice handle = VK_NULL_HANDLE;
-    uint64_t number = 0; // of all devices of this process: unlike handles, numbers are not used again
+    uint64_t number = 0; // unique in this process: unlike handles, numbers are not used again
     VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
     const InstanceTable *instance = nullptr;
     const Settings *settings = nullptr;
@@ -53,23 +53,23 @@ struct Driver {
 
     Mode mode = Mode::PassThrough;
     EnabledFeatures enabled;
-    bool ownAddressCommands = false;   // VK_KHR_device_address_commands is enabled, and the layer's
+    bool ownAddressCommands = false;   // VK_KHR_device_address_commands is enabled, and the layer provides it
     bool nullIndexBuffer = false;      // VK_NULL_HANDLE may be bound as index buffer
     bool queriesStructureSize = false; // VK_KHR_ray_tracing_maintenance1 is enabled
     std::array<uint8_t, VK_UUID_SIZE> driverUuid{};
-    // Lavapipe before Mesa 26: a build clears all that the handle reaches over, and a copy is one of that many bytes as
-    // they are. What lies behind the structure is not the build's to write: structures/exact_size_handle.h.
+    // Lavapipe before Mesa 26: a build clears the whole range of the handle, and a copy copies that many bytes,
+    // although what follows the structure in memory may belong to other objects (structures/exact_size_handle.h).
     bool clearsWholeHandles = false;
-    // The same: the rays of a pipeline that consists of libraries only see the push constants of the
-    // last dispatch, not those that are set. They are to be the application's.
+    // Lavapipe before Mesa 26: in a pipeline made of libraries only, rays see the push constants of the last dispatch
+    // instead of those that are set. So the last dispatch has to have the application's.
     bool keepsOldPushConstants = false;
-    uint32_t threads = 0; // of a device that is a CPU; 0: it is none
+    uint32_t threads = 0; // of a CPU implementation; 0 for GPUs
 
     [[nodiscard]] bool emulated() const { return mode == Mode::Emulated; }
     [[nodiscard]] bool translated() const { return mode == Mode::KhrOverExt; }
     [[nodiscard]] Reporter &report() const { return *reporter; }
     [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;
-    // The reference that instances name a bottom-level structure by.
+    // The reference by which instances name a bottom-level structure.
     [[nodiscard]] VkDeviceAddress structureAddress(VkAccelerationStructureKHR structure) const;
 };
 

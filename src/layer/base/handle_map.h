@@ -1,4 +1,4 @@
-// A map from handles to the layer's own state. Sharded, so that threads that record different command buffers do not
+// A map from handles to state of the layer. It is sharded, so that threads that record different command buffers do not
 // wait for each other.
 #pragma once
 
@@ -9,7 +9,6 @@
 #include <type_traits>
 #include <unordered_map>
 #include <utility>
-#include <vector>
 
 namespace vellum::layer
 {
@@ -28,12 +27,13 @@ public:
         shard.values[handle] = std::move(value);
     }
 
-    // A value without its handle, which is set without allocating: of what the driver makes later, where nothing may
-    // fail any more.
+    // A value whose handle is not known yet. Setting it does not allocate: for objects that the driver creates later,
+    // when nothing may fail any more.
     using Entry = typename Values::node_type;
     [[nodiscard]] static Entry entry(Value value)
     {
-        Values one;
+        Values one; // the standard library creates nodes only in containers
+        one.max_load_factor(kNeverRehash);
         one.emplace(Handle{}, std::move(value));
         return one.extract(one.begin());
     }
@@ -45,7 +45,7 @@ public:
         if (auto known = shard.values.insert(std::move(entry)); !known.inserted)
             known.position->second = std::move(known.node.mapped());
     }
-    // A copy of the value; a default one where there is none.
+    // A copy of the value; a default one if there is none.
     [[nodiscard]] Value get(Handle handle) const
     {
         const Shard &shard = shardOf(handle);
@@ -53,7 +53,7 @@ public:
         const auto it = shard.values.find(handle);
         return it == shard.values.end() ? Value{} : it->second;
     }
-    // Removes and returns it.
+    // Removes the value, and returns it; a default one if there is none.
     Value take(Handle handle)
     {
         Shard &shard = shardOf(handle);
@@ -67,9 +67,10 @@ public:
     }
 
 private:
+    static constexpr float kNeverRehash = 1e9f;
     struct Shard {
-        // It grows when grow() says so, and not by itself: insertion of an entry does not allocate then.
-        Shard() { values.max_load_factor(1e9f); }
+        // The map grows only in grow(), and not by itself, so that insertion of an entry does not allocate.
+        Shard() { values.max_load_factor(kNeverRehash); }
         void grow()
         {
             if (values.size() >= values.bucket_count())

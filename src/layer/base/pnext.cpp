@@ -13,12 +13,12 @@ namespace
 
 size_t structureSize(VkStructureType type)
 {
-    // Structures of the loader are not in the registry; one lies at the head of every VkDeviceCreateInfo chain.
+    // Structures of the loader are not in the registry; one is at the head of every VkDeviceCreateInfo chain.
     if (type == VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO || type == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO)
         return 4 * sizeof(void *);
     if (const size_t size = registrySize(type))
         return size;
-    // Where the registry is older than these.
+    // For registries that are older than these.
     if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR)
         return sizeof(VkPhysicalDeviceOpacityMicromapFeaturesKHR);
     if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR)
@@ -48,8 +48,8 @@ const VkBaseInStructure *findInChain(const void *chain, VkStructureType type)
     return s;
 }
 
-// Makes copies of all structures from the head through `last`; returns the copy of `last`, or null where one of them
-// has an unknown size.
+// Copies all structures from the head through `last`. Returns the copy of `last`, or null if one of them has an unknown
+// size.
 VkBaseInStructure *Chain::ownUpTo(const VkBaseInStructure *last)
 {
     VkBaseInStructure *previous = nullptr;

@@ -1,5 +1,5 @@
-// The application's pNext chains are const. To take a structure out of one, or change it, the layer copies the chain up
-// to that structure; what comes after stays the application's own.
+// The application's pNext chains are const. To remove or change a structure in one, the layer copies the chain up to
+// that structure; the rest of the chain stays the application's.
 #pragma once
 
 #include <cstddef>
@@ -28,16 +28,17 @@ public:
     explicit Chain(const void *chain) : head_(chain) {}
 
     [[nodiscard]] const void *head() const { return head_; }
-    // Takes every structure of this type out. A structure that lies behind one of unknown size cannot be taken out: it
-    // stays, and a driver that does not know it must ignore it (Vulkan, "Valid Usage for Structure Pointer Chains").
+    // Removes every structure of this type. A structure behind one of unknown size cannot be removed: it stays, and a
+    // driver that does not know it has to ignore it (Vulkan, "Valid Usage for Structure Pointer Chains").
     void remove(VkStructureType type);
-    // A copy, within the chain, of the first structure of this type, to be changed; null where there is none to be had.
+    // Copies the first structure of this type, and returns the copy, which is part of the chain; null if there is none,
+    // or it is behind one of unknown size.
     template <typename T>
     T *edit(VkStructureType type)
     {
         return reinterpret_cast<T *>(makeOwn(type));
     }
-    // Puts `structure` (kept by the caller, its pNext overwritten) at the head.
+    // Puts `structure` at the head and overwrites its pNext. The caller keeps the structure alive.
     void prepend(VkBaseInStructure *structure);
 
 private:
@@ -53,11 +54,11 @@ private:
 };
 
 // Unlinks one structure from a chain that the driver writes to, for as long as this object lives. Such chains are not
-// const, and the application sees its own chain again.
+// const; the destructor restores the application's chain.
 class Unlinked
 {
 public:
-    Unlinked(void *chain, VkStructureType type); // of a null chain: nothing
+    Unlinked(void *chain, VkStructureType type); // a null chain stays as it is
     ~Unlinked();
     Unlinked(const Unlinked &) = delete;
     Unlinked &operator=(const Unlinked &) = delete;

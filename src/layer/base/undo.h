@@ -1,4 +1,4 @@
-// What has to be undone where a later step fails.
+// What has to be undone if a later step fails.
 #pragma once
 
 #include <utility>
@@ -6,8 +6,8 @@
 namespace vellum::layer
 {
 
-// Runs a function at the end of the scope, however it is left, unless everything succeeded: keep(). Every command that
-// goes on after the driver has made an object destroys the object by one, since allocations of its own may throw.
+// Runs a function at the end of the scope, unless keep() was called because everything succeeded. A command that goes
+// on after the driver has created an object destroys the object by an Undo, since its own allocations may throw.
 template <typename Function>
 class Undo
 {

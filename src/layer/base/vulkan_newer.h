@@ -1,6 +1,6 @@
-// Declarations of Vulkan newer than the oldest headers Vellum builds with (1.3.239), under names of our own so that
-// they compile beside headers that have them; those of the extensions that Vellum provides are in its public header.
-// Layouts and values: vk.xml of KhronosGroup/Vulkan-Docs.
+// Declarations of Vulkan that are newer than the oldest headers Vellum builds with (1.3.239). They have names of their
+// own, so that they compile beside headers that have them. The extensions that Vellum provides are in its public
+// header. Layouts and values: vk.xml of KhronosGroup/Vulkan-Docs.
 #pragma once
 
 #include "vellum/vulkan_opacity_micromap.h"

@@ -11,7 +11,7 @@ void submitDebugUtilsMessage(VkInstance handle, VkDebugUtilsMessageSeverityFlagB
                              VkDebugUtilsMessageTypeFlagsEXT types, const VkDebugUtilsMessengerCallbackDataEXT *data)
 {
     Instance &instance = instanceOf(handle);
-    // Layers below may look objects up by their types. The application's messengers are below, too, and get them still.
+    // Layers below may look objects up by their types. The application's messengers, which are below, still get them.
     std::vector<VkDebugUtilsObjectNameInfoEXT> objects(data->pObjects, data->pObjects + data->objectCount);
     for (VkDebugUtilsObjectNameInfoEXT &object : objects) {
         if (isLayerObject(instance, object.objectType, object.objectHandle))
@@ -26,7 +26,8 @@ void debugReportMessage(VkInstance handle, VkDebugReportFlagsEXT flags, VkDebugR
                         uint64_t object, size_t location, int32_t code, const char *prefix, const char *message)
 {
     Instance &instance = instanceOf(handle);
-    // Micromaps have no type of their own here; as acceleration structures they have theirs, of the same number.
+    // VkDebugReportObjectTypeEXT has no value for VkMicromapEXT. For acceleration structures it has the number of
+    // VkObjectType.
     if (isLayerObject(instance, static_cast<VkObjectType>(type), object))
         type = VK_DEBUG_REPORT_OBJECT_TYPE_UNKNOWN_EXT;
     instance.next.DebugReportMessageEXT(handle, flags, type, object, location, code, prefix, message);

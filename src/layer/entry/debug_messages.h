@@ -1,5 +1,5 @@
-// Messages that the application sends, of VK_EXT_debug_utils and VK_EXT_debug_report: they name objects, of which some
-// are the layer's own.
+// Messages that the application sends, by VK_EXT_debug_utils and VK_EXT_debug_report. They may name objects of the
+// layer, which the driver does not know.
 #pragma once
 
 #include <vulkan/vulkan.h>

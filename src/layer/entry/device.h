@@ -1,4 +1,4 @@
-// A device: the rooms of the layer put together, and its creation.
+// A device: the parts of all subsystems, and its creation.
 #pragma once
 
 #include <tuple>
@@ -16,7 +16,7 @@ namespace vellum::layer
 struct Device : Registered<Device> {
     Instance *instance = nullptr;
 
-    // Each uses those before it, and ends before they do.
+    // Each part uses those before it, and is destroyed before them.
     Driver driver{};
     DeviceBuffers buffers{driver};
     DeviceState objects{driver, buffers};
@@ -36,14 +36,14 @@ Device &deviceOf(DispatchableHandle handle)
     return *deviceOfKey(dispatchKey(handle));
 }
 
-// Whether an object of some device of the instance is the layer's own, which means nothing to the driver.
+// Whether an object of a device of the instance was created by the layer: the driver does not know its handle.
 bool isLayerObject(const Instance &instance, VkObjectType type, uint64_t handle);
 
-// Devices that are alive when their instance is destroyed are no longer known, and neither they nor what the layer has
-// made on them are destroyed: the application's threads and the GPU may still be using it. Whether there were any.
+// Forgets the devices that are alive when their instance is destroyed, and returns whether there were any. Neither they
+// nor their objects are destroyed: the application's threads and the GPU may still be using them.
 bool forgetDevices(const Instance &instance);
 
-// Part of a device that belongs to one subsystem. The commands of the subsystem take that as their first parameter.
+// The part of a device that belongs to one subsystem, which is the first parameter of the subsystem's commands.
 template <typename Subsystem>
 Subsystem &subsystemOf(Device &device)
 {

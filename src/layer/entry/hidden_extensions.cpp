@@ -10,9 +10,9 @@ namespace
 {
 
 constexpr HiddenExtension kHidden[] = {
-    {newer::kDisplacementMicromapExtension, "it extends the driver's own VK_EXT_opacity_micromap",
+    {newer::kDisplacementMicromapExtension, "it extends the driver's VK_EXT_opacity_micromap",
      newer::kDisplacementMicromapFeatures, 1},
-    // What makes top-level structures in ways that give instances no slot.
+    // Extensions that build top-level structures in which instances have no slot.
     {"VK_NV_ray_tracing", "its structures are built and traced by commands of its own", VkStructureType{}, 0},
     {"VK_NV_ray_tracing_motion_blur", "its instances have another layout",
      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MOTION_BLUR_FEATURES_NV, 2},
@@ -20,13 +20,13 @@ constexpr HiddenExtension kHidden[] = {
      static_cast<VkStructureType>(1000569000), 1},
     {"VK_NV_partitioned_acceleration_structure", "its structures are built by commands of its own",
      static_cast<VkStructureType>(1000570000), 1},
-    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in a way of their own",
+    {"VK_AMDX_dense_geometry_format", "its triangles name micromaps in another way",
      static_cast<VkStructureType>(1000478000), 1, HiddenExtension::Translated::NotBesideKhr},
-    // "recording any non-heap descriptor state commands immediately invalidates" what vkCmdPushDataEXT pushed, and the
-    // layer's own dispatches push constants.
-    {"VK_EXT_descriptor_heap", "the layer's own commands would invalidate the heaps that are bound",
+    // "recording any non-heap descriptor state commands immediately invalidates" what vkCmdPushDataEXT pushed, and
+    // injected dispatches push constants.
+    {"VK_EXT_descriptor_heap", "injected commands would invalidate the heaps that are bound",
      static_cast<VkStructureType>(1000135009), 2, HiddenExtension::Translated::NotBesideWork},
-    {"VK_AMDX_shader_enqueue", "shaders that are given to its pipelines as code would not be changed for the driver",
+    {"VK_AMDX_shader_enqueue", "the layer does not rewrite the shaders of its pipelines",
      static_cast<VkStructureType>(1000134000), 2, HiddenExtension::Translated::NotBesideKhr},
 };
 

@@ -1,7 +1,7 @@
-// Extensions of drivers that do not work beside emulated micromaps. They are hidden where VK_EXT_opacity_micromap is
-// emulated. Where it is the driver's own they stay, but a device cannot have one of them and emulated micromaps. Some
-// do not work beside translated micromaps either. They are hidden where VK_KHR_opacity_micromap is translated, so that
-// a device may enable all that is listed there.
+// Extensions of drivers that do not work beside emulated micromaps. They are hidden if VK_EXT_opacity_micromap is
+// emulated. If the driver has that extension they are listed, but a device cannot enable one of them together with
+// emulated micromaps. Some do not work beside translated micromaps either. These are hidden if VK_KHR_opacity_micromap
+// is translated, so that a device can enable all extensions that are listed.
 #pragma once
 
 #include "layer/base/vulkan_newer.h"
@@ -11,21 +11,21 @@ namespace vellum::layer
 
 struct HiddenExtension {
     const char *name;
-    const char *reason;       // a clause that says why
-    VkStructureType features; // its VkPhysicalDevice...Features, which has
-    uint32_t featureCount;    // so many VkBool32
+    const char *reason;       // a clause for messages
+    VkStructureType features; // VkPhysicalDevice...Features of the extension
+    uint32_t featureCount;    // members of that structure, each a VkBool32
     enum class Translated {
         Works,
-        NotBesideKhr,  // it does not work on a device that has VK_KHR_opacity_micromap
-        NotBesideWork, // nor on any for which the layer adds work of its own to command buffers
+        NotBesideKhr,  // does not work on a device with VK_KHR_opacity_micromap
+        NotBesideWork, // does not work on any device whose command buffers get injected work
     } translated = Translated::Works;
 };
 
-// Of this name, or null: those that do not work beside emulated micromaps, and those beside translated ones.
+// The extension of this name, if it does not work beside emulated (translated) micromaps; otherwise null.
 const HiddenExtension *hiddenByEmulation(const char *name);
 const HiddenExtension *hiddenByTranslation(const char *name);
 
-// Answers a query of features: sets those of extensions that `hidden` gives to false.
+// Sets the features of the extensions that `hidden` returns to false.
 void clearHiddenFeatures(VkPhysicalDeviceFeatures2 &features, const HiddenExtension *(*hidden)(const char *name));
 
 } // namespace vellum::layer

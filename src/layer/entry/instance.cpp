@@ -58,6 +58,32 @@ const HiddenExtension *(*hiddenOn(const Implementations &have))(const char *)
     return have.khr == Implementation::Translation ? hiddenByTranslation : nullptr;
 }
 
+constexpr MicromapLimits kEmulatedLimits{shared::kMaxSubdivisionLevel, shared::kMaxSubdivisionLevel,
+                                         shared::kMaxSubdivisionLevel};
+
+template <typename T>
+T *findStructure(void *chain, VkStructureType type)
+{
+    return const_cast<T *>(findInChain<T>(chain, type));
+}
+
+// Changes the UUIDs by which an application recognizes shader binaries and shader module identifiers. The layer rejects
+// binaries of another version of itself, and unless tables have the same addresses in every run, those of another
+// process (shader_binary.h).
+void mixUuids(const PhysicalDevice &physical, VkPhysicalDeviceProperties2 &properties)
+{
+    const auto mix = [](uint8_t *target, const auto &uuid) {
+        for (size_t i = 0; i < VK_UUID_SIZE; ++i)
+            target[i] ^= uuid[i];
+    };
+    const bool stable = physical.importsHostMemory || physical.replaysAddresses;
+    if (auto *binaries = findStructure<newer::ShaderObjectProperties>(properties.pNext, newer::kShaderObjectProperties))
+        mix(binaries->shaderBinaryUUID, stable ? rewriterUuid() : processUuid());
+    if (auto *identifiers = findStructure<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>(
+            properties.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_PROPERTIES_EXT))
+        mix(identifiers->shaderModuleIdentifierAlgorithmUUID, kIdentifierUuid);
+}
+
 bool isVulkan11(const VkInstanceCreateInfo &info)
 {
     return info.pApplicationInfo && info.pApplicationInfo->apiVersion >= VK_API_VERSION_1_1;
@@ -184,9 +210,8 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->pipelineOpacityMicromap = VK_TRUE;
     // Emulation needs the GPU for builds and copies of acceleration structures: their host commands are always
     // rejected.
-    auto *structures = const_cast<VkPhysicalDeviceAccelerationStructureFeaturesKHR *>(
-        findInChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
-            features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR));
+    auto *structures = findStructure<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+        features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
     if (structures && have.ext == Implementation::Emulation)
         structures->accelerationStructureHostCommands = VK_FALSE;
     if (const auto hidden = hiddenOn(have))
@@ -206,35 +231,19 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
     const Unlinked displacement = take(have.ext, newer::kDisplacementMicromapProperties);
     instance.next.GetPhysicalDeviceProperties2(device, properties);
-    // Shader binaries of another version of the layer are rejected. So are those of another process, unless tables have
-    // the same addresses in every run (shader_binary.h). The UUID by which an application recognizes its binaries
-    // depends on both.
-    auto *shaderObjects = const_cast<newer::ShaderObjectProperties *>(
-        findInChain<newer::ShaderObjectProperties>(properties->pNext, newer::kShaderObjectProperties));
-    if (shaderObjects && have.mixesIdentifiers()) {
-        const bool stable = physical->importsHostMemory || physical->replaysAddresses;
-        for (size_t i = 0; i < VK_UUID_SIZE; ++i)
-            shaderObjects->shaderBinaryUUID[i] ^= stable ? rewriterUuid()[i] : processUuid()[i];
-    }
-    auto *identifiers = const_cast<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT *>(
-        findInChain<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>(
-            properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_PROPERTIES_EXT));
-    for (size_t i = 0; identifiers && have.mixesIdentifiers() && i < VK_UUID_SIZE; ++i)
-        identifiers->shaderModuleIdentifierAlgorithmUUID[i] ^= kIdentifierUuid[i];
+    if (have.mixesIdentifiers())
+        mixUuids(*physical, *properties);
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>()) {
-        own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
-        own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+        own->maxOpacity2StateSubdivisionLevel = kEmulatedLimits.twoStateLevel;
+        own->maxOpacity4StateSubdivisionLevel = kEmulatedLimits.fourStateLevel;
     }
     if (auto *own = khr.get<VkPhysicalDeviceOpacityMicromapPropertiesKHR>()) {
-        own->maxOpacity2StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
-        own->maxOpacity4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
-        own->maxOpacityLossy4StateSubdivisionLevel = shared::kMaxSubdivisionLevel;
+        const bool translated = have.khr == Implementation::Translation;
+        const MicromapLimits limits = translated ? physical->extLimits : kEmulatedLimits;
+        own->maxOpacity2StateSubdivisionLevel = limits.twoStateLevel;
+        own->maxOpacity4StateSubdivisionLevel = limits.fourStateLevel;
+        own->maxOpacityLossy4StateSubdivisionLevel = limits.lossyLevel;
         own->maxMicromapTriangles = shared::kMaxMicromapTriangles;
-        if (have.khr == Implementation::Translation) {
-            own->maxOpacity2StateSubdivisionLevel = physical->extLimits.twoStateLevel;
-            own->maxOpacity4StateSubdivisionLevel = physical->extLimits.fourStateLevel;
-            own->maxOpacityLossy4StateSubdivisionLevel = physical->extLimits.lossyLevel;
-        }
     }
     if (auto *none = displacement.get<newer::DisplacementMicromapProperties>())
         none->maxDisplacementMicromapSubdivisionLevel = 0;

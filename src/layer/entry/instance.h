@@ -16,8 +16,8 @@
 namespace vellum::layer
 {
 
-// The first word of a dispatchable handle points to the loader's table and is the same for an instance and its physical
-// devices, and for a device, its queues and its command buffers.
+// The key of a dispatchable handle: its first word points to the loader's table, which an instance shares with its
+// physical devices, and a device with its queues and command buffers.
 template <typename DispatchableHandle>
 void *dispatchKey(DispatchableHandle handle)
 {

@@ -1,8 +1,8 @@
 // Instances and devices by their dispatch keys.
 //
-// A registry owns nothing, and nothing happens when the process ends or the layer is unloaded: what the application has
-// not destroyed by then stays as it is, since the driver and the layers in between may be gone. It allocates nothing
-// either, so adding what the driver has made cannot fail.
+// A registry owns nothing, and does nothing when the process ends or the layer is unloaded: objects that the
+// application has not destroyed by then stay, since the driver and the layers in between may be gone. It does not
+// allocate either, so adding an object that the driver has created cannot fail.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 namespace vellum::layer
 {
 
-// Base of what a registry holds: its key, and the next object of the list.
+// Base of the objects in a registry: the key, and the next object of the list.
 template <typename Object>
 struct Registered {
     void *key = nullptr;
@@ -24,10 +24,10 @@ template <typename Object>
 class Registry
 {
 public:
-    // Null where there is none. Every intercepted command calls it, on all threads at once: a lock that they share,
-    // even one for readers, would be written by each of them. So the first objects, which are all that most processes
-    // have, are in slots that are read without one. A slot changes only while its object is created or destroyed, when
-    // no command may name it; what other threads read there meanwhile is another key than theirs.
+    // Null if there is none. Every intercepted command calls this, on any thread, and each thread would write to a
+    // shared lock, even to one for readers. So the first objects, which most processes do not exceed, are in slots that
+    // are read without a lock. A slot changes only while its object is created or destroyed, when no command may name
+    // it; other threads then find a key that is not theirs.
     [[nodiscard]] Object *find(void *key) const
     {
         for (const Slot &slot : slots_) {
@@ -50,7 +50,7 @@ public:
         setSlot(nullptr, key, &object);
     }
 
-    // Removes an object that the predicate holds for; null where there is none.
+    // Removes an object for which the predicate is true, and returns it; null if there is none.
     template <typename Predicate>
     Object *take(Predicate predicate)
     {

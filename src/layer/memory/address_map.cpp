@@ -7,7 +7,7 @@
 namespace vellum::layer
 {
 
-// Buffers hardly ever overlap, so an insertion or removal changes the reach of few ranges, mostly of none.
+// Buffers rarely overlap, so an insertion or removal changes the reach of few ranges, mostly of none.
 void AddressMap::updateReach(Ranges::iterator from)
 {
     VkDeviceAddress reach = from == ranges_.begin() ? 0 : std::prev(from)->second.reach;

@@ -1,5 +1,5 @@
-// Which buffer a device address lies in. Kept for every buffer whose address the application asked for; with
-// VK_KHR_device_address_commands, for every buffer that has one.
+// The buffers at device addresses: every buffer whose address the application has queried, and with
+// VK_KHR_device_address_commands every buffer that has an address.
 #pragma once
 
 #include <map>
@@ -15,28 +15,27 @@ namespace vellum::layer
 class AddressMap
 {
 public:
-    // `usage`: as the driver knows it. Address 0 and a buffer that is known already are left out.
+    // `usage`: the flags that the driver got. Address 0 and buffers that are known already are ignored.
     void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage);
     void remove(VkBuffer buffer);
     struct Location {
-        VkBuffer buffer = VK_NULL_HANDLE; // null where there is none
+        VkBuffer buffer = VK_NULL_HANDLE; // null if there is none
         VkDeviceSize offset = 0;
         VkDeviceSize bytes = 0; // to the end of the buffer
     };
-    // The buffer that an address lies in, of several the one that reaches furthest: its end bounds what the GPU may
-    // read from there.
+    // The buffer at an address; of several, the one with the furthest end, which bounds what the GPU may read.
     [[nodiscard]] Location find(VkDeviceAddress address) const;
-    // Where a buffer lies; 0 where that is not known, as of one without memory.
+    // The address of a buffer; 0 if it is unknown, for example without memory.
     [[nodiscard]] VkDeviceAddress addressOf(VkBuffer buffer) const;
-    // Bytes from `address` to the end of its buffer; UINT64_MAX where no buffer of that address is known.
+    // Bytes from `address` to the end of its buffer; UINT64_MAX if no buffer is known there.
     [[nodiscard]] VkDeviceSize bytesFrom(VkDeviceAddress address) const;
-    // Elements of `bytes` bytes, `stride` apart, that lie between `address` and the end of its buffer; at most
+    // The number of elements of `bytes` bytes, `stride` apart, between `address` and the end of its buffer; at most
     // UINT32_MAX.
     [[nodiscard]] uint32_t elementsFrom(VkDeviceAddress address, VkDeviceSize bytes, VkDeviceSize stride) const;
-    // A buffer that all of a range lies in and that has all of the usage flags. Buffers may alias each other in
-    // memory, and so in addresses: the one that an address came from cannot be told, any that may be used will do.
+    // A buffer that contains the whole range and has all usage flags. Buffers may alias each other in memory, and so in
+    // addresses. The one that the application got an address from is unknown, and any that fits will do.
     [[nodiscard]] Location covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
-    // What every buffer has of a range: offset, and bytes from there that lie in the range.
+    // The parts of a range in every buffer: offset in the buffer, and bytes.
     [[nodiscard]] std::vector<Location> within(VkDeviceAddress address, VkDeviceSize size) const;
 
 private:
@@ -44,11 +43,11 @@ private:
         VkBuffer buffer;
         VkDeviceAddress end;
         VkFlags64 usage;
-        VkDeviceAddress reach; // the furthest end of this range and all before it: where a search may stop
+        VkDeviceAddress reach; // the furthest end of this range and all before it, at which a search may stop
     };
     using Ranges = std::multimap<VkDeviceAddress, Range>;
     void updateReach(Ranges::iterator from);
-    // Calls `visit(begin, range)` for every range that holds `address`, nearest begin first, until it returns true.
+    // Calls `visit(begin, range)` for every range that contains `address`, the nearest first, until it returns true.
     template <typename Visit>
     void visitAt(VkDeviceAddress address, Visit visit) const;
 

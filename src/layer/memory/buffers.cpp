@@ -28,7 +28,7 @@ VkFlags64 (*usageOn(const Driver &driver))(VkFlags64, VkBufferCreateFlags)
     return driver.translated() && driver.enabled.khr ? translatedUsage : sameUsage;
 }
 
-// The application's create info as the driver is to see it.
+// The create info for the driver.
 struct DriverBufferInfo {
     DriverBufferInfo(const Driver &driver, const VkBufferCreateInfo &application)
         : info(application), chain(application.pNext)
@@ -52,19 +52,19 @@ VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags)
     VkFlags64 result = usage & ~kMicromapUsages;
     if ((flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 || (usage & kTileMemoryUsage) != 0)
         return result;
-    // Micromap data is copied, where it can stay as it lies.
+    // Micromap data that needs no conversion is copied.
     if (usage & inputs)
         result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
     if (usage & (inputs | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
-    // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the instances that the
-    // driver is to build from (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261 and -geometry-03673); or that of a
-    // micromap build, which has the arguments of its dispatches there.
+    // Any such buffer may be the scratch memory of a TLAS build, into which the layer writes the driver's instances
+    // (VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261 and -geometry-03673), or of a micromap build, which has
+    // the arguments of indirect dispatches there.
     const VkFlags64 scratch = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
     if ((usage & scratch) == scratch)
         result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
                   VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-    // Micromaps are read in 16-byte units: their memory is aligned like that of acceleration structures.
+    // Micromaps are read in units of 16 bytes, so their memory is aligned like that of acceleration structures.
     if (usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT)
         result |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR;
     if (usage & storage)
@@ -97,8 +97,8 @@ VkFlags64 editUsage(Reporter &report, Chain &chain, VkBufferUsageFlags &usage, V
     if (usage64 != application->usage)
         report.warning(
             "VELLUM-unknown-structure",
-            "VkBufferUsageFlags2CreateInfo lies behind a structure of unknown size: the driver gets the usage "
-            "as it is, without what micromaps and acceleration structures need there");
+            "VkBufferUsageFlags2CreateInfo is behind a structure of unknown size: the driver gets the application's "
+            "usage, without the flags that micromaps and acceleration structures need");
     return application->usage;
 }
 
@@ -136,8 +136,8 @@ void getDeviceBufferMemoryRequirements(DeviceBuffers &device, VkDevice handle,
 VkResult allocateMemory(DeviceBuffers &device, VkDevice handle, const VkMemoryAllocateInfo *info,
                         const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
 {
-    // Acceleration structure storage gets a device address (emulatedUsage), which its memory must allow
-    // (VUID-vkBindBufferMemory-bufferDeviceAddress-03339). Which memory that will be is not known here.
+    // Acceleration structure storage gets a device address (emulatedUsage), which its memory has to allow
+    // (VUID-vkBindBufferMemory-bufferDeviceAddress-03339). Any memory may become such memory.
     VkMemoryAllocateInfo driverInfo = *info;
     Chain chain(info->pNext);
     VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
@@ -148,7 +148,7 @@ VkResult allocateMemory(DeviceBuffers &device, VkDevice handle, const VkMemoryAl
         if ((application->flags & VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT) == 0)
             device.driver.report().warning(
                 "VELLUM-unknown-structure",
-                "VkMemoryAllocateFlagsInfo lies behind a structure of unknown size: the memory is allocated without "
+                "VkMemoryAllocateFlagsInfo is behind a structure of unknown size: the memory is allocated without "
                 "DEVICE_ADDRESS, which buffers for micromaps and acceleration structures need");
     } else {
         flags.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT;
@@ -185,7 +185,7 @@ VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &device, VkDevice handle, c
 void cmdBindDescriptorBuffers(DeviceBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
                               const VkDescriptorBufferBindingInfoEXT *infos)
 {
-    // The usage here is that of the buffer, in either place (VUID-VkDescriptorBufferBindingInfoEXT-usage).
+    // Either usage has to be that of the buffer (VUID-VkDescriptorBufferBindingInfoEXT-usage).
     std::vector<VkDescriptorBufferBindingInfoEXT> own(infos, infos + count);
     std::vector<Chain> chains;
     chains.reserve(count);

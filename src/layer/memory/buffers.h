@@ -1,4 +1,4 @@
-// Buffers, memory and render passes: usage flags that the driver does not know are taken out, addresses are kept.
+// Commands on buffers and memory. Usage flags that the driver does not know are removed, and addresses are kept.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -12,24 +12,23 @@ struct DeviceBuffers;
 struct Driver;
 class Reporter;
 
-// Usage flags as the driver is to see them where micromaps are emulated. The layer's shaders read the inputs and write
-// the storage of micromaps and acceleration structures by address, and copies of micromaps are buffer copies.
-// Buffers that can hold neither structures nor their inputs, protected ones and those in tile memory, get no usage
-// more: what they may have is restricted (VUID-VkBufferCreateInfo-flags-09641, -usage-10764).
+// The usage flags for the driver if micromaps are emulated. The layer's shaders read the inputs and write the storage
+// of micromaps and acceleration structures by address, and copies of micromaps are buffer copies. Protected buffers and
+// those in tile memory, which can hold neither structures nor their inputs, get no additional usage, since theirs is
+// restricted (VUID-VkBufferCreateInfo-flags-09641, -usage-10764).
 VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags);
-// The same where they are translated: micromaps of VK_KHR_opacity_micromap are acceleration structures, which have no
-// usage flags of their own.
+// The same if micromaps are translated: those of VK_KHR_opacity_micromap are acceleration structures, without usage
+// flags of their own.
 VkFlags64 translatedUsage(VkFlags64 usage, VkBufferCreateFlags flags);
 
-// Of a structure with usage flags: makes them those of the driver, by one of the above or another function. Those of
-// VkBufferUsageFlags2CreateInfo, where the structure's chain has one, replace the 32-bit ones (VK_KHR_maintenance5).
-// Returns what the driver sees. Reports where it sees the application's, since they lie behind a structure of unknown
-// size.
+// Replaces the usage flags in a structure and in its chain by those for the driver, and returns the flags that the
+// driver uses: those of VkBufferUsageFlags2CreateInfo (VK_KHR_maintenance5) if it is in the chain. Warns if that is
+// behind a structure of unknown size, so that the driver gets the application's flags.
 VkFlags64 editUsage(Reporter &report, Chain &chain, VkBufferUsageFlags &usage, VkBufferCreateFlags flags,
                     VkFlags64 (*driversUsage)(VkFlags64 usage, VkBufferCreateFlags flags));
 
-// Called when a buffer is bound. A range of device address commands may come from a buffer whose address was not asked
-// for: it is asked for of another one, which shares the memory, or was known from a captured replay.
+// Keeps the address of a buffer that was bound. A device address command may name a range in a buffer whose address was
+// never queried: the application knows it from another buffer in the same memory, or from a captured replay.
 void rememberAddress(DeviceBuffers &device, VkBuffer buffer);
 
 VkResult createBuffer(DeviceBuffers &, VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *, VkBuffer *);

@@ -1,5 +1,5 @@
-// The room of memory: the application's buffers and memory objects, which buffer an address lies in, the host's view of
-// them, and buffers of the layer's own.
+// The memory subsystem: the application's buffers and memory objects, the buffer at an address, the host's view of
+// memory, and the layer's buffers.
 #pragma once
 
 #include <atomic>
@@ -17,8 +17,8 @@ namespace vellum::layer
 
 struct BufferInfo {
     VkDeviceSize size = 0;
-    VkFlags64 usage = 0; // as the driver knows it
-    uint64_t number = 0; // of all buffers of the device: unlike handles, numbers are not used again
+    VkFlags64 usage = 0; // that the driver got
+    uint64_t number = 0; // unique on the device: unlike handles, numbers are not used again
 };
 
 struct DeviceBuffers {
@@ -28,13 +28,13 @@ struct DeviceBuffers {
     std::atomic<uint64_t> numbers{0};
     AddressMap addresses{};
     HostMemory host{};
-    MemoryPool scratch{gpu, kScratchAlignment, scratchUsage, GpuBuffer::Content::DevicesOnly}; // of command buffers
-    // Of hit records that the host writes.
+    MemoryPool scratch{gpu, kScratchAlignment, scratchUsage, GpuBuffer::Content::DevicesOnly}; // for command buffers
+    // For hit records that the host writes.
     MemoryPool hitRecords{
         gpu, kScratchAlignment,
         [](const GpuContext &) -> VkBufferUsageFlags { return VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR; },
         GpuBuffer::Content::Undefined};
-    // Called when a buffer has got memory, or its address is asked for.
+    // Called when a buffer is bound to memory, or its address is queried.
     std::function<void(VkBuffer)> onAddress{};
 };
 

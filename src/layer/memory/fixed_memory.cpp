@@ -9,15 +9,15 @@
 namespace vellum::layer
 {
 
-// ThreadSanitizer keeps no shadow of the addresses below.
+// ThreadSanitizer has no shadow memory for the addresses below.
 #if defined(__linux__) && defined(MAP_FIXED_NOREPLACE) && UINTPTR_MAX > UINT32_MAX && !defined(__SANITIZE_THREAD__)
 
 namespace
 {
 
-// Far from where Linux puts programs, heaps, libraries and stacks, with 47 bits of address space or more.
+// Far from the programs, heaps, libraries and stacks of Linux with 47 bits of address space or more.
 constexpr uintptr_t kFirst = 0x2f00'0000'0000;
-constexpr uintptr_t kPlaces = 64;
+constexpr uintptr_t kAddresses = 64;
 
 } // namespace
 
@@ -31,8 +31,8 @@ bool FixedMemory::reserve(size_t bytes)
 {
     if (data_ || bytes == 0 || bytes > kMostBytes)
         return false;
-    for (uintptr_t location = 0; location < kPlaces; ++location) {
-        void *wanted = reinterpret_cast<void *>(kFirst + location * kMostBytes);
+    for (uintptr_t i = 0; i < kAddresses; ++i) {
+        void *wanted = reinterpret_cast<void *>(kFirst + i * kMostBytes);
         void *got = mmap(wanted, bytes, PROT_READ | PROT_WRITE,
                          MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE | MAP_FIXED_NOREPLACE, -1, 0);
         if (got == wanted) {
@@ -40,7 +40,7 @@ bool FixedMemory::reserve(size_t bytes)
             bytes_ = bytes;
             return true;
         }
-        if (got != MAP_FAILED) // by a kernel that takes the address for a hint
+        if (got != MAP_FAILED) // by an older kernel, for which the address is a hint
             munmap(got, bytes);
     }
     return false;

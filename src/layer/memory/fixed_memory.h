@@ -1,9 +1,9 @@
 // Host memory at an address that is the same in every run.
 //
-// Rewritten shaders have the addresses of the layer's tables as constants, and a driver's caches know shaders by their
-// words. Where device addresses are host addresses, tables that always lie at the same place let a pipeline of one run
-// be found again in the next. Nothing but that depends on it: an address that is taken, by another device of this
-// process or by anything else, is passed over for the next, and other words are just other keys.
+// Rewritten shaders contain the addresses of the layer's tables as constants, and a driver's caches identify shaders by
+// their words. If device addresses are host addresses, tables at the same address in every run let the next run find
+// the pipelines of this one. Nothing else depends on it: if an address is taken, by another device of the process or by
+// anything else, the next one is tried, and other words are only other keys.
 #pragma once
 
 #include <cstddef>
@@ -22,9 +22,9 @@ public:
     static constexpr size_t kAlignment = 65536; // of addresses, and of sizes
     static constexpr size_t kMostBytes = size_t{1} << 24;
 
-    // At most kMostBytes, zeroed. False where none of the addresses is free.
+    // Reserves at most kMostBytes, zeroed. False if none of the addresses is free.
     bool reserve(size_t bytes);
-    // Null before that.
+    // Null before reserve() succeeded.
     [[nodiscard]] std::byte *data() const { return data_; }
 
 private:

@@ -14,14 +14,14 @@ constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT 
 
 constexpr VkMemoryPropertyFlags kLocal = VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
 constexpr VkMemoryPropertyFlags kHost = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
-// Of types that need a feature (VUID-vkAllocateMemory-deviceCoherentMemory-02790), or are for images.
+// Properties of types that need a feature (VUID-vkAllocateMemory-deviceCoherentMemory-02790) or are for images.
 constexpr VkMemoryPropertyFlags kSpecial = VK_MEMORY_PROPERTY_DEVICE_COHERENT_BIT_AMD |
                                            VK_MEMORY_PROPERTY_DEVICE_UNCACHED_BIT_AMD |
                                            VK_MEMORY_PROPERTY_PROTECTED_BIT | VK_MEMORY_PROPERTY_LAZILY_ALLOCATED_BIT;
 
-// The types that a buffer's memory may have, the better ones first: memory that is also local to the device is
-// preferred, since shaders read these buffers at every hit. There may be little of it that the host can see, and it is
-// the application's to use: what the host need not see is where it cannot, if there is such memory.
+// The types that a buffer's memory may have, the better ones first. Device-local memory is preferred, since shaders
+// read these buffers at every hit. A device may have little memory that is also host-visible, which is left to the
+// application: buffers that are not mapped prefer types that are not host-visible.
 std::vector<uint32_t> memoryTypes(const VkPhysicalDeviceMemoryProperties &memory, uint32_t allowed, VkDeviceSize bytes,
                                   bool hostSees)
 {
@@ -133,7 +133,7 @@ VkResult GpuBuffer::make(const GpuContext &context, VkDeviceSize bytes, VkBuffer
     for (const uint32_t type : memoryTypes(context.memory, requirements.memoryTypeBits, requirements.size, hostSees)) {
         allocateInfo.memoryTypeIndex = type;
         result = next.AllocateMemory(context.device, &allocateInfo, nullptr, &memory_);
-        // Another type may be of another heap, which has room.
+        // Another type may belong to another heap, with free memory.
         if (result != VK_ERROR_OUT_OF_DEVICE_MEMORY)
             break;
     }

@@ -1,5 +1,5 @@
-// Buffers that the layer owns, with a device address. Most are host-visible and coherent: the host prepares what the
-// GPU reads.
+// Buffers of the layer, with a device address. Most are host-visible and coherent: the host prepares what the GPU
+// reads.
 #pragma once
 
 #include <memory>
@@ -18,14 +18,16 @@ struct GpuContext {
     VkDevice device = VK_NULL_HANDLE;
     const DeviceTable *next = nullptr;
     VkPhysicalDeviceMemoryProperties memory{};
-    // The device's, each once: command buffers of all of them use the layer's buffers, and nobody transfers those.
+    // Queue families of the device, each once: command buffers of all of them use the layer's buffers, whose ownership
+    // is never transferred.
     std::shared_ptr<const std::vector<uint32_t>> queueFamilies;
-    bool importsHostMemory = false; // VK_EXT_external_memory_host is enabled, and device addresses may be the host's
-    bool driversMicromaps = false;  // VK_EXT_opacity_micromap is enabled
-    bool replaysAddresses = false;  // bufferDeviceAddressCaptureReplay is enabled, and not by the application
+    bool importsHostMemory =
+        false;                     // VK_EXT_external_memory_host is enabled, and device addresses may be host addresses
+    bool driversMicromaps = false; // VK_EXT_opacity_micromap is enabled
+    bool replaysAddresses = false; // bufferDeviceAddressCaptureReplay is enabled, and not by the application
 };
 
-// What a driver is to be told to put a buffer where it was before (VkBufferOpaqueCaptureAddressCreateInfo and
+// What places a buffer at its earlier address (VkBufferOpaqueCaptureAddressCreateInfo and
 // VkMemoryOpaqueCaptureAddressAllocateInfo).
 struct ReplayAddress {
     uint64_t buffer = 0; // 0: not known
@@ -43,16 +45,16 @@ public:
     GpuBuffer(const GpuBuffer &) = delete;
     GpuBuffer &operator=(const GpuBuffer &) = delete;
 
-    // DevicesOnly: undefined, and the host does not see it.
+    // DevicesOnly: undefined, and not mapped.
     enum class Content { Zero, Undefined, DevicesOnly };
-    // On failure nothing is left behind.
+    // On failure the object is empty.
     VkResult create(const GpuContext &context, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0,
                     Content content = Content::Zero);
-    // A buffer on memory of the host's, of which begin and size are aligned to FixedMemory::kAlignment, and which
-    // outlives it; the content is what is there. Fails, too, where the device has another address for it.
+    // Creates a buffer on host memory whose address and size are multiples of FixedMemory::kAlignment, and which
+    // outlives the buffer. The content stays. Fails as well if the device address is not the host address.
     VkResult createOn(const GpuContext &context, void *memory, VkDeviceSize bytes, VkBufferUsageFlags extraUsage = 0);
-    // A buffer of zeros where `address` says, and if that cannot be had, where the driver puts it. Afterwards `address`
-    // says where it is. Needs bufferDeviceAddressCaptureReplay.
+    // Creates a buffer of zeros at `address`, or if that is not possible, at an address that the driver chooses, which
+    // `address` then is. Needs bufferDeviceAddressCaptureReplay.
     VkResult createAgain(const GpuContext &context, VkDeviceSize bytes, ReplayAddress &address);
     void reset();
 

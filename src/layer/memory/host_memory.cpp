@@ -121,7 +121,7 @@ HostView::HostView(DeviceBuffers &device, VkBuffer buffer, VkDeviceSize offset, 
     memory_ = binding->second.memory;
     const VkDeviceSize begin = binding->second.offset + offset;
     if (begin < memory.first || begin > memory.last || bytes > memory.last - begin)
-        return; // the application has mapped another part of it, where only the driver can
+        return; // the application has mapped another part, in a way that only the driver can
     bytes_ = memory.mapped + begin;
     if ((memory.properties & VK_MEMORY_PROPERTY_HOST_COHERENT_BIT) == 0 && bytes > 0) {
         VkPhysicalDeviceProperties properties{};
@@ -164,7 +164,7 @@ VkResult bindBufferMemory(DeviceBuffers &device, VkDevice handle, VkBuffer buffe
 namespace
 {
 
-// What became of one of several bindings, of which some fail where the command does (VK_KHR_maintenance6).
+// Whether one of several bindings succeeded: some may do so although the command fails (VK_KHR_maintenance6).
 bool isBound(const VkBindBufferMemoryInfo &info, VkResult ofAll)
 {
     const auto *status = findInChain<newer::BindMemoryStatus>(info.pNext, newer::kBindMemoryStatus);
@@ -208,7 +208,7 @@ void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
 
 VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryMapInfo *info, void **data)
 {
-    // With a place given by the application (VK_EXT_map_memory_placed), only the driver can map.
+    // Only the driver can map memory at an address that the application chooses (VK_EXT_map_memory_placed).
     if (info->pNext || !device.driver.enabled.hostCommands) {
         const VkResult result = device.driver.next.MapMemory2(handle, info, data);
         if (result == VK_SUCCESS)

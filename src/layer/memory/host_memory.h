@@ -1,7 +1,7 @@
-// Which memory buffers are bound to, and the host's view of it: for the host commands of micromaps, whose buffers need
-// not be mapped by the application, but may be, and to look at what the application has written. A memory object can be
-// mapped only once (VUID-vkMapMemory-memory-00678), so the application's mappings are known here, and are of the whole
-// memory, but for those that only the driver can make.
+// The memory that buffers are bound to, and its mappings. The host commands of micromaps read and write buffers that
+// the application may or may not have mapped, and some checks read what the application has written. A memory object
+// can be mapped only once (VUID-vkMapMemory-memory-00678). So the layer keeps track of the application's mappings, and
+// maps the whole memory object, except where only the driver can map it.
 #pragma once
 
 #include <cstdint>
@@ -18,9 +18,9 @@ namespace vellum::layer
 struct DeviceBuffers;
 struct Driver;
 
-// What has to be flushed or invalidated for bytes of memory that is not coherent: whole atoms (VkMappedMemoryRange),
-// and no more of them than there must be. The application may have written others and not flushed them yet, and
-// invalidating those would undo it (vkInvalidateMappedMemoryRanges).
+// The range to flush or invalidate for bytes of memory that is not coherent: the smallest range of whole atoms
+// (VkMappedMemoryRange). The application may have written to other atoms without flushing them, and invalidating those
+// would discard its writes (vkInvalidateMappedMemoryRanges).
 constexpr VkMappedMemoryRange atomsOf(VkDeviceMemory memory, VkDeviceSize memoryBytes, VkDeviceSize begin,
                                       VkDeviceSize bytes, VkDeviceSize atom)
 {
@@ -38,15 +38,15 @@ public:
     void bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset);
     void destroyed(VkBuffer buffer);
 
-    // The application's mappings. `map` maps the whole memory and gives the address of `offset`.
+    // The application's mappings. map() maps the whole memory, and returns the address of `offset`.
     VkResult map(const Driver &driver, VkDeviceMemory memory, VkDeviceSize offset, VkMemoryMapFlags flags, void **data);
     void unmap(const Driver &driver, VkDeviceMemory memory);
-    // The driver has mapped or unmapped it as the application wanted: bytes from `offset` on are at `data`.
+    // The driver has mapped or unmapped the memory for the application: bytes from `offset` on are at `data`.
     void mappedByDriver(VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize bytes, void *data);
     void unmappedByDriver(VkDeviceMemory memory);
 
-    // What the host sees of a buffer, where the application has mapped it; false where it has not. What the device has
-    // written to memory that is not coherent need not be seen.
+    // Reads bytes of a buffer, if the application has mapped them; otherwise returns false. Writes of the device to
+    // memory that is not coherent may be missing.
     bool peek(VkBuffer buffer, VkDeviceSize offset, void *bytes, VkDeviceSize count);
 
 private:
@@ -54,9 +54,9 @@ private:
     struct Memory {
         VkMemoryPropertyFlags properties = 0;
         VkDeviceSize bytes = 0;
-        uint8_t *mapped = nullptr; // where the whole of it is, or would be: what is mapped is
-        VkDeviceSize first = 0, last = 0;
-        uint32_t users = 0; // the application and host views
+        uint8_t *mapped = nullptr;        // address of offset 0; null if nothing is mapped
+        VkDeviceSize first = 0, last = 0; // the mapped bytes
+        uint32_t users = 0;               // the application and host views
     };
     struct Binding {
         VkDeviceMemory memory = VK_NULL_HANDLE;
@@ -70,7 +70,7 @@ private:
     std::unordered_map<VkBuffer, Binding> bindings_;
 };
 
-// Bytes of a buffer, mapped for as long as this object lives; written ones reach the device at its end.
+// Bytes of a buffer, mapped for as long as this object lives. Its end makes writes visible to the device.
 class HostView
 {
 public:
@@ -79,13 +79,13 @@ public:
     ~HostView();
     HostView(const HostView &) = delete;
     HostView &operator=(const HostView &) = delete;
-    // Null where the buffer is not bound to host-visible memory, or that cannot be mapped.
+    // Null if the buffer is not bound to host-visible memory, or the memory cannot be mapped.
     [[nodiscard]] uint8_t *bytes() const { return bytes_; }
 
 private:
     DeviceBuffers &device_;
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
-    VkMappedMemoryRange atoms_{}; // to be flushed at the end; none of coherent memory, or where nothing is written
+    VkMappedMemoryRange atoms_{}; // to be flushed at the end; empty for coherent memory and for reading
     uint8_t *bytes_ = nullptr;
 };
 

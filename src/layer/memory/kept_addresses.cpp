@@ -1,6 +1,5 @@
 #include "layer/memory/kept_addresses.h"
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -17,25 +16,25 @@ namespace vellum::layer
 namespace
 {
 
-// Of all devices of this process. Never destroyed: a device that the application leaves behind may outlive it.
-struct Places {
+// The files in use by the devices of this process. Never destroyed, since a device may outlive static objects.
+struct OpenFiles {
     std::mutex mutex;
     std::set<std::pair<std::string, int>> taken;
 };
 
-Places &locations()
+OpenFiles &openFiles()
 {
-    static auto &all = *new Places;
-    return all;
+    static auto &files = *new OpenFiles;
+    return files;
 }
 
-int enterLocation(const std::string &stem)
+int takeNumber(const std::string &stem)
 {
-    std::lock_guard lock(locations().mutex);
-    int location = 0;
-    while (!locations().taken.emplace(stem, location).second)
-        ++location;
-    return location;
+    std::lock_guard lock(openFiles().mutex);
+    int number = 0;
+    while (!openFiles().taken.emplace(stem, number).second)
+        ++number;
+    return number;
 }
 
 } // namespace
@@ -44,24 +43,24 @@ KeptAddresses::~KeptAddresses()
 {
     if (!isOpen())
         return;
-    std::lock_guard lock(locations().mutex);
-    locations().taken.erase({stem_, location_});
+    std::lock_guard lock(openFiles().mutex);
+    openFiles().taken.erase({stem_, number_});
 }
 
 void KeptAddresses::open(const std::string &stem, const std::array<uint64_t, kTables> &tableBytes)
 {
     stem_ = stem;
     tableBytes_ = tableBytes;
-    location_ = enterLocation(stem);
+    number_ = takeNumber(stem);
     read();
 }
 
 std::string KeptAddresses::path() const
 {
-    return stem_ + "-" + std::to_string(location_) + ".addresses";
+    return stem_ + "-" + std::to_string(number_) + ".addresses";
 }
 
-// A driver may trust what it is given.
+// A damaged file is not used: a driver may rely on the addresses it gets.
 uint64_t KeptAddresses::checksum() const
 {
     Hash sum;
@@ -81,7 +80,7 @@ void KeptAddresses::read()
     for (ReplayAddress &address : addresses_)
         file >> address.buffer >> address.memory;
     uint64_t sum = 0;
-    // Tables of another size are not what lay there.
+    // The sum includes the sizes: tables of other sizes cannot have these addresses.
     if (!(file >> sum) || sum != checksum())
         addresses_ = {};
 }
@@ -99,7 +98,7 @@ void KeptAddresses::write()
     changed_ = false;
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(stem_).parent_path(), ignored);
-    // Whole, or not at all: other processes may be reading it, or writing theirs.
+    // The file appears whole: other processes may be reading it, or writing theirs.
     const std::string unfinished = path() + "." + std::to_string(getpid());
     {
         std::ofstream file(unfinished);

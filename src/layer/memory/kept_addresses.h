@@ -1,7 +1,7 @@
-// Where the layer's tables lay in an earlier run, kept in a file, so that they can be asked for there again
-// (bufferDeviceAddressCaptureReplay): on a GPU, that lets rewritten shaders have the same words in every run, as
-// FixedMemory does on a CPU. Nothing but that depends on it. What cannot be read, or cannot be had again, is another
-// address, which is kept instead.
+// The addresses of the layer's tables in an earlier run. A file keeps them, so that the tables can get the same
+// addresses again (bufferDeviceAddressCaptureReplay). On a GPU, rewritten shaders then have the same words in every
+// run, as with FixedMemory on a CPU. Nothing else depends on it: if the file cannot be read, or an address cannot be
+// had again, the table gets another address, which is kept instead.
 #pragma once
 
 #include <array>
@@ -23,15 +23,15 @@ public:
     KeptAddresses(const KeptAddresses &) = delete;
     KeptAddresses &operator=(const KeptAddresses &) = delete;
 
-    // `stem`: begin of the path of files about this physical device and driver. Devices that exist at the same time
-    // have different addresses, and files: the first device has the first.
+    // `stem`: the beginning of the paths of the files for this physical device and driver. Devices that exist at the
+    // same time have different addresses, and so different files, by their order.
     void open(const std::string &stem, const std::array<uint64_t, kTables> &tableBytes);
-    [[nodiscard]] bool isOpen() const { return location_ >= 0; }
-    // What is known of a table; zeros where nothing is.
+    [[nodiscard]] bool isOpen() const { return number_ >= 0; }
+    // The kept address of a table; zeros if there is none.
     [[nodiscard]] ReplayAddress known(size_t table) const { return addresses_[table]; }
-    // The table is there now.
+    // The address that the table has now.
     void set(size_t table, ReplayAddress address);
-    // Writes the file, where anything has changed.
+    // Writes the file if an address has changed.
     void write();
 
 private:
@@ -40,7 +40,7 @@ private:
     void read();
 
     std::string stem_;
-    int location_ = -1;
+    int number_ = -1; // of the file
     std::array<uint64_t, kTables> tableBytes_{};
     std::array<ReplayAddress, kTables> addresses_{};
     bool changed_ = false;

@@ -12,7 +12,7 @@ namespace
 {
 
 constexpr VkDeviceSize kLeastBlock = VkDeviceSize{1} << 20;
-constexpr VkDeviceSize kMostSpare = VkDeviceSize{256} << 20; // in a block, beyond what it is made for
+constexpr VkDeviceSize kMostSpare = VkDeviceSize{256} << 20; // in a block, beyond the piece it is created for
 
 } // namespace
 
@@ -22,7 +22,7 @@ MemoryPool::Piece MemoryPool::take(VkDeviceSize bytes)
     std::lock_guard lock(mutex_);
     auto found = freeBySize_.lower_bound({needed, 0});
     if (found == freeBySize_.end()) {
-        // Where there is no memory for more than this, there may be for this.
+        // If there is no memory for a larger block, there may be enough for this piece.
         if (!addBlock(std::max({needed, kLeastBlock, alignUp(std::min(total_ / 2, kMostSpare))})) && !addBlock(needed))
             return {};
         found = freeBySize_.lower_bound({needed, 0});
@@ -42,7 +42,7 @@ MemoryPool::Piece MemoryPool::take(VkDeviceSize bytes)
 void MemoryPool::giveBack(const Piece &piece)
 {
     std::lock_guard lock(mutex_);
-    addFree(piece.address, piece.bytes); // the only thing that may fail, and nothing is changed then
+    addFree(piece.address, piece.bytes); // the only step that may fail; then nothing has changed
     const auto at = std::prev(blocks_.upper_bound(piece.address));
     Block &block = at->second;
     auto range = free_.find(piece.address);
@@ -55,7 +55,7 @@ void MemoryPool::giveBack(const Piece &piece)
         next != free_.end() && next->first < block.begin + block.bytes && range->first + range->second == next->first)
         range = joinFree(range, next);
     block.used -= piece.bytes;
-    // One is kept, so that a single user does not make and free it all the time.
+    // One block is kept, so that a single user does not allocate and free it repeatedly.
     if (block.used == 0 && blocks_.size() > 1) {
         removeFree(range);
         total_ -= block.bytes;
@@ -127,7 +127,7 @@ void PooledMemory::reset()
         return;
     try {
         pool_->giveBack(std::exchange(piece_, {}));
-    } catch (const std::bad_alloc &) { // the piece is lost, and nothing else
+    } catch (const std::bad_alloc &) { // only the piece is lost
     }
 }
 

@@ -1,6 +1,6 @@
-// Pieces of few allocations of memory. A device may allow no more than 4096 (maxMemoryAllocationCount), which are the
-// application's to use, and an application may have more command buffers and query pools than that. Each new block is
-// as large as half of those there are, so their number grows with the logarithm of what is used.
+// Pieces of a few memory allocations. A device may allow no more than 4096 allocations (maxMemoryAllocationCount),
+// which are for the application, and an application may have more command buffers and query pools than that. Each new
+// block is half as large as all existing ones, so the number of blocks grows with the logarithm of the memory in use.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ namespace vellum::layer
 class MemoryPool
 {
 public:
-    using Usage = VkBufferUsageFlags (*)(const GpuContext &); // of the blocks' buffers
-    // `granularity`, a power of two: pieces are aligned to it, and no two share one. `content`: Undefined or
+    using Usage = VkBufferUsageFlags (*)(const GpuContext &); // of the buffers of blocks
+    // `granularity`: a power of two, of which addresses and sizes of pieces are multiples. `content`: Undefined or
     // DevicesOnly.
     MemoryPool(const GpuContext &context, VkDeviceSize granularity, Usage usage, GpuBuffer::Content content)
         : context_(context), granularity_(granularity), usage_(usage), content_(content)
@@ -29,12 +29,12 @@ public:
 
     struct Piece {
         VkDeviceAddress address = 0; // 0: there is no memory
-        VkDeviceSize bytes = 0;      // at least what was asked for
+        VkDeviceSize bytes = 0;      // at least as many as requested
         VkBuffer buffer = VK_NULL_HANDLE;
         VkDeviceSize offset = 0;
-        uint32_t *words = nullptr; // as the host sees it; null where it does not
+        uint32_t *words = nullptr; // mapped; null with DevicesOnly
     };
-    // The content is undefined.
+    // The content of the piece is undefined.
     Piece take(VkDeviceSize bytes);
     void giveBack(const Piece &piece);
 
@@ -52,7 +52,7 @@ private:
     bool addBlock(VkDeviceSize bytes);
     using Free = std::map<VkDeviceAddress, VkDeviceSize>;
     void addFree(VkDeviceAddress begin, VkDeviceSize bytes);
-    // These do not allocate.
+    // The following do not allocate.
     Free::iterator resizeFree(Free::iterator range, VkDeviceAddress begin, VkDeviceSize bytes);
     Free::iterator joinFree(Free::iterator first, Free::iterator second);
     void removeFree(Free::iterator range);
@@ -68,7 +68,7 @@ private:
     std::set<std::pair<VkDeviceSize, VkDeviceAddress>> freeBySize_;
 };
 
-// A piece that goes back by itself.
+// A piece that its destructor gives back.
 class PooledMemory
 {
 public:

@@ -17,10 +17,10 @@ constexpr VkDeviceSize kKept = 32 * 1024 * 1024; // between recordings
 VkBufferUsageFlags scratchUsage(const GpuContext &context)
 {
     VkBufferUsageFlags usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
-    // A flag of the extension, that has to be enabled for it.
+    // These flags belong to an extension that has to be enabled.
     if (context.next->CreateRayTracingPipelinesKHR)
         usage |= VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-    // Inputs of builds that were changed.
+    // For changed inputs of builds.
     if (context.driversMicromaps)
         usage |= VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
     return usage;
@@ -31,7 +31,7 @@ VkDeviceAddress ScratchMemory::allocate(VkDeviceSize bytes)
     const VkDeviceSize needed = alignUp(bytes, kScratchAlignment);
     const VkDeviceSize had = pieces_.empty() ? 0 : pieces_.back().bytes();
     if (had - next_ < needed) {
-        // Larger by half than the last one, so that copies of growing structures make few.
+        // Half as large again as the last one, so that copies of growing structures need few pieces.
         PooledMemory piece(pool_, std::max(needed + had + had / 2, kLeast));
         if (!piece.address())
             return 0;

@@ -1,5 +1,5 @@
-// Memory that recorded commands use for themselves: scratch memory of builds that the application did not ask for,
-// serialized data of the driver's, hit records that were changed.
+// Memory for recorded commands of the layer: scratch memory of injected builds, the driver's serialized data, changed
+// hit records.
 #pragma once
 
 #include <vector>
@@ -12,18 +12,18 @@ namespace vellum::layer
 inline constexpr VkDeviceSize kScratchAlignment = 256; // shaderGroupBaseAlignment is at most 64
 VkBufferUsageFlags scratchUsage(const GpuContext &context);
 
-// Of one command buffer. The commands that use it have full barriers around them, so they use the same memory.
+// The scratch memory of one command buffer. Commands that use it are between full barriers, so they share the memory.
 class ScratchMemory
 {
 public:
     explicit ScratchMemory(MemoryPool &pool) : pool_(pool) {}
 
-    // For the next command: what was allocated before may be used again.
+    // Begins the next command, which may reuse the memory of those before.
     void restart() { next_ = 0; }
-    // That many bytes for shaders, builds and traces, at an address that is a multiple of 256; 0 where there
-    // is no memory. The content is undefined.
+    // Allocates bytes for shaders, builds and traces, at a multiple of 256; 0 if there is no memory. The content is
+    // undefined.
     VkDeviceAddress allocate(VkDeviceSize bytes);
-    // When the commands are gone: the last piece is kept for the next ones, unless it is a large one.
+    // Called once the commands are gone. Keeps the last piece for the next ones, unless it is large.
     void reset();
 
 private:

@@ -19,7 +19,7 @@ struct GpuError {
     const char *text;
 };
 
-// In the order of kNotice*.
+// In the order of kGpuError*.
 constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
     {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
      "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the "
@@ -45,19 +45,20 @@ constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
      "vkCmdCopyMemoryToAccelerationStructureKHR: the data names a micromap that does not exist, or is smaller than the "
      "one that was serialized. Its geometry has no micromap now"},
     {"VELLUM-micromap-copy-size",
-     "a micromap was copied, serialized or deserialized to where there is less room than it "
-     "needs. Micromaps that were the target hold nothing now"},
+     "a micromap was copied, serialized or deserialized to memory that is too small for it. A micromap that was the "
+     "target is empty now"},
     {"VELLUM-micromap-not-constructed", "a micromap was copied or serialized before it was built"},
     {"VELLUM-micromap-serialized",
      "a micromap was deserialized from memory that does not hold a serialized micromap of "
-     "this version of the layer, or not all of it. It holds nothing now"},
+     "this version of the layer, or not all of it. It is empty now"},
     {"VELLUM-micromap-copy-overlap",
      "a micromap was to be copied to where it would overlap its source. The target is as it was"},
 };
 
-// With the place's mutex held, as below. Where one structure of a place is named all are: later, when one is destroyed,
-// the buffer may be gone, and with it what the driver says of the others.
-void letBeNamed(DeviceState &device, StructureLocation &location, AccelerationStructure &structure)
+// Makes the structure's address lead to the location's descriptor, with the location's mutex held. Naming one structure
+// of a location names all of them: when one is destroyed the buffer may be gone, and the driver has no addresses any
+// more.
+void addReference(DeviceState &device, StructureLocation &location, AccelerationStructure &structure)
 {
     if (structure.reference != 0 || isLayerObject(structure))
         return;
@@ -75,16 +76,16 @@ void letBeNamed(DeviceState &device, StructureLocation &location, AccelerationSt
             const VkDeviceAddress leads =
                 location.references.empty() ? location.heldKey : location.references.front().address;
             if (!device.root.addReference(address, leads))
-                return; // which the next one who asks tries again
+                return; // the next call tries again
         }
         location.references.push_back({address, 1});
     }
     structure.reference = address;
 }
 
-// A structure that had that address is gone. If it was the last one, the driver may give the address to a structure
-// somewhere else, whose descriptor must be another one. What was built here stays, for the other structures of this
-// place, whose own addresses lead to it then.
+// A structure with that address was destroyed. If it was the last one, the driver may reuse the address for a structure
+// at another location, with another descriptor. The descriptor of this location stays for its other structures, whose
+// own addresses lead to it.
 void forgetReference(DeviceState &device, StructureLocation &location, VkDeviceAddress address)
 {
     const auto gone = std::ranges::find(location.references, address, &StructureLocation::Reference::address);
@@ -117,12 +118,12 @@ void enterLocation(DeviceState &device, AccelerationStructure &structure)
     Undo undo([&] { leaveLocation(device, structure); });
     StructureLocation &location = *structure.location;
     std::lock_guard lock(location.mutex);
-    // The last one that left, at the same moment, thought that the place would go, too.
+    // The last structure left at the same moment, and expected the location to be destroyed.
     if (location.structures.empty() && !location.references.empty() && location.references.front().structures > 0)
         forgetReference(device, location, location.references.front().address);
     location.structures.push_back(&structure);
     if (location.descriptor.address)
-        letBeNamed(device, location, structure);
+        addReference(device, location, structure);
     undo.keep();
 }
 
@@ -132,7 +133,7 @@ void leaveLocation(DeviceState &device, const AccelerationStructure &structure)
         StructureLocation &location = *structure.location;
         std::lock_guard lock(location.mutex);
         std::erase(location.structures, &structure);
-        // The last one takes the place along, with all that leads to it.
+        // The last structure destroys the location, with everything that leads to it.
         if (structure.reference != 0 && !location.structures.empty())
             forgetReference(device, location, structure.reference);
     }
@@ -144,9 +145,9 @@ StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &str
     StructureLocation &location = *structure.location;
     std::lock_guard lock(location.mutex);
     if (structure.reference == 0) {
-        letBeNamed(device, location, structure);
+        addReference(device, location, structure);
         for (AccelerationStructure *other : location.structures)
-            letBeNamed(device, location, *other);
+            addReference(device, location, *other);
     }
     return location.descriptor;
 }
@@ -154,8 +155,8 @@ StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &str
 namespace
 {
 
-// Takes over what the device has found in deserialized data, if it has looked at it.
-bool learns(StructureLocation &location)
+// Takes over what the device has found in deserialized data. False if it has not executed the copy.
+bool takeDeserialized(StructureLocation &location)
 {
     const auto word = [&location](uint32_t i) {
         return __atomic_load_n(location.descriptor.words + i, __ATOMIC_ACQUIRE);
@@ -174,7 +175,7 @@ bool learns(StructureLocation &location)
     return true;
 }
 
-// With the place's mutex held.
+// With the location's mutex held.
 void setContent(StructureLocation &location, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes)
 {
     location.content = type;
@@ -182,7 +183,7 @@ void setContent(StructureLocation &location, VkAccelerationStructureTypeKHR type
     location.deserialization = 0;
 }
 
-// What a structure is for whose size is just what a query or the header of serialized data tells.
+// The type that the size of a structure is marked for, if a query or the header of serialized data returned it.
 VkAccelerationStructureTypeKHR markedType(VkDeviceSize size)
 {
     switch (size % 256) {
@@ -202,7 +203,7 @@ VkAccelerationStructureTypeKHR contentOf(const Driver &driver, const Acceleratio
     const VkAccelerationStructureTypeKHR marked = markedType(structure.size);
     StructureLocation &location = *structure.location;
     std::lock_guard lock(location.mutex);
-    if (location.deserialization != 0 && !learns(location))
+    if (location.deserialization != 0 && !takeDeserialized(location))
         return marked;
     const bool markedMicromap = driver.translated() && marked == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     return location.content == kGeneric && markedMicromap ? marked : location.content;
@@ -225,7 +226,7 @@ void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR ty
 
 void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps)
 {
-    // Which of the driver's types it is, where only the device knows, makes no difference: it is not a micromap.
+    // A type that only the device knows is a type of the driver, and not a micromap.
     becomes(structure,
             type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR : type,
             0);
@@ -333,15 +334,15 @@ void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<Acceler
         return publishMicromap(device, *structure);
     if (!device.driver.enabled.khr || !canHoldMicromap(*structure))
         return;
-    std::lock_guard lock(device.unnamedMutex);
-    device.unnamedMicromaps.push_back(structure);
+    std::lock_guard lock(device.unboundMutex);
+    device.unboundMicromaps.push_back(structure);
 }
 
 void bufferHasAddress(DeviceState &device, VkBuffer buffer)
 {
-    std::lock_guard lock(device.unnamedMutex);
-    std::erase_if(device.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
-        const auto structure = unnamed.lock();
+    std::lock_guard lock(device.unboundMutex);
+    std::erase_if(device.unboundMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unbound) {
+        const auto structure = unbound.lock();
         if (structure && structure->buffer != buffer)
             return false;
         if (structure)

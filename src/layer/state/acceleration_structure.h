@@ -1,4 +1,4 @@
-// An acceleration structure as an object: what the layer keeps of it, and what its commands share.
+// An acceleration structure as an object: the layer's record of it, and what its commands share.
 #pragma once
 
 #include <cstdint>
@@ -20,91 +20,93 @@ struct Driver;
 
 struct DeviceState;
 
-// What the layer keeps of a VkAccelerationStructureKHR.
+// The record of a VkAccelerationStructureKHR.
 struct AccelerationStructure {
-    // Of type OPACITY_MICROMAP the handle is the layer's own, a pointer to this structure; the driver does not know it.
+    // The handle of a structure of type OPACITY_MICROMAP is a pointer to this record; the driver does not know it.
     VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
-    VkDeviceAddress reference = 0; // its address, once it leads to the descriptor of its place, whose mutex guards this
-    StructureLocations::Key key;   // of its place
+    VkDeviceAddress reference =
+        0;                       // the address, once it leads to the location's descriptor; guarded by location->mutex
+    StructureLocations::Key key; // of the location
     std::shared_ptr<StructureLocation> location; // never null
 
-    std::mutex mutex;                // guards what is below
-    VkDeviceAddress micromapKey = 0; // of the descriptor that says that there is a micromap; once acquired
+    std::mutex mutex;                // guards the members below
+    VkDeviceAddress micromapKey = 0; // micromap descriptor; 0 until acquired
     struct ExactSizeHandle {
         VkDeviceSize bytes = 0;
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
     };
-    std::vector<ExactSizeHandle>
-        exactSizeHandles; // handles of the driver's at the same place, structures/exact_size_handle.h
+    // Other handles of the driver at this location (structures/exact_size_handle.h).
+    std::vector<ExactSizeHandle> exactSizeHandles;
 };
 
 std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, VkAccelerationStructureTypeKHR type);
 
-// Finds the place of a structure that was made in `buffer`, and lets go of it.
+// Acquires and releases the location of a structure.
 void enterLocation(DeviceState &device, AccelerationStructure &structure);
 void leaveLocation(DeviceState &device, const AccelerationStructure &structure);
 
-// Makes the structure's place a user of its reference's descriptor, if it is none yet. Address 0: no memory.
+// The descriptor of the structure's location, to which the structure's address leads afterwards. Its address is 0 if
+// there is no memory.
 StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &structure);
 
-// What is in a structure by what was recorded last into it or into another one at its place: its type, unless it is
-// GENERIC. Of a GENERIC one that data was deserialized to that only the device has looked at: what it found; before
-// that copy was executed, what the structure's size is marked for. GENERIC: unknown; where micromaps are the driver's,
-// the device leaves no trace of what it found, and a structure whose size is marked for a micromap is taken for one.
+// The type of the content of a structure. For a GENERIC structure it follows from what was recorded last at its
+// location. After a deserialization it is the type that the device found; before the device has executed it, the type
+// that the size of the structure is marked for. GENERIC if the content is unknown. With translated micromaps the device
+// does not store what it found: then a structure whose size is marked for a micromap holds one.
 VkAccelerationStructureTypeKHR contentOf(const Driver &driver, const AccelerationStructure &structure);
-// Something of that type, and of so many bytes, is recorded into a structure. 0 bytes: only the device knows.
+// Content of that type and size was recorded into a structure. 0 bytes: only the device knows the size.
 void becomes(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, VkDeviceSize bytes);
-// Data is deserialized into a GENERIC structure of which only the device knows what it holds. The structure has a
-// descriptor, in which the device leaves that number, not 0, with what it has found.
+// A deserialization into a GENERIC structure was recorded, and only the device knows the type of the data. It stores
+// what it found in the structure's descriptor, together with the number of the deserialization, which is not 0.
 void becomesUnknown(AccelerationStructure &structure, uint32_t deserialization);
-// A top-level build for up to so many instances.
+// A top-level build of up to that many instances was recorded.
 void becomesTopLevel(AccelerationStructure &structure, uint32_t instances, VkDeviceSize bytes);
-// Where micromaps are the driver's: a structure of that type, with or without names of micromaps, is recorded into it.
+// With translated micromaps: a structure of that type was recorded, which may name micromaps.
 void becomesStructure(AccelerationStructure &structure, VkAccelerationStructureTypeKHR type, bool namesMicromaps);
 bool namesMicromaps(const AccelerationStructure &structure);
-// The bytes of what was recorded last, 0: only the device knows.
+// The size of what was recorded last; 0: only the device knows it.
 VkDeviceSize lastBytes(const AccelerationStructure &structure);
 
-// Bytes that a structure may take without touching another one that begins behind it in the same buffer.
+// Bytes that a structure may occupy before the next structure in the same buffer.
 VkDeviceSize capacityOf(const DeviceState &device, const AccelerationStructure &structure);
 
-// The slots that a build of `count` instances into this structure uses: those it has, unless they are too few. Work
-// recorded before may still write or read the old ones, so they stay with the structure; growing by half keeps them
-// few. Null where there are none left.
+// The slots for a build of `count` instances into this structure: its slots, unless they are too few. Commands recorded
+// earlier may still access the old slots, so the structure keeps them; growing by half keeps them few. Null if no slots
+// are left.
 std::shared_ptr<SlotRange> slotsFor(DeviceState &device, AccelerationStructure &structure, uint32_t count);
 
 VkDeviceAddress beginOf(const Driver &driver, const AccelerationStructure &structure);
 
-// Bytes as a number of 16-byte units for shaders, rounded down; UINT32_MAX where they are more.
+// Bytes in units of 16 bytes for shaders, rounded down; at most UINT32_MAX.
 uint32_t unitsOf(VkDeviceSize bytes);
 
-// Sends messages about what shaders found wrong with copies that were executed in the meantime.
+// Reports errors that shaders have found in copies since the last call.
 void reportGpuErrors(DeviceState &device);
 
 // --- structures that are or hold micromaps (VK_KHR_opacity_micromap) ---
-// Whether a structure is a micromap, or a GENERIC one, which may become one.
+// Whether a structure is a micromap, or GENERIC, so that it can hold one.
 bool canHoldMicromap(const AccelerationStructure &structure);
-// Whether the layer made the handle: the driver must not see it.
+// Whether the layer created the handle: the driver does not know it.
 inline bool isLayerObject(const AccelerationStructure &structure)
 {
     return structure.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
-// Whether a structure is a micromap, or a GENERIC one that something of a micromap was recorded into last. Nothing: it
-// is a GENERIC one, and its content is unknown.
+// Whether a structure holds a micromap. Nothing for a GENERIC structure with unknown content.
 std::optional<bool> holdsMicromap(const Driver &driver, const AccelerationStructure &structure);
-// The micromap that a structure is, or that a GENERIC one is taken for.
+// The micromap in a structure; a GENERIC structure is treated as a micromap.
 Micromap micromapIn(const AccelerationStructure &structure);
-// Something of a micromap is recorded into a structure: a GENERIC one is what was recorded into it last.
+// A micromap was recorded into a structure.
 void becomeMicromap(DeviceState &device, AccelerationStructure &structure);
 
-// Serialized structures may name the micromap that a structure is or may become, by the address of its memory.
+// Publishes the micromap that a structure is or can hold: serialized structures may name it by the address of its
+// memory.
 void publishMicromap(DeviceState &device, AccelerationStructure &structure);
-// The same of one that vkCreateAccelerationStructureKHR has made: now, or when its buffer gets memory.
+// The same for a structure of vkCreateAccelerationStructureKHR: now, or when its buffer is bound to memory.
 void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure);
 void bufferHasAddress(DeviceState &device, VkBuffer buffer);
 

@@ -32,13 +32,13 @@ BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCrea
                          "addressRange.address is not in any buffer");
             return {};
         }
-        // Drivers need no usage, and what lies in the buffer may be enough for what is built there.
+        // Drivers do not depend on the usage, and the part in the buffer may be large enough for the build.
         if (!check.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
                             "addressRange, of " + std::to_string(size) +
                                 " bytes, is not in one buffer for acceleration structures"))
             return {};
     }
-    // Shaders of the layer read and write 16 bytes at once. What drivers do, they do not say.
+    // The layer's shaders read and write 16 bytes at once. What drivers need is unknown.
     if (address % 256 != 0 && !check.tolerateIf(micromap && address % micromapAlignment == 0,
                                                 "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
                                                 "addressRange.address is not a multiple of 256"))

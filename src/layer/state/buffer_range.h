@@ -1,4 +1,4 @@
-// Where vkCreateAccelerationStructure2KHR wants a structure: the part of a buffer that an address range is.
+// The location of a structure of vkCreateAccelerationStructure2KHR: the part of a buffer that its address range covers.
 #pragma once
 
 #include "layer/base/vulkan_newer.h"
@@ -12,13 +12,13 @@ struct Driver;
 struct BufferRange {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
-    VkDeviceSize size = 0; // as much of the range as lies in the buffer
+    VkDeviceSize size = 0; // of the part of the range that is in the buffer
 };
-// Null after a message. `micromapAlignment`: that addresses of micromaps need at least.
+// An empty range after a message. `micromapAlignment`: the least alignment of micromap addresses.
 BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCreateInfo2KHR &info,
                     VkDeviceSize micromapAlignment);
 
-// Lets the driver make the structure: by the same command where it has it, and otherwise in the buffer.
+// Creates the driver's structure: by the same command if the driver has it, and otherwise in the buffer.
 VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreateInfo2KHR &info,
                        const BufferRange &range, const VkAllocationCallbacks *allocator,
                        VkAccelerationStructureKHR &result);

@@ -1,5 +1,5 @@
-// The room of objects: what the layer keeps of micromaps and acceleration structures, the tables that lead a shader
-// from a hit to its micromap, and names and private data of objects that are the layer's own.
+// The state subsystem: the layer's records of micromaps and acceleration structures, the tables that lead a shader from
+// a hit to its micromap, and names and private data of layer objects.
 #pragma once
 
 #include <atomic>
@@ -22,14 +22,15 @@ struct DeviceState {
     RootTable root{};
     StructureLocations locations{root};
     std::atomic<uint32_t> deserializations{0};
-    std::atomic<uint32_t> mostGeometries{1}; // of a bottom-level structure whose build was recorded
+    std::atomic<uint32_t> mostGeometries{1}; // of all bottom-level builds recorded
     PrivateData privateData{};
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
-    std::mutex unnamedMutex{};                                            // guards the next one
-    std::vector<std::weak_ptr<AccelerationStructure>> unnamedMicromaps{}; // GENERIC ones, made before their memory
+    std::mutex unboundMutex{}; // guards the next member
+    // GENERIC structures whose buffers have no memory yet.
+    std::vector<std::weak_ptr<AccelerationStructure>> unboundMicromaps{};
 
-    // Whether a handle of the application's is the layer's own, which means nothing to the driver. Only on emulated
-    // and translated devices there are such.
+    // Whether the layer created the object, so that the driver does not know its handle. Only emulated and translated
+    // devices have such objects.
     [[nodiscard]] bool own(VkObjectType type, uint64_t handle) const;
 };
 

@@ -1,4 +1,4 @@
-// A micromap as an object, whichever extension made it.
+// A micromap as an object, whichever extension created it.
 #pragma once
 
 #include <cstdint>
@@ -10,12 +10,12 @@
 namespace vellum::layer
 {
 
-// Memory that holds, or is to hold, a micromap. VkMicromapEXT handles are pointers to these.
+// The memory of a micromap, built or not. VkMicromapEXT handles are pointers to these.
 struct Micromap {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
-    // As the application knows it, for messages.
+    // The application's handle, for messages.
     struct Object {
         VkObjectType type = VK_OBJECT_TYPE_MICROMAP_EXT;
         uint64_t handle = 0;
@@ -30,7 +30,7 @@ inline const Micromap *micromapOf(VkMicromapEXT handle)
     return reinterpret_cast<const Micromap *>(handle);
 }
 
-// Device address of a micromap's memory; 0 if there is none.
+// Device address of a micromap's memory; 0 without memory.
 inline VkDeviceAddress micromapAddress(const Driver &driver, const Micromap &micromap)
 {
     return micromap ? driver.bufferAddress(micromap.buffer) + micromap.offset : 0;

@@ -8,9 +8,9 @@ namespace vellum::layer
 namespace
 {
 
-// Names that the layer's messages use. A micromap is the layer's own object: its handle means nothing below. Other
-// structures, of which GENERIC ones may hold a micromap, are the driver's, too.
-bool staysInTheLayer(DeviceState &device, VkObjectType type, uint64_t object, const char *name)
+// Keeps the names that messages use. Returns whether the object is a layer object, whose handle the driver does not
+// know. Acceleration structures of the driver are named in messages as well.
+bool keepName(DeviceState &device, VkObjectType type, uint64_t object, const char *name)
 {
     const bool own = device.own(type, object);
     if (own || type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR)
@@ -22,7 +22,7 @@ bool staysInTheLayer(DeviceState &device, VkObjectType type, uint64_t object, co
 
 VkResult setDebugUtilsObjectName(DeviceState &device, VkDevice handle, const VkDebugUtilsObjectNameInfoEXT *info)
 {
-    if (staysInTheLayer(device, info->objectType, info->objectHandle, info->pObjectName))
+    if (keepName(device, info->objectType, info->objectHandle, info->pObjectName))
         return VK_SUCCESS;
     return device.driver.next.SetDebugUtilsObjectNameEXT(handle, info);
 }
@@ -34,14 +34,14 @@ VkResult setDebugUtilsObjectTag(DeviceState &device, VkDevice handle, const VkDe
     return device.driver.next.SetDebugUtilsObjectTagEXT(handle, info);
 }
 
-// VK_EXT_debug_marker has the object types of VK_EXT_debug_report: the same numbers, as far as acceleration structures
-// go, and none for VkMicromapEXT.
+// VK_EXT_debug_marker has the object types of VK_EXT_debug_report: the same number for acceleration structures, and
+// none for VkMicromapEXT.
 static_assert(VkObjectType(VK_DEBUG_REPORT_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR_EXT) ==
               VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR);
 
 VkResult debugMarkerSetObjectName(DeviceState &device, VkDevice handle, const VkDebugMarkerObjectNameInfoEXT *info)
 {
-    if (staysInTheLayer(device, static_cast<VkObjectType>(info->objectType), info->object, info->pObjectName))
+    if (keepName(device, static_cast<VkObjectType>(info->objectType), info->object, info->pObjectName))
         return VK_SUCCESS;
     return device.driver.next.DebugMarkerSetObjectNameEXT(handle, info);
 }

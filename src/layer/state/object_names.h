@@ -1,5 +1,4 @@
-// Names and tags that the application gives objects: the layer's own objects mean nothing to the driver, and their
-// names are used in the layer's messages.
+// Names and tags of objects. The driver does not know layer objects; their names appear in the layer's messages.
 #pragma once
 
 #include <vulkan/vulkan.h>

@@ -21,7 +21,7 @@ uint64_t PrivateData::get(VkPrivateDataSlot slot, uint64_t object) const
 void PrivateData::forgetObject(uint64_t object)
 {
     std::lock_guard lock(mutex_);
-    // Slots are what entries of one object are sorted by, the null handle first.
+    // The entries of one object are sorted by slot, the null handle first.
     auto at = values_.lower_bound({object, VK_NULL_HANDLE});
     while (at != values_.end() && at->first.first == object)
         at = values_.erase(at);

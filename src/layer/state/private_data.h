@@ -1,4 +1,4 @@
-// VK_EXT_private_data of the layer's own objects, whose handles mean nothing to the driver.
+// VK_EXT_private_data of layer objects, whose handles the driver does not know.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@ class PrivateData
 {
 public:
     void set(VkPrivateDataSlot slot, uint64_t object, uint64_t value);
-    [[nodiscard]] uint64_t get(VkPrivateDataSlot slot, uint64_t object) const; // 0 where nothing was set
+    [[nodiscard]] uint64_t get(VkPrivateDataSlot slot, uint64_t object) const; // 0 if nothing was set
     void forgetObject(uint64_t object);
     void forgetSlot(VkPrivateDataSlot slot);
 

@@ -17,13 +17,13 @@ namespace
 
 using namespace shared;
 
-constexpr VkDeviceAddress kHeldKey = 2; // and a multiple of 4: of a descriptor that no address leads to
+constexpr VkDeviceAddress kHeldKey = 2; // synthetic keys are this plus a multiple of 4
 constexpr uint32_t kSlots = 1u << 24;   // instanceCustomIndex has 24 bits
 constexpr uint32_t kSlotsPerPage = 1u << kSlotsPerPageLog2;
 constexpr VkDeviceSize kPageBytes = VkDeviceSize{kSlotsPerPage} * kInstanceRecordWords * 4;
-// A record of zeros leaves every hit but those in transparent micro-triangles to the shader.
+// With a record of zeros every hit reaches the shader, except those in transparent micro-triangles.
 static_assert(hitInTable(0, kStateNone) == kHitNonOpaque && hitInTable(0, kStateOpaque) == kHitNonOpaque);
-// A shader that meets boxes takes a record of triangles for none of boxes (vellumCullsBox in lookup.comp).
+// Shaders tell records of boxes from those of triangles by this bit (vellumCullsBox in lookup.comp).
 static_assert((hitTable(0) & kInstanceBoxes) == 0);
 static_assert(kFirstSlots <= kSlotsPerPage && kDirectoryPages * kSlotsPerPage == kSlots);
 constexpr VkDeviceSize kRootBytes = (kRootHeaderWords + VkDeviceSize{kDirectoryPages} * 2) * 4;
@@ -35,16 +35,16 @@ constexpr VkDeviceSize wholePages(VkDeviceSize bytes)
     return alignUp(bytes, FixedMemory::kAlignment);
 }
 
-// The tables that rewritten shaders have the address of, and their places in the fixed memory.
+// The tables whose addresses rewritten shaders contain, and their offsets in the fixed memory.
 constexpr size_t kRoot = 0;
 constexpr size_t kFirstPages = 1;
 constexpr std::array<VkDeviceSize, KeptAddresses::kTables> kTableBytes{kRootBytes, kPageBytes};
-constexpr std::array<size_t, KeptAddresses::kTables> kTablePlaces{0, wholePages(kRootBytes)};
-constexpr size_t kFixedBytes = kTablePlaces[kFirstPages] + wholePages(kPageBytes);
+constexpr std::array<size_t, KeptAddresses::kTables> kTableOffsets{0, wholePages(kRootBytes)};
+constexpr size_t kFixedBytes = kTableOffsets[kFirstPages] + wholePages(kPageBytes);
 static_assert(kFixedBytes <= FixedMemory::kMostBytes);
 
-// The GPU may read the table while the host changes it: 64-bit values are written whole, and a bucket's descriptor
-// before its key.
+// The GPU may read the table while the host changes it: a 64-bit value is written at once, and the descriptor of a
+// bucket before its key.
 void store64(uint32_t *words, uint64_t value)
 {
     auto *target = reinterpret_cast<uint64_t *>(words);
@@ -56,7 +56,7 @@ uint64_t load64(const uint32_t *words)
     return words[0] | uint64_t{words[1]} << 32;
 }
 
-// What `function` returns; nothing where it runs out of host memory.
+// Returns the result of `function`, or a default value if host memory runs out.
 template <typename Function>
 auto orNothing(Function function) -> decltype(function())
 {
@@ -83,7 +83,7 @@ SlotRange::~SlotRange()
 {
     try {
         table_.freeSlots(first_, count_);
-    } catch (const std::bad_alloc &) { // the slots are lost, and nothing else
+    } catch (const std::bad_alloc &) { // only the slots are lost
     }
 }
 
@@ -107,14 +107,14 @@ VkResult RootTable::create(const GpuContext &context, const std::string &keptAdd
     return VK_SUCCESS;
 }
 
-// Shaders rely on it that neither the root nor a page crosses a multiple of 2^32.
+// Shaders rely on neither the root nor a page crossing a multiple of 2^32.
 VkResult RootTable::createTable(GpuBuffer &buffer, size_t table, bool known)
 {
     const VkDeviceSize bytes = kTableBytes[table];
     const VkResult result = known ? createKnownTable(buffer, table) : buffer.create(context_, bytes);
     if (result != VK_SUCCESS || !crossesWord(buffer.address(), bytes))
         return result;
-    // Of two buffers that exist at once, only one can lie there.
+    // Of two buffers that exist at the same time, only one can cross it.
     GpuBuffer other;
     const VkResult again = other.create(context_, bytes);
     if (again == VK_SUCCESS)
@@ -126,12 +126,12 @@ VkResult RootTable::createKnownTable(GpuBuffer &buffer, size_t table)
 {
     const VkDeviceSize bytes = kTableBytes[table];
     if (fixed_.data() &&
-        buffer.createOn(context_, fixed_.data() + kTablePlaces[table], wholePages(bytes)) == VK_SUCCESS)
+        buffer.createOn(context_, fixed_.data() + kTableOffsets[table], wholePages(bytes)) == VK_SUCCESS)
         return VK_SUCCESS;
     if (kept_.isOpen()) {
         ReplayAddress address = kept_.known(table);
         if (buffer.createAgain(context_, bytes, address) == VK_SUCCESS) {
-            // Where a table cannot stay, it is not to lie in the next run either.
+            // A table that cannot stay there should not be there in the next run either.
             kept_.set(table, crossesWord(buffer.address(), bytes) ? ReplayAddress{} : address);
             return VK_SUCCESS;
         }
@@ -150,16 +150,16 @@ bool RootTable::addPages(uint32_t lastPage)
         const VkDeviceAddress address = pages_.emplace_back(std::move(buffer)).address();
         if (pageCount_ == 0)
             firstSlots_ = address;
-        setPage(pageCount_, address); // last, since nothing that shaders reach is freed
+        setPage(pageCount_, address); // last: what shaders can reach is never freed
     }
-    // A shader that reads the custom index where there is no hit reads some slot: every page must be readable.
+    // A shader that reads the custom index without a hit reads any slot, so every page has to be readable.
     for (uint32_t page = pageCount_; page < kDirectoryPages; ++page)
         setPage(page, firstSlots_);
     return true;
 }
 
-// Where the page would begin if it had the records of all slots before its own, but for the upper word, which is right
-// as it is: so shaders add the slot to it, and not what is left of the slot.
+// Stores the address that the record of slot 0 would have if the page continued to it, except that the upper word stays
+// that of the page. So shaders add the slot itself, and not the rest of the slot.
 void RootTable::setPage(uint32_t page, VkDeviceAddress address)
 {
     const auto low = static_cast<uint32_t>(address) - static_cast<uint32_t>(page * kPageBytes);
@@ -223,7 +223,7 @@ StructureDescriptor RootTable::acquireDescriptor(VkDeviceAddress key, StructureD
     }
     if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
         return {};
-    const auto entry = descriptors_.emplace(key, Cell{StructureDescriptorPool::kNone, 1, &pool, nullptr}).first;
+    const auto entry = descriptors_.emplace(key, Descriptor{StructureDescriptorPool::kNone, 1, &pool, nullptr}).first;
     Undo undo([&] { descriptors_.erase(entry); });
     const uint32_t index = entry->second.index = pool.acquire(context_);
     if (index == StructureDescriptorPool::kNone)
@@ -241,7 +241,7 @@ VkDeviceAddress RootTable::acquireMicromap(VkDeviceAddress address, VkDeviceSize
         return 0;
     uint32_t *words = micromapDescriptors_.words(descriptors_.at(key).index);
     words[2] = kDescriptorMicromap;
-    // Micromaps may share memory: there is room for the largest.
+    // Micromaps may share memory: the capacity is that of the largest.
     words[3] = std::max(words[3], static_cast<uint32_t>(std::min<VkDeviceSize>(bytes / kDataUnitBytes, UINT32_MAX)));
     return key;
 }
@@ -267,7 +267,7 @@ bool RootTable::addReference(VkDeviceAddress reference, VkDeviceAddress known)
 VkDeviceAddress RootTable::holdDescriptor(VkDeviceAddress known)
 {
     std::lock_guard lock(mutex_);
-    const VkDeviceAddress key = ++heldKeys_ * 4 + kHeldKey; // no structure has such an address
+    const VkDeviceAddress key = ++heldKeys_ * 4 + kHeldKey; // not the address of any structure
     return orNothing([&] { return addKey(key, known); }) ? key : 0;
 }
 
@@ -283,10 +283,10 @@ bool RootTable::addKey(VkDeviceAddress reference, VkDeviceAddress known)
     }
     if ((usedBuckets_ + 1) * 2 > buckets_ && !growHashTable())
         return false;
-    Cell &descriptor = leads->second;
+    Descriptor &descriptor = leads->second;
     if (!descriptor.keys)
         descriptor.keys = std::make_shared<uint32_t>(1);
-    descriptors_.emplace(reference, Cell{descriptor.index, 1, descriptor.pool, descriptor.keys});
+    descriptors_.emplace(reference, Descriptor{descriptor.index, 1, descriptor.pool, descriptor.keys});
     ++*descriptor.keys;
     insertBucket(reference, descriptor.pool->location(descriptor.index).address);
     return true;
@@ -329,9 +329,9 @@ void RootTable::insertBucket(VkDeviceAddress reference, VkDeviceAddress descript
     store64(bucketWords(table, bucket), reference);
 }
 
-// A deleted bucket may lie in the middle of another key's probe sequence, unless the one behind it is empty: then no
-// sequence runs through it, and it and the deleted ones before it can be empty again. So deleted buckets do not pile
-// up.
+// A deleted bucket may be in the middle of another key's probe sequence. If the next bucket is empty no sequence
+// continues behind it, and this bucket and the deleted ones before it become empty again. So deleted buckets do not
+// accumulate.
 void RootTable::removeBucket(VkDeviceAddress reference)
 {
     const GpuBuffer &table = hashTables_.back();
@@ -349,8 +349,8 @@ void RootTable::removeBucket(VkDeviceAddress reference)
     }
 }
 
-// Makes a table with room for twice the live entries: deleted ones are left behind, so it may also stay as large as it
-// was.
+// Creates a table with a capacity of twice the live entries. It may be as large as the old one, since deleted entries
+// are dropped.
 bool RootTable::growHashTable()
 {
     uint32_t buckets = kFirstBuckets;

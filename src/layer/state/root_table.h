@@ -1,11 +1,12 @@
 // The tables that lead a rewritten shader from a hit to its micromap, and a TLAS build from a reference to its BLAS.
 // Layouts: core/records.h.
 //
-// Nothing that a shader can reach ever moves or is freed before the device: the root's address is a constant in
-// rewritten SPIR-V, pages are only added, and a hash table that has been outgrown stays readable.
+// Nothing that a shader can reach moves or is freed before the device is destroyed: the address of the root is a
+// constant in rewritten SPIR-V, pages are only added, and an outgrown hash table stays readable.
 //
-// And no page of memory is written by host and device in turn (state/structure_descriptor_pool.h tells why): the root
-// and the hash tables are the host's, instance records, descriptors of structures and counters of notices the device's.
+// Host and device never write to the same page of memory (state/structure_descriptor_pool.h explains why): the host
+// writes the root and the hash tables; the device writes instance records, descriptors of structures and GPU error
+// counters.
 #pragma once
 
 #include <map>
@@ -26,7 +27,7 @@ namespace vellum::layer
 
 class RootTable;
 
-// Consecutive instance slots. They return to the table when the last owner lets go.
+// Consecutive instance slots. The destructor returns them to the table.
 class SlotRange
 {
 public:
@@ -46,37 +47,37 @@ private:
 class RootTable
 {
 public:
-    // `keptAddresses`: begin of the path of files that say where the tables lay before (memory/kept_addresses.h);
-    // empty: there are none.
+    // `keptAddresses`: the beginning of the paths of files with earlier addresses of the tables
+    // (memory/kept_addresses.h); empty: addresses are not kept.
     VkResult create(const GpuContext &context, const std::string &keptAddresses = {});
     [[nodiscard]] VkDeviceAddress address() const { return root_.address(); }
-    // Of the instance records of the first kFirstSlots slots.
+    // The address of the instance records of the first kFirstSlots slots.
     [[nodiscard]] VkDeviceAddress firstSlots() const { return firstSlots_; }
 
-    // Null where the 2^24 slots, or memory, are used up.
+    // Null if the 2^24 slots or memory are used up.
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
 
-    // The descriptor of the acceleration structure with this reference; made when it is asked for first. Every call is
-    // paired with a releaseDescriptor: acceleration structures that alias have the same reference, and share the
-    // descriptor. Its address is 0 where there is no memory.
+    // The descriptor of the acceleration structure with this reference, which the first call creates. Each call is
+    // paired with a releaseDescriptor: acceleration structures that alias each other have the same reference and
+    // descriptor. Its address is 0 if there is no memory.
     StructureDescriptor acquireDescriptor(VkDeviceAddress reference);
     void releaseDescriptor(VkDeviceAddress reference);
-    // Another reference that leads to the descriptor of a known one; paired with a releaseDescriptor. False where it
-    // leads to another descriptor already, or there is no memory.
+    // Adds a reference that leads to the descriptor of a known one; paired with a releaseDescriptor. False if it leads
+    // to another descriptor already, or there is no memory.
     bool addReference(VkDeviceAddress reference, VkDeviceAddress known);
-    // Another user of the descriptor of a known reference, under a key that is no address; paired with a
-    // releaseDescriptor. 0 where there is no memory.
+    // Adds a synthetic key, which is not an address, to the descriptor of a known reference; paired with a
+    // releaseDescriptor. 0 if there is no memory.
     VkDeviceAddress holdDescriptor(VkDeviceAddress known);
-    // Says that there is a micromap of so many bytes at an address; returns the key to release its descriptor by, 0
-    // where there is no memory.
+    // Adds a micromap of that size at an address. Returns the key by which its descriptor is released, or 0 if there is
+    // no memory.
     VkDeviceAddress acquireMicromap(VkDeviceAddress address, VkDeviceSize bytes);
 
-    // What shaders had to tell since the last call: bits kNotice*. The host only reads their counters, see
-    // StructureDescriptorPool.
+    // The errors that shaders have found since the last call, one bit for each kGpuError*. The host only reads their
+    // counters (see StructureDescriptorPool).
     uint32_t takeGpuErrors();
 
-    // The greatest instanceShaderBindingTableRecordOffset of the builds that the device has carried out so far, and
-    // where shaders find that of all builds before them.
+    // The greatest instanceShaderBindingTableRecordOffset of the builds that the device has executed, and the address
+    // at which shaders read and update it.
     [[nodiscard]] uint32_t greatestRecordOffset() const;
     [[nodiscard]] VkDeviceAddress greatestRecordOffsetAddress() const
     {
@@ -85,11 +86,11 @@ public:
 
 private:
     friend class SlotRange;
-    struct Cell {
+    struct Descriptor {
         uint32_t index = 0;
         uint32_t users = 0;
         StructureDescriptorPool *pool = nullptr;
-        std::shared_ptr<uint32_t> keys; // that lead to this descriptor; null: there is only one
+        std::shared_ptr<uint32_t> keys; // number of keys that lead to the descriptor; null: one
     };
     StructureDescriptor acquireDescriptor(VkDeviceAddress key, StructureDescriptorPool &pool);
     bool addKey(VkDeviceAddress key, VkDeviceAddress known);
@@ -101,7 +102,7 @@ private:
     void removeBucket(VkDeviceAddress reference);
 
     VkResult createTable(GpuBuffer &buffer, size_t table, bool known);
-    // Tables that rewritten shaders have the address of: at the same address in every run, where that can be had.
+    // Creates a table whose address rewritten shaders contain: at the same address in every run, if possible.
     VkResult createKnownTable(GpuBuffer &buffer, size_t table);
 
     GpuContext context_;
@@ -110,16 +111,16 @@ private:
     std::mutex mutex_;
     GpuBuffer root_, gpuErrors_;
     uint32_t seenGpuErrors_[shared::kGpuErrorCounters] = {};
-    std::vector<GpuBuffer> pages_;   // guarded by mutex_, as all below
-    VkDeviceAddress firstSlots_ = 0; // of the first page; set by create(), and read without the mutex
+    std::vector<GpuBuffer> pages_;   // guarded by mutex_, like all members below
+    VkDeviceAddress firstSlots_ = 0; // address of the first page; set by create(), and read without the mutex
     uint32_t pageCount_ = 0;
     std::map<uint32_t, uint32_t> freeSlots_; // first -> count, never adjacent
 
     std::vector<GpuBuffer> hashTables_; // the last one is in use
     uint32_t buckets_ = 0;
-    uint32_t usedBuckets_ = 0;     // with deleted ones
-    VkDeviceAddress heldKeys_ = 0; // that there were
-    std::unordered_map<VkDeviceAddress, Cell> descriptors_;
+    uint32_t usedBuckets_ = 0;     // including deleted ones
+    VkDeviceAddress heldKeys_ = 0; // number of synthetic keys ever allocated
+    std::unordered_map<VkDeviceAddress, Descriptor> descriptors_;
     StructureDescriptorPool structureDescriptors_; // written by the device
     StructureDescriptorPool micromapDescriptors_;  // written by the host
 };

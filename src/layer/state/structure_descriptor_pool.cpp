@@ -11,7 +11,7 @@ namespace
 
 using namespace shared;
 
-constexpr uint32_t kPageBytes = 4096; // of a page that the host's memory is guarded by
+constexpr uint32_t kPageBytes = 4096; // the granularity at which tools guard host memory
 constexpr uint32_t kDescriptorsPerPage = kPageBytes / (kDescriptorWords * 4);
 constexpr uint32_t kPagesPerBuffer = 32;
 
@@ -40,7 +40,7 @@ bool StructureDescriptorPool::grow(const GpuContext &context)
         return false;
     const auto first = static_cast<uint32_t>(pages_.size());
     pages_.reserve(first + kPagesPerBuffer);
-    emptyPages_.reserve(first + kPagesPerBuffer); // of all pages, so that release() does not allocate
+    emptyPages_.reserve(first + kPagesPerBuffer); // enough for all pages, so that release() does not allocate
     buffers_.push_back(std::move(buffer));
     pages_.resize(first + kPagesPerBuffer);
     for (uint32_t i = kPagesPerBuffer; i-- > 0;)

@@ -1,9 +1,9 @@
-// Descriptors (core/records.h) by their number, on memory of the layer's.
+// Descriptors (core/records.h), identified by numbers, in memory of the layer.
 //
-// Either the device writes what is in them, or the host does. Tools between the layer and the driver may write a page
-// of mapped memory back as a whole when the host has written to a part of it (as capture tools do that guard pages),
-// and so undo what the device has written beside it. So the host touches a page only while none of its descriptors is
-// in use: a descriptor that is given back is not used again before all of its page are.
+// Either the device or the host writes the descriptors of a pool. When the host has written to a part of a page of
+// mapped memory, a tool between the layer and the driver may write the whole page back, as capture tools with guarded
+// pages do, and so overwrite what the device has written to the rest. So the host writes to a page only while none of
+// its descriptors is in use: a released descriptor is not reused before all descriptors of its page are released.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,12 @@
 namespace vellum::layer
 {
 
-// Where the descriptor of an acceleration structure lies (core/records.h).
+// The location of the descriptor of an acceleration structure.
 struct StructureDescriptor {
     VkDeviceAddress address = 0;
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
-    const uint32_t *words = nullptr; // for the host to read, once the device has written them
+    const uint32_t *words = nullptr; // mapped; read by the host once the device has written them
 };
 
 class StructureDescriptorPool
@@ -27,7 +27,7 @@ class StructureDescriptorPool
 public:
     static constexpr uint32_t kNone = UINT32_MAX;
 
-    // The number of a descriptor of zeroes; kNone where there is no memory.
+    // The number of a descriptor of zeros; kNone if there is no memory.
     uint32_t acquire(const GpuContext &context);
     void release(uint32_t descriptor);
     [[nodiscard]] StructureDescriptor location(uint32_t descriptor) const;
@@ -35,15 +35,15 @@ public:
 
 private:
     struct Page {
-        uint32_t taken = 0; // descriptors that were given out since it was empty
+        uint32_t taken = 0; // descriptors acquired since the page was empty
         uint32_t inUse = 0;
     };
     bool grow(const GpuContext &context);
 
     std::vector<GpuBuffer> buffers_;
     std::vector<Page> pages_;
-    std::vector<uint32_t> emptyPages_; // none of their descriptors is in use; they may hold what was in them
-    uint32_t open_ = kNone;            // the page that descriptors are taken from
+    std::vector<uint32_t> emptyPages_; // pages without descriptors in use; they may hold old content
+    uint32_t open_ = kNone;            // the page from which descriptors are acquired
 };
 
 } // namespace vellum::layer

@@ -1,6 +1,6 @@
-// The places that acceleration structures are made at. What was built somewhere belongs to the place and not to a
-// handle: an application with an allocator of its own makes several handles for one content, each as large as the
-// buffer is long, and destroys them in any order.
+// The locations of acceleration structures. What was built belongs to the location and not to a handle: an application
+// with its own allocator may create several handles for the same content, each as large as the rest of the buffer, and
+// destroy them in any order.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ namespace vellum::layer
 struct AccelerationStructure;
 class PlacedMicromaps; // khr_over_ext/placed_micromaps.h
 
-// What all acceleration structures share that begin at the same place.
+// The state shared by all acceleration structures that begin at the same location.
 struct StructureLocation {
     explicit StructureLocation(RootTable &table) : root(table) {}
     ~StructureLocation();
@@ -29,30 +29,31 @@ struct StructureLocation {
 
     RootTable &root;
     std::mutex mutex; // guards what is below
-    // The structures that begin here, each as long as its handle lives.
+    // The structures that begin here and whose handles exist.
     std::vector<AccelerationStructure *> structures;
-    // The addresses of those that were asked for theirs, each a user of the descriptor: what instances may name. Only
-    // the address of a GENERIC one must be that of the buffer (vkGetAccelerationStructureDeviceAddressKHR), so there
-    // may be several. One that no structure has any more may be given to a structure somewhere else.
+    // The addresses that were queried, by which instances may name the structures. Each is a user of the descriptor.
+    // Only a GENERIC structure has to have the address of the buffer (vkGetAccelerationStructureDeviceAddressKHR), so
+    // there may be several. The driver may reuse an address that no structure here has any more.
     struct Reference {
         VkDeviceAddress address = 0;
         uint32_t structures = 0;
     };
     std::vector<Reference> references;
-    VkDeviceAddress heldKey = 0; // of the descriptor, where there was nothing else that led to it; 0: none
+    VkDeviceAddress heldKey = 0; // synthetic key of the descriptor, if no address leads to it; 0 = none
     StructureDescriptor descriptor;
-    // Of what was recorded last; GENERIC: nothing was, or data of which only the device knows what it holds.
+    // The type of what was recorded last; GENERIC: nothing, or data whose type only the device knows.
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     VkDeviceSize lastBytes =
-        0; // of what was recorded last: what is written of a handle, however large it is; 0: unknown
-    // The latter: the descriptor tells it, once it has the number of the command that was recorded last; 0: none.
+        0; // size of what was recorded last, which may be less than that of the handle; 0 = unknown
+    // Number of the last deserialization whose result only the device knows; 0 = none. The descriptor contains the
+    // result as soon as it contains this number.
     uint32_t deserialization = 0;
     uint32_t lastInstances = 0; // of the top-level build recorded last
-    uint32_t mostInstances = 0; // of all builds recorded
+    uint32_t mostInstances = 0; // the greatest number of all builds recorded
     std::shared_ptr<SlotRange> slots;
     std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
-    // Where micromaps are translated: those of the driver's at this place, and whether what was recorded last is a
-    // bottom-level structure with micromaps.
+    // If micromaps are translated: the driver's micromaps at this location, and whether a bottom-level structure with
+    // micromaps was recorded last.
     std::shared_ptr<PlacedMicromaps> driverMicromaps;
     bool namesMicromaps = false;
 };
@@ -62,12 +63,12 @@ class StructureLocations
 public:
     explicit StructureLocations(RootTable &root) : root_(root) {}
 
-    // A buffer, by its number of all of the device, and an offset in it.
+    // The number of a buffer (BufferInfo), and an offset in it.
     using Key = std::pair<uint64_t, VkDeviceSize>;
-    // The place of that key; made when it is asked for first. Each call is paired with a release.
+    // The location of that key, which the first call creates. Each call is paired with a release.
     std::shared_ptr<StructureLocation> acquire(const Key &key);
     void release(const Key &key);
-    // Bytes to the next place behind it in the same buffer; ~0 where there is none.
+    // Bytes to the next location in the same buffer; ~0 if there is none.
     [[nodiscard]] VkDeviceSize bytesToNext(const Key &key) const;
 
 private:

@@ -26,9 +26,9 @@ void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
     leaveLocation(device.objects, structure);
     destroyExactSizeHandles(device, structure);
     // Another thread may be asking for the address of the buffer, which names the micromaps in it: bufferHasAddress().
-    std::lock_guard lock(device.objects.unnamedMutex);
-    std::erase_if(device.objects.unnamedMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unnamed) {
-        const auto other = unnamed.lock();
+    std::lock_guard lock(device.objects.unboundMutex);
+    std::erase_if(device.objects.unboundMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unbound) {
+        const auto other = unbound.lock();
         return !other || other.get() == &structure;
     });
     if (structure.micromapKey)
