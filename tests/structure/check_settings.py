@@ -26,7 +26,9 @@ def of_code(root):
     members = {name: (kind, default) for kind, name, default in re.findall(
         r"^    (bool|ReportLevel|std::string) (\w+)(?: = ([\w:]+))?;", (root / HEADER).read_text(encoding="utf-8"), re.M)}
     rows = re.findall(r'\{"(\w+)", &Settings::(\w+)\}', (root / CODE).read_text(encoding="utf-8"))
-    return {key: ("VELLUM_" + key.upper(), TYPES[members[member][0]], DEFAULTS[members[member][1] or None])
+    def type_of(key, kind):
+        return "SAVE_FILE" if key.endswith("_file") else TYPES[kind]
+    return {key: ("VELLUM_" + key.upper(), type_of(key, members[member][0]), DEFAULTS[members[member][1] or None])
             for key, member in rows}
 
 

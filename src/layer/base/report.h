@@ -1,5 +1,5 @@
-// What the layer has to say goes to the application's debug-utils messengers, and to stderr when the setting asks for
-// it.
+// What the layer has to say goes to the application's debug-utils messengers, and to stderr and to a file when
+// settings ask for it.
 #pragma once
 
 #include <mutex>
@@ -22,6 +22,7 @@ public:
     {
         level_ = settings.report;
         strict_ = settings.strict;
+        file_ = settings.reportFile;
     }
     void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
     void removeMessenger(VkDebugUtilsMessengerEXT handle);
@@ -72,6 +73,7 @@ private:
 
     ReportLevel level_ = ReportLevel::None;
     bool strict_ = false;
+    std::string file_; // that messages are appended to; empty: none
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
     std::unordered_map<uint64_t, std::string> names_;

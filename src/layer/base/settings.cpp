@@ -41,10 +41,12 @@ constexpr Row kRows[] = {
     {"constant_ray_flags", &Settings::constantRayFlags},
     {"cache_folder", &Settings::cacheFolder},
     {"dump_shaders", &Settings::dumpShaders},
+    {"report_file", &Settings::reportFile},
 };
 
-// Variables that begin like those of settings: of the project's tests, and of libvellum's module for Python.
-constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY"};
+// Variables that begin like those of settings: of the project's tests, of libvellum's module for Python, and of
+// `vellum run`.
+constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY", "FAIL_ON"};
 
 constexpr std::pair<const char *, ReportLevel> kLevels[] = {
     {"none", ReportLevel::None},    {"error", ReportLevel::Error}, {"warning", ReportLevel::Warning},

@@ -29,6 +29,8 @@ struct Settings {
     // VELLUM_CACHE_FOLDER, .cache_folder: what is the same in every run is kept there (memory/kept_addresses.h);
     // nowhere if empty. Where it is not set, it is "vellum" in the user's folder for caches.
     std::string cacheFolder;
+    // VELLUM_REPORT_FILE, .report_file: file to which each message is appended, as "<severity> <id>: <text>" in a line
+    std::string reportFile;
     std::string dumpShaders; // VELLUM_DUMP_SHADERS, .dump_shaders: folder for SPIR-V before and after
 };
 
