@@ -1,7 +1,8 @@
-# Warnings that every target of ours is compiled with. Link `vellum_warnings` privately.
+# Warnings that every target is compiled with; errors with VELLUM_WERROR, as in the presets for developers. Link
+# `vellum_warnings` privately.
 add_library(vellum_warnings INTERFACE)
 target_compile_options(vellum_warnings INTERFACE
-  -Wall -Wextra -Werror -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor -Wimplicit-fallthrough
+  -Wall -Wextra $<$<BOOL:${VELLUM_WERROR}>:-Werror> -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wnon-virtual-dtor -Wimplicit-fallthrough
   # `{VK_STRUCTURE_TYPE_...}` leaves the rest of a Vulkan structure zero on purpose.
   -Wno-missing-field-initializers
   # GCC's optimizer finds these in strings of its own library where that comes from a precompiled header.

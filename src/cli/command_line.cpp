@@ -32,6 +32,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
     commands["info"] = declareInfoCommand(app);
+    commands["run"] = declareRunCommand(app);
     commands["verify"] = declareVerifyCommand(app);
     return commands;
 }

@@ -16,6 +16,7 @@ std::function<int()> declareBakeCommand(CLI::App &app);
 std::function<int()> declareInfoCommand(CLI::App &app);
 std::function<int()> declareInspectCommand(CLI::App &app);
 std::function<int()> declareRenderCommand(CLI::App &app);
+std::function<int()> declareRunCommand(CLI::App &app);
 std::function<int()> declareVerifyCommand(CLI::App &app);
 
 } // namespace vellum::cli

@@ -9,10 +9,6 @@
 #include "library/structures.h"
 #include "library/usage_counts.h"
 
-static_assert(VELLUM_HEADER_VERSION ==
-                  VELLUM_MAKE_VERSION(VELLUM_LIBRARY_MAJOR, VELLUM_LIBRARY_MINOR, VELLUM_LIBRARY_PATCH),
-              "vellum/vellum.h has another version than the project");
-
 using namespace vellum;
 using namespace vellum::library;
 

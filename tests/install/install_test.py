@@ -265,39 +265,47 @@ class Installation(unittest.TestCase):
         lib = options.libdir
         patterns = (r"bin/vellum", r"include/vellum/\w+\.h", rf"{lib}/libvellum(_gltf)?\.so[.\d]*",
                     rf"{lib}/libvellum-gpubake\.a",
-                    rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/(Vellum[\w-]+|opacity_micromap_mode)\.cmake",
+                    rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
+                    rf"{lib}/cmake/Vellum/opacity_micromap_mode\.cmake",
                     rf"{lib}/pkgconfig/vellum(-gltf)?\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
                     r"share/man/man1/vellum\.1", r"share/bash-completion/completions/vellum",
                     r"share/zsh/site-functions/_vellum", r"share/fish/vendor_completions\.d/vellum\.fish",
-                    r"share/doc/vellum/examples/(c|cpp|gltf|opacity_micromap|python)/[\w.]+")
+                    r"share/doc/vellum/examples/\w+/[\w./-]+", r"share/doc/vellum/docs/[\w./-]+\.(md|png|svg)",
+                    r"share/doc/vellum/(LICENSE|(THIRD-PARTY|README|CHANGELOG|SECURITY)\.md)")
         self.assertEqual([path for path in sorted(there) if not any(re.fullmatch(p, path) for p in patterns)], [])
 
-    def test_what_is_not_built_is_not_installed(self):
-        """A build by `scripts/build run` has the command, the layer and libvellum, and nothing else."""
-        folder = options.scratch / "run"
-        run(options.cmake, "-S", options.source, "-B", folder, "-G", options.generator, "-DVELLUM_TESTS=OFF",
-            "-DVELLUM_EXAMPLES=OFF", "-DVELLUM_BENCH=OFF", f"-DCMAKE_C_COMPILER={options.cc}",
-            f"-DCMAKE_CXX_COMPILER={options.cxx}")
-        for built in ("bin/vellum", "lib/libVkLayer_vellum_opacity_micromap.so",
-                      *(f"lib/{path.name}" for path in (options.build / "lib").glob("libvellum.so*"))):
-            (folder / built).parent.mkdir(exist_ok=True)
-            shutil.copy(options.build / built, folder / built, follow_symlinks=False)
-        prefix = options.scratch / "run-installed"
-        run(options.cmake, "--install", folder, "--prefix", prefix)
-        self.assertIn("render", run(prefix / "bin/vellum", "--help"))
-        self.assertTrue((prefix / options.libdir / "libvellum.so").exists())
-        self.assertTrue((prefix / options.libdir / "cmake/Vellum/VellumTargets.cmake").exists())
-        self.assertFalse((prefix / options.libdir / "cmake/Vellum/VellumGltfTargets.cmake").exists())
-        self.assertFalse((prefix / "include/vellum/gltf.h").exists())
-        self.assertFalse((prefix / "share/man/man1/vellum.1").exists())
+    def installed(self, component):
+        prefix = options.scratch / f"component-{component}"
+        run(options.cmake, "--install", options.build, "--prefix", prefix, "--component", component)
+        return {str(path.relative_to(prefix)) for path in prefix.rglob("*") if not path.is_dir()}
 
-    def test_the_library_alone_needs_nothing(self):
-        """Configuring succeeds where none of the project's other dependencies is to be found."""
-        folder = options.scratch / "library-only"
-        run(options.cmake, "-S", options.source, "-B", folder, "-G", options.generator, "-DVELLUM_LIBRARY_ONLY=ON",
-            f"-DCMAKE_C_COMPILER={options.cc}", f"-DCMAKE_CXX_COMPILER={options.cxx}",
-            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("Vulkan", "PNG", "fmt", "GTest",
-                                                                    "Python3")))
+    def test_components(self):
+        """Each file but the licence is in one component."""
+        lib = options.libdir
+        notices = {"share/doc/vellum/LICENSE", "share/doc/vellum/THIRD-PARTY.md"}
+        files = {component: self.installed(component) for component in ("layer", "command", "runtime", "devel", "doc")}
+        for component, paths in files.items():
+            self.assertLessEqual(notices, paths, component)
+        self.assertEqual(files["layer"] - notices, {
+            f"{lib}/libVkLayer_vellum_opacity_micromap.so",
+            "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"})
+        self.assertIn("bin/vellum", files["command"])
+        self.assertEqual({re.sub(r"[.\d]*$", "", path) for path in files["runtime"] - notices},
+                         {f"{lib}/libvellum.so", f"{lib}/libvellum_gltf.so"})
+        self.assertIn(f"{lib}/libvellum.so", files["devel"])
+        self.assertNotIn(f"{lib}/libvellum.so", files["runtime"])
+        self.assertEqual([path for path in files["doc"] if not path.startswith("share/doc/vellum/")], [])
+        there = {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if not path.is_dir()}
+        self.assertEqual(set.union(*files.values()), there)
+        self.assertEqual(sum(len(paths - notices) for paths in files.values()), len(there - notices))
+
+    def test_links_of_the_installed_documents(self):
+        """The documents find each other and the examples; sources are not installed."""
+        root = self.prefix / "share/doc/vellum"
+        for page in (root / "README.md", *(root / "docs").glob("*.md")):
+            for target in re.findall(r"\]\(([^)#:]+)[)#]", page.read_text()):
+                if re.match(r"(\.\./)?(docs/|examples/|\w+\.(md|png)$)", target) and "CONTRIBUTING" not in target:
+                    self.assertTrue((page.parent / target).exists(), f"{page.name}: {target}")
 
 
 def main():

@@ -1,7 +1,11 @@
 #include "layer/base/report.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <new>
+
+#include <fcntl.h>
+#include <unistd.h>
 
 namespace vellum::layer
 {
@@ -13,6 +17,24 @@ ReportLevel levelOf(VkDebugUtilsMessageSeverityFlagBitsEXT severity)
     if (severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
         return ReportLevel::Error;
     return severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT ? ReportLevel::Warning : ReportLevel::Info;
+}
+
+const char *nameOf(ReportLevel level)
+{
+    return level == ReportLevel::Error ? "error" : level == ReportLevel::Warning ? "warning" : "info";
+}
+
+// One write for each line, so that lines of several threads and processes do not mix. Messages are rare: the file is
+// opened for each, and whoever reads it may move or remove it at any time.
+void append(const std::string &file, std::string line)
+{
+    std::ranges::replace(line, '\n', ' ');
+    line += '\n';
+    const int descriptor = open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666);
+    if (descriptor < 0 || write(descriptor, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
+        std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
+    if (descriptor >= 0)
+        close(descriptor);
 }
 
 } // namespace
@@ -53,6 +75,8 @@ void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std
 {
     if (levelOf(severity) <= level_)
         std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
+    if (!file_.empty())
+        append(file_, std::string(nameOf(levelOf(severity))) + " " + id + ": " + text);
 
     std::vector<Messenger> messengers;
     std::string objectName;

@@ -1,4 +1,5 @@
-// Messages of the layer. They go to the application's debug-utils messengers, and to stderr by the setting `report`.
+// Messages of the layer. They go to the application's debug-utils messengers, and by the settings `report` and
+// `report_file` to stderr and to a file.
 #pragma once
 
 #include <mutex>
@@ -21,6 +22,7 @@ public:
     {
         level_ = settings.report;
         strict_ = settings.strict;
+        file_ = settings.reportFile;
     }
     void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
     void removeMessenger(VkDebugUtilsMessengerEXT handle);
@@ -75,6 +77,7 @@ private:
 
     ReportLevel level_ = ReportLevel::None;
     bool strict_ = false;
+    std::string file_; // that messages are appended to; empty: none
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
     std::unordered_map<uint64_t, std::string> names_;

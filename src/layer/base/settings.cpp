@@ -34,8 +34,8 @@ struct Row {
 constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
 #undef VELLUM_ROW
 
-// Variables with the prefix of settings that are none: those of the tests, and of the Python module.
-constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY"};
+// Variables with the prefix of settings that are none: those of the tests, of the Python module, and of `vellum run`.
+constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY", "FAIL_ON"};
 
 #define VELLUM_LEVEL(name, value, label, description) {#name, ReportLevel::value},
 constexpr std::pair<const char *, ReportLevel> kLevels[] = {

@@ -12,7 +12,7 @@ TABLE = pathlib.Path(__file__).with_name("settings_table.h")
 TEXT = r'((?:"[^"]*"\s*)+)'
 SETTING = re.compile(r'X\((\w+), (\w+), ([\w:]+), ([\w:{}]+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
 LEVEL = re.compile(r'X\((\w+), (\w+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
-TYPES = {"bool": "BOOL", "ReportLevel": "ENUM", "std::string": "SAVE_FOLDER"}
+TYPES = {"bool": "BOOL", "ReportLevel": "ENUM"}  # a path is a file if its key ends so, else a folder
 DEFAULTS = {"true": True, "false": False, "{}": ""}
 
 
@@ -29,8 +29,9 @@ def read(table=TABLE):
     names = {f"ReportLevel::{value}": name for name, value, _, _ in LEVEL.findall(text)}
     settings = []
     for key, _, kind, default, label, description in SETTING.findall(text):
+        path = "SAVE_FILE" if key.endswith("_file") else "SAVE_FOLDER"
         setting = {"key": key, "env": "VELLUM_" + key.upper(), "label": joined(label),
-                   "description": joined(description), "type": TYPES[kind], "default": (DEFAULTS | names)[default]}
+                   "description": joined(description), "type": TYPES.get(kind, path), "default": (DEFAULTS | names)[default]}
         settings.append(setting | ({"flags": levels} if kind == "ReportLevel" else {}))
     return settings
 

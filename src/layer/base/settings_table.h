@@ -29,4 +29,6 @@
       "Folder for the addresses of the layer's tables, so that shader caches of one run hit in the next. Default: "    \
       "vellum in the user's cache folder. Empty: addresses are not kept.")                                             \
     X(dump_shaders, dumpShaders, std::string, {}, "Dump shaders",                                                      \
-      "Existing folder to which each shader that the layer rewrites is written, before and after.")
+      "Existing folder to which each shader that the layer rewrites is written, before and after.")                    \
+    X(report_file, reportFile, std::string, {}, "Report file",                                                         \
+      "File to which each message is appended: severity, id and text in a line. vellum run uses it.")

@@ -1,0 +1,185 @@
+// `vellum run`
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <unistd.h>
+
+#include "cli/base/error.h"
+#include "cli/commands.h"
+#include "cli/info/manifests.h"
+#include "cli/run/message_summary.h"
+#include "cli/run/program.h"
+#include "cli/vulkan/layer_path.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr int kMessagesFailed = 122;
+constexpr int kNotRun = 125;
+
+constexpr const char *kRunDetails = R"(
+Runs a program with the layer on, in it and in the processes that it starts, and prints how many errors and warnings the
+layer reported, with the first message of each kind. What the program does with its output and its input is unchanged;
+the summary is on stderr. Options come before the program; put -- between them.
+
+Messages: an error is input that the layer rejected, a warning one that it tolerated, or that probably has no effect.
+
+Exit codes:
+  0 to 255  that of the program; 128 + n if signal n ended it
+  122       the program succeeded, but there were messages of the severity of --fail-on
+  125       the program was not run: the layer is not found
+  126, 127  the program cannot be executed; there is no such program
+
+Environment:
+  VELLUM_FAIL_ON
+      error, warning or never, without --fail-on
+
+Examples:
+  vellum run -- ./viewer scene.glb
+      fails where the program fails, or the layer rejects something
+  vellum run --fail-on warning --validate -- ./tests --gtest_filter='Rays.*'
+      for continuous integration)";
+
+struct RunOptions {
+    std::vector<std::string> program;
+    std::string failOn;
+    bool assumeMicromaps = false;
+    bool forceEmulation = false;
+    bool strict = false;
+    bool validate = false;
+    std::optional<std::filesystem::path> layerFolder;
+};
+
+// The command line behind "--", as it is: its library splits words like "[a,b]".
+std::vector<std::string> wordsBehindSeparator()
+{
+    std::ifstream file("/proc/self/cmdline", std::ios::binary);
+    std::vector<std::string> words;
+    bool behind = false;
+    for (std::string word; std::getline(file, word, '\0');) {
+        if (behind)
+            words.push_back(word);
+        behind = behind || word == "--";
+    }
+    return words;
+}
+
+// The file that the layer's messages go to while the program runs.
+class TemporaryFile
+{
+public:
+    TemporaryFile() : path_((std::filesystem::temp_directory_path() / "vellum-run-XXXXXX").string())
+    {
+        const int descriptor = mkstemp(path_.data());
+        if (descriptor < 0)
+            throw Error(path_ + " cannot be written");
+        close(descriptor);
+    }
+    ~TemporaryFile()
+    {
+        std::error_code error;
+        std::filesystem::remove(path_, error);
+    }
+    TemporaryFile(const TemporaryFile &) = delete;
+    TemporaryFile &operator=(const TemporaryFile &) = delete;
+
+    [[nodiscard]] const std::string &path() const { return path_; }
+
+private:
+    std::string path_;
+};
+
+// Lets the loader find and load the layer in programs that inherit the environment.
+void turnLayerOn(const std::optional<std::filesystem::path> &given)
+{
+    const std::optional<std::filesystem::path> folder = given ? given : findLayerFolder();
+    const std::vector<Manifest> manifests = findLayerManifests(folder.value_or(""));
+    if (manifests.empty())
+        throw Error("the layer is not found; name the folder of its manifest by --layer-path");
+    if (folder)
+        addLayerFolder(std::filesystem::absolute(*folder));
+    const char *old = std::getenv("VK_INSTANCE_LAYERS");
+    const std::string others = old != nullptr ? old : "";
+    if ((":" + others + ":").find(std::string(":") + kLayerName + ":") == std::string::npos)
+        setenv("VK_INSTANCE_LAYERS", (kLayerName + (others.empty() ? "" : ":" + others)).c_str(), 1);
+}
+
+void applySettings(const RunOptions &options)
+{
+    const std::pair<const char *, bool> settings[] = {
+        {"VELLUM_ASSUME_MICROMAPS", options.assumeMicromaps},
+        {"VELLUM_FORCE_EMULATION", options.forceEmulation},
+        {"VELLUM_STRICT", options.strict},
+        {"VELLUM_VALIDATE", options.validate},
+    };
+    for (const auto &[variable, on] : settings)
+        if (on)
+            setenv(variable, "1", 1);
+}
+
+// Whether messages fail a program that succeeds.
+bool fails(const MessageSummary &summary, const std::string &failOn)
+{
+    if (failOn == "never")
+        return false;
+    return summary.errors != 0 || (failOn == "warning" && summary.warnings != 0);
+}
+
+int run(const RunOptions &options)
+{
+    std::vector<std::string> words = wordsBehindSeparator();
+    if (words.empty())
+        words = options.program;
+    const TemporaryFile messages;
+    try {
+        turnLayerOn(options.layerFolder);
+    } catch (const Error &error) {
+        std::fprintf(stderr, "vellum: %s\n", error.what());
+        return kNotRun;
+    }
+    applySettings(options);
+    setenv("VELLUM_REPORT_FILE", messages.path().c_str(), 1);
+    const int code = runProgram(words);
+    if (code == 126 || code == 127)
+        return code;
+    std::ifstream lines(messages.path());
+    const MessageSummary summary = readMessages(lines);
+    print(summary);
+    if (code != 0 || !fails(summary, options.failOn))
+        return code;
+    std::fprintf(stderr, "vellum run: failed, because of messages of the layer (--fail-on %s)\n",
+                 options.failOn.c_str());
+    return kMessagesFailed;
+}
+
+} // namespace
+
+std::function<int()> declareRunCommand(CLI::App &app)
+{
+    const auto options = std::make_shared<RunOptions>();
+    CLI::App &command =
+        *app.add_subcommand("run", "Runs a program with the layer on, and fails if the layer reports errors");
+    command.footer(kRunDetails);
+    command.add_option("program", options->program, "The program and its arguments")->type_name("PROGRAM")->required();
+    options->failOn = "error";
+    command.add_option("--fail-on", options->failOn, "Least severity of messages that fail a program that succeeds")
+        ->type_name("error|warning|never")
+        ->check(CLI::IsMember({"error", "warning", "never"}).description(""))
+        ->envname("VELLUM_FAIL_ON");
+    command.add_flag("--strict", options->strict, "Reject what breaks a rule even where it does no harm");
+    command.add_flag("--validate", options->validate, "Check the input of builds on the GPU");
+    command.add_flag("--force-emulation", options->forceEmulation, "Emulate even where the driver has micromaps");
+    command.add_flag("--assume-micromaps", options->assumeMicromaps,
+                     "Use micromaps in pipelines and ray queries that do not ask for them");
+    command
+        .add_option("--layer-path", options->layerFolder,
+                    "Folder of the layer's manifest, instead of the one beside this program")
+        ->type_name("FOLDER");
+    return [options] { return run(*options); };
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,144 @@
+// A program for `vellum run`: uses micromaps as its arguments say, in each of their order.
+//   right    makes a device and asks for the sizes of a micromap
+//   error    asks for those of a micromap of a kind that does not exist, which the layer rejects
+//   warning  allocates memory by flags that the layer does not reach
+//   both     does the last two in two other processes
+//   crash    ends by SIGSEGV
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <vector>
+
+#include "vellum/vulkan_opacity_micromap.h"
+
+namespace
+{
+
+void check(bool right, const char *what)
+{
+    if (right)
+        return;
+    std::fprintf(stderr, "micromap_program: %s\n", what);
+    std::exit(1);
+}
+
+class Device
+{
+public:
+    Device()
+    {
+        VkApplicationInfo application{VK_STRUCTURE_TYPE_APPLICATION_INFO};
+        application.apiVersion = VK_API_VERSION_1_3;
+        VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
+        info.pApplicationInfo = &application;
+        check(vkCreateInstance(&info, nullptr, &instance_) == VK_SUCCESS, "no instance");
+        uint32_t count = 1;
+        VkPhysicalDevice physicalDevice = VK_NULL_HANDLE;
+        check(vkEnumeratePhysicalDevices(instance_, &count, &physicalDevice) >= VK_SUCCESS && count == 1, "no device");
+        createDevice(physicalDevice);
+    }
+    ~Device()
+    {
+        vkDestroyDevice(device_, nullptr);
+        vkDestroyInstance(instance_, nullptr);
+    }
+    Device(const Device &) = delete;
+    Device &operator=(const Device &) = delete;
+
+    [[nodiscard]] VkMicromapBuildSizesInfoEXT sizes(VkMicromapTypeEXT type) const
+    {
+        const VkMicromapUsageEXT usage{1, 2, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT};
+        VkMicromapBuildInfoEXT build{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
+        build.type = type;
+        build.usageCountsCount = 1;
+        build.pUsageCounts = &usage;
+        VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
+        const auto query = reinterpret_cast<PFN_vkGetMicromapBuildSizesEXT>(
+            vkGetDeviceProcAddr(device_, "vkGetMicromapBuildSizesEXT"));
+        check(query != nullptr, "no vkGetMicromapBuildSizesEXT");
+        query(device_, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build, &sizes);
+        return sizes;
+    }
+    void allocate() const
+    {
+        const VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
+        const VkBaseInStructure unknown{static_cast<VkStructureType>(0x70000000),
+                                        reinterpret_cast<const VkBaseInStructure *>(&flags)};
+        const VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &unknown, 4096, 0};
+        VkDeviceMemory memory = VK_NULL_HANDLE;
+        check(vkAllocateMemory(device_, &info, nullptr, &memory) == VK_SUCCESS, "no memory");
+        vkFreeMemory(device_, memory, nullptr);
+    }
+
+private:
+    void createDevice(VkPhysicalDevice physicalDevice)
+    {
+        const float priority = 1;
+        VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
+        queue.queueCount = 1;
+        queue.pQueuePriorities = &priority;
+        const char *extensions[] = {VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+                                    VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                                    VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+        VkPhysicalDeviceOpacityMicromapFeaturesEXT micromap{
+            VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT};
+        micromap.micromap = VK_TRUE;
+        VkPhysicalDeviceVulkan13Features vulkan13{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES, &micromap};
+        vulkan13.synchronization2 = VK_TRUE;
+        VkPhysicalDeviceVulkan12Features vulkan12{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES, &vulkan13};
+        vulkan12.bufferDeviceAddress = VK_TRUE;
+        VkPhysicalDeviceAccelerationStructureFeaturesKHR structure{
+            VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR, &vulkan12};
+        structure.accelerationStructure = VK_TRUE;
+        VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, &structure};
+        info.queueCreateInfoCount = 1;
+        info.pQueueCreateInfos = &queue;
+        info.enabledExtensionCount = 3;
+        info.ppEnabledExtensionNames = extensions;
+        check(vkCreateDevice(physicalDevice, &info, nullptr, &device_) == VK_SUCCESS, "no device with micromaps");
+    }
+
+    VkInstance instance_ = VK_NULL_HANDLE;
+    VkDevice device_ = VK_NULL_HANDLE;
+};
+
+void run(const std::string &what)
+{
+    if (what == "right")
+        check(Device().sizes(VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT).micromapSize != 0, "no size");
+    else if (what == "error")
+        check(Device().sizes(static_cast<VkMicromapTypeEXT>(77)).micromapSize == 0, "a size");
+    else if (what == "warning")
+        Device().allocate();
+    else if (what == "crash")
+        std::raise(SIGSEGV);
+    else
+        check(false, "what?");
+}
+
+void runInProcesses(const std::vector<std::string> &each)
+{
+    for (const std::string &what : each) {
+        if (fork() == 0) {
+            run(what);
+            _exit(0);
+        }
+    }
+    for (int status = 0; wait(&status) > 0;)
+        check(status == 0, "a process failed");
+}
+
+} // namespace
+
+int main(int argc, char **argv)
+{
+    for (int i = 1; i < argc; ++i) {
+        if (std::string(argv[i]) == "both")
+            runInProcesses({"error", "warning"});
+        else
+            run(argv[i]);
+    }
+}

@@ -1,0 +1,172 @@
+// `vellum run`: the environment of the program, exit codes, and the counting of messages.
+#include <csignal>
+#include <gtest/gtest.h>
+
+#include "command.h"
+#include "glb_file.h"
+
+using namespace vellum::test;
+
+namespace
+{
+
+constexpr int kMessagesFailed = 122;
+constexpr int kNotRun = 125;
+
+// With these options, a program of the tests that uses micromaps so.
+Outcome runProgram(std::vector<std::string> options, const std::vector<std::string> &uses,
+                   const std::vector<std::pair<std::string, std::string>> &environment = {})
+{
+    options.insert(options.begin(), "run");
+    options.insert(options.end(), {"--", VELLUM_MICROMAP_PROGRAM});
+    options.insert(options.end(), uses.begin(), uses.end());
+    return runVellum(options, environment);
+}
+
+// A script of the shell, which stands for a program and for the layer in it.
+Outcome runScript(std::vector<std::string> options, const std::string &script,
+                  const std::vector<std::pair<std::string, std::string>> &environment = {})
+{
+    options.insert(options.begin(), "run");
+    options.insert(options.end(), {"--", "sh", "-c", script});
+    return runVellum(options, environment);
+}
+
+constexpr const char *kError = "echo error VELLUM-a: what >> $VELLUM_REPORT_FILE;";
+constexpr const char *kWarning = "echo warning VELLUM-b: where >> $VELLUM_REPORT_FILE;";
+
+void expectLine(const Outcome &outcome, const std::string &line)
+{
+    EXPECT_NE(("\n" + outcome.errors).find("\n" + line), std::string::npos) << line << "\nnot in\n" << outcome.errors;
+}
+
+} // namespace
+
+TEST(Run, RightUse)
+{
+    const Outcome outcome = runProgram({"--fail-on", "warning"}, {"right"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_EQ(outcome.errors, "vellum run: no errors, no warnings, 1 device with the layer's micromaps\n");
+}
+
+TEST(Run, AnErrorFails)
+{
+    const Outcome outcome = runProgram({}, {"error", "right", "error"});
+    EXPECT_EQ(outcome.exitCode, kMessagesFailed);
+    expectLine(outcome, "vellum run: 2 errors, no warnings, 3 devices with the layer's micromaps\n");
+    expectLine(outcome, "  error   VELLUM-VUID-VkMicromapBuildInfoEXT-type-parameter (2 times): ");
+    EXPECT_EQ(runProgram({"--fail-on=never"}, {"error"}).exitCode, 0);
+}
+
+TEST(Run, AWarningFailsOnRequest)
+{
+    const Outcome outcome = runProgram({}, {"warning"});
+    EXPECT_EQ(outcome.exitCode, 0);
+    expectLine(outcome, "vellum run: no errors, 1 warning, 1 device with the layer's micromaps\n");
+    expectLine(outcome, "  warning VELLUM-unknown-structure: ");
+    EXPECT_EQ(runProgram({"--fail-on=warning"}, {"warning"}).exitCode, kMessagesFailed);
+    EXPECT_EQ(runProgram({}, {"warning"}, {{"VELLUM_FAIL_ON", "warning"}}).exitCode, kMessagesFailed);
+}
+
+TEST(Run, ProcessesOfTheProgram)
+{
+    const Outcome outcome = runProgram({}, {"both"});
+    EXPECT_EQ(outcome.exitCode, kMessagesFailed);
+    expectLine(outcome, "vellum run: 1 error, 1 warning, 2 devices with the layer's micromaps\n");
+}
+
+TEST(Run, ACrashKeepsItsCodeAndTheMessages)
+{
+    const Outcome outcome = runProgram({}, {"error", "crash"});
+    EXPECT_EQ(outcome.exitCode, 128 + SIGSEGV);
+    expectLine(outcome, "vellum run: 1 error, ");
+}
+
+TEST(Run, SeverityThatFails)
+{
+    EXPECT_EQ(runScript({}, kError).exitCode, kMessagesFailed);
+    EXPECT_EQ(runScript({}, kWarning).exitCode, 0);
+    EXPECT_EQ(runScript({"--fail-on", "warning"}, kWarning).exitCode, kMessagesFailed);
+    EXPECT_EQ(runScript({"--fail-on", "never"}, kError).exitCode, 0);
+    EXPECT_EQ(runScript({"--fail-on", "error"}, kWarning, {{"VELLUM_FAIL_ON", "warning"}}).exitCode, 0);
+    const Outcome outcome =
+        runScript({}, std::string(kError) + kWarning + kWarning + "echo broken >> $VELLUM_REPORT_FILE");
+    expectLine(outcome, "vellum run: 1 error, 2 warnings, no devices with the layer's micromaps\n");
+    expectLine(outcome, "  warning VELLUM-b (2 times): where\n");
+}
+
+TEST(Run, SaysWhenNothingWasChecked)
+{
+    const Outcome outcome = runScript({}, "true");
+    EXPECT_EQ(outcome.exitCode, 0);
+    expectLine(outcome, "vellum run: no device used the layer's micromaps: nothing was checked\n");
+}
+
+TEST(Run, ExitCodesOfTheProgram)
+{
+    EXPECT_EQ(runScript({}, "exit 3").exitCode, 3);
+    EXPECT_EQ(runScript({}, std::string(kError) + "exit 3").exitCode, 3);
+    EXPECT_EQ(runScript({}, "kill -KILL $$").exitCode, 128 + SIGKILL);
+    const Outcome missing = runVellum({"run", "--", "there-is-no-such-program"});
+    EXPECT_EQ(missing.exitCode, 127);
+    EXPECT_EQ(missing.errors, "vellum: there-is-no-such-program: No such file or directory\n");
+    EXPECT_EQ(runVellum({"run", "--", "/dev/null"}).exitCode, 126);
+}
+
+TEST(Run, WordsOfTheProgramStayAsTheyAre)
+{
+    const Outcome outcome =
+        runVellum({"run", "--strict", "--", "printf", "%s|", "[a,b]", "--help", "", "--", "run", "--strict"});
+    EXPECT_EQ(outcome.output, "[a,b]|--help||--|run|--strict|");
+}
+
+TEST(Run, SettingsOfTheLayer)
+{
+    const std::string script = "echo $VELLUM_VALIDATE,$VELLUM_STRICT,$VELLUM_FORCE_EMULATION,$VELLUM_ASSUME_MICROMAPS,"
+                               "$VK_INSTANCE_LAYERS";
+    EXPECT_EQ(runScript({}, script).output, ",,,,VK_LAYER_VELLUM_opacity_micromap\n");
+    EXPECT_EQ(runScript({"--validate", "--strict", "--force-emulation", "--assume-micromaps"}, script,
+                        {{"VK_INSTANCE_LAYERS", "VK_LAYER_other"}})
+                  .output,
+              "1,1,1,1,VK_LAYER_VELLUM_opacity_micromap:VK_LAYER_other\n");
+    EXPECT_EQ(runScript({}, script, {{"VK_INSTANCE_LAYERS", "VK_LAYER_a:VK_LAYER_VELLUM_opacity_micromap"}}).output,
+              ",,,,VK_LAYER_a:VK_LAYER_VELLUM_opacity_micromap\n");
+}
+
+TEST(Run, TheFileOfMessagesIsRemoved)
+{
+    const TemporaryFolder folder;
+    const Outcome outcome =
+        runScript({}, "test -f $VELLUM_REPORT_FILE && echo $VELLUM_REPORT_FILE", {{"TMPDIR", folder.path().string()}});
+    EXPECT_EQ(outcome.exitCode, 0);
+    EXPECT_EQ(outcome.output.rfind(folder.path().string(), 0), 0u) << outcome.output;
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+TEST(Run, ASignalToTheCommandAloneReachesTheProgram)
+{
+    const Outcome outcome =
+        runScript({}, "trap 'echo ended; exit 5' TERM; kill -TERM $PPID; while :; do sleep 0.1; done");
+    EXPECT_EQ(outcome.output, "ended\n");
+    EXPECT_EQ(outcome.exitCode, 5);
+}
+
+TEST(Run, WithoutTheLayerNothingRuns)
+{
+    const TemporaryFolder folder;
+    const Outcome outcome = runVellum({"run", "--layer-path", folder.path().string(), "--", "echo", "run"},
+                                      {{"HOME", folder.path().string()}, {"XDG_DATA_DIRS", folder.path().string()}});
+    EXPECT_EQ(outcome.output, "");
+    EXPECT_EQ(outcome.exitCode, kNotRun) << outcome.errors;
+}
+
+TEST(Run, WrongCommandLines)
+{
+    for (const std::vector<std::string> &arguments :
+         {std::vector<std::string>{"run"}, {"run", "--"}, {"run", "--fail-on", "info", "--", "true"}}) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_NE(outcome.exitCode, 0);
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+    }
+    EXPECT_NE(runScript({}, "true", {{"VELLUM_FAIL_ON", "errors"}}).exitCode, 0);
+}
