@@ -14,15 +14,15 @@
 //
 // In one step, with a fixed capacity for each level:
 //
-//   vellum::GpuBakeRoom room; // room.triangles[5] = 10000; room.data, room.records, room.indices: addresses
-//   baker->record(commands, *alpha, input, options, scratch, room, result);
+//   vellum::GpuBakeOutput output; // set output.triangles[5] = 10000 and the addresses
+//   baker->record(commands, *alpha, input, options, scratch, output, result);
 //
 // In two steps, the first of which computes the capacity needed:
 //
 //   baker->recordSizes(commands, *alpha, input, options, scratch, result); // submit, wait, read the result
-//   baker->recordData(commands, *alpha, input, options, scratch, room, result);
+//   baker->recordData(commands, *alpha, input, options, scratch, output, result);
 //
-// Then record a barrier to the micromap build. usage(room, options.format) returns the usage counts of micromap and
+// Then record a barrier to the micromap build. usage(output, options.format) returns the usage counts of micromap and
 // geometry.
 #pragma once
 
@@ -92,7 +92,7 @@ struct GpuBakeOptions {
 };
 
 // The memory of the output, and its capacity.
-struct GpuBakeRoom {
+struct GpuBakeOutput {
     // Capacity in triangles with data, by level. Triangles beyond it become unknown; unused records repeat another one,
     // so all of them are valid.
     std::array<std::uint32_t, kGpuBakeLevels> triangles{};
@@ -103,14 +103,15 @@ struct GpuBakeRoom {
 
 // What the GPU writes to `result`, an address that is a multiple of 4.
 struct GpuBakeResult {
-    // 0, or a combination of: kGpuBakeNoRoom: triangles became unknown because the capacity of their level was reached.
-    // kGpuBakeTooMuch: triangles became unknown because more than 2^32 blocks of 64 micro-triangles had to be examined.
+    // 0, or a combination of: kGpuBakeOverCapacity: triangles became unknown because the capacity of their level was
+    // reached. kGpuBakeTooMuch: triangles became unknown because more than 2^32 blocks of 64 micro-triangles had to be
+    // examined.
     std::uint32_t status;
     std::array<std::uint32_t, kGpuBakeLevels> triangles; // with data, by level: the capacity needed
     // Triangles with special indices, by state (0 transparent, 1 opaque, 2 and 3 unknown). Not set by recordSizes().
     std::array<std::uint32_t, 4> special;
 };
-inline constexpr std::uint32_t kGpuBakeNoRoom = 0x1;
+inline constexpr std::uint32_t kGpuBakeOverCapacity = 0x1;
 inline constexpr std::uint32_t kGpuBakeTooMuch = 0x2;
 
 // An alpha image, prepared for the baker. It must outlive the execution of all commands recorded with it, and must be
@@ -167,7 +168,7 @@ public:
     // shaders (VK_ACCESS_SHADER_WRITE_BIT); the application records the barrier after them. Changes the bound compute
     // pipeline, descriptor set and push constants.
     [[nodiscard]] bool record(VkCommandBuffer commands, const GpuAlpha &alpha, const GpuBakeInput &input,
-                              const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeRoom &room,
+                              const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeOutput &output,
                               VkDeviceAddress result) const;
 
     // The same in two steps. The first writes `result`, with the capacity needed. The second takes the same arguments
@@ -175,15 +176,15 @@ public:
     [[nodiscard]] bool recordSizes(VkCommandBuffer commands, const GpuAlpha &alpha, const GpuBakeInput &input,
                                    const GpuBakeOptions &options, const Scratch &scratch, VkDeviceAddress result) const;
     [[nodiscard]] bool recordData(VkCommandBuffer commands, const GpuAlpha &alpha, const GpuBakeInput &input,
-                                  const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeRoom &room,
+                                  const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeOutput &output,
                                   VkDeviceAddress result) const;
 
     // Bytes of data and of records that a capacity needs. The data may be at most 2^32 - 1 bytes.
-    [[nodiscard]] static std::uint64_t dataBytes(const GpuBakeRoom &room, VkOpacityMicromapFormatEXT format);
-    [[nodiscard]] static std::uint64_t recordBytes(const GpuBakeRoom &room);
+    [[nodiscard]] static std::uint64_t dataBytes(const GpuBakeOutput &output, VkOpacityMicromapFormatEXT format);
+    [[nodiscard]] static std::uint64_t recordBytes(const GpuBakeOutput &output);
     // The usage counts of a capacity, for VkMicromapBuildInfoEXT and
     // VkAccelerationStructureTrianglesOpacityMicromapEXT. A geometry refers to each record at most once.
-    [[nodiscard]] static std::vector<VkMicromapUsageEXT> usage(const GpuBakeRoom &room,
+    [[nodiscard]] static std::vector<VkMicromapUsageEXT> usage(const GpuBakeOutput &output,
                                                                VkOpacityMicromapFormatEXT format);
 
 private:

@@ -177,7 +177,7 @@ class Installation(unittest.TestCase):
             #include <vellum/gpu_bake.h>
             int main()
             {
-                vellum::GpuBakeRoom room{};
+                vellum::GpuBakeOutput room{};
                 room.triangles[5] = 3;
                 std::printf("%llu bytes\\n", static_cast<unsigned long long>(
                     vellum::GpuBaker::recordBytes(room)));
