@@ -52,7 +52,7 @@ public:
                           Buffer::Place::Device);
     }
 
-    // Sizes first, as room for all would be most of the memory that there is.
+    // Sizes first, as capacity for all would take most of the memory.
     void prepare(const GpuBakeOptions &options)
     {
         device_.run([&](VkCommandBuffer commands) {
@@ -62,18 +62,18 @@ public:
         GpuBakeResult result{};
         const std::vector<uint32_t> words = cli::downloadWords(device_, result_, sizeof result / 4);
         std::memcpy(&result, words.data(), sizeof result);
-        room_.triangles = result.triangles;
-        data_ = Buffer(device_, GpuBaker::dataBytes(room_, options.format), kUsage, Buffer::Place::Device);
-        records_ = Buffer(device_, GpuBaker::recordBytes(room_), kUsage, Buffer::Place::Device);
-        room_.data = data_.address();
-        room_.records = records_.address();
-        room_.indices = indices_.address();
+        output_.triangles = result.triangles;
+        data_ = Buffer(device_, GpuBaker::dataBytes(output_, options.format), kUsage, Buffer::Place::Device);
+        records_ = Buffer(device_, GpuBaker::recordBytes(output_), kUsage, Buffer::Place::Device);
+        output_.data = data_.address();
+        output_.records = records_.address();
+        output_.indices = indices_.address();
     }
 
     void run(const GpuBakeOptions &options)
     {
         device_.run([&](VkCommandBuffer commands) {
-            if (!baker_->record(commands, *alpha_, input(), options, scratch(), room_, result_.address()))
+            if (!baker_->record(commands, *alpha_, input(), options, scratch(), output_, result_.address()))
                 throw cli::Error("the GPU baker does not take these options");
             const auto all = vkInit<VkMemoryBarrier>(
                 {.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT, .dstAccessMask = VK_ACCESS_MEMORY_READ_BIT});
@@ -88,13 +88,13 @@ public:
         const std::vector<uint32_t> indices = cli::downloadWords(device_, indices_, count_);
         micromap.indices.assign(indices.begin(), indices.end());
         const std::vector<uint32_t> records =
-            cli::downloadWords(device_, records_, static_cast<size_t>(GpuBaker::recordBytes(room_) / 4));
+            cli::downloadWords(device_, records_, static_cast<size_t>(GpuBaker::recordBytes(output_) / 4));
         for (size_t i = 0; i + 1 < records.size(); i += 2)
             micromap.triangles.push_back({records[i], static_cast<uint16_t>(records[i + 1] & 0xffffu),
                                           static_cast<Format>(records[i + 1] >> 16)});
         const std::vector<uint32_t> data = cli::downloadWords(
             device_, data_,
-            static_cast<size_t>(GpuBaker::dataBytes(room_, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) / 4));
+            static_cast<size_t>(GpuBaker::dataBytes(output_, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) / 4));
         micromap.data.resize(data.size() * 4);
         std::memcpy(micromap.data.data(), data.data(), micromap.data.size());
         return micromap;
@@ -121,7 +121,7 @@ private:
     Buffer uvs_, result_, indices_, scratch_, data_, records_;
     std::unique_ptr<GpuBaker> baker_;
     std::unique_ptr<GpuAlpha> alpha_;
-    GpuBakeRoom room_;
+    GpuBakeOutput output_;
 };
 
 // Shares of all micro-triangles, all triangles counting the same.

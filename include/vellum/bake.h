@@ -1,6 +1,5 @@
-// libvellum for C++20: the functions of vellum/vellum.h with spans, exceptions and owners. Everything here is inline,
-// so what a program and the library share is C. What members mean, their ranges and defaults, lifetimes and threads are
-// described there, by members of the same name; here is what differs.
+// libvellum for C++20: vellum/vellum.h with spans, exceptions and RAII. Everything is inline; the binary interface is
+// C. Members of the same name are documented there, with ranges and defaults, as are lifetimes and threads.
 //
 //     const vellum::Texture texture{.texels = std::as_bytes(std::span(rgba)), .width = width, .height = height,
 //                                   .offset = 3, .pixelStride = 4};
@@ -36,7 +35,7 @@ namespace vellum
 inline namespace v0
 {
 
-// What functions throw where the C function returns an error; what() is the message.
+// Thrown where the C function returns an error; what() is its message.
 class Error : public std::runtime_error
 {
 public:
@@ -127,8 +126,8 @@ struct Texture {
     float border = 0;
 };
 
-// There are as many triangles as there are indices for; without indices, as many as there are vertices for. What is
-// left over is dropped.
+// The number of triangles follows from the size of the indices, or without indices, of the vertices. A remainder is
+// ignored.
 struct BakeInput {
     std::span<const Texture> textures;
     std::span<const std::byte> uvs;
@@ -137,7 +136,7 @@ struct BakeInput {
     std::span<const std::byte> indices{};
     IndexType indexType = IndexType::None;
     std::array<float, 6> uvTransform = {1, 0, 0, 0, 1, 0};
-    std::span<const std::uint8_t> levels{}; // one for each triangle, or none at all
+    std::span<const std::uint8_t> levels{}; // one for each triangle, or empty
     std::span<const MicromapFormat> formats{};
     double cutoff = 0.5;
 
@@ -158,7 +157,7 @@ struct BakeInput {
 struct BakeOptions {
     MicromapFormat format = MicromapFormat::FourState;
     TwoStateRule twoStateRule = TwoStateRule::Nearest;
-    std::optional<std::uint32_t> level{}; // none: automatic
+    std::optional<std::uint32_t> level{}; // without a value: automatic
     std::uint32_t maxLevel = 8;
     double texelsPerEdge = 4;
     CompareOp compareOp = CompareOp::GreaterOrEqual;
@@ -171,11 +170,12 @@ struct BakeOptions {
     double interpolationTolerance = 16.0 / (1 << 24);
     std::uint64_t maxDataSize = std::uint64_t{1} << 30;
     std::uint32_t threads = 0;
-    // What these throw ends the bake, and is thrown by it. std::stop_token::stop_requested() does well for the second.
+    // An exception from a callback ends the bake, and bake() throws it. `cancelled` can be std::stop_token's
+    // stop_requested().
     std::function<void(std::uint64_t done, std::uint64_t total)> progress{};
     std::function<bool()> cancelled{};
 
-    // No tolerances: what is true of the texture in exact arithmetic.
+    // Sets all tolerances to 0: states are those of exact arithmetic.
     BakeOptions &exactly()
     {
         valueTolerance = subtexelTolerance = barycentricTolerance = interpolationTolerance = 0;
@@ -189,13 +189,12 @@ struct Geometry {
     std::span<const MicromapUsage> usages;
 };
 
-// A result. What its spans show belongs to it, and stays where it is when it is moved. One that was moved from is
-// empty.
+// Owns a result. Its spans stay valid when it is moved, until it is destroyed. A Micromap that was moved from is empty.
 class Micromap
 {
 public:
     Micromap() = default;
-    // Takes what vellumBake() made.
+    // Takes ownership of a result of vellumBake().
     explicit Micromap(VellumMicromap *micromap) : micromap_(micromap)
     {
         info_.structSize = sizeof info_;
@@ -213,10 +212,7 @@ public:
     }
 
     [[nodiscard]] std::span<const std::uint8_t> data() const { return {info_.data, info_.dataSize}; }
-    [[nodiscard]] std::span<const MicromapTriangle> triangles() const
-    {
-        return {info_.triangles, info_.triangleCount};
-    }
+    [[nodiscard]] std::span<const MicromapTriangle> triangles() const { return {info_.triangles, info_.triangleCount}; }
     [[nodiscard]] std::span<const MicromapUsage> usages() const { return {info_.usages, info_.usageCount}; }
     [[nodiscard]] std::span<const std::int32_t> indices() const { return {info_.indices, info_.indexCount}; }
     [[nodiscard]] std::uint64_t stateCount(State state) const
@@ -229,7 +225,7 @@ public:
     }
     [[nodiscard]] std::uint64_t distinctCount() const { return info_.distinctCount; }
 
-    // Of an input of the bake; throws Error for another number.
+    // `input` is the number of an input of the bake; otherwise throws Error.
     [[nodiscard]] Geometry geometry(std::size_t input) const
     {
         VellumGeometryInfo info{};
@@ -237,14 +233,14 @@ public:
         check(vellumGetGeometryInfo(micromap_.get(), input, &info));
         return {{info.indices, info.indexCount}, {info.usages, info.usageCount}};
     }
-    // At a point of a triangle; throws Error for a triangle that there is not.
+    // As vellumGetState(). Throws Error if there is no such triangle.
     [[nodiscard]] State state(std::size_t triangle, float u, float v) const
     {
         std::uint32_t state = 0;
         check(vellumGetState(micromap_.get(), triangle, u, v, &state));
         return static_cast<State>(state);
     }
-    // For functions of vellum/vellum.h; stays the Micromap's. Null if that is empty.
+    // For functions of vellum/vellum.h. The Micromap keeps ownership. Null if it is empty.
     [[nodiscard]] const VellumMicromap *get() const { return micromap_.get(); }
 
 private:
@@ -264,7 +260,7 @@ private:
 namespace detail
 {
 
-// Stands behind the callbacks of one bake: no exception may pass through C.
+// The callbacks of one bake. Keeps exceptions from passing through C.
 class Listener
 {
 public:
@@ -275,7 +271,7 @@ public:
         try {
             static_cast<Listener *>(self)->message_ = text;
         } catch (...) {
-            // The name of the result will have to do.
+            // Out of memory: check() uses the name of the result.
         }
     }
     static int progress(void *self, std::uint64_t done, std::uint64_t total)
@@ -375,7 +371,7 @@ inline VellumBakeOptions toC(const BakeOptions &options, Listener &listener)
     vellumInitBakeOptions(&c, sizeof c);
     c.format = static_cast<std::uint32_t>(options.format);
     c.twoStateRule = static_cast<std::uint32_t>(options.twoStateRule);
-    constexpr std::uint32_t kNoLevel = 255; // which the library will refuse, as all that do not fit
+    constexpr std::uint32_t kNoLevel = 255; // out of range, so the library rejects it
     if (options.level)
         c.level = static_cast<std::int32_t>(*options.level < kNoLevel ? *options.level : kNoLevel);
     c.maxLevel = options.maxLevel;
@@ -401,7 +397,7 @@ inline VellumBakeOptions toC(const BakeOptions &options, Listener &listener)
 
 } // namespace detail
 
-// As vellumBake(). Throws Error, Cancelled, what a callback throws, and std::bad_alloc.
+// As vellumBake(). Throws Error, Cancelled, std::bad_alloc, and exceptions of callbacks.
 inline Micromap bake(std::span<const BakeInput> inputs, const BakeOptions &options = {})
 {
     std::vector<std::vector<VellumTexture>> textures(inputs.size());

@@ -1,7 +1,6 @@
-// libvellum's part for glTF files: reads the opacity micromaps that a file has by EXT_mesh_opacity_micromap, and bakes
-// them into files. For C99 and everything that calls C, as vellum/vellum.h, whose rules for structures, errors and
-// callbacks hold here, too. It is a library of its own, libvellum_gltf, as it needs other libraries to read glTF:
-// find_package(Vellum COMPONENTS Gltf) and Vellum::gltf, or pkg-config vellum-gltf.
+// libvellum_gltf: reads, checks and bakes opacity micromaps in glTF files (EXT_mesh_opacity_micromap, a draft). In C99.
+// The rules of vellum/vellum.h for structures, errors, callbacks and threads apply. It is a separate library because it
+// depends on decoders: find_package(Vellum COMPONENTS Gltf) and Vellum::gltf, or pkg-config vellum-gltf.
 //
 //     VellumGltf *file;
 //     VellumResult result = vellumReadGltf("tree.omm.glb", onMessage, NULL, &file);
@@ -14,18 +13,13 @@
 //     vellumDestroyGltf(file);
 //
 // FILES
-// Paths and all other strings are UTF-8; paths are relative to the current folder. Files are not trusted: whatever is
-// in one, what is read of it obeys every rule of the extension, and so may go to a micromap build as it is. Files that
-// cannot be read or written, and files that are not what they should be, are VELLUM_ERROR_FILE, with a message that
-// names the file and the place in it. So is one that takes more memory to read than there is.
+// All strings, including paths, are UTF-8. Files are not trusted: what the functions return obeys every rule of the
+// extension and can be passed to a micromap build as it is. A file that cannot be read or written, is invalid, or needs
+// more memory than there is, fails with VELLUM_ERROR_FILE and a message that names the file and the place in it.
 //
 // LIFETIMES
-// What vellumGetGltf...() points to belongs to the VellumGltf, and lives until vellumDestroyGltf(). The file itself
-// is not kept open. What callbacks are given lives until they return.
-//
-// THREADS
-// All functions may be called from any number of threads at a time; there is no global state. A VellumGltf does not
-// change once it is there: everything but its destruction may happen at the same time.
+// Memory that vellumGetGltf...() returns belongs to the VellumGltf and is valid until vellumDestroyGltf(). The file is
+// closed after reading. Arguments of callbacks are valid during the call.
 #ifndef VELLUM_GLTF_H_
 #define VELLUM_GLTF_H_
 
@@ -39,78 +33,78 @@ extern "C" {
 
 typedef struct VellumGltf VellumGltf;
 
-// Reads the micromaps of a .glb or .gltf file and checks them. A file without any is read, too, and has 0 of them.
+// Reads and checks the micromaps of a .glb or .gltf file. A file without micromaps is not an error.
 //
-//   message   told of an error, as that of VellumBakeOptions is; may be null
-//   userData  for the callback
-//   gltf      where the result goes, for vellumDestroyGltf(); null after an error
+//   message   called on error, as in VellumBakeOptions; may be null
+//   userData  passed to the callback
+//   gltf      receives the result, to be destroyed by vellumDestroyGltf(); null after an error
 //
-// VELLUM_ERROR_FILE also for micromaps that break a rule of the extension: the message is the first offence.
+// VELLUM_ERROR_FILE also if a micromap breaks a rule of the extension; the message is the first violation.
 VELLUM_API VellumResult vellumReadGltf(const char *path, VellumMessageCallback message, void *userData,
                                        VellumGltf **gltf);
 
-// Does nothing for null.
+// `gltf` may be null.
 VELLUM_API void vellumDestroyGltf(VellumGltf *gltf);
 
 typedef struct VellumGltfInfo {
     size_t structSize;
-    // The spelling that the file has: "EXT_mesh_opacity_micromap", or its earlier name "KHR_mesh_opacity_micromap"; ""
-    // where it has none.
+    // The name in the file: "EXT_mesh_opacity_micromap", the earlier "KHR_mesh_opacity_micromap", or "" without
+    // micromaps.
     const char *extension;
     size_t micromapCount;
-    size_t primitiveCount; // primitives that have a micromap
+    size_t primitiveCount; // primitives with a micromap
 } VellumGltfInfo;
 
-// Fills `info`, whose structSize must be set; what the library does not know of it becomes 0.
-// VELLUM_ERROR_INVALID_ARGUMENT: a null pointer, or a structSize of less than its first version's. Both hold for all
-// functions of this kind.
+// Fills `info`, whose structSize must be set. Members that the library does not know become 0.
+// VELLUM_ERROR_INVALID_ARGUMENT: a pointer is null, or structSize is smaller than in version 0.1. This applies to all
+// vellumGetGltf...Info() functions.
 VELLUM_API VellumResult vellumGetGltfInfo(const VellumGltf *gltf, VellumGltfInfo *info);
 
-// What a micromap build reads, ready to copy.
+// Input of a micromap build, ready to copy, as in VellumMicromapInfo.
 typedef struct VellumGltfMicromapInfo {
     size_t structSize;
     const uint8_t *data;
     size_t dataSize;
     const VellumMicromapTriangle *triangles;
     size_t triangleCount;
-    const VellumMicromapUsage *usages; // how many triangles there are of each format and level, in this order
+    const VellumMicromapUsage *usages; // number of triangles by format and level
     size_t usageCount;
 } VellumGltfMicromapInfo;
 
-// VELLUM_ERROR_INVALID_ARGUMENT also for a `micromap` that is not less than micromapCount.
+//   micromap  0 to micromapCount - 1, otherwise VELLUM_ERROR_INVALID_ARGUMENT
 VELLUM_API VellumResult vellumGetGltfMicromapInfo(const VellumGltf *gltf, size_t micromap,
                                                   VellumGltfMicromapInfo *info);
 
-// What a geometry that is made of a primitive needs, beside the micromap.
+// What a geometry made of a primitive needs in addition to the micromap.
 typedef struct VellumGltfPrimitiveInfo {
     size_t structSize;
     const char *name;   // for messages: mesh 2 "leaves" primitive 0
-    uint32_t mesh;      // it is meshes[mesh].primitives[primitive]
+    uint32_t mesh;      // the primitive is meshes[mesh].primitives[primitive]
     uint32_t primitive; //
     size_t micromap;    // for vellumGetGltfMicromapInfo()
-    // For each of its triangles a VellumSpecialIndex, or a triangle of the micromap less baseTriangle.
+    // For each triangle: a VellumSpecialIndex, or an index to which baseTriangle is added.
     const int32_t *indices;
     size_t indexCount;
-    // How many of its triangles use triangles of the micromap of each format and level.
+    // Number of its triangles with data, by format and level.
     const VellumMicromapUsage *usages;
     size_t usageCount;
     uint32_t baseTriangle;
     uint32_t reserved; // 0
 } VellumGltfPrimitiveInfo;
 
-// Primitives with a micromap are numbered in the order of the file's meshes, and of the primitives in them.
-// VELLUM_ERROR_INVALID_ARGUMENT also for a `number` that is not less than primitiveCount.
+// Primitives with a micromap are numbered in the order of meshes, and of primitives in a mesh.
+//   number  0 to primitiveCount - 1, otherwise VELLUM_ERROR_INVALID_ARGUMENT
 VELLUM_API VellumResult vellumGetGltfPrimitiveInfo(const VellumGltf *gltf, size_t number,
                                                    VellumGltfPrimitiveInfo *info);
 
-// The number of meshes[mesh].primitives[primitive] for vellumGetGltfPrimitiveInfo(); VELLUM_GLTF_NO_MICROMAP where it
-// has no micromap, where there is no such primitive, and where `gltf` is null.
+// Returns the number of meshes[mesh].primitives[primitive] for vellumGetGltfPrimitiveInfo(), or VELLUM_GLTF_NO_MICROMAP
+// if it has no micromap, there is no such primitive, or `gltf` is null.
 #define VELLUM_GLTF_NO_MICROMAP SIZE_MAX
 VELLUM_API size_t vellumFindGltfPrimitive(const VellumGltf *gltf, uint32_t mesh, uint32_t primitive);
 
 // ---------------------------------------------------------------------------------------------------------- checking
 
-// One thing about a place in a file: `mesh 2 "leaves" primitive 0` and a sentence, both for people.
+// Something about a place in a file, for people: `mesh 2 "leaves" primitive 0` and a sentence.
 typedef void (*VellumGltfNoteCallback)(void *userData, const char *place, const char *note);
 
 // Tells `offence` of whatever breaks a rule of the extension, `most` times at most, in the file's order, before it
@@ -123,19 +117,20 @@ VELLUM_API VellumResult vellumCheckGltf(const char *path, size_t most, VellumGlt
 // ------------------------------------------------------------------------------------------------------------ baking
 
 typedef enum VellumGltfBakeFlagBits {
-    // Materials with the alphaMode BLEND are baked, too: opaque only where alpha is 1, transparent only where it is 0.
+    // Materials with alphaMode BLEND are also baked: opaque only where alpha is 1, transparent only where it is 0.
     VELLUM_GLTF_BAKE_BLEND_BIT = 1,
-    // The micromaps of a .gltf go into the file itself, in a data URI, instead of into a file beside it.
+    // Micromaps of a .gltf are written into the file, in a data URI, instead of into a separate file.
     VELLUM_GLTF_BAKE_EMBED_BIT = 2,
-    // With VELLUM_GLTF_BAKE_BLEND_BIT: as masks with the cutoff blendCutoff, which is wrong for renderers that blend or
-    // dither.
+    // With VELLUM_GLTF_BAKE_BLEND_BIT: they are baked as masks with the cutoff blendCutoff, which is wrong for
+    // renderers
+    // that blend or dither.
     VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4
 } VellumGltfBakeFlagBits;
 
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
     uint32_t flags;    // VellumGltfBakeFlagBits; default 0
-    float blendCutoff; // any number but NaN; default 0.5; used with VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT
+    float blendCutoff; // for VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT; not NaN; default 0.5
     // Materials and meshes whose names match one of these are left as they are. Patterns of a shell: * ? [...].
     const char *const *leaveMaterials;
     size_t leaveMaterialCount;
@@ -148,31 +143,32 @@ typedef struct VellumGltfBakeOptions {
 
 VELLUM_API void vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize);
 
-// What vellumBakeGltf() did.
+// Statistics of vellumBakeGltf().
 typedef struct VellumGltfBakeInfo {
     size_t structSize;
-    size_t micromapCount;  // one for all primitives whose alpha is read the same way
-    size_t primitiveCount; // that got a micromap
+    size_t micromapCount;  // one for each image, sampler, factor and cutoff
+    size_t primitiveCount; // primitives that got a micromap
     size_t leftCount;      // alpha-tested primitives that did not
     uint64_t micromapSize; // bytes of micromap data, with 8 for each micromap triangle
-    uint64_t inputSize;    // bytes of the input, without what is beside it
-    uint64_t outputSize;   // of the output, with the file of micromaps beside it
-    uint32_t replaced;     // 1 where the input had micromaps, which are not in the output; else 0
+    uint64_t inputSize;    // bytes of the input, without files that it refers to
+    uint64_t outputSize;   // bytes of the output, with its file of micromaps
+    uint32_t replaced;     // 1 if the input had micromaps, all of which were replaced or removed; otherwise 0
     uint32_t reserved;     // 0
 } VellumGltfBakeInfo;
 
-// Bakes the alpha-tested primitives of a glTF file and writes the file with their micromaps; everything else in it
-// stays as it was. The input is never written, and the output is all there or not at all. docs/gltf.md says what is
-// baked.
+// Bakes the alpha-tested primitives of a glTF file and writes the file with their micromaps; everything else stays byte
+// for byte. The input is never modified, and the output appears whole or not at all. docs/gltf.md says what is baked.
 //
-//   input, output  paths of two different files; .glb becomes .glb, and .gltf becomes .gltf. The micromaps of
-//                  tree.gltf lie beside it, in tree.omm-<hash of them>.bin; what a .gltf names beside it is copied
-//                  where the output is in another folder. An output that is there is replaced.
-//   bake           null for the defaults, and no callbacks. The cutoff is the material's. compareOp must be
-//                  VELLUM_COMPARE_OP_GREATER_OR_EQUAL, which is glTF's, and flags 0. The budget is for the whole file,
-//                  maxDataSize for each micromap, or, with a budget, for all of them.
+//   input, output  paths of two different files, both .glb or both .gltf. Micromaps of tree.gltf are written to
+//                  tree.omm-<digest>.bin in the folder of the output; files that a .gltf refers to are copied there if
+//                  it is another folder. An existing output is replaced.
+//   bake           null for the defaults without callbacks. The cutoff is that of the material. compareOp must be
+//                  VELLUM_COMPARE_OP_GREATER_OR_EQUAL, and flags 0. The budget is for the whole file, maxDataSize for
+//                  each micromap, or, with a budget, for all of them.
 //   options        null for the defaults
-//   info           what was done, with structSize set; may be null. Not changed after an error.
+//   info           receives statistics if not null; structSize must be set. Unchanged after an error.
+//
+// Returns VELLUM_SUCCESS, VELLUM_CANCELLED or an error. A file without anything to bake is copied.
 VELLUM_API VellumResult vellumBakeGltf(const char *input, const char *output, const VellumBakeOptions *bake,
                                        const VellumGltfBakeOptions *options, VellumGltfBakeInfo *info);
 

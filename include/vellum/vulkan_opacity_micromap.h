@@ -1,8 +1,8 @@
-// VK_KHR_opacity_micromap and VK_KHR_device_address_commands for applications whose Vulkan headers are older than they:
-// every type, value and prototype, and nothing where the headers have them. C and C++; needs headers of Vulkan 1.3.239
-// or newer. Layouts and values: xml/vk.xml of KhronosGroup/Vulkan-Docs, version 1.4.360.
+// VK_KHR_opacity_micromap and VK_KHR_device_address_commands for programs with older Vulkan headers: all types, values
+// and prototypes that the installed headers lack. Include it instead of vulkan/vulkan.h, in C or C++; the installed
+// headers must be of Vulkan 1.3.239 or newer. Source: xml/vk.xml of KhronosGroup/Vulkan-Docs, version 1.4.360.
 //
-// Loaders older than the extensions do not export their commands: get them with vkGetDeviceProcAddr.
+// Loaders do not export the commands; get them from vkGetDeviceProcAddr.
 #ifndef VELLUM_VULKAN_OPACITY_MICROMAP_H_
 #define VELLUM_VULKAN_OPACITY_MICROMAP_H_
 
@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-// A value of an enumeration that the installed headers have without it.
+// A value of an enumeration in the installed headers that lacks it there.
 #ifdef __cplusplus
 #define VELLUM_VULKAN_VALUE(type, value) static_cast<type>(value)
 #else

@@ -2,7 +2,7 @@
 //
 // A micro-triangle becomes Opaque or Transparent only if every point of it is, filtered as the sampler does it.
 // Everything else is unknown, so that a renderer which samples the texture for unknown micro-triangles draws exactly
-// the picture of one that samples it everywhere. docs/baking.md has the whole argument.
+// the picture of one that samples it everywhere. docs/design/baker.md has the argument.
 #pragma once
 
 #include <array>

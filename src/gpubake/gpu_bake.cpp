@@ -160,11 +160,11 @@ void findStates(Recording &recording, const GpuAlphaInfo &alpha, uint32_t triang
     countList(recording, triangles, 1);
 }
 
-void writeData(Recording &recording, uint32_t triangles, const GpuBakeRoom &room)
+void writeData(Recording &recording, uint32_t triangles, const GpuBakeOutput &output)
 {
     recording.run(Shader::Place, triangles, kBakeBlock, 1);
     recording.runIndirect(Shader::Write, kBakeWriteGroups);
-    const uint64_t records = GpuBaker::recordBytes(room) / sizeof(VkMicromapTriangleEXT);
+    const uint64_t records = GpuBaker::recordBytes(output) / sizeof(VkMicromapTriangleEXT);
     recording.run(Shader::Records, std::max<uint64_t>(records, 4), 64);
 }
 
@@ -244,17 +244,17 @@ VkDeviceSize GpuBaker::scratchBytes(const GpuAlphaInfo &alpha, uint32_t triangle
 }
 
 bool GpuBaker::record(VkCommandBuffer commands, const GpuAlpha &alpha, const GpuBakeInput &input,
-                      const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeRoom &room,
+                      const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeOutput &output,
                       VkDeviceAddress result) const
 {
     const GpuAlpha::State &image = *alpha.state_;
-    const auto parameters = gpubake::parametersOf(image.info, input, options, &room, result);
+    const auto parameters = gpubake::parametersOf(image.info, input, options, &output, result);
     if (!parameters || scratch.address % 4 != 0 || scratch.offset % 4 != 0)
         return false;
     Recording recording(*state_->pipelines, commands, scratch, image.set);
     setParameters(recording, *parameters);
     findStates(recording, image.info, input.triangles, options.specialIndices);
-    writeData(recording, input.triangles, room);
+    writeData(recording, input.triangles, output);
     return true;
 }
 
@@ -272,40 +272,41 @@ bool GpuBaker::recordSizes(VkCommandBuffer commands, const GpuAlpha &alpha, cons
 }
 
 bool GpuBaker::recordData(VkCommandBuffer commands, const GpuAlpha &alpha, const GpuBakeInput &input,
-                          const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeRoom &room,
+                          const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeOutput &output,
                           VkDeviceAddress result) const
 {
     const GpuAlpha::State &image = *alpha.state_;
-    const auto parameters = gpubake::parametersOf(image.info, input, options, &room, result);
+    const auto parameters = gpubake::parametersOf(image.info, input, options, &output, result);
     if (!parameters || scratch.address % 4 != 0 || scratch.offset % 4 != 0)
         return false;
     Recording recording(*state_->pipelines, commands, scratch, image.set);
     setParameters(recording, *parameters);
     countList(recording, input.triangles, 1);
-    writeData(recording, input.triangles, room);
+    writeData(recording, input.triangles, output);
     return true;
 }
 
-uint64_t GpuBaker::dataBytes(const GpuBakeRoom &room, VkOpacityMicromapFormatEXT format)
+uint64_t GpuBaker::dataBytes(const GpuBakeOutput &output, VkOpacityMicromapFormatEXT format)
 {
     uint64_t bytes = 0;
     for (uint32_t level = 0; level < kBakeLevels; ++level)
-        bytes += uint64_t{room.triangles[level]} * 4 *
+        bytes += uint64_t{output.triangles[level]} * 4 *
                  bakeDataWords(level, format == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT);
     return bytes;
 }
 
-uint64_t GpuBaker::recordBytes(const GpuBakeRoom &room)
+uint64_t GpuBaker::recordBytes(const GpuBakeOutput &output)
 {
-    return std::accumulate(room.triangles.begin(), room.triangles.end(), uint64_t{0}) * sizeof(VkMicromapTriangleEXT);
+    return std::accumulate(output.triangles.begin(), output.triangles.end(), uint64_t{0}) *
+           sizeof(VkMicromapTriangleEXT);
 }
 
-std::vector<VkMicromapUsageEXT> GpuBaker::usage(const GpuBakeRoom &room, VkOpacityMicromapFormatEXT format)
+std::vector<VkMicromapUsageEXT> GpuBaker::usage(const GpuBakeOutput &output, VkOpacityMicromapFormatEXT format)
 {
     std::vector<VkMicromapUsageEXT> usage;
     for (uint32_t level = 0; level < kBakeLevels; ++level)
-        if (room.triangles[level] != 0)
-            usage.push_back({room.triangles[level], level, static_cast<uint32_t>(format)});
+        if (output.triangles[level] != 0)
+            usage.push_back({output.triangles[level], level, static_cast<uint32_t>(format)});
     return usage;
 }
 

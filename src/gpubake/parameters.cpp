@@ -127,16 +127,16 @@ bool setOptions(Parameters &words, const GpuBakeOptions &options)
     return true;
 }
 
-bool setRoom(Parameters &words, const GpuBakeRoom &room, VkOpacityMicromapFormatEXT format)
+bool setOutput(Parameters &words, const GpuBakeOutput &output, VkOpacityMicromapFormatEXT format)
 {
-    if (GpuBaker::dataBytes(room, format) > 0xffffffffu || room.data % 4 != 0 || room.records % 4 != 0 ||
-        room.indices % 4 != 0)
+    if (GpuBaker::dataBytes(output, format) > 0xffffffffu || output.data % 4 != 0 || output.records % 4 != 0 ||
+        output.indices % 4 != 0)
         return false;
-    setAddress(words, kBakeData, room.data);
-    setAddress(words, kBakeRecords, room.records);
-    setAddress(words, kBakeSpecialIndices, room.indices);
+    setAddress(words, kBakeData, output.data);
+    setAddress(words, kBakeRecords, output.records);
+    setAddress(words, kBakeSpecialIndices, output.indices);
     for (uint32_t level = 0; level < kBakeLevels; ++level)
-        words[kBakeCapacity + level] = room.triangles[level];
+        words[kBakeCapacity + level] = output.triangles[level];
     return true;
 }
 
@@ -163,7 +163,8 @@ bool valid(const GpuAlphaInfo &alpha)
 }
 
 std::optional<Parameters> parametersOf(const GpuAlphaInfo &alpha, const GpuBakeInput &input,
-                                       const GpuBakeOptions &options, const GpuBakeRoom *room, VkDeviceAddress result)
+                                       const GpuBakeOptions &options, const GpuBakeOutput *output,
+                                       VkDeviceAddress result)
 {
     Parameters words{};
     words[kBakeMips] = alpha.mipLevels;
@@ -171,11 +172,11 @@ std::optional<Parameters> parametersOf(const GpuAlphaInfo &alpha, const GpuBakeI
     words[kBakeWidth] = alpha.width;
     words[kBakeHeight] = alpha.height;
     words[kBakeFlags] = (alpha.filter == VK_FILTER_NEAREST ? kBakeNearest : 0u) |
-                        (room == nullptr ? kBakeSizesOnly : 0u) | alpha.component << kBakeComponentShift |
+                        (output == nullptr ? kBakeSizesOnly : 0u) | alpha.component << kBakeComponentShift |
                         *wrapOf(alpha.wrapU) << kBakeWrapUShift | *wrapOf(alpha.wrapV) << kBakeWrapVShift;
     if (result % 4 != 0 || !setInput(words, input) || !setOptions(words, options))
         return std::nullopt;
-    if (room != nullptr && !setRoom(words, *room, options.format))
+    if (output != nullptr && !setOutput(words, *output, options.format))
         return std::nullopt;
     setAddress(words, kBakeResult, result);
     return words;

@@ -19,9 +19,10 @@ bool valid(const GpuAlphaInfo &alpha);
 // The wrap number of an address mode; nothing for one that does not exist.
 std::optional<uint32_t> wrapOf(VkSamplerAddressMode mode);
 
-// A part of the room's data that does not fit 32 bits makes all of it invalid. Nothing where an argument is out of
-// range. Without a room: for the sizes.
+// Returns nothing if an argument is out of range, or the data would be 2^32 bytes or more. `output` is null for
+// recordSizes().
 std::optional<Parameters> parametersOf(const GpuAlphaInfo &alpha, const GpuBakeInput &input,
-                                       const GpuBakeOptions &options, const GpuBakeRoom *room, VkDeviceAddress result);
+                                       const GpuBakeOptions &options, const GpuBakeOutput *output,
+                                       VkDeviceAddress result);
 
 } // namespace vellum::gpubake

@@ -1,5 +1,5 @@
 // Verification: whether what a micromap says of its triangles is true of their texture, by a method that has nothing in
-// common with the baker's (docs/verify.md).
+// common with the baker's (docs/design/verifier.md).
 #pragma once
 
 #include <array>

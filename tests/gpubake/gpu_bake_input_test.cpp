@@ -316,7 +316,7 @@ TEST_F(GpuBakeInputs, ArgumentsOutOfRangeAreRefused)
     const Mesh mesh = Mesh::of(triangles_);
     const auto accepts = [&](const GpuBakeOptions &options, const std::function<void(GpuBakeInput &)> &change = {}) {
         BakeJob job(gpu(), runner_.baker(), image, mesh, options);
-        job.setRoom({});
+        job.setOutput({});
         if (change)
             change(job.input());
         bool accepted = false;

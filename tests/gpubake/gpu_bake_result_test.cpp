@@ -1,4 +1,4 @@
-// What the GPU baker makes of states: records, indices and data, in whatever room there is.
+// What the GPU baker makes of states: records, indices and data, with any capacity.
 #include <algorithm>
 #include <cmath>
 
@@ -102,11 +102,11 @@ TEST_F(GpuBakeResults, TwoStepsAreAsOne)
             for (uint32_t i = 0; i < microTriangleCount(record.subdivisionLevel); ++i)
                 ASSERT_EQ(one.stateOf(t, i), two.stateOf(t, i)) << t << ' ' << i;
         }
-        // What the usage counts say of the room.
-        GpuBakeRoom room;
-        room.triangles = two.result.triangles;
+        // The usage counts are those of the capacity.
+        GpuBakeOutput output;
+        output.triangles = two.result.triangles;
         uint32_t records = 0;
-        for (const VkMicromapUsageEXT &usage : GpuBaker::usage(room, options_.format)) {
+        for (const VkMicromapUsageEXT &usage : GpuBaker::usage(output, options_.format)) {
             EXPECT_EQ(usage.count, static_cast<uint32_t>(std::count_if(
                                        two.records.begin(), two.records.end(), [&](const VkMicromapTriangleEXT &r) {
                                            return r.subdivisionLevel == usage.subdivisionLevel;
@@ -117,18 +117,18 @@ TEST_F(GpuBakeResults, TwoStepsAreAsOne)
     }
 }
 
-// Triangles that find no room are unknown; the others are as they were, and nothing is written beyond (see BakeJob).
-TEST_F(GpuBakeResults, RoomThatIsTooSmall)
+// Triangles beyond the capacity are unknown; the others are as they were, and nothing is written beyond (see BakeJob).
+TEST_F(GpuBakeResults, CapacityThatIsTooSmall)
 {
     const AlphaImage image(gpu(), std::span(&texture_, 1), AlphaImage::Format::Float);
     const Mesh mesh = Mesh::of(triangles_);
     const GpuBaked enough = runner_.bake(image, mesh, options_);
     for (const uint32_t few : {0u, 1u, 37u}) {
-        GpuBakeRoom room;
-        room.triangles[3] = few;
-        room.triangles[5] = 2; // of no use, but valid
-        const GpuBaked baked = runner_.bake(image, mesh, options_, Steps::One, &room);
-        EXPECT_EQ(baked.result.status, kGpuBakeNoRoom);
+        GpuBakeOutput output;
+        output.triangles[3] = few;
+        output.triangles[5] = 2; // of no use, but valid
+        const GpuBaked baked = runner_.bake(image, mesh, options_, Steps::One, &output);
+        EXPECT_EQ(baked.result.status, kGpuBakeOverCapacity);
         EXPECT_EQ(baked.result.triangles, enough.result.triangles) << "what would do";
         EXPECT_EQ(baked.records.size(), few + 2);
         EXPECT_EQ(baked.micromap().validate(), std::nullopt);

@@ -138,12 +138,12 @@ vellum::Micromap GpuBaked::micromap() const
     return micromap;
 }
 
-vellum::GpuBakeRoom roomForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options)
+vellum::GpuBakeOutput outputForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options)
 {
-    vellum::GpuBakeRoom room;
+    vellum::GpuBakeOutput output;
     for (uint32_t level = options.automatic ? 0 : options.level; level <= options.level; ++level)
-        room.triangles[level] = mesh.triangles;
-    return room;
+        output.triangles[level] = mesh.triangles;
+    return output;
 }
 
 BakeJob::BakeJob(Gpu &gpu, const vellum::GpuBaker &baker, const AlphaImage &image, const Mesh &mesh,
@@ -176,21 +176,21 @@ BakeJob::~BakeJob()
     }
 }
 
-void BakeJob::setRoom(const vellum::GpuBakeRoom &room, VkBufferUsageFlags more)
+void BakeJob::setOutput(const vellum::GpuBakeOutput &output, VkBufferUsageFlags more)
 {
-    room_ = room;
-    data_ = Guarded(gpu_, vellum::GpuBaker::dataBytes(room, options_.format), 256, kBakeStorage | more);
-    records_ = Guarded(gpu_, vellum::GpuBaker::recordBytes(room), 256, kBakeStorage | more);
+    output_ = output;
+    data_ = Guarded(gpu_, vellum::GpuBaker::dataBytes(output, options_.format), 256, kBakeStorage | more);
+    records_ = Guarded(gpu_, vellum::GpuBaker::recordBytes(output), 256, kBakeStorage | more);
     indices_ = Guarded(gpu_, 4 * VkDeviceSize{input_.triangles}, 4, kBakeStorage);
-    room_.data = data_.address();
-    room_.records = records_.address();
-    room_.indices = indices_.address();
+    output_.data = data_.address();
+    output_.records = records_.address();
+    output_.indices = indices_.address();
 }
 
 bool BakeJob::record(VkCommandBuffer commands)
 {
     return baker_.record(commands, *alpha_, input_, options_,
-                         {scratch_.buffer(), scratch_.offset(), scratch_.address()}, room_, result_.address());
+                         {scratch_.buffer(), scratch_.offset(), scratch_.address()}, output_, result_.address());
 }
 
 bool BakeJob::recordSizes(VkCommandBuffer commands)
@@ -202,7 +202,7 @@ bool BakeJob::recordSizes(VkCommandBuffer commands)
 bool BakeJob::recordData(VkCommandBuffer commands)
 {
     return baker_.recordData(commands, *alpha_, input_, options_,
-                             {scratch_.buffer(), scratch_.offset(), scratch_.address()}, room_, result_.address());
+                             {scratch_.buffer(), scratch_.offset(), scratch_.address()}, output_, result_.address());
 }
 
 vellum::GpuBakeResult BakeJob::result() const
@@ -230,7 +230,7 @@ BakeRunner::BakeRunner(Gpu &gpu) : gpu_(gpu)
 }
 
 GpuBaked BakeRunner::bake(const AlphaImage &image, const Mesh &mesh, const vellum::GpuBakeOptions &options, Steps steps,
-                          const vellum::GpuBakeRoom *room)
+                          const vellum::GpuBakeOutput *output)
 {
     BakeJob job(gpu_, *baker_, image, mesh, options);
     bool recorded = true;
@@ -241,13 +241,13 @@ GpuBaked BakeRunner::bake(const AlphaImage &image, const Mesh &mesh, const vellu
         });
     };
     if (steps == Steps::One) {
-        job.setRoom(room != nullptr ? *room : roomForAll(mesh, options));
+        job.setOutput(output != nullptr ? *output : outputForAll(mesh, options));
         submit([&](VkCommandBuffer commands) { return job.record(commands); });
     } else {
         submit([&](VkCommandBuffer commands) { return job.recordSizes(commands); });
-        vellum::GpuBakeRoom needed;
+        vellum::GpuBakeOutput needed;
         needed.triangles = job.result().triangles;
-        job.setRoom(room != nullptr ? *room : needed);
+        job.setOutput(output != nullptr ? *output : needed);
         submit([&](VkCommandBuffer commands) { return job.recordData(commands); });
     }
     EXPECT_TRUE(recorded);

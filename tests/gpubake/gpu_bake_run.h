@@ -60,8 +60,8 @@ struct GpuBaked {
     [[nodiscard]] vellum::Micromap micromap() const;
 };
 
-// Room for every triangle of a mesh, whatever becomes of it.
-vellum::GpuBakeRoom roomForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options);
+// Capacity for every triangle of a mesh.
+vellum::GpuBakeOutput outputForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options);
 
 inline constexpr VkBufferUsageFlags kBakeStorage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
@@ -77,7 +77,7 @@ public:
     ~BakeJob();
 
     // Makes the output's buffers; before anything that writes them is recorded.
-    void setRoom(const vellum::GpuBakeRoom &room, VkBufferUsageFlags more = 0);
+    void setOutput(const vellum::GpuBakeOutput &output, VkBufferUsageFlags more = 0);
     // What the application's commands would be: false where the baker refuses.
     [[nodiscard]] bool record(VkCommandBuffer commands);
     [[nodiscard]] bool recordSizes(VkCommandBuffer commands);
@@ -85,7 +85,7 @@ public:
 
     [[nodiscard]] vellum::GpuBakeResult result() const;
     [[nodiscard]] GpuBaked read() const;
-    [[nodiscard]] const vellum::GpuBakeRoom &room() const { return room_; }
+    [[nodiscard]] const vellum::GpuBakeOutput &output() const { return output_; }
     [[nodiscard]] vellum::GpuBakeInput &input() { return input_; }
 
 private:
@@ -95,7 +95,7 @@ private:
     Buffer uvs_, meshIndices_;
     Guarded scratch_, result_, data_, records_, indices_;
     vellum::GpuBakeInput input_;
-    vellum::GpuBakeRoom room_;
+    vellum::GpuBakeOutput output_;
     Gpu &gpu_;
 };
 
@@ -106,9 +106,10 @@ class BakeRunner
 public:
     explicit BakeRunner(Gpu &gpu);
 
-    // In one step with room for all, or in two with what the sizes say, unless there is another room.
+    // In one step with capacity for all, or in two with the capacity that the first returns, unless `output` has
+    // another.
     GpuBaked bake(const AlphaImage &image, const Mesh &mesh, const vellum::GpuBakeOptions &options,
-                  Steps steps = Steps::One, const vellum::GpuBakeRoom *room = nullptr);
+                  Steps steps = Steps::One, const vellum::GpuBakeOutput *output = nullptr);
     GpuBaked bake(const vellum::AlphaTexture &texture, std::span<const vellum::TriangleUvs> triangles,
                   const vellum::GpuBakeOptions &options, Steps steps = Steps::One);
     [[nodiscard]] const vellum::GpuBaker &baker() const { return *baker_; }

@@ -14,25 +14,25 @@ using namespace vellum;
 class GpuBakeTrace : public GpuBakeTest
 {
 protected:
-    // Baked with the room, built, and traced at the middle of each micro-triangle: the hits are those of the states.
+    // Baked into the output, built, and traced at the middle of each micro-triangle: the hits are those of the states.
     void check(const AlphaTexture &texture, const std::vector<TriangleUvs> &triangles, const GpuBakeOptions &options,
-               const GpuBakeRoom &room)
+               const GpuBakeOutput &output)
     {
         const AlphaImage image(gpu(), std::span(&texture, 1), AlphaImage::Format::Float);
         BakeJob job(gpu(), runner_.baker(), image, Mesh::of(triangles), options);
-        job.setRoom(room, micromapInputUsage(gpu()));
+        job.setOutput(output, micromapInputUsage(gpu()));
 
-        // A micromap for the usage of the room. What it was made with is not what it is built from.
+        // A micromap for the usage counts of the output. What it was created with is not what it is built from.
         MicromapInput input;
-        for (const VkMicromapUsageEXT &usage : GpuBaker::usage(room, options.format)) {
+        for (const VkMicromapUsageEXT &usage : GpuBaker::usage(output, options.format)) {
             const std::vector<uint8_t> none(microTriangleCount(usage.subdivisionLevel));
             for (uint32_t i = 0; i < usage.count; ++i)
                 input.add(usage.subdivisionLevel, static_cast<uint16_t>(usage.format), none);
         }
         vt::Micromap micromap(gpu(), input);
         VkMicromapBuildInfoEXT info = micromap.buildInfo();
-        info.data.deviceAddress = job.room().data;
-        info.triangleArray.deviceAddress = job.room().records;
+        info.data.deviceAddress = job.output().data;
+        info.triangleArray.deviceAddress = job.output().records;
         bool recorded = false;
         gpu().submit([&](VkCommandBuffer commands) {
             recorded = job.record(commands);
@@ -92,15 +92,15 @@ TEST_F(GpuBakeTrace, HitsAreThoseOfTheStates)
             triangles.push_back(uvs);
     GpuBakeOptions options;
     options.level = 3;
-    GpuBakeRoom room;
-    room.triangles[3] = 40; // more than needed
-    check(texture, triangles, options, room);
-    room.triangles[3] = 5; // less
-    check(texture, triangles, options, room);
+    GpuBakeOutput output;
+    output.triangles[3] = 40; // more than needed
+    check(texture, triangles, options, output);
+    output.triangles[3] = 5; // less
+    check(texture, triangles, options, output);
     options.automatic = true;
     options.level = 4;
     options.texelsPerEdge = 3;
     for (uint32_t level = 0; level <= 4; ++level)
-        room.triangles[level] = 30;
-    check(texture, triangles, options, room);
+        output.triangles[level] = 30;
+    check(texture, triangles, options, output);
 }

@@ -125,6 +125,7 @@ class Installation(unittest.TestCase):
             self.assertIn(f"VK_{extension.upper()}_opacity_micromap on ", output)
             counts.add(output.splitlines()[1])
         self.assertEqual(len(counts), 1, counts)
+        self.assertIn(*counts, (options.source / "docs/vulkan-integration.md").read_text())
         self.assertRegex(counts.pop(), r"^\d+ of 40000 rays pass, \d+ alpha tests, 0 rays differ from the texture$")
 
     def test_c_by_pkg_config(self):
@@ -177,7 +178,7 @@ class Installation(unittest.TestCase):
             #include <vellum/gpu_bake.h>
             int main()
             {
-                vellum::GpuBakeRoom room{};
+                vellum::GpuBakeOutput room{};
                 room.triangles[5] = 3;
                 std::printf("%llu bytes\\n", static_cast<unsigned long long>(
                     vellum::GpuBaker::recordBytes(room)));

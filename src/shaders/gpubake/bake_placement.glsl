@@ -1,5 +1,5 @@
 // A triangle over the cells of a mip level. Its vertices are placed in integers, with 26 bits behind the point; floats
-// only count from a cell near by. docs/baking.md has the bounds of all errors.
+// only count from a cell near by. docs/design/gpu-baker.md has the bounds of all errors.
 
 const uint kPointBits = 26u;
 const float kFromFixed = 1.0 / 67108864.0; // 2^-26
