@@ -164,7 +164,7 @@ struct BakeOptions {
     CompareOp compareOp = CompareOp::GreaterOrEqual;
     bool disallowMixedSpecialIndices = false;
     std::optional<std::uint64_t> budget{};
-    double worthwhile = 0;
+    double minKnown = 0;
     double valueTolerance = 2.0 / 255;
     double subtexelTolerance = 1.0 / 16;
     double barycentricTolerance = 1e-5;
@@ -213,10 +213,7 @@ public:
     }
 
     [[nodiscard]] std::span<const std::uint8_t> data() const { return {info_.data, info_.dataSize}; }
-    [[nodiscard]] std::span<const MicromapTriangle> triangles() const
-    {
-        return {info_.triangles, info_.triangleCount};
-    }
+    [[nodiscard]] std::span<const MicromapTriangle> triangles() const { return {info_.triangles, info_.triangleCount}; }
     [[nodiscard]] std::span<const MicromapUsage> usages() const { return {info_.usages, info_.usageCount}; }
     [[nodiscard]] std::span<const std::int32_t> indices() const { return {info_.indices, info_.indexCount}; }
     [[nodiscard]] std::uint64_t stateCount(State state) const
@@ -385,7 +382,7 @@ inline VellumBakeOptions toC(const BakeOptions &options, Listener &listener)
         c.flags |= static_cast<std::uint32_t>(VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT);
     if (options.budget)
         c.budget = *options.budget;
-    c.worthwhile = options.worthwhile;
+    c.minKnown = options.minKnown;
     c.valueTolerance = options.valueTolerance;
     c.subtexelTolerance = options.subtexelTolerance;
     c.barycentricTolerance = options.barycentricTolerance;

@@ -229,7 +229,7 @@ typedef struct VellumBakeOptions {
     uint64_t budget;
     // A 4-state triangle of which less than this share (0 to 1) is known gets a special index for unknown instead of
     // data. Default 0.
-    double worthwhile;
+    double minKnown;
 
     // What a GPU may do differently from the mathematics, each 0 or more. With all four at 0, states are those of exact
     // arithmetic.
