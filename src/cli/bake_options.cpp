@@ -1,13 +1,16 @@
 #include "cli/bake_options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <limits>
 #include <map>
 #include <memory>
+#include <unistd.h>
 
 #include "cli/bake_command.h"
 #include "cli/base/error.h"
+#include "cli/base/standard_streams.h"
 #include "cli/commands.h"
 #include "cli/options/checks.h"
 #include "cli/options/help.h"
@@ -175,15 +178,20 @@ void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
         bake.exactly();
 }
 
-// IN OUT without -o.
+// IN OUT without -o; from stdin to stdout.
 void splitOperands(BakeCommandOptions &options)
 {
-    if (options.output || options.inputs.size() < 2)
-        return;
-    if (options.inputs.size() > 2)
+    if (!options.output && options.inputs.size() > 2)
         throw UsageError("several inputs need an output folder: -o FOLDER");
-    options.output = options.inputs.back();
-    options.inputs.pop_back();
+    if (!options.output && options.inputs.size() == 2) {
+        options.output = options.inputs.back();
+        options.inputs.pop_back();
+    }
+    const bool fromStdin = std::any_of(options.inputs.begin(), options.inputs.end(), isStandardStream);
+    if (fromStdin && options.inputs.size() > 1)
+        throw UsageError("stdin (-) must be the only input");
+    if (fromStdin && !options.output)
+        options.output = "-";
 }
 
 void checkTogether(const BakeCommandOptions &options)
@@ -192,6 +200,8 @@ void checkTogether(const BakeCommandOptions &options)
         throw UsageError("--report and --json exclude each other");
     if (options.json && options.output == "-")
         throw UsageError("--json and an output to stdout exclude each other");
+    if (options.output == "-" && !options.dryRun && isatty(STDOUT_FILENO) == 1)
+        throw UsageError("stdout is a terminal: redirect it, or give an output file");
 }
 
 } // namespace

@@ -53,8 +53,6 @@ std::vector<fs::path> findFiles(const fs::path &folder, const fs::path &except)
 
 fs::path besideInput(const fs::path &input)
 {
-    if (isStandardStream(input))
-        return input;
     fs::path output = input;
     return output.replace_filename(input.stem().string() + ".omm" + input.extension().string());
 }
@@ -197,6 +195,8 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
         throw UsageError(options.output->string() + " is a file, and several inputs need an output folder");
     const fs::path output = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();
+    if (toFolder && isStandardStream(options.inputs.front()))
+        throw UsageError("stdin needs an output file, not a folder");
     std::vector<BakeJob> jobs;
     for (const fs::path &input : options.inputs) {
         if (fs::is_directory(input, ignored)) {

@@ -137,6 +137,8 @@ TEST(BakeCommand, RejectsUnclearOperandsAndOptions)
         {"bake", a, b, "-o", a},
         {"bake", a, b, "-o", out},
         {"bake", a, "-o", "-", "--json"},
+        {"bake", a, "-", "-o", out},
+        {"bake", "-", "-o", (folder / "a").string()},
         {"bake", a, "-o", out, "--level", "13"},
         {"bake", a, "-o", out, "--budget", "2T"},
         {"bake", a, "-o", out, "--min-known", "7"},
@@ -443,7 +445,9 @@ TEST(BakeCommand, IsAFilter)
     EXPECT_EQ(piped.exitCode, 0) << piped.errors;
     EXPECT_EQ(Bytes(piped.output.begin(), piped.output.end()), readFile(folder / "tree.omm.glb"));
     EXPECT_NE(piped.errors.find("1 primitive"), std::string::npos) << piped.errors;
-    EXPECT_EQ(runVellum({"bake", "-", "-q"}, {}, folder / "tree.glb").errors, "");
+    const Outcome quiet = runVellum({"bake", "-", "-q"}, {}, folder / "tree.glb");
+    EXPECT_EQ(quiet.output, piped.output);
+    EXPECT_EQ(quiet.errors, "");
     EXPECT_EQ(runVellum({"verify", "--strict", "-"}, {}, folder / "tree.omm.glb").exitCode, 0);
     EXPECT_EQ(runVellum({"verify", "--strict", "-"}, {}, folder / "tree.glb").exitCode, 7);
     EXPECT_NE(runVellum({"info", "-"}, {}, folder / "tree.omm.glb").output.find("on 1 primitive"), std::string::npos);
