@@ -30,7 +30,7 @@ static VellumResult bakeFile(const char *input, const char *output)
     options.message = onMessage;
     VellumGltfBakeOptions more;
     vellumInitGltfBakeOptions(&more, sizeof more);
-    more.left = onNote;
+    more.skipped = onNote;
     return vellumBakeGltf(input, output, &options, &more, NULL);
 }
 

@@ -96,7 +96,7 @@ class BakeInput(ctypes.Structure):
 class BakeOptions(ctypes.Structure):
     _fields_ = [("structSize", c_size_t), ("format", c_uint32), ("twoStateRule", c_uint32), ("level", c_int32),
                 ("maxLevel", c_uint32), ("texelsPerEdge", c_double), ("compareOp", c_uint32), ("flags", c_uint32),
-                ("budget", c_uint64), ("worthwhile", c_double), ("valueTolerance", c_double),
+                ("budget", c_uint64), ("minKnown", c_double), ("valueTolerance", c_double),
                 ("subtexelTolerance", c_double), ("barycentricTolerance", c_double),
                 ("interpolationTolerance", c_double), ("maxDataSize", c_uint64), ("threads", c_uint32),
                 ("reserved", c_uint32), ("message", MESSAGE), ("progress", PROGRESS), ("cancelled", CANCEL),

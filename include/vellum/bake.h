@@ -163,7 +163,7 @@ struct BakeOptions {
     CompareOp compareOp = CompareOp::GreaterOrEqual;
     bool disallowMixedSpecialIndices = false;
     std::optional<std::uint64_t> budget{};
-    double worthwhile = 0;
+    double minKnown = 0;
     double valueTolerance = 2.0 / 255;
     double subtexelTolerance = 1.0 / 16;
     double barycentricTolerance = 1e-5;
@@ -381,7 +381,7 @@ inline VellumBakeOptions toC(const BakeOptions &options, Listener &listener)
         c.flags |= static_cast<std::uint32_t>(VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT);
     if (options.budget)
         c.budget = *options.budget;
-    c.worthwhile = options.worthwhile;
+    c.minKnown = options.minKnown;
     c.valueTolerance = options.valueTolerance;
     c.subtexelTolerance = options.subtexelTolerance;
     c.barycentricTolerance = options.barycentricTolerance;

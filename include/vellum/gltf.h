@@ -39,7 +39,7 @@ typedef struct VellumGltf VellumGltf;
 //   userData  passed to the callback
 //   gltf      receives the result, to be destroyed by vellumDestroyGltf(); null after an error
 //
-// VELLUM_ERROR_FILE also if a micromap breaks a rule of the extension; the message is the first violation.
+// VELLUM_ERROR_FILE also if a micromap breaks a rule of the extension; the message is the first finding.
 VELLUM_API VellumResult vellumReadGltf(const char *path, VellumMessageCallback message, void *userData,
                                        VellumGltf **gltf);
 
@@ -107,11 +107,11 @@ VELLUM_API size_t vellumFindGltfPrimitive(const VellumGltf *gltf, uint32_t mesh,
 // Something about a place in a file, for people: `mesh 2 "leaves" primitive 0` and a sentence.
 typedef void (*VellumGltfNoteCallback)(void *userData, const char *place, const char *note);
 
-// Tells `offence` of whatever breaks a rule of the extension, `most` times at most, in the file's order, before it
-// returns. Success, whether there are offences or not, if the file can be read.
+// Calls `finding` for whatever breaks a rule of the extension, at most `most` times, in the file's order, before it
+// returns. Success, whether there are findings or not, if the file can be read.
 //
 //   message, userData  as vellumReadGltf(); userData is for both callbacks
-VELLUM_API VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback offence,
+VELLUM_API VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback finding,
                                         VellumMessageCallback message, void *userData);
 
 // ------------------------------------------------------------------------------------------------------------ baking
@@ -130,15 +130,15 @@ typedef enum VellumGltfBakeFlagBits {
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
     uint32_t flags;    // VellumGltfBakeFlagBits; default 0
-    float blendCutoff; // for VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT; not NaN; default 0.5
-    // Materials and meshes whose names match one of these are left as they are. Patterns of a shell: * ? [...].
-    const char *const *leaveMaterials;
-    size_t leaveMaterialCount;
-    const char *const *leaveMeshes;
-    size_t leaveMeshCount;
-    // Told of every alpha-tested primitive that got no micromap, and why, once the output is there. With userData of
-    // the VellumBakeOptions. May be null, and is by default.
-    VellumGltfNoteCallback left;
+    float blendCutoff; // any number but NaN; default 0.5; used with VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT
+    // Primitives whose material or mesh has a name that matches one of these are not baked. Shell patterns: * ? [...].
+    const char *const *excludedMaterials;
+    size_t excludedMaterialCount;
+    const char *const *excludedMeshes;
+    size_t excludedMeshCount;
+    // Called for every alpha-tested primitive that got no micromap, with the reason, once the output is written. With
+    // userData of the VellumBakeOptions. May be null; default null.
+    VellumGltfNoteCallback skipped;
 } VellumGltfBakeOptions;
 
 VELLUM_API void vellumInitGltfBakeOptions(VellumGltfBakeOptions *options, size_t structSize);
@@ -148,7 +148,7 @@ typedef struct VellumGltfBakeInfo {
     size_t structSize;
     size_t micromapCount;  // one for each image, sampler, factor and cutoff
     size_t primitiveCount; // primitives that got a micromap
-    size_t leftCount;      // alpha-tested primitives that did not
+    size_t skippedCount;   // alpha-tested primitives that did not
     uint64_t micromapSize; // bytes of micromap data, with 8 for each micromap triangle
     uint64_t inputSize;    // bytes of the input, without files that it refers to
     uint64_t outputSize;   // bytes of the output, with its file of micromaps

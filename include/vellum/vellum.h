@@ -230,7 +230,7 @@ typedef struct VellumBakeOptions {
     uint64_t budget;
     // A 4-state triangle of which less than this share (0 to 1) is known gets a special index for unknown instead of
     // data. Default 0.
-    double worthwhile;
+    double minKnown;
 
     // Bounds of a GPU's rounding errors, each 0 or more. With all four at 0, states are those of exact arithmetic.
     double valueTolerance;         // of a filtered value; finite; default 2/255

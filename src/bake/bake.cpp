@@ -63,7 +63,7 @@ void check(const BakeOptions &options)
         {"barycentricTolerance", options.barycentricTolerance, 1},
         {"interpolationTolerance", options.interpolationTolerance, 0x1p-10},
         {"texelsPerEdge", options.texelsPerEdge, std::numeric_limits<double>::max()},
-        {"worthwhile", options.worthwhile, 1},
+        {"minKnown", options.minKnown, 1},
     };
     for (const auto &[name, value, most] : numbers)
         if (!(value >= 0 && value <= most))
@@ -267,7 +267,7 @@ void pack(const Distinct &triangle, const BakeOptions &options, Packed &packed, 
         transparent += unknown - more;
         unknownTransparent = unknownOpaque = 0;
     } else if (unknown != 0 &&
-               static_cast<double>(transparent + opaque) < options.worthwhile * microTriangleCount(triangle.level)) {
+               static_cast<double>(transparent + opaque) < options.minKnown * microTriangleCount(triangle.level)) {
         const bool mostlyOpaque = 2 * (opaque + unknownOpaque) >= microTriangleCount(triangle.level);
         packed.counts = {};
         packed.counts[static_cast<size_t>(mostlyOpaque ? State::UnknownOpaque : State::UnknownTransparent)] =

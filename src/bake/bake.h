@@ -54,7 +54,7 @@ struct BakeOptions {
     std::optional<uint64_t> budget;
     // A 4-state triangle less of which is known than this share (0..1) gets a special index for unknown instead of
     // data.
-    double worthwhile = 0;
+    double minKnown = 0;
     // Keeps special indices from standing beside others among the triangles of one BakeInput, as
     // VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR demands of a geometry: triangles that
     // are one state all over get a micromap triangle of level 0 where any other triangle has data.

@@ -5,42 +5,45 @@
 #include <cstdio>
 #include <mutex>
 #include <numeric>
+#include <optional>
 #include <thread>
 
 #include "cli/bake_report.h"
 #include "cli/base/error.h"
+#include "cli/base/exit_code.h"
 #include "cli/base/interrupt.h"
 #include "cli/base/progress.h"
+#include "cli/base/standard_streams.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-// Bakes files on several threads: many files beside each other, and the last ones with several threads each.
+// Bakes files on several threads: many files at a time, and the last ones with several threads each.
 class Bakery
 {
 public:
     Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs);
-    std::vector<FileReport> run();
+    std::vector<BakeFileReport> run();
 
 private:
     void work();
-    FileReport bakeOne(size_t job, unsigned threads);
-    void tell(size_t job, double share);
+    BakeFileReport bakeOne(size_t job, unsigned threads);
+    void report(size_t job, double share);
 
     const BakeCommandOptions &options_;
     std::vector<BakeJob> jobs_;
-    std::vector<FileReport> reports_;
+    std::vector<BakeFileReport> reports_;
     std::vector<double> bytes_; // of the inputs
     std::vector<size_t> order_; // the largest first
     unsigned threads_;
     std::atomic<size_t> next_{0};
-    std::mutex telling_;
+    std::mutex reporting_;
     Progress progress_;
     double total_ = 0;
     double done_ = 0;
-    std::vector<double> shares_; // of each file that are done
+    std::vector<double> shares_; // of each file, done
 };
 
 Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs)
@@ -58,34 +61,34 @@ Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs)
     std::stable_sort(order_.begin(), order_.end(), [&](size_t a, size_t b) { return bytes_[a] > bytes_[b]; });
 }
 
-void Bakery::tell(size_t job, double share)
+void Bakery::report(size_t job, double share)
 {
-    const std::lock_guard lock(telling_);
+    const std::lock_guard lock(reporting_);
     done_ += (share - shares_[job]) * bytes_[job];
     shares_[job] = share;
     progress_.update(static_cast<size_t>(1000 * done_ / total_), 1000);
 }
 
-FileReport Bakery::bakeOne(size_t job, unsigned threads)
+BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
 {
     FileBakeOptions options = options_.bake;
     options.bake.threads = threads;
     options.bake.cancelled = Interruptible::interrupted;
     options.bake.progress = [&](size_t done, size_t total) {
-        tell(job, total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total));
+        report(job, total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total));
     };
     const auto failed = [&](const std::string &error) {
-        FileReport report;
+        BakeFileReport report;
         report.job = jobs_[job];
         report.error = error;
         return report;
     };
     const std::string prefix = jobs_[job].input.string() + ": ";
-    if (!jobs_[job].refusal.empty())
-        return failed(prefix + jobs_[job].refusal);
+    if (!jobs_[job].problem.empty())
+        return failed(prefix + jobs_[job].problem);
     options.measure = true;
     try {
-        return reportOf(jobs_[job], bakeFile(jobs_[job].input, jobs_[job].output, options));
+        return reportOf(jobs_[job], bakeFile(openDocument(jobs_[job].input), jobs_[job].output, options));
     } catch (const std::bad_alloc &) {
         return failed(prefix + "out of memory");
     } catch (const GltfError &error) {
@@ -102,11 +105,11 @@ void Bakery::work()
         const unsigned threads = left >= threads_ ? 1 : threads_ / static_cast<unsigned>(left);
         const size_t job = order_[i];
         reports_[job] = bakeOne(job, threads);
-        tell(job, 1);
+        report(job, 1);
     }
 }
 
-std::vector<FileReport> Bakery::run()
+std::vector<BakeFileReport> Bakery::run()
 {
     std::vector<std::thread> workers;
     for (size_t i = 1; i < std::min<size_t>(threads_, jobs_.size()); ++i)
@@ -119,35 +122,70 @@ std::vector<FileReport> Bakery::run()
 
 } // namespace
 
-int bakeCommand(const BakeCommandOptions &options)
+namespace
+{
+
+std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options)
 {
     std::vector<BakeJob> jobs = planBake(options);
-    std::vector<FileReport> reports;
-    {
-        const Interruptible interruptible;
-        reports = Bakery(options, std::move(jobs)).run();
-        if (Interruptible::interrupted()) {
-            std::fprintf(stderr, "vellum: interrupted\n");
-            Interruptible::die();
-        }
+    const Interruptible interruptible;
+    std::vector<BakeFileReport> reports = Bakery(options, std::move(jobs)).run();
+    if (Interruptible::interrupted()) {
+        std::fprintf(stderr, "vellum: interrupted\n");
+        Interruptible::die();
     }
-    if (options.json)
-        printJson(reports);
-    else if (options.report)
-        printTable(reports);
-    else
-        printLines(reports);
-    std::fflush(stdout);
-    int code = 0;
-    for (const FileReport &report : reports) {
+    return reports;
+}
+
+// What went wrong goes to stderr, a line each.
+ExitCode printProblems(const BakeCommandOptions &options, const std::vector<BakeFileReport> &reports)
+{
+    auto code = ExitCode::Success;
+    for (const BakeFileReport &report : reports) {
         for (const std::string &problem : {report.error, report.failure}) {
             if (problem.empty())
                 continue;
             std::fprintf(stderr, "vellum: %s\n", problem.c_str());
-            code = 1;
+            code = worse(code, ExitCode::Failed);
         }
+        if (!options.requireMicromaps || !report.error.empty() || !report.primitives.empty())
+            continue;
+        if (report.failure.empty())
+            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", report.job.input.c_str());
+        code = worse(code, ExitCode::NoMicromaps);
     }
     return code;
+}
+
+} // namespace
+
+int bakeCommand(BakeCommandOptions &options)
+{
+    std::optional<DataOutput> data;
+    if (options.dryRun) {
+        options.bake.sink = [](const FileContent &) {};
+    } else if (options.output == "-") {
+        data.emplace(DataOutput::Reports::ToStderr);
+        options.bake.embed = true;
+        options.bake.sink = [&data](const FileContent &content) {
+            for (const std::span<const uint8_t> piece : content.pieces())
+                data->write(piece);
+            data->finish();
+        };
+    }
+    if (options.quiet && !options.json)
+        discardReports();
+    const std::vector<BakeFileReport> reports = bakeAll(options);
+    if (options.json)
+        printJson(reports, options.dryRun);
+    else if (options.table)
+        printTable(reports);
+    else
+        printLines(reports);
+    if (options.dryRun && !options.json)
+        std::printf("nothing was written (--dry-run)\n");
+    std::fflush(stdout);
+    return static_cast<int>(printProblems(options, reports));
 }
 
 } // namespace vellum::cli

@@ -9,14 +9,14 @@ namespace vellum::cli
 struct BakeJob {
     std::filesystem::path input;
     std::filesystem::path output;
-    std::string refusal; // why it cannot be baked beside the others; empty where it can
+    std::string problem; // why it cannot be baked; empty if it can
 };
 
-// What to bake, and where to. Throws Error where that is unclear or two would be written to one place. A job that would
-// write over what another one reads, or write another file where one before it does, gets a refusal.
+// What to bake, and where to. Throws UsageError if that is unclear or two outputs are the same file. A job gets a
+// problem if it would replace a file that another one reads or writes, or one that vellum did not write.
 std::vector<BakeJob> planBake(const BakeCommandOptions &options);
 
-// Bakes all files and prints what was done. Returns the exit code.
-int bakeCommand(const BakeCommandOptions &options);
+// Bakes all files and prints the report. Returns the exit code.
+int bakeCommand(BakeCommandOptions &options);
 
 } // namespace vellum::cli

@@ -1,14 +1,19 @@
 #include "cli/bake_options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
-#include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
+#include <unistd.h>
 
 #include "cli/bake_command.h"
 #include "cli/base/error.h"
+#include "cli/base/standard_streams.h"
 #include "cli/commands.h"
+#include "cli/options/checks.h"
+#include "cli/options/help.h"
 
 namespace vellum::cli
 {
@@ -17,35 +22,40 @@ namespace
 
 constexpr const char *kBakeDetails = R"(
 Every primitive with an alpha-tested material (alphaMode MASK) gets a micromap by the glTF extension
-EXT_mesh_opacity_micromap. Micro-triangles are called opaque or transparent only where every point of them is, so a
-renderer that samples the texture for the others draws exactly what it draws without micromaps. Everything else in the
-file stays as it is, byte for byte; all micromaps that it has are replaced, and a primitive that is left out loses its
-own. What is read is never written, and the output appears whole or not at all.
+EXT_mesh_opacity_micromap. A micro-triangle is opaque or transparent only if the alpha test has that outcome at every
+point of it, so a renderer that samples the texture for the others draws exactly what it draws without micromaps.
+Everything else in the file stays as it is, byte for byte. All micromaps of the file are replaced; a primitive that is
+skipped loses its micromap.
 
-.glb becomes .glb, and .gltf becomes .gltf with a file of micromaps (NAME.omm-DIGEST.bin) beside it; the files that a
-.gltf names are copied where the output is in another folder. Folders are searched with all folders in them, and what is
-found keeps its place below the output folder.
+Without OUT, NAME.omm.glb is written beside the input. OUT can be a folder; several inputs, and folders, need -o FOLDER.
+Folders are searched recursively, and files keep their place below the output folder. Inputs are never modified. Outputs
+appear whole or not at all. An existing file is replaced only if vellum bake wrote it, or with --force.
 
-Exit code: 0 if every file was baked, 1 if any was not (the others are) or none of its alpha-tested primitives could be;
-one line on stderr for each of these.
+A .glb stays a .glb. A .gltf stays a .gltf: its micromaps go into NAME.omm-DIGEST.bin beside it, and the files that it
+names are copied if the output is in another folder.
 
 Examples:
   vellum bake tree.glb
       writes tree.omm.glb
-  vellum bake tree.glb -o baked/tree.glb --report
+  vellum bake tree.glb baked/tree.glb --report
       writes that file, and prints a table of what each primitive got
   vellum bake models/ -o baked/ --json > baked.json
-      all .glb and .gltf files in models/ at once
+      all .glb and .gltf files in models/
   vellum bake tree.glb --level 5 --budget 2M
-      no finer than level 5, and no more than 2 MiB of micromaps
-  vellum bake house.gltf --blend --leave-material 'glass*' -o out/
-      alphaMode BLEND, too, but not glass)";
+      no finer than level 5, and at most 2 MiB of micromaps
+  vellum bake house.gltf -o out/ --blend --exclude-material 'glass*'
+      alphaMode BLEND as well, but not glass
+  vellum bake - - < tree.glb > tree.omm.glb
+      as a filter
+)";
+
+constexpr unsigned kMostThreads = 1024;
 
 struct RawBakeOptions {
     std::string level = "auto";
     std::string rule = "nearest";
     std::string budget;
-    unsigned format = 4;
+    std::string states = "4";
     bool exact = false;
 };
 
@@ -53,114 +63,168 @@ const std::map<std::string, TwoStateRule> kRules = {{"nearest", TwoStateRule::Ne
                                                     {"opaque", TwoStateRule::UnknownIsOpaque},
                                                     {"transparent", TwoStateRule::UnknownIsTransparent}};
 
-void declareWhat(CLI::App &command, BakeCommandOptions &options)
+void declareFiles(CLI::App &command, BakeCommandOptions &options)
 {
-    command.add_option("inputs", options.inputs, "glTF files (.glb or .gltf), or folders with some")->required();
-    command.add_option("-o,--output", options.output,
-                       "The file to write, or a folder, which is made; a folder for several inputs\n"
-                       "[NAME.omm.glb or NAME.omm.gltf beside the input]");
+    command.option_defaults()->group(kInput);
+    command
+        .add_option("IN", options.inputs,
+                    "glTF files (.glb, .gltf) or folders of them; of two operands the second is OUT")
+        ->type_name("IN... [OUT]")
+        ->required();
+    command.option_defaults()->group(kOutput);
+    command.add_option("-o,--output", options.output, "Output file or folder [NAME.omm.glb beside the input]")
+        ->type_name("OUT");
+    command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
+    command.add_flag("-n,--dry-run", options.dryRun, "Bake, but write nothing");
     command.add_flag("--embed", options.bake.embed, "Put the micromaps of a .gltf into the file itself (data URI)");
-    command.add_option("-j,--threads", options.threads, "Threads to work with [one for each processor]")
-        ->check(CLI::Range(0, 1024).description(""));
-    command.add_flag("--report", options.report, "Print a table of what each primitive got");
-    command.add_flag("--json", options.json, "Print the same as JSON, and nothing else, to stdout");
+    command.add_flag("--require-micromaps", options.requireMicromaps,
+                     "Exit with 7 if no primitive of a file got a micromap");
+    command.add_flag("-v,--verbose,--report", options.table, "Print a table of what each primitive got");
+    command.add_flag("--json", options.json, "Print the report as JSON");
+    command.option_defaults()->group(kGeneral);
+    command.add_flag("-q,--quiet", options.quiet, "Print errors only");
+    command.add_option("-j,--threads", options.threads, "Number of threads [one for each processor]")
+        ->check(wholeBetween(0, kMostThreads))
+        ->type_name("COUNT");
 }
 
-void declareWhich(CLI::App &command, DocumentBakeOptions &options)
+void declareSelection(CLI::App &command, DocumentBakeOptions &options)
 {
-    CLI::Option &blend = *command.add_flag("--blend", options.blend,
-                                           "Bake alphaMode BLEND, too: opaque only where alpha is 1, and transparent\n"
-                                           "only where it is 0");
+    command.option_defaults()->group(kSelection);
+    CLI::Option &blend =
+        *command.add_flag("--blend", options.blend,
+                          "Bake alphaMode BLEND as well: opaque only where alpha is 1, transparent only where it is 0");
     command
         .add_option("--blend-cutoff", options.blendCutoff,
-                    "With --blend: as a mask with this cutoff, which is wrong for renderers that\n"
-                    "blend or dither")
+                    "With --blend: bake as a mask with this cutoff, which is wrong for renderers that blend or dither")
         ->needs(&blend)
-        ->type_name("NUMBER");
+        ->check(finite())
+        ->type_name("ALPHA");
     command.add_flag("--fallback-images", options.fallbackImages,
-                     "Bake from the PNG or JPEG of textures that also have a KTX2, AVIF or DDS image,\n"
-                     "which renderers that read it take instead");
+                     "For textures with a KTX2, AVIF or DDS image, bake from their PNG or JPEG image");
     command
-        .add_option("--leave-material", options.leaveMaterials,
-                    "Leave primitives with a material of this name, a shell pattern; may be\n"
-                    "given several times")
+        .add_option("--exclude-material", options.excludedMaterials,
+                    "Skip primitives with a material of this name, a shell pattern; repeatable")
         ->allow_extra_args(false)
         ->type_name("PATTERN");
-    command.add_option("--leave-mesh", options.leaveMeshes, "The same by the name of the mesh")
+    command
+        .add_option("--exclude-mesh", options.excludedMeshes, "Skip meshes of this name, a shell pattern; repeatable")
         ->allow_extra_args(false)
         ->type_name("PATTERN");
 }
 
-void declareHow(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
+void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
 {
-    command.add_option("-l,--level", raw.level,
-                       "Subdivision level of every triangle, 0 to 12, or auto: by the texels that a\n"
-                       "triangle covers [auto]");
-    command.add_option("--max-level", bake.maxLevel, "The highest level for auto, 0 to 12 [8]")
-        ->check(CLI::Range(0, 12).description(""));
-    command.add_option("--texels-per-edge", bake.texelsPerEdge,
-                       "For auto: how many texels long the edges of micro-triangles are, about [4]");
+    command.option_defaults()->group(kQuality);
     command
-        .add_option("--budget", raw.budget,
-                    "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where\n"
-                    "that costs least [none]")
+        .add_option(
+            "-l,--level", raw.level,
+            "Subdivision level of every triangle, 0 to 12, or auto: by the texels that a triangle covers [auto]")
+        ->type_name("LEVEL");
+    command.add_option("--max-level", bake.maxLevel, "The highest level that auto chooses, 0 to 12 [8]")
+        ->check(wholeBetween(0, 12))
+        ->type_name("LEVEL");
+    command
+        .add_option("--texels-per-edge", bake.texelsPerEdge,
+                    "For auto: the approximate length of a micro-triangle's edges in texels [4]")
+        ->check(atLeast(0))
+        ->type_name("TEXELS");
+    command
+        .add_option(
+            "--budget", raw.budget,
+            "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where that loses least [none]")
         ->type_name("BYTES");
-    command.add_option("-f,--format", raw.format, "4: four states, exact. 2: two states, an approximation [4]")
-        ->check(CLI::IsMember({2, 4}).description(""));
+    takesWords(*command.add_option("--states", raw.states,
+                                   "4: opaque, transparent and two unknown states, exact. 2: an approximation [4]"),
+               {"2", "4"});
+    takesWords(*command.add_option("--two-state-rule", raw.rule,
+                                   "With --states 2, what unknown becomes: nearest (what most of it is), opaque "
+                                   "or transparent [nearest]"),
+               {"nearest", "opaque", "transparent"});
     command
-        .add_option("--two-state-rule", raw.rule,
-                    "For --format 2, what unknown becomes: nearest (what most of it is), opaque or\n"
-                    "transparent [nearest]")
-        ->check(CLI::IsMember(kRules).description(""))
-        ->type_name("RULE");
-    command.add_option("--worthwhile", bake.worthwhile,
-                       "Share of a triangle, 0 to 1, that must be known for it to get data at all [0]");
-    command.add_option("--value-tolerance", bake.valueTolerance,
-                       "How far filtered alpha may be from exact on a GPU [2/255]");
-    command.add_option("--subtexel-tolerance", bake.subtexelTolerance,
-                       "How far from its place, in texels, a GPU may sample [1/16]");
-    command.add_option("--barycentric-tolerance", bake.barycentricTolerance,
-                       "How far outside of a micro-triangle, in barycentrics, a hit of it may lie [1e-5]");
-    command.add_option("--interpolation-tolerance", bake.interpolationTolerance,
-                       "How far interpolation may move texture coordinates, relative to the largest\n"
-                       "of a triangle [1e-6]");
+        .add_option("--min-known", bake.minKnown,
+                    "Share of a triangle that must be known for it to get data, 0 to 1 [0]")
+        ->check(between(0, 1))
+        ->type_name("SHARE");
+}
+
+void declareTolerances(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
+{
+    command.option_defaults()->group(kTolerances);
     CLI::Option &exact = *command.add_flag("--exact", raw.exact, "No tolerances: what is true in exact arithmetic");
-    for (const char *tolerance :
-         {"--value-tolerance", "--subtexel-tolerance", "--barycentric-tolerance", "--interpolation-tolerance"})
-        exact.excludes(command.get_option(tolerance));
+    const auto add = [&](const char *name, double &value, const CLI::Validator &check, const char *type,
+                         const char *text) {
+        command.add_option(name, value, text)->check(check)->type_name(type)->excludes(&exact);
+    };
+    add("--value-tolerance", bake.valueTolerance, atLeast(0), "ALPHA",
+        "Largest error of filtered alpha on a GPU [2/255]");
+    add("--subtexel-tolerance", bake.subtexelTolerance, between(0, 1024), "TEXELS",
+        "Largest error of a sample's position [1/16]");
+    add("--barycentric-tolerance", bake.barycentricTolerance, between(0, 1), "DISTANCE",
+        "How far outside of a micro-triangle a hit of it may be, in barycentrics [1e-5]");
+    add("--interpolation-tolerance", bake.interpolationTolerance, between(0, 0x1p-10), "RATIO",
+        "Largest error of interpolated texture coordinates, relative to the largest of a triangle [1e-6]");
 }
 
 void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
 {
     BakeOptions &bake = options.bake;
-    if (raw.level != "auto") {
-        unsigned level = 0;
-        const char *end = raw.level.data() + raw.level.size();
-        const auto read = std::from_chars(raw.level.data(), end, level);
-        if (read.ec != std::errc() || read.ptr != end || level > 12)
-            throw Error("--level: " + raw.level + " is neither a subdivision level (0 to 12) nor auto");
-        bake.level = level;
-    }
+    bake.level = parseLevel(raw.level);
     if (!raw.budget.empty())
         bake.budget = parseBytes(raw.budget);
-    bake.format = raw.format == 2 ? Format::TwoState : Format::FourState;
+    bake.format = raw.states == "2" ? Format::TwoState : Format::FourState;
     bake.twoStateRule = kRules.at(raw.rule);
     if (raw.exact)
         bake.exactly();
-    if (!std::isfinite(options.blendCutoff.value_or(0)))
-        throw Error("--blend-cutoff must be a number");
+}
+
+// IN OUT without -o; from stdin to stdout.
+void splitOperands(BakeCommandOptions &options)
+{
+    if (!options.output && options.inputs.size() > 2)
+        throw UsageError("several inputs need an output folder: -o FOLDER");
+    if (!options.output && options.inputs.size() == 2) {
+        options.output = options.inputs.back();
+        options.inputs.pop_back();
+    }
+    const bool fromStdin = std::any_of(options.inputs.begin(), options.inputs.end(), isStandardStream);
+    if (fromStdin && options.inputs.size() > 1)
+        throw UsageError("stdin (-) must be the only input");
+    if (fromStdin && !options.output)
+        options.output = "-";
+}
+
+void checkTogether(const BakeCommandOptions &options)
+{
+    if (options.table && options.json)
+        throw UsageError("--report and --json exclude each other");
+    if (options.json && options.output == "-")
+        throw UsageError("--json and an output to stdout exclude each other");
+    if (options.output == "-" && !options.dryRun && isatty(STDOUT_FILENO) == 1)
+        throw UsageError("stdout is a terminal: redirect it, or give an output file");
 }
 
 } // namespace
 
-std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &options, const std::string &group)
+std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &options)
 {
     const auto raw = std::make_shared<RawBakeOptions>();
-    if (!group.empty())
-        command.option_defaults()->group(group);
-    declareWhich(command, options);
-    declareHow(command, options.bake, *raw);
+    declareSelection(command, options);
+    declareQuality(command, options.bake, *raw);
+    declareTolerances(command, options.bake, *raw);
     return [&options, raw] { finishBaking(options, *raw); };
+}
+
+std::optional<uint32_t> parseLevel(const std::string &text)
+{
+    if (text == "auto")
+        return std::nullopt;
+    uint32_t level = 0;
+    const char *end = text.data() + text.size();
+    const auto read = std::from_chars(text.data(), end, level);
+    if (read.ec != std::errc() || read.ptr != end || level > 12)
+        throw UsageError("--level must be auto or a whole number between 0 and 12, got " + text);
+    return level;
 }
 
 uint64_t parseBytes(const std::string &text)
@@ -177,7 +241,7 @@ uint64_t parseBytes(const std::string &text)
     else if (unit == "G")
         shift = 30;
     if (read.ec != std::errc() || (!unit.empty() && shift == 0) || number > (~uint64_t{0} >> shift))
-        throw Error(text + " is not a number of bytes like 1500, 64K, 2M or 1G");
+        throw UsageError("--budget must be a number of bytes like 1500, 64K, 2M or 1G, got " + text);
     return number << shift;
 }
 
@@ -185,13 +249,14 @@ std::function<int()> declareBakeCommand(CLI::App &app)
 {
     const auto options = std::make_shared<BakeCommandOptions>();
     CLI::App &command = *app.add_subcommand("bake", "Bakes opacity micromaps into glTF files");
-    command.footer(kBakeDetails);
-    declareWhat(command, *options);
+    command.footer(kBakeDetails +
+                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::NoMicromaps}));
+    declareFiles(command, *options);
     const std::function<void()> finish = declareBaking(command, options->bake);
     return [options, finish] {
         finish();
-        if (options->report && options->json)
-            throw Error("--report and --json are one or the other");
+        splitOperands(*options);
+        checkTogether(*options);
         return bakeCommand(*options);
     };
 }

@@ -5,9 +5,11 @@
 
 #include "cli/bake_command.h"
 #include "cli/base/error.h"
+#include "cli/base/standard_streams.h"
 #include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
+#include "gltf/micromaps/document_writer.h"
 
 namespace vellum::cli
 {
@@ -30,7 +32,7 @@ bool isInside(const fs::path &path, const fs::path &folder)
     return !relative.empty() && *relative.begin() != "..";
 }
 
-// The glTF files in a folder and in all folders in it, but for those in `except`.
+// The glTF files in a folder and in all folders in it, except those in `except`.
 std::vector<fs::path> findFiles(const fs::path &folder, const fs::path &except)
 {
     std::vector<fs::path> found;
@@ -55,32 +57,46 @@ fs::path besideInput(const fs::path &input)
     return output.replace_filename(input.stem().string() + ".omm" + input.extension().string());
 }
 
-// One name for a place in the file system, whichever way leads there. A link in that place is what is replaced there.
-fs::path placeOf(const fs::path &path)
+// One name for each location in the file system. A link at the location is replaced itself.
+fs::path locationOf(const fs::path &path)
 {
     std::error_code error;
     const fs::path whole = fs::absolute(path).lexically_normal();
     return fs::weakly_canonical(whole.parent_path(), error) / whole.filename();
 }
 
+// Whether there is nothing at the output, or a file that an earlier bake wrote: it is marked, or the unchanged input.
+bool isReplaceable(const BakeJob &job)
+{
+    std::error_code error;
+    if (isStandardStream(job.output) || !fs::exists(job.output, error) || sameBytes(job.input, job.output))
+        return true;
+    try {
+        const Container container = readContainer(job.output);
+        return hasOwnMicromaps(JsonTree(container.json()).root());
+    } catch (const GltfError &) {
+        return false;
+    }
+}
+
 void checkDistinct(const std::vector<BakeJob> &jobs)
 {
     std::map<fs::path, fs::path> inputOf;
     for (const BakeJob &job : jobs) {
-        const auto [found, isNew] = inputOf.try_emplace(placeOf(job.output), job.input);
+        const auto [found, isNew] = inputOf.try_emplace(locationOf(job.output), job.input);
         if (!isNew)
-            throw Error(found->second.string() + " and " + job.input.string() + " would both be written to " +
-                        job.output.string());
+            throw UsageError(found->second.string() + " and " + job.input.string() + " would both be written to " +
+                             job.output.string());
     }
 }
 
-// What there is to know of the jobs before the first one is baked, so that it does not matter which is quicker.
+// Found before the first job is baked, so that the result does not depend on which is faster.
 class Conflicts
 {
 public:
-    explicit Conflicts(const std::vector<BakeJob> &jobs);
-    // Why this job, the next one in order, cannot be baked; empty where it can.
-    std::string refusalOf(size_t number);
+    Conflicts(const std::vector<BakeJob> &jobs, bool force);
+    // Why this job, the next one in order, cannot be baked; empty if it can.
+    std::string problemOf(size_t number);
 
 private:
     using FileId = std::pair<dev_t, ino_t>;
@@ -88,8 +104,9 @@ private:
     void addRead(const fs::path &path, const fs::path &input);
 
     const std::vector<BakeJob> &jobs_;
+    bool force_;
     std::vector<FilesBeside> beside_;
-    std::vector<std::string> refusals_;
+    std::vector<std::string> problems_;
     std::map<FileId, fs::path> reads_; // what is read, and the input that it is or that names it
     struct Write {
         fs::path input;
@@ -113,7 +130,8 @@ void Conflicts::addRead(const fs::path &path, const fs::path &input)
         reads_.try_emplace(*id, input);
 }
 
-Conflicts::Conflicts(const std::vector<BakeJob> &jobs) : jobs_(jobs), beside_(jobs.size()), refusals_(jobs.size())
+Conflicts::Conflicts(const std::vector<BakeJob> &jobs, bool force)
+    : jobs_(jobs), force_(force), beside_(jobs.size()), problems_(jobs.size())
 {
     for (const BakeJob &job : jobs)
         addRead(job.input, job.input);
@@ -122,39 +140,41 @@ Conflicts::Conflicts(const std::vector<BakeJob> &jobs) : jobs_(jobs), beside_(jo
         try {
             container = readContainer(jobs[i].input);
         } catch (const GltfError &) {
-            continue; // whoever bakes it says so
+            continue; // the bake reports it
         }
         try {
             const JsonTree tree(container->json());
             beside_[i] = filesBeside(tree.root(), jobs[i].input, jobs[i].output);
         } catch (const GltfError &error) {
-            refusals_[i] = error.what();
+            problems_[i] = error.what();
         }
         for (const fs::path &file : beside_[i].read)
             addRead(file, jobs[i].input);
     }
 }
 
-std::string Conflicts::refusalOf(size_t number)
+std::string Conflicts::problemOf(size_t number)
 {
     const BakeJob &job = jobs_[number];
-    if (!refusals_[number].empty())
-        return refusals_[number];
+    if (!problems_[number].empty())
+        return problems_[number];
     if (const auto id = idOf(job.output))
         if (const auto read = reads_.find(*id); read != reads_.end() && read->second != job.input)
             return "the output " + job.output.string() + " is read for " + read->second.string();
-    std::map<fs::path, Write> writes = {{placeOf(job.output), {job.input, {}}}};
+    if (!force_ && !isReplaceable(job))
+        return "the output " + job.output.string() + " exists and was not written by vellum bake; --force replaces it";
+    std::map<fs::path, Write> writes = {{locationOf(job.output), {job.input, {}}}};
     for (const FilesBeside::Copy &copy : beside_[number].copies)
-        writes.try_emplace(placeOf(copy.to), Write{job.input, copy.from});
-    for (const auto &[place, write] : writes) {
-        const auto other = writes_.find(place);
+        writes.try_emplace(locationOf(copy.to), Write{job.input, copy.from});
+    for (const auto &[location, write] : writes) {
+        const auto other = writes_.find(location);
         std::error_code error;
         if (other != writes_.end() &&
             (write.copied.empty() || other->second.copied.empty() || !sameBytes(write.copied, other->second.copied)))
-            return place.string() + " would be another file for " + other->second.input.string();
-        if (other == writes_.end() && !write.copied.empty() && fs::exists(place, error) &&
-            !sameBytes(write.copied, place))
-            return place.string() + ": is there already and differs from " + write.copied.string();
+            return location.string() + " would be another file for " + other->second.input.string();
+        if (other == writes_.end() && !write.copied.empty() && fs::exists(location, error) &&
+            !sameBytes(write.copied, location))
+            return location.string() + " exists and differs from " + write.copied.string();
     }
     writes_.merge(writes);
     return "";
@@ -169,16 +189,18 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
                                        [&](const fs::path &input) { return fs::is_directory(input, ignored); });
     const bool several = options.inputs.size() > 1 || anyFolder;
     if (several && !options.output)
-        throw Error("several files need a folder to be written to: --output FOLDER");
+        throw UsageError("several inputs need an output folder: -o FOLDER");
     const bool toFolder =
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
-        throw Error(options.output->string() + " is a file, and several inputs need a folder");
+        throw UsageError(options.output->string() + " is a file, and several inputs need an output folder");
     const fs::path output = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();
+    if (toFolder && isStandardStream(options.inputs.front()))
+        throw UsageError("stdin needs an output file, not a folder");
     std::vector<BakeJob> jobs;
     for (const fs::path &input : options.inputs) {
         if (fs::is_directory(input, ignored)) {
-            // What was baked into the folder is not baked again. One that is its own output is refused file by file.
+            // Outputs below the folder are not baked again. A folder that is its own output fails file by file.
             const fs::path folder = fs::weakly_canonical(input, ignored);
             const bool within = output != folder && isInside(output, folder);
             for (const fs::path &file : findFiles(input, within ? output : fs::path()))
@@ -192,11 +214,11 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
         }
     }
     if (jobs.empty())
-        throw Error("there are no .glb or .gltf files in " + options.inputs.front().string());
+        throw Error(options.inputs.front().string() + " has no .glb or .gltf files");
     checkDistinct(jobs);
-    Conflicts conflicts(jobs);
+    Conflicts conflicts(jobs, options.force);
     for (size_t i = 0; i < jobs.size(); ++i)
-        jobs[i].refusal = conflicts.refusalOf(i);
+        jobs[i].problem = conflicts.problemOf(i);
     return jobs;
 }
 

@@ -2,20 +2,86 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
 
 #include "cli/base/error.h"
+#include "cli/base/exit_code.h"
 #include "cli/commands.h"
+#include "cli/options/checks.h"
+#include "cli/options/help.h"
+#include "gltf/micromaps/stored_micromaps.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-// CLI11's messages can have several lines.
-std::string oneLine(std::string text)
+constexpr const char *kDetails = R"(
+vellum help SUBCOMMAND, vellum SUBCOMMAND --help and the manual page vellum-SUBCOMMAND explain each. Wherever a glTF file
+is read, - is stdin.
+)";
+
+std::vector<std::string> subcommandNames(const CLI::App &app)
 {
+    std::vector<std::string> names;
+    for (const CLI::App *subcommand : app.get_subcommands(std::function<bool(const CLI::App *)>()))
+        names.push_back(subcommand->get_name());
+    return names;
+}
+
+std::vector<std::string> optionNames(const CLI::App &app)
+{
+    std::vector<std::string> names;
+    for (const CLI::Option *option : app.get_options())
+        for (const std::string &name : option->get_lnames())
+            names.push_back("--" + name);
+    return names;
+}
+
+[[noreturn]] void rejectSubcommand(const CLI::App &app, const std::string &word)
+{
+    throw UsageError(word + " is not a vellum subcommand" + suggestion(word, subcommandNames(app)));
+}
+
+std::function<int()> declareHelpCommand(CLI::App &app)
+{
+    const auto wanted = std::make_shared<std::string>();
+    CLI::App &command = *app.add_subcommand("help", "Explains a subcommand, or lists them");
+    command.add_option("SUBCOMMAND", *wanted, "The subcommand to explain")->type_name("[SUBCOMMAND]")->group(kInput);
+    command.footer("\nExamples:\n  vellum help bake\n      the same as vellum bake --help\n");
+    return [&app, wanted] {
+        const std::vector<std::string> names = subcommandNames(app);
+        if (!wanted->empty() && std::find(names.begin(), names.end(), *wanted) == names.end())
+            rejectSubcommand(app, *wanted);
+        // App::help() of the whole command would be that of the subcommand that was parsed: this one.
+        const CLI::App &explained = wanted->empty() ? app : *app.get_subcommand(*wanted);
+        std::fputs(helpFormatter()->make_help(&explained, "", CLI::AppFormatMode::Normal).c_str(), stdout);
+        return static_cast<int>(ExitCode::Success);
+    };
+}
+
+// CLI11's errors, with the option and its range first, in one line.
+std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
+{
+    const std::vector<CLI::App *> subcommands = app.get_subcommands();
+    const CLI::App &command = subcommands.empty() ? app : *subcommands.front();
+    const std::string name = subcommands.empty() ? "vellum" : "vellum " + command.get_name();
+    std::string text = error.what();
     std::replace(text.begin(), text.end(), '\n', ' ');
-    return text;
+    const size_t colon = text.find(": ");
+    if (dynamic_cast<const CLI::ExtrasError *>(&error) != nullptr) {
+        const std::vector<std::string> words = app.remaining(true);
+        const std::string word = words.empty() ? std::string() : words.front();
+        const std::string option = word.substr(0, word.find('='));
+        text = word.starts_with('-')
+                   ? option + " is not an option of " + name + suggestion(option, optionNames(command))
+                   : "unexpected argument " + word;
+    } else if (dynamic_cast<const CLI::ArgumentMismatch *>(&error) != nullptr && colon != std::string::npos) {
+        text = text.substr(0, colon) + " takes one value";
+    } else if (dynamic_cast<const CLI::ValidationError *>(&error) != nullptr && colon != std::string::npos) {
+        text.replace(colon, 2, " ");
+    }
+    return text + " (see " + name + " --help)";
 }
 
 } // namespace
@@ -23,10 +89,13 @@ std::string oneLine(std::string text)
 std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
 {
     app.name("vellum");
-    app.description("Opacity micromaps for every device that traces rays.");
-    app.set_version_flag("--version", std::string("vellum ") + VELLUM_VERSION);
+    app.description("Bakes, checks and shows opacity micromaps, and renders with them");
+    app.formatter(helpFormatter());
+    app.set_help_flag("-h,--help", "Print this help")->group(kGeneral);
+    app.set_version_flag("-V,--version", std::string("vellum ") + VELLUM_VERSION, "Print the version")->group(kGeneral);
     app.require_subcommand(1);
-    app.footer("vellum <subcommand> --help has examples.");
+    app.footer(exitStatus({}) + kDetails + "\nMicromaps in glTF files are by " + kMicromapExtension + " (" +
+               kMicromapDraft + ").");
     std::map<std::string, std::function<int()>> commands;
     commands["bake"] = declareBakeCommand(app);
     commands["inspect"] = declareInspectCommand(app);
@@ -34,6 +103,9 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     commands["info"] = declareInfoCommand(app);
     commands["run"] = declareRunCommand(app);
     commands["verify"] = declareVerifyCommand(app);
+    commands["help"] = declareHelpCommand(app);
+    for (CLI::App *subcommand : app.get_subcommands(std::function<bool(CLI::App *)>()))
+        subcommand->get_help_ptr()->group(kGeneral);
     return commands;
 }
 
@@ -41,12 +113,18 @@ int runCommandLine(int argc, char **argv)
 {
     CLI::App app;
     const std::map<std::string, std::function<int()>> commands = declareCommands(app);
+    if (argc < 2) {
+        std::fputs(app.help().c_str(), stderr);
+        return static_cast<int>(ExitCode::Usage);
+    }
+    if (*argv[1] != '-' && !commands.contains(argv[1]))
+        rejectSubcommand(app, argv[1]);
     try {
         app.parse(argc, argv);
     } catch (const CLI::Success &asked) { // --help and --version
         return app.exit(asked);
     } catch (const CLI::ParseError &error) {
-        throw Error(oneLine(error.what()) + " (vellum --help tells more)");
+        throw UsageError(messageOf(app, error));
     }
     return commands.at(app.get_subcommands().front()->get_name())();
 }

@@ -4,9 +4,12 @@
 #include <memory>
 
 #include "cli/base/error.h"
+#include "cli/base/exit_code.h"
+#include "cli/base/standard_streams.h"
 #include "cli/commands.h"
 #include "cli/info/file_report.h"
 #include "cli/info/loader_report.h"
+#include "cli/options/help.h"
 #include "gltf/file/gltf_error.h"
 
 namespace vellum::cli
@@ -15,60 +18,75 @@ namespace
 {
 
 constexpr const char *kInfoDetails = R"(
-Without a file: the Vulkan loader, where the layer is and how to turn it on, and for each device its driver, ray
-tracing, and who brings micromaps. The first thing to run when something is off: what keeps micromaps from working is
-said on stderr, a line for each reason.
-With files: what is in them, which micromaps, and which alpha-tested primitives vellum bake would leave out, and why.
+Without a file: the Vulkan loader, where the layer is and how to enable it, and for each device its driver, its ray tracing
+features and what provides micromaps. Run this first if something does not work: each reason why there are no micromaps
+is a line on stderr.
 
-Exit code: 0 where all is well; 1 where a device with micromaps is wanting, or a file cannot be read or has wrong
-micromaps.
+With files: their contents, their micromaps, and the alpha-tested primitives that vellum bake would skip, with the reasons.
 
 Examples:
   vellum info
-      is there a device with micromaps, and how is the layer turned on?
+      is there a device with micromaps, and how is the layer enabled?
   vellum info tree.glb
       what vellum bake will find in it
   vellum info --json tree.omm.glb | jq '.files[0].micromaps'
-      for a script)";
+      for a script
+
+Environment:
+  VK_DRIVER_FILES, VK_ADD_DRIVER_FILES, VK_LAYER_PATH, VK_ADD_LAYER_PATH, VK_INSTANCE_LAYERS
+      the Vulkan loader's: which drivers and layers it uses
+)";
 
 struct InfoOptions {
     std::vector<std::filesystem::path> files;
     bool json = false;
+    bool verbose = false;
+    bool quiet = false;
     std::optional<std::filesystem::path> layerFolder;
 };
 
-int infoOnLoader(const InfoOptions &options)
+ExitCode infoOnLoader(const InfoOptions &options)
 {
     const LoaderReport report = reportLoader(options.layerFolder);
     if (options.json) {
         JsonWriter json;
-        write(report, json);
-        std::printf("%s\n", json.text().c_str());
+        beginReport(json, "info");
+        write(report, json.key("machine"));
+        std::printf("%s\n", json.end().text().c_str());
     } else {
         print(report);
     }
     std::fflush(stdout);
     for (const std::string &problem : report.problems)
         std::fprintf(stderr, "vellum: %s\n", problem.c_str());
-    return report.problems.empty() ? 0 : 1;
+    return report.problems.empty() ? ExitCode::Success : ExitCode::Failed;
 }
 
-int infoOnFiles(const InfoOptions &options)
+// Throws GltfError.
+ExitCode infoOnFile(const InfoOptions &options, const std::filesystem::path &file, JsonWriter &json)
 {
-    int code = 0;
+    const FileReport report = reportFile(openDocument(file));
+    if (options.json)
+        write(report, json);
+    else
+        print(report, options.verbose);
+    const ExitCode invalid = report.findings.empty() ? ExitCode::Success : ExitCode::InvalidMicromaps;
+    return worse(invalid, report.problems.empty() ? ExitCode::Success : ExitCode::Failed);
+}
+
+ExitCode infoOnFiles(const InfoOptions &options)
+{
+    auto code = ExitCode::Success;
     JsonWriter json;
-    json.beginObject().key("files").beginArray();
+    beginReport(json, "info");
+    json.key("files").beginArray();
     for (size_t i = 0; i < options.files.size(); ++i) {
         try {
-            const FileReport report = reportFile(options.files[i]);
-            if (!report.offences.empty() || !report.problems.empty())
-                code = 1;
-            if (options.json)
-                write(report, json);
-            else
-                print(report);
+            code = worse(code, infoOnFile(options, options.files[i], json));
         } catch (const GltfError &error) {
-            code = 1;
+            code = worse(code, ExitCode::Failed);
+            if (options.json)
+                json.beginObject().member("file", options.files[i].string()).member("error", error.what()).end();
             std::fflush(stdout);
             std::fprintf(stderr, "vellum: %s\n", error.what());
         }
@@ -85,15 +103,26 @@ int infoOnFiles(const InfoOptions &options)
 std::function<int()> declareInfoCommand(CLI::App &app)
 {
     const auto options = std::make_shared<InfoOptions>();
-    CLI::App &command = *app.add_subcommand("info", "Says what devices and files have, and what is missing");
-    command.footer(kInfoDetails);
-    command.add_option("files", options->files, "glTF files; without one, this machine")->type_name("FILE");
-    command.add_flag("--json", options->json, "For machines");
+    CLI::App &command = *app.add_subcommand("info", "Reports what devices and glTF files have, and what is missing");
+    command.footer(kInfoDetails +
+                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::InvalidMicromaps}));
+    command.add_option("FILE", options->files, "glTF files; without one, this machine")
+        ->type_name("[FILE]...")
+        ->group(kInput);
+    command.option_defaults()->group(kOutput);
+    command.add_flag("-v,--verbose", options->verbose, "Do not cut off long lists");
+    command.add_flag("--json", options->json, "Print JSON");
     command
         .add_option("--layer-path", options->layerFolder,
-                    "Folder of the layer's manifest, instead of the one beside this program")
-        ->type_name("FOLDER");
-    return [options] { return options->files.empty() ? infoOnLoader(*options) : infoOnFiles(*options); };
+                    "Folder of the layer's manifest, instead of the one installed with this program")
+        ->type_name("FOLDER")
+        ->group(kDevice);
+    command.add_flag("-q,--quiet", options->quiet, "Print errors only")->group(kGeneral);
+    return [options] {
+        if (options->quiet && !options->json)
+            discardReports();
+        return static_cast<int>(options->files.empty() ? infoOnLoader(*options) : infoOnFiles(*options));
+    };
 }
 
 } // namespace vellum::cli

@@ -6,14 +6,18 @@
 
 #include "cli/bake_options.h"
 #include "cli/base/error.h"
+#include "cli/base/exit_code.h"
 #include "cli/base/numbers.h"
 #include "cli/base/output_file.h"
 #include "cli/base/progress.h"
+#include "cli/base/report_parts.h"
+#include "cli/base/standard_streams.h"
 #include "cli/commands.h"
 #include "cli/inspect/drawing/uv_picture.h"
 #include "cli/inspect/page.h"
 #include "cli/inspect/tally.h"
-#include "cli/surface_report.h"
+#include "cli/options/checks.h"
+#include "cli/options/help.h"
 
 namespace vellum::cli
 {
@@ -21,54 +25,81 @@ namespace
 {
 
 constexpr const char *kInspectDetails = R"(
-Draws what is known of each micro-triangle over the texture it was baked from, in the colours of render --mode states.
-The page is one file that needs nothing else, and loads nothing. It has numbers and charts, the UV space of each material
-to zoom and pan in, the triangles that are worth a look, and a picture of each mesh.
+Draws the state of each micro-triangle over the texture that it was baked from, in the colours of render --mode states. The
+page is one file that needs and loads nothing else. It has numbers and charts, the UV space of each material to zoom and
+pan in, the triangles that are worth a look, and a picture of each mesh.
+
+Without OUT, NAME.html is written beside the input. An existing file is replaced only if vellum wrote it, or with --force.
 
 Examples:
   vellum inspect ash.omm.glb
       writes the page ash.omm.html
-  vellum inspect ash.omm.glb -o ash.png
+  vellum inspect ash.omm.glb ash.png
       the whole UV space of each material as a picture
   vellum inspect ash.omm.glb --picture leaf.png --mesh 0 --primitive 1 --triangle 40-47
-      eight triangles, and what of the texture is around them
+      eight triangles, and the texture around them
   vellum inspect ash.glb --bake --level 5
-      what vellum bake would make of a file with these options)";
+      what vellum bake would make of a file with these options
+)";
 
 struct InspectOptions {
     std::filesystem::path input;
-    std::optional<std::filesystem::path> output;
+    std::optional<std::filesystem::path> operand; // OUT
+    std::optional<std::filesystem::path> output;  // -o
     std::optional<std::filesystem::path> html;
     std::optional<std::filesystem::path> picture;
     UvPictureOptions drawing;
     Selection selection;
     bool bake = false;
+    bool force = false;
+    bool json = false;
+    bool quiet = false;
     DocumentBakeOptions baking;
     // As CLI11 stores them.
     std::string meshes, primitives, triangles;
     bool noOutlines = false;
 };
 
+void declareOutputs(CLI::App &command, InspectOptions &options)
+{
+    command.option_defaults()->group(kOutput);
+    command
+        .add_option("-o,--output", options.output,
+                    "The page to write, or the picture if it ends in .png; or a folder [NAME.html beside the input]")
+        ->type_name("OUT");
+    command.add_option("--html", options.html, "The page to write")->type_name("FILE");
+    command.add_option("--picture", options.picture, "The PNG to write; no page then, unless --html is given")
+        ->type_name("FILE");
+    command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
+    command.add_option("--size", options.drawing.edge, "Longer side of each material in the picture, in pixels [1024]")
+        ->check(wholeBetween(64, 8192))
+        ->type_name("PIXELS");
+    command.add_flag("--no-outlines", options.noOutlines, "No outlines of triangles in the picture");
+    command.add_flag("--json", options.json, "Print the numbers as JSON");
+    command.add_flag("-q,--quiet", options.quiet, "Print errors only")->group(kGeneral);
+}
+
 std::function<void()> declareInspect(CLI::App &command, InspectOptions &options)
 {
-    command.footer(kInspectDetails);
-    command.add_option("file", options.input, "A .glb or .gltf file")->required();
-    command.add_option("-o,--output", options.output, "The page to write or, where it ends in .png, the picture");
-    command.add_option("--html", options.html, "The page to write [the file's name with .html, in this folder]");
-    command.add_option("--picture", options.picture, "A PNG to write; no page then, without --html");
+    command.footer(kInspectDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
+    command.option_defaults()->group(kInput);
+    command.add_option("IN", options.input, "A .glb or .gltf file")->type_name("IN")->required();
+    command.add_option("OUT", options.operand, "The same as -o OUT")->type_name("[OUT]");
+    declareOutputs(command, options);
+    command.option_defaults()->group(kSelection);
     command.add_option("--mesh", options.meshes, "Only these meshes: 2, 0-4, or several with commas")
         ->type_name("NUMBERS");
     command.add_option("--primitive", options.primitives, "Only these primitives of each mesh")->type_name("NUMBERS");
     command.add_option("--triangle", options.triangles, "Only these triangles of each primitive")->type_name("NUMBERS");
     command.add_option("--material", options.selection.materials, "Only this material, by name or number; repeatable")
+        ->allow_extra_args(false)
         ->type_name("NAME");
-    command.add_option("--size", options.drawing.edge, "Longer side of each material in the picture [1024]")
-        ->check(CLI::Range(64, 8192).description(""));
-    command.add_flag("--no-outlines", options.noOutlines, "No outlines of triangles in the picture");
-    CLI::Option &bake =
-        *command.add_flag("--bake", options.bake, "Bake in memory, as vellum bake does with the options below");
+    CLI::Option &bake = *command
+                             .add_flag("--bake", options.bake,
+                                       "Bake in memory, with the options of vellum bake, which are listed here as well")
+                             ->group(kInput);
     const std::vector<CLI::Option *> own = command.get_options();
-    std::function<void()> finish = declareBaking(command, options.baking, "With --bake, as of vellum bake");
+    std::function<void()> finish = declareBaking(command, options.baking);
     for (CLI::Option *option : command.get_options())
         if (std::find(own.begin(), own.end(), option) == own.end())
             option->needs(&bake);
@@ -100,47 +131,85 @@ void printFile(const InspectedFile &file)
         fmt::print("surface     {}\n", describe(*file.surface));
     fmt::print("bytes       {} of states, {} of triangles, {} of indices\n", grouped(tally.dataBytes),
                grouped(tally.recordsUsed * sizeof(MicromapTriangle)), grouped(tally.indexBytes));
-    for (const InspectedFile::Left &left : file.left)
-        fmt::print("left out    {}{}: {}\n", left.name,
-                   left.material.empty() ? "" : fmt::format(" ({})", left.material), left.reason);
+    for (const SkippedPrimitive &skipped : file.skipped)
+        fmt::print("skipped     {}\n", describe(skipped));
     for (const InspectedMaterial &material : file.materials)
         if (!material.problem.empty())
             fmt::print("warning     shown without the texture: {}\n", material.problem);
 }
 
-void placeOutput(InspectOptions &options)
+void printJson(const InspectOptions &options, const InspectedFile &file)
 {
-    if (options.output) {
-        auto &place = options.output->extension() == ".png" ? options.picture : options.html;
-        if (place)
-            throw Error("--output and " + std::string(&place == &options.html ? "--html" : "--picture") +
-                        " are one or the other");
-        place = options.output;
-    }
-    if (!options.html && !options.picture) {
-        options.html = options.input.filename();
-        options.html->replace_extension(".html");
-    }
+    const Tally tally = tallyOf(file);
+    JsonWriter json;
+    beginReport(json, "inspect");
+    json.key("files").beginArray().beginObject().member("file", options.input.string()).member("bytes", file.bytes);
+    json.member("baked", file.baked).member("extension", file.stored.extension);
+    json.key("outputs").beginArray();
+    for (const auto &path : {options.picture, options.html})
+        if (path)
+            json.value(path->string());
+    json.end();
+    writeSurface(file.surface, json);
+    writeMicromaps(summariesOf(file.stored.micromaps), json);
+    json.member("primitiveCount", file.primitiveCount).member("micromapPrimitives", file.primitives.size());
+    json.member("triangles", tally.triangles);
+    writeStates("special", tally.special, json);
+    json.key("levels").beginObject();
+    for (size_t level = 0; level < tally.levels.size(); ++level)
+        if (const uint64_t count = tally.levels[level][0] + tally.levels[level][1]; count != 0)
+            json.member(std::to_string(level), count);
+    json.end();
+    writeStates("states", tally.states, json);
+    json.member("stateBytes", tally.dataBytes).member("recordBytes", tally.recordsUsed * sizeof(MicromapTriangle));
+    json.member("indexBytes", tally.indexBytes);
+    writeSkipped(file.skipped, json);
+    fmt::print("{}\n", json.end().end().end().text());
+}
+
+void placeOutputs(InspectOptions &options)
+{
+    if (options.operand && options.output)
+        throw UsageError("OUT and --output exclude each other");
+    const std::optional<std::filesystem::path> said = options.operand ? options.operand : options.output;
+    if (!said && (options.html || options.picture))
+        return;
+    if (!said && isStandardStream(options.input))
+        throw UsageError("reading from stdin needs an output: -o FILE");
+    std::filesystem::path standard = options.input;
+    const std::filesystem::path output = outputFor(said, standard.replace_extension(".html"));
+    auto &place = output.extension() == ".png" ? options.picture : options.html;
+    if (place)
+        throw UsageError(std::string("--output and ") + (&place == &options.html ? "--html" : "--picture") +
+                         " exclude each other");
+    place = output;
+}
+
+void finishInspect(InspectOptions &options)
+{
+    placeOutputs(options);
+    Selection &selection = options.selection;
+    for (const auto &[text, option, ranges] : {std::tuple(&options.meshes, "--mesh", &selection.meshes),
+                                               {&options.primitives, "--primitive", &selection.primitives},
+                                               {&options.triangles, "--triangle", &selection.triangles}})
+        if (!text->empty())
+            *ranges = parseRanges(*text, option);
+    options.drawing.outlines = !options.noOutlines;
+    options.drawing.whole = selection.meshes.empty() && selection.primitives.empty() && selection.triangles.empty();
+    for (const auto &path : {options.html, options.picture})
+        if (path)
+            checkWritable(*path, options.force);
 }
 
 int inspectCommand(InspectOptions &options)
 {
-    placeOutput(options);
-    for (const auto &path : {options.html, options.picture})
-        if (path)
-            checkWritable(*path);
-    options.selection.meshes =
-        options.meshes.empty() ? std::vector<NumberRange>() : parseRanges(options.meshes, "--mesh");
-    if (!options.primitives.empty())
-        options.selection.primitives = parseRanges(options.primitives, "--primitive");
-    if (!options.triangles.empty())
-        options.selection.triangles = parseRanges(options.triangles, "--triangle");
-    options.drawing.outlines = !options.noOutlines;
-    options.drawing.whole =
-        options.selection.meshes.empty() && options.selection.primitives.empty() && options.selection.triangles.empty();
-    const Document document(options.input);
+    finishInspect(options);
+    if (options.quiet && !options.json)
+        discardReports();
+    const Document document = openDocument(options.input);
     const InspectedFile file = inspectFile(document, options.selection, options.bake ? &options.baking : nullptr);
-    printFile(file);
+    if (!options.json)
+        printFile(file);
     if (options.picture) {
         const Progress progress("drawing");
         writePng(*options.picture, drawUvSpace(file, options.drawing));
@@ -150,10 +219,12 @@ int inspectCommand(InspectOptions &options)
         const std::string page = makePage(document, file);
         writeWhole(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()});
     }
+    if (options.json)
+        printJson(options, file);
     for (const auto &path : {options.picture, options.html})
-        if (path)
+        if (path && !options.json)
             fmt::print("wrote       {}\n", path->string());
-    return 0;
+    return static_cast<int>(ExitCode::Success);
 }
 
 } // namespace

@@ -1,20 +1,26 @@
 #include <cstdio>
 #include <exception>
 
+#include "cli/base/error.h"
+#include "cli/base/exit_code.h"
 #include "cli/command_line.h"
 
 int main(int argc, char **argv)
 {
+    auto code = vellum::cli::ExitCode::Failed;
     try {
-        const int code = vellum::cli::runCommandLine(argc, argv);
-        // A full disk behind a pipe or redirection shows when the last of it is written.
+        const int result = vellum::cli::runCommandLine(argc, argv);
+        // A full disk behind a redirection is noticed when the last bytes are written.
         if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0)
-            return code;
+            return result;
         std::fprintf(stderr, "vellum: stdout cannot be written\n");
     } catch (const std::bad_alloc &) {
         std::fprintf(stderr, "vellum: out of memory\n");
+    } catch (const vellum::cli::UsageError &error) {
+        std::fprintf(stderr, "vellum: %s\n", error.what());
+        code = vellum::cli::ExitCode::Usage;
     } catch (const std::exception &error) {
         std::fprintf(stderr, "vellum: %s\n", error.what());
     }
-    return 1;
+    return static_cast<int>(code);
 }

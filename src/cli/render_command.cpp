@@ -6,15 +6,17 @@
 #include <fmt/format.h>
 #include <numeric>
 
+#include "cli/base/exit_code.h"
 #include "cli/base/numbers.h"
 #include "cli/base/output_file.h"
 #include "cli/base/paired_timing.h"
 #include "cli/base/progress.h"
+#include "cli/base/report_parts.h"
+#include "cli/base/standard_streams.h"
 #include "cli/picture/heat.h"
 #include "cli/renderer/state_table.h"
 #include "cli/scene/baked_scene.h"
 #include "cli/scene/grove.h"
-#include "cli/surface_report.h"
 #include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
@@ -26,6 +28,17 @@ std::filesystem::path withSuffix(const std::filesystem::path &path, const char *
 {
     std::filesystem::path result = path;
     return result.replace_filename(path.stem().string() + suffix + path.extension().string());
+}
+
+// Of --mode compare, in the order in which they are written; of other modes only the first is.
+std::vector<std::filesystem::path> picturesOf(const RenderOptions &options, bool difference)
+{
+    std::vector<std::filesystem::path> paths = {options.output};
+    if (options.mode == Mode::Compare)
+        paths.push_back(withSuffix(options.output, "-alpha"));
+    if (options.mode == Mode::Compare && difference)
+        paths.push_back(withSuffix(options.output, "-difference"));
+    return paths;
 }
 
 // Whether the pictures are drawn with micromaps that a device holds.
@@ -67,7 +80,7 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const Bake
                                            percent(shares[0]), percent(shares[1]), percent(shares[2] + shares[3]));
     if (baked.extension.empty())
         fmt::print("baked       level {}, {} distinct triangles: {}\n",
-                   options.bake.level ? std::to_string(*options.bake.level) : "by density", baked.distinctTriangles(),
+                   options.bake.level ? std::to_string(*options.bake.level) : "auto", baked.distinctTriangles(),
                    states);
     else
         fmt::print("in the file {} by {}, {}: {}\n", counted(baked.count(), "geometry", "geometries"), baked.extension,
@@ -78,7 +91,7 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const Bake
     std::fflush(stdout);
 }
 
-// Masked geometries that have no micromap are drawn as always: the shader samples their texture.
+// Masked geometries without a micromap: the shader samples their texture.
 void printTestedOnly(const RenderScene &scene, const BakedScene &baked)
 {
     size_t without = 0;
@@ -145,7 +158,7 @@ struct Contest {
 };
 
 // Pairs of frames, as many as the options say. Otherwise until the ratio is known well enough for another run to come
-// to the same within 2 %, in all likelihood: a third of that for the error of each. Not for ever, though.
+// to the same within 2 %, in all likelihood: a third of that for the error of each. At most for a minute.
 PairedTiming timeFrames(const RenderOptions &options, Contest &contest)
 {
     constexpr size_t kFewest = 9;
@@ -198,7 +211,31 @@ void printComparison(const RenderOptions &options, Contest &contest, const Paire
         ratio.middle, timing.pairs(), ratio.low, ratio.high);
 }
 
-int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
+void writeComparison(const RenderOptions &options, const DeviceInfo &device, Contest &contest,
+                     const PairedTiming &timing, const Difference &difference, DataOutput &data)
+{
+    const Quartiles ratio = timing.ratio();
+    JsonWriter json;
+    beginReport(json, "render");
+    json.member("file", options.input ? options.input->string() : "").member("device", device.name);
+    json.member("extension", nameOf(options.api)).member("implementation", device.implementation);
+    json.member("trace", options.settings.trace == Trace::Query ? "query" : "pipeline");
+    json.member("width", options.settings.width).member("height", options.settings.height);
+    json.key("outputs").beginArray();
+    for (const auto &path : picturesOf(options, difference.pixels != 0))
+        json.value(path.string());
+    json.end().key("frameMs").beginObject().member("alpha", timing.a()).member("omm", timing.b()).end();
+    json.key("timeRatio").beginObject().member("median", ratio.middle).member("low", ratio.low);
+    json.member("high", ratio.high).member("pairs", timing.pairs()).end();
+    json.key("candidatesPerRay").beginObject().member("alpha", contest.alpha.count().perRay());
+    json.member("omm", contest.omm.count().perRay()).end();
+    json.member("bytes", contest.omm.micromapBytes()).member("differingPixels", difference.pixels);
+    data.write(json.end().text() + "\n");
+    data.finish();
+}
+
+int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked,
+               DataOutput *data)
 {
     std::unique_ptr<Contest> contest;
     Picture pictures[2];
@@ -212,11 +249,16 @@ int renderBoth(const RenderOptions &options, const DeviceInfo &info, const Rende
         pictures[1] = contest->omm.picture();
     }
     const Difference difference = compare(pictures[0], pictures[1]);
-    writePicture(options, options.output, pictures[1]);
-    writePicture(options, withSuffix(options.output, "-alpha"), pictures[0]);
+    const std::vector<std::filesystem::path> paths = picturesOf(options, difference.pixels != 0);
+    writePicture(options, paths[0], pictures[1]);
+    writePicture(options, paths[1], pictures[0]);
     if (difference.pixels != 0)
-        writePicture(options, withSuffix(options.output, "-difference"), difference.amplified);
-    printComparison(options, *contest, timeFrames(options, *contest), difference.pixels);
+        writePicture(options, paths[2], difference.amplified);
+    const PairedTiming timing = timeFrames(options, *contest);
+    if (data != nullptr)
+        writeComparison(options, info, *contest, timing, difference, *data);
+    else
+        printComparison(options, *contest, timing, difference.pixels);
     return 0;
 }
 
@@ -273,7 +315,7 @@ int renderHeat(const RenderOptions &options, const DeviceInfo &info, const Rende
     return 0;
 }
 
-// With micromaps, if there are some in the file that are wanted.
+// With the file's micromaps, if they are wanted.
 struct Loaded {
     Scene scene;
     StoredMicromaps stored;
@@ -283,7 +325,7 @@ Loaded load(const RenderOptions &options)
 {
     if (!options.input)
         return {makeGrove(), {}};
-    const Document document(*options.input);
+    const Document document = openDocument(*options.input);
     const bool wanted = options.mode != Mode::Alpha && !options.bakeAnew;
     return {readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
 }
@@ -303,7 +345,13 @@ void offerLayer(const std::optional<std::filesystem::path> &folder)
 
 int renderCommand(const RenderOptions &options)
 {
-    checkWritable(options.output);
+    for (const std::filesystem::path &path : picturesOf(options, true))
+        checkWritable(path, options.force);
+    std::optional<DataOutput> data;
+    if (options.json)
+        data.emplace(DataOutput::Reports::Discarded);
+    else if (options.quiet)
+        discardReports();
     RenderScene scene;
     StoredMicromaps stored;
     {
@@ -331,7 +379,7 @@ int renderCommand(const RenderOptions &options)
     printMicromaps(options, scene.scene, baked);
     printTestedOnly(scene, baked);
     if (options.mode == Mode::Compare)
-        return renderBoth(options, info, scene, baked);
+        return renderBoth(options, info, scene, baked, data ? &*data : nullptr);
     if (options.mode == Mode::States)
         return renderStates(options, info, scene, baked);
     if (options.mode == Mode::Heat)

@@ -17,7 +17,7 @@ enum class Mode { Alpha, Micromaps, Compare, States, Heat };
 
 struct RenderOptions {
     std::optional<std::filesystem::path> input; // the built-in grove without
-    std::filesystem::path output = "vellum.png";
+    std::filesystem::path output;
     Mode mode = Mode::Micromaps;
     MicromapApi api = MicromapApi::Khr;
     RenderSettings settings;
@@ -25,9 +25,12 @@ struct RenderOptions {
     uint32_t instances = 1;
     std::optional<uint32_t> frames; // to time, or pairs of them; without, as many as it takes
     Colors colors = Colors::All;
-    bool bakeAnew = false; // whatever micromaps the file has
-    // To the left of it, with Mode::States the picture by micromaps, with Mode::Heat the map without them.
+    bool bakeAnew = false; // even if the file has micromaps
+    // Draws to the left, with Mode::States the picture by micromaps, with Mode::Heat the map without them.
     bool sideBySide = false;
+    bool force = false; // replaces any file
+    bool json = false;  // with Mode::Compare
+    bool quiet = false;
     std::optional<std::string> device;
     bool layer = true;
     std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program
@@ -36,7 +39,7 @@ struct RenderOptions {
 // What --api takes.
 const std::map<std::string, MicromapApi> &micromapApis();
 
-// "1280x720". Throws Error.
+// "1280x720". Throws UsageError.
 void parseSize(const std::string &text, RenderSettings &settings);
 
 } // namespace vellum::cli

@@ -1,14 +1,15 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <memory>
 
 #include "cli/base/error.h"
 #include "cli/base/progress.h"
+#include "cli/base/standard_streams.h"
 #include "cli/commands.h"
+#include "cli/options/checks.h"
+#include "cli/options/help.h"
 #include "cli/verify_report.h"
 
 namespace vellum::cli
@@ -17,21 +18,13 @@ namespace
 {
 
 constexpr const char *kVerifyDetails = R"(
-Says of every micro-triangle whether its state is true of the texture, by a method of its own (the file is read, and its
-images are decoded, by the code that vellum bake uses), and checks the structure of the micromaps. A claim (opaque or transparent) is wrong if there is any point of the
-micro-triangle, edges included, where the alpha test comes out otherwise in exact arithmetic. Claims that are true, but
-not of what GPUs may do around the micro-triangle, are counted on their own, as is what is unknown without need. 2-state
-data is an approximation: how good a one is printed.
+Checks the structure of the micromaps, and every micro-triangle against the texture, independently of the baker: only the
+reader of glTF files and images is shared. A claim (opaque or transparent) is wrong if the alpha test has the other
+outcome anywhere in the micro-triangle, edges included, in exact arithmetic. Counted separately are claims that are true
+but do not hold with the margins that GPUs have around a micro-triangle, and states that are unknown without need. 2-state
+data is an approximation; how good it is, is printed.
 
-Exit codes, of several the smallest:
-  0  nothing to complain about
-  1  something cannot be read, or not be verified
-  2  the structure is broken
-  3  wrong claims
-  4  with --strict: claims outside the margins or left open, or cautions (animated alpha, variants, morph targets,
-     other images or data for other renderers, a cutoff for alphaMode BLEND)
-  5  with --strict: needlessly unknown
-  6  with --strict: no micromaps
+Of several exit codes the smallest is returned.
 
 Examples:
   vellum verify ash.omm.glb
@@ -40,8 +33,9 @@ Examples:
       fails for anything that could be better
   vellum verify --exact ash.omm.glb
       for micromaps that were baked without tolerances
-  vellum verify --json ash.omm.glb | jq .files[0].wrong
-      the same for a machine)";
+  vellum verify --json ash.omm.glb | jq .files[0].counts.wrong
+      the same for a script
+)";
 
 struct VerifyOptions {
     std::vector<std::string> files;
@@ -49,55 +43,49 @@ struct VerifyOptions {
     bool exact = false;
     bool strict = false;
     bool json = false;
+    bool verbose = false;
+    bool quiet = false;
 };
-
-void declareTolerance(CLI::App &command, const char *name, double &value, const char *what)
-{
-    command.add_option(name, value, what)->type_name("NUMBER")->group("Tolerances, as of vellum bake");
-}
 
 void declareVerify(CLI::App &command, VerifyOptions &options)
 {
-    command.footer(kVerifyDetails);
-    command.add_option("files", options.files, "The .glb and .gltf files")->required();
-    command.add_option("--max", options.file.maxFindings, "Most findings of each kind to list for a primitive [20]")
-        ->check(CLI::Range(0, 1'000'000).description(""));
-    command.add_flag("--json", options.json, "Prints JSON instead of a table");
-    command.add_flag("--strict", options.strict, "The exit code tells of all that could be better, too");
-    command.add_flag("--strict-2-state", options.file.strictTwoState,
-                     "Takes claims of 2-state data at their word: those that do not hold all over\n"
-                     "the micro-triangle are wrong");
+    command.footer(kVerifyDetails + exitStatus({}));
+    command.option_defaults()->group(kInput);
+    command.add_option("FILE", options.files, "The .glb and .gltf files")->type_name("FILE...")->required();
     command
-        .add_option("--blend-cutoff", options.file.blendCutoff,
-                    "The cutoff of materials of alphaMode BLEND [none: opaque where alpha is 1,\n"
-                    "transparent where it is 0]")
-        ->type_name("NUMBER");
-    command.add_option("-j,--threads", options.file.threads, "Threads to work with [one for each processor]")
-        ->check(CLI::Range(0, 1024).description(""));
+        .add_option(
+            "--blend-cutoff", options.file.blendCutoff,
+            "The cutoff of materials of alphaMode BLEND [none: opaque where alpha is 1, transparent where it is 0]")
+        ->check(finite())
+        ->type_name("ALPHA");
+    command.option_defaults()->group(kOutput);
+    command.add_flag("--strict", options.strict, "Exit with 5, 6 or 7 for what could be better");
+    command.add_flag(
+        "--strict-2-state", options.file.strictTwoState,
+        "Check 2-state data like 4-state data: claims that do not hold all over the micro-triangle are wrong");
+    command
+        .add_option("--max-findings", options.file.maxFindings,
+                    "Most findings of each kind to list for a primitive [20]")
+        ->check(wholeBetween(0, 1'000'000))
+        ->type_name("COUNT");
+    command.add_flag("-v,--verbose", options.verbose, "List primitives without findings, however many there are");
+    command.add_flag("--json", options.json, "Print JSON instead of a table");
+    command.option_defaults()->group(kTolerances);
     verify::Tolerances &tolerances = options.file.tolerances;
-    CLI::Option &exact = *command.add_flag("--exact", options.exact, "No tolerances: all four are 0")
-                              ->group("Tolerances, as of vellum bake");
-    declareTolerance(command, "--value-tolerance", tolerances.value, "Of the filtered alpha [2/255]");
-    declareTolerance(command, "--subtexel-tolerance", tolerances.subtexel, "Of the sample's place, in texels [1/16]");
-    declareTolerance(command, "--barycentric-tolerance", tolerances.barycentric,
-                     "Of the hit's place, in barycentrics [1e-5]");
-    declareTolerance(command, "--interpolation-tolerance", tolerances.interpolation,
-                     "Of a texture coordinate, relative to the triangle's largest [16/2^24]");
-    for (const char *tolerance :
-         {"--value-tolerance", "--subtexel-tolerance", "--barycentric-tolerance", "--interpolation-tolerance"})
-        exact.excludes(command.get_option(tolerance));
-}
-
-void finishVerify(VerifyOptions &options)
-{
-    verify::Tolerances &t = options.file.tolerances;
-    if (options.exact)
-        t = {0, 0, 0, 0};
-    for (const double tolerance : {t.value, t.subtexel, t.barycentric, t.interpolation})
-        if (!(tolerance >= 0 && tolerance <= 1024))
-            throw Error("tolerances must be numbers from 0 to 1024");
-    if (!std::isfinite(options.file.blendCutoff.value_or(0)))
-        throw Error("--blend-cutoff must be a number");
+    CLI::Option &exact = *command.add_flag("--exact", options.exact, "No tolerances: all four are 0");
+    const auto add = [&](const char *name, double &value, const char *type, const char *text) {
+        command.add_option(name, value, text)->check(between(0, 1024))->type_name(type)->excludes(&exact);
+    };
+    add("--value-tolerance", tolerances.value, "ALPHA", "Of filtered alpha [2/255]");
+    add("--subtexel-tolerance", tolerances.subtexel, "TEXELS", "Of a sample's position [1/16]");
+    add("--barycentric-tolerance", tolerances.barycentric, "DISTANCE", "Of a hit's position, in barycentrics [1e-5]");
+    add("--interpolation-tolerance", tolerances.interpolation, "RATIO",
+        "Of texture coordinates, relative to the largest of a triangle [1e-6]");
+    command.option_defaults()->group(kGeneral);
+    command.add_flag("-q,--quiet", options.quiet, "Print errors only");
+    command.add_option("-j,--threads", options.file.threads, "Number of threads [one for each processor]")
+        ->check(wholeBetween(0, 1024))
+        ->type_name("COUNT");
 }
 
 VerifiedFile verifyFile(const std::string &path, const VerifyOptions &options)
@@ -107,10 +95,13 @@ VerifiedFile verifyFile(const std::string &path, const VerifyOptions &options)
     verify::FileOptions fileOptions = options.file;
     fileOptions.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     try {
-        const Document document(path);
+        const Document document = openDocument(path);
         file.report = verify::verifyDocument(document, fileOptions);
-        if (file.report.offences.empty() && !file.report.extension.empty())
-            file.surface = surfaceShares(document, readMicromaps(document));
+        if (file.report.findings.empty() && !file.report.stored.extension.empty())
+            file.surface = surfaceShares(document, file.report.stored);
+        file.micromaps = summariesOf(file.report.stored.micromaps);
+        file.extension = std::move(file.report.stored.extension);
+        file.report.stored = {}; // several files are reported together
     } catch (const GltfError &error) {
         file.error = error.what();
     }
@@ -119,26 +110,27 @@ VerifiedFile verifyFile(const std::string &path, const VerifyOptions &options)
 
 int verifyCommand(VerifyOptions &options)
 {
-    finishVerify(options);
+    if (options.exact)
+        options.file.tolerances = {0, 0, 0, 0};
+    if (options.quiet && !options.json)
+        discardReports();
     std::vector<VerifiedFile> files;
-    auto worst = Judgement::AllRight;
+    auto code = ExitCode::Success;
     for (const std::string &path : options.files) {
         VerifiedFile file = verifyFile(path, options);
-        const Judgement judgement = judgementOf(file, options.strict);
-        if (judgement != Judgement::AllRight && (worst == Judgement::AllRight || judgement < worst))
-            worst = judgement;
+        code = worse(code, exitCodeOf(file, options.strict));
         if (!file.error.empty())
             fmt::print(stderr, "vellum: {}\n", file.error);
         if (options.json) {
             files.push_back(std::move(file));
         } else {
-            printVerified(file);
+            printVerified(file, options.verbose);
             std::fflush(stdout);
         }
     }
     if (options.json)
         fmt::print("{}\n", verifiedJson(files, options.strict));
-    return static_cast<int>(worst);
+    return static_cast<int>(code);
 }
 
 } // namespace
@@ -146,8 +138,7 @@ int verifyCommand(VerifyOptions &options)
 std::function<int()> declareVerifyCommand(CLI::App &app)
 {
     const auto options = std::make_shared<VerifyOptions>();
-    declareVerify(*app.add_subcommand("verify", "Proves the micromaps of glTF files right, or finds what is wrong"),
-                  *options);
+    declareVerify(*app.add_subcommand("verify", "Checks the micromaps of glTF files against their textures"), *options);
     return [options] { return verifyCommand(*options); };
 }
 

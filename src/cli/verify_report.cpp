@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "cli/base/numbers.h"
-#include "cli/surface_report.h"
+#include "cli/base/report_parts.h"
 
 namespace vellum::cli
 {
@@ -28,7 +28,7 @@ const char *nameOf(State state)
     return "unknown-opaque";
 }
 
-// Of the JSON, too.
+// Of the JSON.
 const char *nameOf(Kind kind)
 {
     switch (kind) {
@@ -56,7 +56,7 @@ void print(const PrimitiveReport &primitive, const Finding &f)
     fmt::print("  {}: {}, {}: {}, {}, {}\n", what, primitive.name, placeOf(f), nameOf(f.state), value, test);
 }
 
-// As wide as it is printed, as far as that can be told.
+// The approximate width in columns.
 size_t codePoints(const std::string &text)
 {
     return static_cast<size_t>(
@@ -92,16 +92,16 @@ void printTable(const std::vector<Row> &rows)
     }
 }
 
-// Those of which something is to be said, where there are very many.
-void printPrimitives(const verify::FileReport &report)
+// Of very many primitives only those with findings, unless `verbose`.
+void printPrimitives(const verify::FileReport &report, bool verbose)
 {
-    constexpr size_t kMany = 40;
+    const size_t many = verbose ? ~size_t{0} : 40;
     std::vector<Row> rows;
     size_t triangles = 0;
     for (const PrimitiveReport &p : report.primitives) {
         const Counts &c = p.result.counts;
         const bool clean = c.of(Kind::Wrong) + c.of(Kind::OutsideMargins) + c.of(Kind::Needless) + c.open == 0;
-        if (report.primitives.size() <= kMany || !clean)
+        if (report.primitives.size() <= many || !clean)
             rows.push_back({p.name, p.triangles, c});
         triangles += p.triangles;
     }
@@ -121,8 +121,8 @@ void printTwoState(const Counts &c)
     if (all == 0)
         return;
     const auto share = [all](uint64_t part) { return 100.0 * static_cast<double>(part) / static_cast<double>(all); };
-    fmt::print("  2-state data, an approximation: {} micro-triangles, {:.2f} % as the texture is all over them, "
-               "{:.2f} % with both outcomes, {:.2f} % the other way round\n",
+    fmt::print("  2-state data, an approximation: {} micro-triangles, {:.2f} % match the texture all over, "
+               "{:.2f} % have both outcomes, {:.2f} % are reversed\n",
                grouped(all), share(c.twoStateTrue), share(c.twoStateMixed), share(c.twoStateReversed));
 }
 
@@ -134,7 +134,7 @@ void printDevice(const verify::FileReport &report)
     if (report.level4State >= 0)
         levels += fmt::format("{}4-state level {}", levels.empty() ? "" : ", ", report.level4State);
     fmt::print("  a device needs: {}{}\n", levels.empty() ? "no levels" : levels,
-               report.mixedSpecialIndices ? "; special indices beside others in one geometry" : "");
+               report.mixedSpecialIndices ? ", special and other indices in one geometry" : "");
 }
 
 void printFindings(const verify::FileReport &report)
@@ -154,7 +154,7 @@ void printFindings(const verify::FileReport &report)
         all += sum.findings[kind];
     }
     if (shown < all)
-        fmt::print("  and {} more (--max lists more)\n", grouped(all - shown));
+        fmt::print("  and {} more (--max-findings lists more)\n", grouped(all - shown));
 }
 
 void writeLevel(const char *name, int level, JsonWriter &json)
@@ -165,25 +165,28 @@ void writeLevel(const char *name, int level, JsonWriter &json)
 
 void write(const Counts &c, JsonWriter &json)
 {
-    json.member("microTriangles", c.microTriangles());
+    json.key("counts").beginObject().member("microTriangles", c.microTriangles());
     json.member("transparent", c.transparent).member("opaque", c.opaque).member("unknown", c.unknown);
     for (size_t kind = 0; kind < verify::kKinds; ++kind)
         json.member(nameOf(static_cast<Kind>(kind)), c.findings[kind]);
     json.member("open", c.open).key("twoState").beginObject();
-    json.member("true", c.twoStateTrue).member("mixed", c.twoStateMixed).member("reversed", c.twoStateReversed).end();
+    json.member("true", c.twoStateTrue).member("mixed", c.twoStateMixed).member("reversed", c.twoStateReversed);
+    json.end().end();
 }
 
 void write(const Finding &f, JsonWriter &json)
 {
     json.beginObject().member("kind", nameOf(f.kind)).member("triangle", f.triangle);
     json.member("microTriangle", f.microTriangle).member("level", f.level).member("special", f.special);
-    json.member("state", nameOf(f.state)).values("uv", std::array{f.u, f.v}).member("value", f.value).end();
+    json.member("state", kStateNames[static_cast<size_t>(f.state)])
+        .values("uv", std::array{f.u, f.v})
+        .member("value", f.value)
+        .end();
 }
 
 void write(const PrimitiveReport &p, JsonWriter &json)
 {
-    json.beginObject().member("mesh", p.place.mesh).member("primitive", p.place.primitive);
-    json.member("name", p.name).member("material", p.material);
+    json.beginObject().member("primitive", p.name).member("material", p.material);
     if (!p.caution.empty())
         json.member("caution", p.caution);
     json.key("cutoff");
@@ -197,91 +200,91 @@ void write(const PrimitiveReport &p, JsonWriter &json)
 void write(const VerifiedFile &file, bool strict, JsonWriter &json)
 {
     const verify::FileReport &r = file.report;
-    json.beginObject().member("file", file.path).member("code", static_cast<int>(judgementOf(file, strict)));
+    json.beginObject().member("file", file.path).member("exitCode", static_cast<int>(exitCodeOf(file, strict)));
     if (!file.error.empty()) {
         json.member("error", file.error).end();
         return;
     }
-    json.member("extension", r.extension).member("micromaps", r.micromaps);
+    json.member("extension", file.extension);
+    writeMicromaps(file.micromaps, json);
     writeLevel("level2State", r.level2State, json);
     writeLevel("level4State", r.level4State, json);
     json.member("mixedSpecialIndices", r.mixedSpecialIndices);
-    json.list("offences", r.offences, [&](const MicromapOffence &o) {
-        json.beginObject().member("place", o.place).member("message", o.message).end();
-    });
-    json.list("unverified", r.unverified, [&](const verify::Unverified &u) {
-        json.beginObject().member("place", u.name).member("reason", u.reason).end();
-    });
+    json.key("findings").beginArray();
+    for (const MicromapFinding &finding : r.findings)
+        writeFinding("structure", finding.place, finding.message, json);
+    for (const verify::Unverified &unverified : r.unverified)
+        writeFinding("unverified", unverified.name, unverified.reason, json);
+    json.end();
     write(r.counts(), json);
-    cli::write(file.surface, json.key("surface"));
+    writeSurface(file.surface, json);
     json.list("primitives", r.primitives, [&](const PrimitiveReport &p) { write(p, json); });
     json.end();
 }
 
 } // namespace
 
-Judgement judgementOf(const VerifiedFile &file, bool strict)
+ExitCode exitCodeOf(const VerifiedFile &file, bool strict)
 {
     const verify::FileReport &report = file.report;
     const Counts sum = report.counts();
-    if (!file.error.empty())
-        return Judgement::Unreadable;
-    if (!report.unverified.empty())
-        return Judgement::Unreadable;
-    if (!report.offences.empty())
-        return Judgement::Structure;
+    if (!file.error.empty() || !report.unverified.empty())
+        return ExitCode::Failed;
+    if (!report.findings.empty())
+        return ExitCode::InvalidMicromaps;
     if (sum.of(Kind::Wrong) > 0)
-        return Judgement::Wrong;
+        return ExitCode::WrongClaims;
     if (!strict)
-        return Judgement::AllRight;
-    if (report.extension.empty())
-        return Judgement::NoMicromaps;
+        return ExitCode::Success;
+    if (file.extension.empty())
+        return ExitCode::NoMicromaps;
     const bool cautious = std::any_of(report.primitives.begin(), report.primitives.end(),
                                       [](const PrimitiveReport &p) { return !p.caution.empty(); });
     if (cautious || sum.of(Kind::OutsideMargins) + sum.open > 0)
-        return Judgement::OutsideMargins;
-    return sum.of(Kind::Needless) > 0 ? Judgement::Needless : Judgement::AllRight;
+        return ExitCode::UncertainClaims;
+    return sum.of(Kind::Needless) > 0 ? ExitCode::NeedlesslyUnknown : ExitCode::Success;
 }
 
-void printVerified(const VerifiedFile &file)
+void printVerified(const VerifiedFile &file, bool verbose)
 {
     const verify::FileReport &report = file.report;
     if (!file.error.empty()) {
-        fmt::print("{}\n  cannot be read\n", file.path); // the reason is said elsewhere
+        fmt::print("{}\n  cannot be read\n", file.path); // the reason goes to stderr
         return;
     }
-    if (!report.offences.empty()) {
-        fmt::print("{}: {}\n", file.path, report.extension.empty() ? "micromaps" : report.extension);
-        for (const MicromapOffence &offence : report.offences)
-            fmt::print("  structure: {}: {}\n", offence.place, offence.message);
-        fmt::print("  what the micromaps say was not looked at\n");
+    if (!report.findings.empty()) {
+        fmt::print("{}: invalid micromaps\n", file.path);
+        for (const MicromapFinding &finding : report.findings)
+            fmt::print("  structure: {}: {}\n", finding.place, finding.message);
+        fmt::print("  the states were not verified\n");
         return;
     }
-    if (report.extension.empty()) {
+    if (file.extension.empty()) {
         fmt::print("{}: no micromaps\n", file.path);
         return;
     }
-    fmt::print("{}: {}, {}, structure all right\n", file.path, report.extension, counted(report.micromaps, "micromap"));
+    fmt::print("{}: {}, {}, valid structure\n", file.path, file.extension, counted(file.micromaps.size(), "micromap"));
     printDevice(report);
-    printPrimitives(report);
+    printPrimitives(report, verbose);
     if (file.surface)
         fmt::print("  {}\n", describe(*file.surface));
     const Counts sum = report.counts();
     printTwoState(sum);
     for (const PrimitiveReport &p : report.primitives)
         if (!p.caution.empty())
-            fmt::print("  caution: {}: {}: verified without that\n", p.name, p.caution);
+            fmt::print("  caution: {}: {}: verified without it\n", p.name, p.caution);
     for (const verify::Unverified &u : report.unverified)
         fmt::print("  not verified: {}: {}\n", u.name, u.reason);
     printFindings(report);
     if (sum.open > 0)
-        fmt::print("  left open: {} claims that are too close to call, or take too long\n", grouped(sum.open));
+        fmt::print("  undecided: {} claims that are too close to call, or take too long\n", grouped(sum.open));
 }
 
 std::string verifiedJson(const std::vector<VerifiedFile> &files, bool strict)
 {
     JsonWriter json;
-    json.beginObject().list("files", files, [&](const VerifiedFile &file) { write(file, strict, json); });
+    beginReport(json, "verify");
+    json.list("files", files, [&](const VerifiedFile &file) { write(file, strict, json); });
     return json.end().text();
 }
 

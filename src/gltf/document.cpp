@@ -1,18 +1,30 @@
 #include "gltf/document.h"
 
+#include "gltf/file/outside_file.h"
 #include "gltf/file/printable.h"
 
 namespace vellum
 {
 
-Document::Document(const std::filesystem::path &path) : path_(path)
+template <typename ReadBytes>
+void Document::read(ReadBytes &&readBytes)
 {
     named([&] {
-        container_ = std::make_unique<Container>(readContainer(path));
+        container_ = std::make_unique<Container>(findContainer(readBytes()));
         tree_ = std::make_unique<JsonTree>(container_->json());
-        model_ = std::make_unique<gltf_json::Model>(gltf_json::readModel(*container_, *tree_, path.parent_path()));
+        model_ = std::make_unique<gltf_json::Model>(gltf_json::readModel(*container_, *tree_, path_.parent_path()));
         bufferViews_ = std::make_unique<BufferViews>(*model_);
     });
+}
+
+Document::Document(const std::filesystem::path &path) : path_(path)
+{
+    read([&] { return readWholeFile(path); });
+}
+
+Document::Document(const std::filesystem::path &path, std::vector<uint8_t> bytes) : path_(path)
+{
+    read([&] { return std::move(bytes); });
 }
 
 std::span<const uint8_t> Document::otherChunks() const

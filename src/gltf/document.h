@@ -29,8 +29,10 @@ class Document
 {
 public:
     // Reads a .glb or .gltf file and the buffers and images beside it. Throws GltfError for a file that cannot be read
-    // or is not glTF 2. What the file says of accessors, nodes and so on is checked where it is read.
+    // or is not glTF 2. Accessors, nodes and so on are checked where they are read.
     explicit Document(const std::filesystem::path &path);
+    // The same for the bytes of such a file, which is called `path` and names other files relative to it.
+    Document(const std::filesystem::path &path, std::vector<uint8_t> bytes);
 
     [[nodiscard]] const std::filesystem::path &path() const { return path_; }
     // Images are left encoded: in the file that Image::uri names, else in Image::data, else in their buffer view.
@@ -71,6 +73,8 @@ public:
     }
 
 private:
+    template <typename ReadBytes>
+    void read(ReadBytes &&readBytes);
     [[nodiscard]] std::string withPath(std::string message) const;
 
     std::filesystem::path path_;

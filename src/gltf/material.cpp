@@ -152,10 +152,14 @@ EncodedImage readEncodedImage(const Document &document, int index)
     });
 }
 
+Image decodeImage(const Document &document, int index, const EncodedImage &encoded)
+{
+    return document.named([&] { return decodeImage(encoded.bytes(), nameOfImage(document, index)); });
+}
+
 Image readImage(const Document &document, int index)
 {
-    const EncodedImage encoded = readEncodedImage(document, index);
-    return document.named([&] { return decodeImage(encoded.bytes(), nameOfImage(document, index)); });
+    return decodeImage(document, index, readEncodedImage(document, index));
 }
 
 AlphaTexture alphaTexture(const Material &material, const Image &image)

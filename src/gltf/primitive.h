@@ -34,9 +34,9 @@ struct Material {
     Filter filter = Filter::Bilinear; // magFilter: what mip level 0 is read with
 
     // Alpha-tested: alphaMode MASK, or BLEND, which is treated as a mask.
-    // The texture has another image, too, for those who know an extension that is not known here
-    // ("KHR_texture_basisu"), or for those who do not know one that is (EXT_texture_webp). Empty where there is one
-    // image for all.
+    // The texture also has another image: by an extension that is not supported here ("KHR_texture_basisu"), or for
+    // readers that do not support one that is used here (EXT_texture_webp). Empty if all readers use the same
+    // image.
     std::string unreadImage;
     std::string otherImage;
 
@@ -58,7 +58,7 @@ struct Primitive {
     // texture or the primitive no such set.
     std::vector<TexCoord> uvs;
     // Renderers apply uvTransform in single precision, with errors that are relative to the terms that are added up,
-    // and those may cancel out. No sum of a vertex' terms, signs left out, is larger than this power of two; 0 without
+    // and those may cancel out. No sum of the absolute terms of a vertex is larger than this power of two; 0 without
     // a transform.
     float uvTerms = 0;
     // COLOR_0's alpha, which the texture's is multiplied with; none where it is 1 all over.
@@ -86,9 +86,9 @@ bool isMadeOfTriangles(const Document &document, PrimitivePlace place);
 // -1 gives the default material.
 Material readMaterial(const Document &document, int material);
 
-// glTF leaves it open what a primitive without positions is: it is read for its texture coordinates with Leave, and is
+// glTF leaves it open what a primitive without positions is: it is read for its texture coordinates with Skip, and is
 // GltfUnsupported with Read.
-enum class Positions : uint8_t { Read, Leave };
+enum class Positions : uint8_t { Read, Skip };
 Primitive readPrimitive(const Document &document, PrimitivePlace place, Positions positions);
 
 // `components` floats for each vertex of any attribute, also one that is compressed with the mesh.
@@ -103,6 +103,8 @@ struct EncodedImage {
 };
 EncodedImage readEncodedImage(const Document &document, int image);
 
+Image decodeImage(const Document &document, int image, const EncodedImage &encoded);
+// Reads and decodes it.
 Image readImage(const Document &document, int image);
 
 // The alpha of a material's texture as its sampler reads it, times the base colour factor's; one texel of that factor

@@ -55,8 +55,8 @@ struct Scene {
 // Reads the default scene (the first where none is named; without scenes, all nodes, and without nodes, all meshes).
 // A mesh that several nodes show, or EXT_mesh_gpu_instancing shows several times, is one mesh with several instances.
 // Morph targets have their default weights. Skinned meshes are in their rest pose, where the joints put them: each is
-// a mesh of its own. Points, lines, cameras and animations are left out, and so is the image of a material that is not
-// masked where its kind is not supported.
+// a mesh of its own. Points, lines, cameras and animations are skipped, and so is the image of a material that is not
+// masked if its kind is not supported.
 // Throws GltfError for a file that cannot be read, contradicts itself, has no triangles, has masked triangles without
 // texture coordinates for their texture, or asks for more than 2^20 instances or 2^26 vertices.
 // For measuring, there are no images, and masked triangles may lack texture coordinates.

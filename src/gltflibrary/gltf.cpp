@@ -18,7 +18,7 @@ namespace vellum::library
 VELLUM_STRUCTURE(VellumGltfInfo, primitiveCount);
 VELLUM_STRUCTURE(VellumGltfMicromapInfo, usageCount);
 VELLUM_STRUCTURE(VellumGltfPrimitiveInfo, reserved);
-VELLUM_STRUCTURE(VellumGltfBakeOptions, left);
+VELLUM_STRUCTURE(VellumGltfBakeOptions, skipped);
 VELLUM_STRUCTURE(VellumGltfBakeInfo, reserved);
 
 VellumGltfBakeOptions Structure<VellumGltfBakeOptions>::defaults()
@@ -123,8 +123,8 @@ FileBakeOptions readFileOptions(const VellumBakeOptions &bake, const VellumGltfB
         throw invalid("blendCutoff is not a number");
     if ((given.flags & VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT) != 0)
         options.blendCutoff = given.blendCutoff;
-    options.leaveMaterials = patterns("leaveMaterials", given.leaveMaterials, given.leaveMaterialCount);
-    options.leaveMeshes = patterns("leaveMeshes", given.leaveMeshes, given.leaveMeshCount);
+    options.excludedMaterials = patterns("excludedMaterials", given.excludedMaterials, given.excludedMaterialCount);
+    options.excludedMeshes = patterns("excludedMeshes", given.excludedMeshes, given.excludedMeshCount);
     return options;
 }
 
@@ -133,9 +133,9 @@ VellumGltfBakeInfo infoOf(const FileBake &made)
     VellumGltfBakeInfo info{};
     info.micromapCount = made.bake.micromaps.size();
     info.primitiveCount = made.bake.primitives.size();
-    info.leftCount = made.bake.left.size();
+    info.skippedCount = made.bake.skipped.size();
     for (const StoredMicromap &micromap : made.bake.micromaps)
-        info.micromapSize += micromap.data.size() + sizeof(MicromapTriangle) * micromap.triangles.size();
+        info.micromapSize += micromap.bytes();
     info.inputSize = made.inputBytes;
     info.outputSize = made.outputBytes;
     info.replaced = made.replaced ? 1 : 0;
@@ -223,16 +223,17 @@ size_t vellumFindGltfPrimitive(const VellumGltf *gltf, uint32_t mesh, uint32_t p
     return static_cast<size_t>(found - gltf->primitives.begin());
 }
 
-VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback offence,
+VellumResult vellumCheckGltf(const char *path, size_t most, VellumGltfNoteCallback finding,
                              VellumMessageCallback message, void *userData)
 {
     return guarded(message, userData, [&] {
-        if (offence == nullptr)
-            throw invalid("there is no callback for offences");
+        if (finding == nullptr)
+            throw invalid("there is no callback for findings");
         const std::filesystem::path file = pathOf("path", path);
-        const std::vector<MicromapOffence> found = ofFile([&] { return findMicromapOffences(Document(file), most); });
+        const std::vector<MicromapFinding> found =
+            ofFile([&] { return checkMicromaps(Document(file), most).findings; });
         for (size_t i = 0; i < found.size() && i < most; ++i)
-            offence(userData, found[i].place.c_str(), found[i].message.c_str());
+            finding(userData, found[i].place.c_str(), found[i].message.c_str());
     });
 }
 
@@ -271,8 +272,8 @@ VellumResult vellumBakeGltf(const char *input, const char *output, const VellumB
         });
         if (info != nullptr)
             fill(info, infoOf(made));
-        if (gltf.left != nullptr)
-            for (size_t i = 0; i < made.leftNames.size(); ++i)
-                gltf.left(known.userData, made.leftNames[i].c_str(), made.bake.left[i].reason.c_str());
+        if (gltf.skipped != nullptr)
+            for (const SkippedPrimitive &primitive : made.bake.skipped)
+                gltf.skipped(known.userData, primitive.name.c_str(), primitive.reason.c_str());
     });
 }

@@ -69,7 +69,7 @@ public:
     Callbacks(const Callbacks &) = delete;
     Callbacks &operator=(const Callbacks &) = delete;
 
-    // Whether `progress` ended the bake, be it at its last triangle.
+    // Whether `progress` ended the bake, even at its last triangle.
     [[nodiscard]] bool stopped() const { return stopped_; }
 
 private:
@@ -77,8 +77,8 @@ private:
     std::atomic<bool> stopped_{false};
 };
 
-// What options of any version say: the part that is known here, or the defaults for null. Who to tell of mistakes is
-// among what may be mistaken, so that readOptionsOf() comes before guarded() with a callback.
+// Options of any version: the part that is known here, or the defaults for null. The callback for errors is one of the
+// options that can be wrong, so readOptionsOf() comes before guarded() with a callback.
 template <typename T>
 VellumResult readOptionsOf(const T *given, T &known) noexcept
 {

@@ -212,7 +212,7 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     options.disallowMixedSpecialIndices = (given.flags & VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT) != 0;
     if (given.budget != VELLUM_NO_BUDGET)
         options.budget = given.budget;
-    options.worthwhile = within("worthwhile", given.worthwhile, 1, "0 to 1");
+    options.minKnown = within("minKnown", given.minKnown, 1, "0 to 1");
     options.valueTolerance = within("valueTolerance", given.valueTolerance, kFinite, kNotNegative);
     options.subtexelTolerance = within("subtexelTolerance", given.subtexelTolerance, 1024, "0 to 1024");
     options.barycentricTolerance = within("barycentricTolerance", given.barycentricTolerance, 1, "0 to 1");

@@ -12,7 +12,7 @@
 namespace vellum::library
 {
 
-// Throws Failure. Callbacks, `budget` included, are left out of neither.
+// Throws Failure. Reads everything but the callbacks.
 BakeOptions readOptions(const VellumBakeOptions &options);
 
 // The inputs of a bake, and what they point to.

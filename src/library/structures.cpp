@@ -41,7 +41,7 @@ VellumBakeOptions Structure<VellumBakeOptions>::defaults()
     options.texelsPerEdge = core.texelsPerEdge;
     options.compareOp = VELLUM_COMPARE_OP_GREATER_OR_EQUAL;
     options.budget = VELLUM_NO_BUDGET;
-    options.worthwhile = core.worthwhile;
+    options.minKnown = core.minKnown;
     options.valueTolerance = core.valueTolerance;
     options.subtexelTolerance = core.subtexelTolerance;
     options.barycentricTolerance = core.barycentricTolerance;

@@ -82,7 +82,7 @@ void checkUnknownPart(const T *given)
                       std::string(Structure<T>::kName) + " uses members that this version of libvellum does not know");
 }
 
-// What vellumInit...() does: the defaults, and nothing for a structure without room for structSize.
+// Implements vellumInit...(): sets the defaults; does nothing for a structure that cannot hold structSize.
 template <typename T>
 void initialize(T *structure, size_t structSize)
 {
@@ -94,7 +94,7 @@ void initialize(T *structure, size_t structSize)
     std::memcpy(static_cast<void *>(structure), &values, std::min(structSize, sizeof values));
 }
 
-// Fills what the caller knows of a structure; whose structSize stays.
+// Fills the part of a structure that the caller knows, except structSize.
 template <typename T>
 void fill(T *given, T values)
 {

@@ -45,7 +45,7 @@ private:
     void describe();
     void verifyMaterial(int number, const std::vector<PrimitivePlace> &places);
     void verifyPrimitive(PrimitivePlace place, const Material &material, const Texels &texels);
-    void leave(PrimitivePlace place, const std::string &reason);
+    void skip(PrimitivePlace place, const std::string &reason);
     [[nodiscard]] std::string cautionFor(PrimitivePlace place, const Primitive &primitive,
                                          const Material &material) const;
     // One that has the same triangles and says the same of them; nothing where there is none.
@@ -55,7 +55,6 @@ private:
     const Document &document_;
     const FileOptions &options_;
     ChangingAlpha changing_;
-    StoredMicromaps stored_;
     FileReport report_;
     // Of the primitives with one material, by a hash of what decides their results: into report_.primitives.
     std::map<uint64_t, size_t> verified_;
@@ -67,17 +66,15 @@ private:
 // What a device must be able to do.
 void FileVerifier::describe()
 {
-    report_.extension = stored_.extension;
-    report_.micromaps = stored_.micromaps.size();
     work_ = options_.fileWork;
-    for (const StoredMicromap &micromap : stored_.micromaps) {
+    for (const StoredMicromap &micromap : report_.stored.micromaps) {
         work_ += options_.workForByte * micromap.data.size();
         for (const MicromapTriangle &t : micromap.triangles) {
             int &level = t.format == Format::TwoState ? report_.level2State : report_.level4State;
             level = std::max<int>(level, t.subdivisionLevel);
         }
     }
-    for (const auto &[place, primitive] : stored_.primitives) {
+    for (const auto &[place, primitive] : report_.stored.primitives) {
         total_ += primitive.indices.size();
         const auto special =
             std::count_if(primitive.indices.begin(), primitive.indices.end(), [](int32_t index) { return index < 0; });
@@ -86,7 +83,7 @@ void FileVerifier::describe()
     }
 }
 
-void FileVerifier::leave(PrimitivePlace place, const std::string &reason)
+void FileVerifier::skip(PrimitivePlace place, const std::string &reason)
 {
     report_.unverified.push_back({place, document_.nameOf(place), reason});
 }
@@ -104,7 +101,7 @@ std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &prim
     if (primitive.twofold)
         add("its uncompressed data has other triangles than its compressed data");
     if (material.masked() && !material.unreadImage.empty())
-        add("its texture has an image that is not read here (" + material.unreadImage + ")");
+        add("its texture has an image that is not supported (" + material.unreadImage + ")");
     if (material.masked() && !material.otherImage.empty())
         add("its texture has another image for those who do not know " + material.otherImage);
     return caution;
@@ -113,7 +110,7 @@ std::string FileVerifier::cautionFor(PrimitivePlace place, const Primitive &prim
 const PrimitiveReport *FileVerifier::twinOf(PrimitivePlace place, const std::vector<TriangleCorners> &triangles,
                                             const Material &material)
 {
-    const PrimitiveMicromap &stored = stored_.primitives.at(place);
+    const PrimitiveMicromap &stored = report_.stored.primitives.at(place);
     const auto hash = [](const auto &values, uint64_t seed) {
         return hashBytes(values.data(), values.size() * sizeof(values.front()), seed);
     };
@@ -122,25 +119,25 @@ const PrimitiveReport *FileVerifier::twinOf(PrimitivePlace place, const std::vec
     if (isNew)
         return nullptr;
     const PrimitiveReport &other = report_.primitives[found->second];
-    const PrimitiveMicromap &its = stored_.primitives.at(other.place);
-    const bool same =
-        its.micromap == stored.micromap && its.baseTriangle == stored.baseTriangle && its.indices == stored.indices &&
-        cornersOf(readPrimitive(document_, other.place, Positions::Leave), material.masked()) == triangles;
+    const PrimitiveMicromap &its = report_.stored.primitives.at(other.place);
+    const bool same = its.micromap == stored.micromap && its.baseTriangle == stored.baseTriangle &&
+                      its.indices == stored.indices &&
+                      cornersOf(readPrimitive(document_, other.place, Positions::Skip), material.masked()) == triangles;
     return same ? &other : nullptr;
 }
 
 void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &material, const Texels &texels)
 {
-    const Primitive primitive = readPrimitive(document_, place, Positions::Leave);
-    const PrimitiveMicromap &stored = stored_.primitives.at(place);
+    const Primitive primitive = readPrimitive(document_, place, Positions::Skip);
+    const PrimitiveMicromap &stored = report_.stored.primitives.at(place);
     if (stored.indices.size() != primitive.triangleCount())
         throw GltfError("it has " + std::to_string(primitive.triangleCount()) + " triangles and " +
                         std::to_string(stored.indices.size()) + " micromap indices");
     if (material.masked() && material.image >= 0 && primitive.uvs.empty())
-        return leave(place, "it has no texture coordinates (TEXCOORD_" + std::to_string(material.uvSet) + ")");
+        return skip(place, "it has no texture coordinates (TEXCOORD_" + std::to_string(material.uvSet) + ")");
     const std::vector<TriangleCorners> triangles = cornersOf(primitive, material.masked());
     if (work_ == 0)
-        return leave(place, "the file takes too long to verify");
+        return skip(place, "the file takes too long to verify");
     const PrimitiveReport *twin = twinOf(place, triangles, material);
     Options options = options_;
     // Without an alpha test everything is opaque.
@@ -173,7 +170,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
             options_.progress(done_ + stored.indices.size(), total_);
     } else {
         options.work = work_;
-        report.result = verify(texels, triangles, *stored_.of(place), options);
+        report.result = verify(texels, triangles, *report_.stored.of(place), options);
         report_.work += report.result.work;
         work_ -= std::min(work_, report.result.work);
     }
@@ -205,24 +202,25 @@ void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> 
             if (texels)
                 verifyPrimitive(place, material, *texels);
             else
-                leave(place, document_.reasonOf(place, *unreadable));
+                skip(place, document_.reasonOf(place, *unreadable));
         } catch (const GltfError &error) {
-            leave(place, document_.reasonOf(place, error));
+            skip(place, document_.reasonOf(place, error));
         }
-        done_ += stored_.primitives.at(place).indices.size();
+        done_ += report_.stored.primitives.at(place).indices.size();
     }
 }
 
 FileReport FileVerifier::operator()()
 {
-    report_.offences = findMicromapOffences(document_, options_.maxOffences);
-    if (!report_.offences.empty())
+    CheckedMicromaps checked = checkMicromaps(document_, options_.maxStructureFindings);
+    report_.findings = std::move(checked.findings);
+    if (!report_.findings.empty())
         return std::move(report_);
-    stored_ = readMicromaps(document_);
+    report_.stored = std::move(checked.stored);
     describe();
     std::map<int, std::vector<PrimitivePlace>> byMaterial;
     const auto &meshes = document_.model().meshes;
-    for (const auto &[place, primitive] : stored_.primitives)
+    for (const auto &[place, primitive] : report_.stored.primitives)
         byMaterial[meshes.at(place.mesh).primitives.at(place.primitive).material].push_back(place);
     for (const auto &[material, places] : byMaterial)
         verifyMaterial(material, places);

@@ -49,7 +49,7 @@ public:
         *this = rest;
     }
 
-    // What lies in a box.
+    // The part inside a box.
     void cut(double left, double right, double top, double bottom)
     {
         cut(&Point::x, left, -1);

@@ -122,8 +122,8 @@ Result verify(const AlphaTexture &texture, std::span<const TriangleCorners> tria
 Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
               const Options &options)
 {
-    if (const auto offence = micromap.validate())
-        throw std::invalid_argument(*offence);
+    if (const auto finding = micromap.validate())
+        throw std::invalid_argument(*finding);
     if (micromap.indices.size() != triangles.size())
         throw std::invalid_argument("a micromap with " + std::to_string(micromap.indices.size()) + " indices for " +
                                     std::to_string(triangles.size()) + " triangles");

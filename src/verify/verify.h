@@ -1,5 +1,5 @@
-// Verification: whether what a micromap says of its triangles is true of their texture, by a method that has nothing in
-// common with the baker's (docs/design/verifier.md).
+// Verification: whether the states of a micromap hold for the texture, by a method that shares nothing with the baker's
+// (docs/design/verifier.md).
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@ struct Options {
     // 0 takes one for each processor. The result does not depend on it.
     unsigned threads = 0;
     // The most work to do for all triangles together, in parts of triangles looked at; a fraction of a microsecond
-    // each. What is left then is counted as open, and not by what it says.
+    // each. The rest is counted as open, and not by its states.
     uint64_t work = ~uint64_t{0};
     // Called now and then, by one thread at a time, with triangles done and in all.
     std::function<void(size_t done, size_t total)> progress;
@@ -42,8 +42,8 @@ struct Options {
 };
 
 enum class Kind : uint8_t {
-    Wrong,          // it says opaque or transparent, and is not so everywhere
-    OutsideMargins, // the claim is true, but not of what GPUs may do around it
+    Wrong,          // opaque or transparent, but not everywhere
+    OutsideMargins, // the claim holds, but not with the margins of GPUs
     Needless,       // unknown, though it is opaque or transparent with all margins
 };
 inline constexpr size_t kKinds = 3;
@@ -65,7 +65,7 @@ struct Finding {
 
 // Of micro-triangles, with a special index counting as one.
 struct Counts {
-    uint64_t opaque = 0; // by what the micromap says, 2-state data left out
+    uint64_t opaque = 0; // by the micromap, without 2-state data
     uint64_t transparent = 0;
     uint64_t unknown = 0;
     std::array<uint64_t, kKinds> findings{}; // by Kind

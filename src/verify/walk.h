@@ -10,15 +10,15 @@ namespace vellum::verify
 // lattice of twice as many steps.
 std::array<MicroCorners, 4> childrenOnCurve(const MicroCorners &corners);
 
-// What a micromap says of one triangle.
+// The claims of a micromap about one triangle.
 struct Claims {
-    const uint8_t *data; // packed states; none where there is a special index
+    const uint8_t *data; // packed states; null for a special index
     State special;
     uint32_t level;
     Format format;
 };
 
-// Adds up what is found; lists findings, too, as long as `list` has room for their kind.
+// Counts findings, and lists them until `list` has Options::maxFindings of a kind.
 class TriangleWalk
 {
 public:
@@ -26,7 +26,7 @@ public:
     TriangleWalk(const Texels &texels, const TriangleCorners &triangle, const Claims &claims, const Options &options,
                  uint64_t work, std::vector<Finding> *list);
     Counts operator()();
-    // What it took, and what it takes at least.
+    // The work that was done, and the least that it takes.
     [[nodiscard]] uint64_t worked() const;
     [[nodiscard]] static uint64_t leastWork(const Claims &claims);
 

@@ -119,7 +119,7 @@ TEST(BakeCommand, TheInputIsNeverWritten)
     }
 }
 
-TEST(BakeCommand, AsksForWhatIsClear)
+TEST(BakeCommand, RejectsUnclearOperandsAndOptions)
 {
     const TemporaryFolder folder;
     fs::create_directories(folder / "a");
@@ -132,20 +132,30 @@ TEST(BakeCommand, AsksForWhatIsClear)
     const std::string out = (folder / "out").string();
     const std::vector<std::vector<std::string>> cases = {
         {"bake"},
-        {"bake", a, b},
+        {"bake", a, b, out},
+        {"bake", (folder / "a").string()},
         {"bake", a, b, "-o", a},
         {"bake", a, b, "-o", out},
-        {"bake", (folder / "none").string(), "-o", out},
-        {"bake", (folder / "no.glb").string(), "-o", out},
-        {"bake", a, "-o", (folder / "x.gltf").string()},
+        {"bake", a, "-o", "-", "--json"},
+        {"bake", a, "-", "-o", out},
+        {"bake", "-", "-o", (folder / "a").string()},
         {"bake", a, "-o", out, "--level", "13"},
         {"bake", a, "-o", out, "--budget", "2T"},
-        {"bake", a, "-o", out, "--worthwhile", "7"},
+        {"bake", a, "-o", out, "--min-known", "7"},
         {"bake", a, "-o", out, "--report", "--json"},
         {"bake", a, "-o", out, "--exact", "--value-tolerance", "0.1"},
         {"verify", a, "--exact", "--subtexel-tolerance", "0.1"},
     };
     for (const std::vector<std::string> &arguments : cases) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, 2) << arguments.back();
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_FALSE(fs::exists(out)) << arguments.back();
+    }
+    for (const std::vector<std::string> &arguments :
+         {std::vector<std::string>{"bake", (folder / "none").string(), "-o", out},
+          {"bake", (folder / "no.glb").string(), "-o", out},
+          {"bake", a, "-o", (folder / "x.gltf").string()}}) {
         const Outcome outcome = runVellum(arguments);
         EXPECT_EQ(outcome.exitCode, 1) << arguments.back();
         EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
@@ -300,9 +310,10 @@ TEST(BakeCommand, SaysWhatLosesItsMicromap)
     writeFile(folder / "tree.glb", cardGlb());
     EXPECT_EQ(runVellum({"bake", (folder / "tree.glb").string()}).exitCode, 0);
     const std::vector<std::string> bake = {
-        "bake", (folder / "tree.omm.glb").string(), "-o", (folder / "out.glb").string(), "--leave-material", "leaf"};
-    for (const auto &[option, text] : {std::pair{"", "left out (1 lost its micromap)"},
-                                       {"--report", "as asked for; its micromap was removed"},
+        "bake",   (folder / "tree.omm.glb").string(), "-o", (folder / "out.glb").string(), "--exclude-material", "leaf",
+        "--force"};
+    for (const auto &[option, text] : {std::pair{"", "skipped (1 lost its micromap)"},
+                                       {"--report", "it is excluded; its micromap was removed"},
                                        {"--json", "\"hadMicromap\": true"}}) {
         std::vector<std::string> arguments = bake;
         if (*option != 0)
@@ -346,4 +357,100 @@ TEST(BakeCommand, TheOutputDoesNotDependOnTheNumberOfThreads)
     for (const char *threads : {"1", "4"})
         runVellum({"bake", (folder / "tree.glb").string(), "-o", (folder / threads).string() + ".glb", "-j", threads});
     EXPECT_EQ(readFile(folder / "1.glb"), readFile(folder / "4.glb"));
+}
+
+TEST(BakeCommand, TakesInAndOut)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb());
+    fs::create_directories(folder / "out");
+    const std::string tree = (folder / "tree.glb").string();
+    EXPECT_EQ(runVellum({"bake", tree, (folder / "baked.glb").string()}).exitCode, 0);
+    EXPECT_EQ(runVellum({"bake", tree, (folder / "out").string()}).exitCode, 0);
+    EXPECT_EQ(runVellum({"bake", (folder / "out").string(), (folder / "all").string()}).exitCode, 0);
+    EXPECT_EQ(entries(folder.path()),
+              (std::vector<std::string>{"all", "all/tree.glb", "baked.glb", "out", "out/tree.glb", "tree.glb"}));
+    EXPECT_EQ(bakedPrimitives(folder / "baked.glb"), 1u);
+    EXPECT_EQ(readFile(folder / "baked.glb"), readFile(folder / "out/tree.glb"));
+}
+
+TEST(BakeCommand, ReplacesOnlyItsOwnOutputs)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb());
+    const Bytes other = cardGlb({{"\"leaf\"", "\"oak\""}});
+    writeFile(folder / "other.glb", other);
+    const std::vector<std::string> bake = {"bake", (folder / "tree.glb").string(), (folder / "other.glb").string()};
+    const Outcome rejected = runVellum(bake);
+    EXPECT_EQ(rejected.exitCode, 1);
+    EXPECT_EQ(rejected.errorLines(), 1) << rejected.errors;
+    EXPECT_NE(rejected.errors.find("--force"), std::string::npos) << rejected.errors;
+    EXPECT_EQ(readFile(folder / "other.glb"), other);
+    EXPECT_EQ(runVellum({"bake", bake[1], bake[2], "--force"}).exitCode, 0);
+    EXPECT_EQ(bakedPrimitives(folder / "other.glb"), 1u);
+    // Now it is an output, which another bake replaces.
+    EXPECT_EQ(runVellum({"bake", bake[1], bake[2], "--level", "2"}).exitCode, 0);
+    // So is an unchanged copy of the input.
+    const Bytes plain = cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}});
+    writeFile(folder / "plain.glb", plain);
+    for (int i = 0; i < 2; ++i)
+        EXPECT_EQ(runVellum({"bake", (folder / "plain.glb").string()}).exitCode, 0);
+    EXPECT_EQ(readFile(folder / "plain.omm.glb"), plain);
+}
+
+TEST(BakeCommand, ADryRunWritesNothing)
+{
+    const TemporaryFolder folder;
+    writeCardGltf(folder / "tree.gltf");
+    const std::vector<std::string> before = entries(folder.path());
+    const Outcome outcome =
+        runVellum({"bake", (folder / "tree.gltf").string(), (folder / "out").string() + "/", "--dry-run", "--report"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_NE(outcome.output.find("mesh 0 primitive 0"), std::string::npos) << outcome.output;
+    EXPECT_NE(outcome.output.find("nothing was written"), std::string::npos) << outcome.output;
+    EXPECT_EQ(entries(folder.path()), before);
+}
+
+TEST(BakeCommand, QuietPrintsErrorsOnly)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb());
+    const Outcome quiet = runVellum({"bake", "-q", (folder / "tree.glb").string()});
+    EXPECT_EQ(quiet.exitCode, 0);
+    EXPECT_EQ(quiet.output + quiet.errors, "");
+    const Outcome wrong = runVellum({"bake", "-q", (folder / "none.glb").string()});
+    EXPECT_EQ(wrong.exitCode, 1);
+    EXPECT_EQ(wrong.errorLines(), 1);
+}
+
+TEST(BakeCommand, RequiresMicromapsOnRequest)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"BLEND\""}}));
+    const std::string tree = (folder / "tree.glb").string();
+    EXPECT_EQ(runVellum({"bake", tree}).exitCode, 0);
+    const Outcome none = runVellum({"bake", tree, "--require-micromaps"});
+    EXPECT_EQ(none.exitCode, 7);
+    EXPECT_EQ(none.errorLines(), 1) << none.errors;
+    EXPECT_EQ(runVellum({"bake", tree, "--require-micromaps", "--blend", "--force"}).exitCode, 0);
+}
+
+TEST(BakeCommand, IsAFilter)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "tree.glb", cardGlb());
+    const std::string tree = (folder / "tree.glb").string();
+    EXPECT_EQ(runVellum({"bake", tree}).exitCode, 0);
+    const Outcome piped = runVellum({"bake", "-", "-"}, {}, folder / "tree.glb");
+    EXPECT_EQ(piped.exitCode, 0) << piped.errors;
+    EXPECT_EQ(Bytes(piped.output.begin(), piped.output.end()), readFile(folder / "tree.omm.glb"));
+    EXPECT_NE(piped.errors.find("1 primitive"), std::string::npos) << piped.errors;
+    const Outcome quiet = runVellum({"bake", "-", "-q"}, {}, folder / "tree.glb");
+    EXPECT_EQ(quiet.output, piped.output);
+    EXPECT_EQ(quiet.errors, "");
+    EXPECT_EQ(runVellum({"verify", "--strict", "-"}, {}, folder / "tree.omm.glb").exitCode, 0);
+    EXPECT_EQ(runVellum({"verify", "--strict", "-"}, {}, folder / "tree.glb").exitCode, 7);
+    EXPECT_NE(runVellum({"info", "-"}, {}, folder / "tree.omm.glb").output.find("on 1 primitive"), std::string::npos);
+    const Outcome broken = runVellum({"info", "-"}, {}, "/dev/null");
+    EXPECT_EQ(broken.exitCode, 1);
 }

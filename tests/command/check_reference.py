@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Checks that the manual page and the completions have every subcommand and every option that --help tells of.
+"""Checks that the manual pages and the completions have every subcommand and every option of --help.
 
-Where mandoc is installed, it must find nothing to complain of in the page; each shell that is installed must accept its
-completion, and bash is asked for some.
+If mandoc is installed, it must accept the pages; each shell that is installed must accept its completion, and bash is asked
+for some.
 
 usage: check_reference.py VELLUM FOLDER
 """
@@ -13,14 +13,13 @@ import subprocess
 import sys
 
 vellum, folder = sys.argv[1], pathlib.Path(sys.argv[2])
-FILES = {name: (folder / name).read_text(encoding="utf-8")
-         for name in ("vellum.1", "vellum.bash", "_vellum", "vellum.fish")}
-complaints = []
+FILES = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+findings = []
 
 
-def expect(condition, complaint):
+def expect(condition, finding):
     if not condition:
-        complaints.append(complaint)
+        findings.append(finding)
 
 
 def run(*command):
@@ -36,13 +35,8 @@ def help_of(*words):
 
 def options_in(text):
     """The long options of a --help, from the lines that declare them."""
-    return {name for line in text.splitlines() if (match := re.match(r"  (?:-\w,)?(--[a-z][a-z0-9-]*)", line))
-            for name in [match[1]]}
-
-
-def page_section(command):
-    """The part of the manual page on a subcommand."""
-    return FILES["vellum.1"].split(f".SH VELLUM {command.upper()}\n")[1].split("\n.SH ")[0].replace("\\-", "-")
+    lines = [match[1] for line in text.splitlines() if (match := re.match(r"  (?:-\w, |    )(--[a-z].*?)(?:  |$)", line))]
+    return {option for line in lines for option in re.findall(r"--[a-z][a-z0-9-]*", line)}
 
 
 def fish_lines(command):
@@ -55,8 +49,11 @@ def bash_answers(*words):
 
 
 overview = help_of()
-commands = re.findall(r"^  ([a-z]+) {2,}", overview.split("Subcommands:")[1], re.MULTILINE)
-expect({"bake", "info", "render"} <= set(commands), f"--help lists only {commands}")
+commands = re.findall(r"^  ([a-z]+) {2,}", overview.split("Subcommands:")[1].split("\n\n")[0], re.MULTILINE)
+expect({"bake", "help", "info", "inspect", "render", "verify"} <= set(commands), f"--help lists only {commands}")
+SECTIONS = ("NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "FILES", "SEE ALSO")
+for section in SECTIONS:
+    expect(f".SH {section}\n" in FILES["vellum.1"], f"vellum.1: no {section}")
 if shutil.which("bash"):
     expect(bash_answers("vellum", "") == set(commands), f"bash completes {bash_answers('vellum', '')}")
 for command in commands:
@@ -65,22 +62,31 @@ for command in commands:
     options = options_in(text)
     expect("--help" in options, f"{command} --help lists only {options}")
     zsh = FILES["_vellum"].split(f"\n    {command})\n")[1].split("        ;;\n")[0]
+    expect(f"\\fBvellum {command}\\fR" in FILES["vellum.1"], f"vellum.1 has no synopsis of {command}")
+    page = FILES["vellum.1"] if command == "help" else FILES[f"vellum-{command}.1"]
+    if command != "help":
+        for section in (*SECTIONS, "EXAMPLES"):
+            expect(f".SH {section}\n" in page, f"vellum-{command}.1: no {section}")
+        usage = re.search(r"Usage: (.*)", text)[1]
+        expect(usage.removeprefix(f"vellum {command}") in page, f"vellum-{command}.1: no {usage}")
     for option in options:
-        expect(f"\\fB{option}\\fR".replace("-", "\\-") in FILES["vellum.1"] and option in page_section(command),
-               f"the page says nothing of {command} {option}")
+        expect(f"\\fB{option}\\fR".replace("-", "\\-") in page, f"the page says nothing of {command} {option}")
         expect(f"'{option}" in zsh, f"zsh: {command} {option}")
         expect(any(f"-l {option[2:]} " in line for line in fish_lines(command)), f"fish: {command} {option}")
     if shutil.which("bash"):
         found = bash_answers("vellum", command, "--")
         expect(found == options, f"bash completes {command} {found ^ options} otherwise than --help has it")
 if shutil.which("bash"):
-    expect(bash_answers("vellum", "render", "--mode", "h") == {"heat"}, "bash: render --mode h")
+    for words, answer in ((("render", "--mode", "h"), {"heat"}), (("bake", "--two-state-rule", "o"), {"opaque"}),
+                          (("bake", "--states", ""), {"2", "4"}), (("help", "ba"), {"bake"})):
+        expect(bash_answers("vellum", *words) == answer, f"bash: {words}: {bash_answers('vellum', *words)}")
 for shell, name in (("bash", "vellum.bash"), ("zsh", "_vellum"), ("fish", "vellum.fish")):
     if shutil.which(shell):
         code, text = run(shell, "-n", str(folder / name))
         expect(code == 0, f"{shell} -n {name}: {text}")
 if shutil.which("mandoc"):
-    code, text = run("mandoc", "-T", "lint", "-W", "warning", str(folder / "vellum.1"))
-    expect(code == 0, text)
-print(*complaints, sep="\n")
-sys.exit(1 if complaints else 0)
+    for name in (name for name in FILES if name.endswith(".1")):
+        code, text = run("mandoc", "-T", "lint", "-W", "warning", str(folder / name))
+        expect(code == 0, text)
+print(*findings, sep="\n")
+sys.exit(1 if findings else 0)

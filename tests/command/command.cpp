@@ -90,10 +90,16 @@ Outcome run(const std::vector<std::string> &arguments,
 } // namespace
 
 Outcome runVellum(const std::vector<std::string> &arguments,
-                  const std::vector<std::pair<std::string, std::string>> &environment)
+                  const std::vector<std::pair<std::string, std::string>> &environment,
+                  const std::filesystem::path &input)
 {
     return run(
-        arguments, environment, [] {}, [](pid_t) {});
+        arguments, environment,
+        [&] {
+            if (std::freopen(input.c_str(), "r", stdin) == nullptr)
+                _exit(127);
+        },
+        [](pid_t) {});
 }
 
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds)

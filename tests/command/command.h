@@ -1,6 +1,7 @@
 // Runs the `vellum` command as its user does.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,8 +23,10 @@ struct Outcome {
 std::string lineOf(const Outcome &outcome, const std::string &beginning);
 
 // Runs it with these arguments, and these variables added to the environment.
+// stdin is that file.
 Outcome runVellum(const std::vector<std::string> &arguments,
-                  const std::vector<std::pair<std::string, std::string>> &environment = {});
+                  const std::vector<std::pair<std::string, std::string>> &environment = {},
+                  const std::filesystem::path &input = "/dev/null");
 
 // Sends it a signal after some milliseconds.
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds);

@@ -92,7 +92,7 @@ TEST_F(States, OnlyUnknownOnesAtLevel0)
 
 TEST_F(States, NoneIsUnknownInTheTwoStateFormat)
 {
-    const Png png = draw({"--level", "6", "--format", "2"});
+    const Png png = draw({"--level", "6", "--states", "2"});
     EXPECT_GT(countShades(png, kOpaque), 100);
     EXPECT_EQ(countShades(png, kUnknownOpaque), 0);
     EXPECT_EQ(countShades(png, kUnknownTransparent), 0);
@@ -129,7 +129,7 @@ TEST_F(States, SideBySideWithThePictureByMicromaps)
 TEST_F(States, LookTheSameInFewColors)
 {
     const Png all = draw({"--level", "5"});
-    const Png few = draw({"--level", "5", "--few-colors"});
+    const Png few = draw({"--level", "5", "--palette"});
     EXPECT_FALSE(all.indexed);
     EXPECT_TRUE(few.indexed);
     ASSERT_EQ(all.pixels.size(), few.pixels.size());

@@ -37,7 +37,7 @@ TEST_F(StoredMicromaps, AreUsedUnlessOthersAreAskedFor)
     EXPECT_EQ(lineOf(stored, "baked"), "");
     EXPECT_EQ(lineOf(stored, "| differing"), kNone);
     for (const std::vector<std::string> &options :
-         {std::vector<std::string>{"--bake"}, {"--level", "2"}, {"--format", "4"}}) {
+         {std::vector<std::string>{"--bake"}, {"--level", "2"}, {"--states", "4"}}) {
         const Outcome baked = compare(options);
         EXPECT_NE(lineOf(baked, "baked"), "") << baked.output;
         EXPECT_EQ(lineOf(baked, "in the file"), "");

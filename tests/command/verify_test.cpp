@@ -55,7 +55,7 @@ TEST_F(VerifyCommand, IsContentWithWhatTheBakerMakes)
         const Outcome outcome = verify(card, arguments);
         EXPECT_EQ(outcome.exitCode, 0) << outcome.output;
         EXPECT_EQ(outcome.errors, "");
-        EXPECT_TRUE(has(outcome.output, "structure all right")) << outcome.output;
+        EXPECT_TRUE(has(outcome.output, "valid structure")) << outcome.output;
         EXPECT_TRUE(has(outcome.output, "mesh 0 \"leaves\" primitive 0")) << outcome.output;
         EXPECT_FALSE(has(outcome.output, "wrong:")) << outcome.output;
     }
@@ -65,7 +65,7 @@ TEST_F(VerifyCommand, SaysWhatIsWrongAndWhere)
 {
     const uint32_t micro = change(card, State::Opaque, State::Transparent);
     const Outcome outcome = verify(card);
-    EXPECT_EQ(outcome.exitCode, 3);
+    EXPECT_EQ(outcome.exitCode, 4);
     EXPECT_TRUE(has(outcome.output, "wrong: mesh 0 \"leaves\" primitive 0, triangle 0, micro-triangle " +
                                         std::to_string(micro) + " of level 3: transparent, alpha "))
         << outcome.output;
@@ -84,10 +84,10 @@ TEST_F(VerifyCommand, ListsAsManyAsAskedFor)
         return count;
     };
     EXPECT_EQ(lines(verify(card).output), 6u);
-    const Outcome one = verify(card, {"--max", "1"});
+    const Outcome one = verify(card, {"--max-findings", "1"});
     EXPECT_EQ(lines(one.output), 3u);
     EXPECT_TRUE(has(one.output, "and 3 more")) << one.output;
-    EXPECT_EQ(lines(verify(card, {"--max", "0"}).output), 0u);
+    EXPECT_EQ(lines(verify(card, {"--max-findings", "0"}).output), 0u);
 }
 
 TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
@@ -96,12 +96,12 @@ TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
     const CardFile bold = baked(BakeOptions{}.exactly());
     EXPECT_EQ(verify(bold).exitCode, 0);
     EXPECT_TRUE(has(verify(bold).output, "outside the margins:"));
-    EXPECT_EQ(verify(bold, {"--strict"}).exitCode, 4);
+    EXPECT_EQ(verify(bold, {"--strict"}).exitCode, 5);
     EXPECT_EQ(verify(bold, {"--strict", "--exact"}).exitCode, 0);
     // And the other way round, needlessly unknown.
     EXPECT_EQ(verify(card, {"--exact"}).exitCode, 0);
     EXPECT_TRUE(has(verify(card, {"--exact"}).output, "needlessly unknown:"));
-    EXPECT_EQ(verify(card, {"--strict", "--exact"}).exitCode, 5);
+    EXPECT_EQ(verify(card, {"--strict", "--exact"}).exitCode, 6);
     EXPECT_EQ(verify(bold, {"--strict", "--value-tolerance", "0", "--subtexel-tolerance", "0",
                             "--barycentric-tolerance", "0", "--interpolation-tolerance", "0"})
                   .exitCode,
@@ -110,14 +110,14 @@ TEST_F(VerifyCommand, StrictTellsOfWhatCouldBeBetter)
     plain.extension = false;
     EXPECT_EQ(verify(plain).exitCode, 0);
     EXPECT_TRUE(has(verify(plain).output, "no micromaps"));
-    EXPECT_EQ(verify(plain, {"--strict"}).exitCode, 6);
+    EXPECT_EQ(verify(plain, {"--strict"}).exitCode, 7);
 }
 
 TEST_F(VerifyCommand, TellsABrokenStructure)
 {
     card.usageCounts = "[9]";
     const Outcome outcome = verify(card);
-    EXPECT_EQ(outcome.exitCode, 2);
+    EXPECT_EQ(outcome.exitCode, 3);
     EXPECT_TRUE(has(outcome.output, "structure: micromaps[0]: ")) << outcome.output;
 }
 
@@ -129,7 +129,7 @@ TEST_F(VerifyCommand, TwoStateDataIsAnApproximation)
     const Outcome loose = verify(two);
     EXPECT_EQ(loose.exitCode, 0);
     EXPECT_TRUE(has(loose.output, "an approximation: 128 micro-triangles")) << loose.output;
-    EXPECT_EQ(verify(two, {"--strict-2-state"}).exitCode, 3);
+    EXPECT_EQ(verify(two, {"--strict-2-state"}).exitCode, 4);
 }
 
 TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
@@ -143,8 +143,8 @@ TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
     const Outcome both = verify(card, {folder / "none.glb"});
     EXPECT_EQ(both.exitCode, 1);
     EXPECT_TRUE(has(both.output, "wrong: ")) << both.output;
-    EXPECT_EQ(verify(card, {"--value-tolerance", "nan"}).exitCode, 1);
-    EXPECT_EQ(verify(card, {"--subtexel-tolerance", "-1"}).exitCode, 1);
+    EXPECT_EQ(verify(card, {"--value-tolerance", "nan"}).exitCode, 2);
+    EXPECT_EQ(verify(card, {"--subtexel-tolerance", "-1"}).exitCode, 2);
 }
 
 TEST_F(VerifyCommand, PrintsJsonForMachines)
@@ -155,27 +155,27 @@ TEST_F(VerifyCommand, PrintsJsonForMachines)
     const JsonTree tree(outcome.output);
     const std::vector<JsonValue> files = tree.root()["files"].children();
     ASSERT_EQ(files.size(), 2u);
-    EXPECT_EQ(files[0]["code"].integer(), 3);
+    EXPECT_EQ(files[0]["exitCode"].integer(), 4);
     EXPECT_EQ(files[0]["extension"].string(), "EXT_mesh_opacity_micromap");
-    EXPECT_EQ(files[0]["wrong"].integer(), 1);
-    EXPECT_EQ(files[0]["microTriangles"].integer(), 128);
+    EXPECT_EQ(files[0]["counts"]["wrong"].integer(), 1);
+    EXPECT_EQ(files[0]["counts"]["microTriangles"].integer(), 128);
     EXPECT_EQ(files[0]["level4State"].integer(), 3);
     const std::vector<JsonValue> primitives = files[0]["primitives"].children();
     ASSERT_EQ(primitives.size(), 1u);
-    EXPECT_EQ(primitives[0]["name"].string(), "mesh 0 \"leaves\" primitive 0");
+    EXPECT_EQ(primitives[0]["primitive"].string(), "mesh 0 \"leaves\" primitive 0");
     const std::vector<JsonValue> findings = primitives[0]["findings"].children();
     ASSERT_EQ(findings.size(), 1u);
     EXPECT_EQ(findings[0]["kind"].string(), "wrong");
     EXPECT_EQ(findings[0]["microTriangle"].integer(), micro);
     EXPECT_EQ(findings[0]["state"].string(), "transparent");
     EXPECT_EQ(findings[0]["uv"].children().size(), 2u);
-    EXPECT_EQ(files[1]["code"].integer(), 1);
+    EXPECT_EQ(files[1]["exitCode"].integer(), 1);
     EXPECT_EQ(files[1]["file"].string(), (folder / "none \"quoted\".glb").string());
     EXPECT_TRUE(files[1]["error"].exists());
     card.usageCounts = "[9]";
     const std::string text = verify(card, {"--json"}).output;
     const JsonTree broken(text);
-    EXPECT_EQ(broken.root()["files"].children().at(0)["code"].integer(), 2);
+    EXPECT_EQ(broken.root()["files"].children().at(0)["exitCode"].integer(), 3);
 }
 
 // What was verified is not all that can be drawn.
@@ -184,6 +184,6 @@ TEST_F(VerifyCommand, StrictTakesCautionsForOpenClaims)
     card.material += R"(, "extensions": {"KHR_materials_pbrSpecularGlossiness": {"glossinessFactor": 1}})";
     EXPECT_EQ(verify(card).exitCode, 0);
     const Outcome strict = verify(card, {"--strict"});
-    EXPECT_EQ(strict.exitCode, 4);
+    EXPECT_EQ(strict.exitCode, 5);
     EXPECT_TRUE(has(strict.output, "caution: mesh 0 \"leaves\" primitive 0")) << strict.output;
 }

@@ -208,7 +208,7 @@ void anyOptions(Reader &input, VellumBakeOptions &options)
     if (input.oneIn(4))
         options.budget = input.take<uint16_t>();
     if (input.oneIn(4))
-        options.worthwhile = input.oneIn(8) ? input.take<double>() : input.byte() / 255.0;
+        options.minKnown = input.oneIn(8) ? input.take<double>() : input.byte() / 255.0;
     for (double *tolerance : {&options.valueTolerance, &options.subtexelTolerance, &options.barycentricTolerance,
                               &options.interpolationTolerance})
         switch (input.below(8)) {

@@ -212,7 +212,7 @@ std::string leftFor(std::string json, const Bytes &binary)
     writeFile(folder / "disc.png", discPng());
     writeFile(folder / "test.glb", packGlb(json, binary));
     const DocumentBake bake = bakeDocument(Document(folder / "test.glb"), {});
-    return bake.left.empty() ? "none" : bake.left[0].reason;
+    return bake.skipped.empty() ? "none" : bake.skipped[0].reason;
 }
 
 // A file whose primitive is compressed by Draco and is there uncompressed, too.

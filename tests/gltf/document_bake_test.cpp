@@ -35,7 +35,7 @@ std::string reasonFor(const Replacements &replacements, const DocumentBakeOption
     const DocumentBake bake = bakeCard(replacements, options);
     EXPECT_TRUE(bake.micromaps.empty());
     EXPECT_TRUE(bake.primitives.empty());
-    return bake.left.size() == 1 ? bake.left[0].reason : "none";
+    return bake.skipped.size() == 1 ? bake.skipped[0].reason : "none";
 }
 
 const std::string kPrimitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})";
@@ -88,7 +88,7 @@ Micromap bakeDirectly(double cutoff, BakeOptions options = optionsOf().bake)
     const Material material = readMaterial(document, 0);
     options.cutoff = cutoff;
     return bake(alphaTexture(material, readImage(document, 0)),
-                triangleUvs(readPrimitive(document, {0, 0}, Positions::Leave)), options)
+                triangleUvs(readPrimitive(document, {0, 0}, Positions::Skip)), options)
         .micromap;
 }
 
@@ -109,7 +109,7 @@ TEST(DocumentBake, IsWhatTheBakerMakesOfTheMaterial)
     expectSame(bake, bakeDirectly(0.25));
     EXPECT_EQ(bake.primitives[0].place, (PrimitivePlace{0, 0}));
     EXPECT_EQ(bake.primitives[0].material, "leaf");
-    EXPECT_TRUE(bake.left.empty());
+    EXPECT_TRUE(bake.skipped.empty());
     // No texel has more than the base colour's 0.75.
     EXPECT_NE(bakeDirectly(0.25).indices, bakeDirectly(0.9).indices);
 }
@@ -138,12 +138,12 @@ TEST(DocumentBake, BlendOnRequest)
 TEST(DocumentBake, WhatIsNamedIsLeft)
 {
     DocumentBakeOptions options = optionsOf();
-    options.leaveMaterials = {"wood", "l??f"};
-    EXPECT_EQ(reasonFor({}, options), "as asked for");
-    options.leaveMaterials = {"lea"};
-    options.leaveMeshes = {"tree*"};
+    options.excludedMaterials = {"wood", "l??f"};
+    EXPECT_EQ(reasonFor({}, options), "it is excluded");
+    options.excludedMaterials = {"lea"};
+    options.excludedMeshes = {"tree*"};
     EXPECT_EQ(bakeCard({}, options).primitives.size(), 1u);
-    EXPECT_EQ(reasonFor({{"{\"primitives\"", "{\"name\": \"tree 7\", \"primitives\""}}, options), "as asked for");
+    EXPECT_EQ(reasonFor({{"{\"primitives\"", "{\"name\": \"tree 7\", \"primitives\""}}, options), "it is excluded");
 }
 
 TEST(DocumentBake, EqualAlphaSharesAMicromap)
@@ -225,7 +225,7 @@ TEST(DocumentBake, FallbackImagesOnRequest)
             {R"({"source": 0, "sampler": 0})",
              R"({"source": 0, "sampler": 0, "extensions": {")" + extension + R"(": {"source": 1}}})"},
             {R"("bufferView": 3}])", R"("bufferView": 3}, {"uri": "none"}])"}};
-        EXPECT_EQ(reasonFor(both), "its texture has an image that is not read here (" + extension + ")");
+        EXPECT_EQ(reasonFor(both), "its texture has an image that is not supported (" + extension + ")");
         DocumentBakeOptions options = optionsOf();
         options.fallbackImages = true;
         expectSame(bakeCard(both, options), bakeDirectly(0.25));
@@ -275,8 +275,8 @@ TEST(DocumentBake, AnOpaqueMaterialIsNotLeftOutWhateverItsTexture)
 {
     const DocumentBake bake = bakeCard({{R"("alphaMode": "MASK", )", ""}, {R"({"source": 0, "sampler": 0})", "{}"}});
     EXPECT_TRUE(bake.primitives.empty());
-    EXPECT_TRUE(bake.left.empty());
-    EXPECT_EQ(bakeCard({{R"({"source": 0, "sampler": 0})", "{}"}}).left.size(), 1u);
+    EXPECT_TRUE(bake.skipped.empty());
+    EXPECT_EQ(bakeCard({{R"({"source": 0, "sampler": 0})", "{}"}}).skipped.size(), 1u);
 }
 
 TEST(DocumentBake, SaysWhatLosesItsMicromap)
@@ -285,10 +285,10 @@ TEST(DocumentBake, SaysWhatLosesItsMicromap)
         {kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
                          R"(, "extensions": {"EXT_mesh_opacity_micromap": {"micromap": 0}}})"}};
     DocumentBakeOptions options = optionsOf();
-    EXPECT_TRUE(bakeCard(stored, options).left.empty());
-    options.leaveMaterials = {"leaf"};
-    EXPECT_TRUE(bakeCard(stored, options).left.at(0).hadMicromap);
-    EXPECT_FALSE(bakeCard({}, options).left.at(0).hadMicromap);
+    EXPECT_TRUE(bakeCard(stored, options).skipped.empty());
+    options.excludedMaterials = {"leaf"};
+    EXPECT_TRUE(bakeCard(stored, options).skipped.at(0).hadMicromap);
+    EXPECT_FALSE(bakeCard({}, options).skipped.at(0).hadMicromap);
 }
 
 TEST(DocumentBake, AVariantWithTheSameMaterialIsNoChange)

@@ -122,21 +122,21 @@ TEST(DocumentWriter, EverythingElseIsByteForByteTheSame)
     std::string text = textOf(after[0].bytes);
     replaceOnce(text,
                 R"(,"EXT_mesh_opacity_micromap":{"micromaps":[{"data":4,"triangles":5,"usageCounts":[2],)"
-                R"("usageLevels":[3],"usageFormats":[2]}]})",
+                R"("usageLevels":[3],"usageFormats":[2]}],"extras":{"generator":"vellum"}})",
                 "");
     replaceOnce(text, R"(,"EXT_mesh_opacity_micromap")", "");
     replaceOnce(text, R"(,"extensions":{"EXT_mesh_opacity_micromap":{"micromap":0,"micromapIndices":4}})", "");
-    replaceOnce(text, R"(,{"bufferView":6,"componentType":5123,"count":2,"type":"SCALAR"})", "");
+    replaceOnce(text, R"(,{"bufferView":6,"componentType":5121,"count":2,"type":"SCALAR"})", "");
     // The chunk is aligned to 256 bytes for each of data and records.
     const size_t begin = (before[1].bytes.size() + 255) / 256 * 256;
     const std::string views = R"(,{"buffer":0,"byteOffset":)" + std::to_string(begin) +
                               R"(,"byteLength":32},{"buffer":0,"byteOffset":)" + std::to_string(begin + 256) +
                               R"(,"byteLength":16},{"buffer":0,"byteOffset":)" + std::to_string(begin + 272) +
-                              R"(,"byteLength":4})";
+                              R"(,"byteLength":2})";
     replaceOnce(text, views, "");
     const JsonTree tree(text);
     const JsonValue length = tree.root()["buffers"].children().at(0)["byteLength"];
-    EXPECT_EQ(length.integer(), static_cast<int64_t>(begin + 276));
+    EXPECT_EQ(length.integer(), static_cast<int64_t>(begin + 274));
     std::string original = textOf(before[0].bytes);
     const JsonTree originalTree(original);
     const JsonValue originalLength = originalTree.root()["buffers"].children().at(0)["byteLength"];
@@ -297,7 +297,7 @@ TEST(DocumentWriter, MicromapsAreReplaced)
     ASSERT_EQ(twice.micromaps.size(), 1u);
     EXPECT_EQ(twice.micromaps[0].usage, (std::vector<MicromapUsage>{{2, 2, Format::FourState}}));
     // And they go where nothing is baked.
-    bench.options.leaveMaterials = {"l*f"};
+    bench.options.excludedMaterials = {"l*f"};
     const std::string text = textOf(chunksOf(bench.bake(once, "once.glb", "none.glb"))[0].bytes);
     EXPECT_EQ(text.find("opacity_micromap"), std::string::npos);
     EXPECT_EQ(text.find("\"extensions"), std::string::npos); // none is empty
@@ -326,6 +326,36 @@ TEST(DocumentWriter, TheOutputIsTheSameForAnyNumberOfThreads)
     const Bytes one = bench.bake(cardGlb());
     bench.options.bake.threads = 5;
     EXPECT_EQ(bench.bake(cardGlb()), one);
+}
+
+// The four highest values of each type are special indices.
+TEST(DocumentWriter, MicromapIndicesHaveTheSmallestType)
+{
+    for (const auto &[triangles, type] : {std::pair{252u, 5121}, {253u, 5123}, {0xfffcu, 5123}, {0xfffdu, 5125}}) {
+        Bench bench;
+        writeFile(bench.folder / "in.glb", cardGlb());
+        const Document document(bench.folder / "in.glb");
+        StoredMicromap micromap;
+        for (uint32_t i = 0; i < triangles; ++i)
+            micromap.triangles.push_back({i, 0, Format::FourState});
+        micromap.data.resize(triangles, static_cast<uint8_t>(State::UnknownOpaque));
+        micromap.usage = {{triangles, 0, Format::FourState}};
+        const auto last = static_cast<int32_t>(triangles - 1);
+        for (const std::vector<int32_t> &indices : {std::vector{last, -4}, {-1, -2}, {0, -3}}) {
+            DocumentBake bake;
+            bake.micromaps = {micromap};
+            bake.primitives.push_back({{0, 0}, "", "leaf", {0, indices}, {}, 0, ""});
+            Bytes file;
+            const RewrittenFile rewritten = withMicromaps(document, bake, "");
+            for (const auto &piece : rewritten.file.pieces())
+                file.insert(file.end(), piece.begin(), piece.end());
+            writeFile(bench.folder / "out.glb", file);
+            const Document written(bench.folder / "out.glb");
+            EXPECT_EQ(written.model().accessors.back().componentType, type);
+            EXPECT_EQ(readMicromaps(written).primitives.at({0, 0}).indices, indices) << triangles;
+            EXPECT_TRUE(hasOwnMicromaps(written.root()));
+        }
+    }
 }
 
 TEST(DocumentWriter, AmbiguousJsonIsRefused)

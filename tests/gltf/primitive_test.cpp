@@ -122,7 +122,7 @@ TEST(GltfPrimitive, EveryTypeOfTextureCoordinates)
     EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: 32-bit integers are for indices only");
     wrong = file;
     wrong.add<double>({0, 1, 2, 3, 4, 5}, "\"componentType\": 5130, " + two);
-    EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: component type 5130 is none of glTF's");
+    EXPECT_EQ(wrong.error(), " TEXCOORD_0: accessor 1: component type 5130 does not exist in glTF");
 }
 
 // KHR_mesh_quantization: padded to four bytes, and positions may be integers of any kind.
@@ -229,17 +229,17 @@ TEST(GltfPrimitive, WithoutPositionsOtherAttributesTellTheVertices)
 {
     Sample file = sample();
     file.primitive = R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})";
-    const Primitive primitive = file.read(Positions::Leave);
+    const Primitive primitive = file.read(Positions::Skip);
     EXPECT_EQ(primitive.uvs.size(), 3u);
     EXPECT_EQ(primitive.indices, (std::vector<uint32_t>{0, 1, 2}));
     EXPECT_EQ(file.error(), " has no positions");
     EXPECT_THROW(static_cast<void>(file.read()), GltfUnsupported);
     file.primitive = R"({"attributes": {}, "material": 0})";
-    EXPECT_EQ(file.error(Positions::Leave), " has no attributes");
+    EXPECT_EQ(file.error(Positions::Skip), " has no attributes");
     // Huge counts do not ask for memory.
     file.primitive = R"({"attributes": {"POSITION": 0}, "material": 0})";
     file.accessors[0] = R"({"bufferView": 0, "componentType": 5126, "count": 3000000000, "type": "VEC3"})";
-    EXPECT_EQ(file.error(Positions::Leave), " POSITION: accessor 0 reaches outside of its buffer view");
+    EXPECT_EQ(file.error(Positions::Skip), " POSITION: accessor 0 reaches outside of its buffer view");
 }
 
 TEST(GltfPrimitive, TheMaterialSaysWhichTextureCoordinates)

@@ -63,7 +63,7 @@ void rewriteBothWays(const Document &document)
     rewrite(document, bake);
     bake.micromaps.push_back({{{0, 0, Format::FourState}}, {3}, {{1, 0, Format::FourState}}});
     for (const PrimitivePlace place : trianglePrimitives(document))
-        bake.primitives.push_back({place, "", {0, {0, -1}, 0}, {0, 1, 2}, 0});
+        bake.primitives.push_back({place, "", "", {0, {0, -1}, 0}, {0, 1, 2}, 0, ""});
     rewrite(document, bake);
 }
 
@@ -72,7 +72,7 @@ void readParts(const Document &document, Reading &reading)
     const auto count = [](const auto &list) { return static_cast<int>(list.size()); };
     for (const PrimitivePlace place : trianglePrimitives(document)) {
         reading.primitives += attempt(reading, [&] {
-            static_cast<void>(triangleUvs(readPrimitive(document, place, Positions::Leave)));
+            static_cast<void>(triangleUvs(readPrimitive(document, place, Positions::Skip)));
             static_cast<void>(readPrimitive(document, place, Positions::Read));
         });
     }
@@ -80,7 +80,7 @@ void readParts(const Document &document, Reading &reading)
         reading.images += attempt(reading, [&] { static_cast<void>(readImage(document, i)); });
     for (int i = -1; i < count(document.model().materials); ++i)
         attempt(reading, [&] { static_cast<void>(readMaterial(document, i)); });
-    static_cast<void>(findMicromapOffences(document));
+    static_cast<void>(checkMicromaps(document));
     attempt(reading, [&] {
         const StoredMicromaps stored = readMicromaps(document);
         for (const auto &[place, micromap] : stored.primitives)

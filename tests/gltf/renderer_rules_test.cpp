@@ -122,10 +122,9 @@ private:
         ASSERT_TRUE(extension.HasMember("micromapIndices"));
         const Json *accessor = element("accessors", extension["micromapIndices"]);
         ASSERT_NE(accessor, nullptr);
-        // Of the types that it takes, those that VK_EXT_opacity_micromap does, too.
         const unsigned type = (*accessor)["componentType"].GetUint();
-        ASSERT_TRUE(type == 5123 || type == 5125);
-        const uint32_t size = type == 5123 ? 2 : 4;
+        ASSERT_TRUE(type == 5121 || type == 5123 || type == 5125);
+        const uint32_t size = type == 5121 ? 1 : type == 5123 ? 2 : 4;
         const Json *source = element("bufferViews", (*accessor)["bufferView"]);
         ASSERT_NE(source, nullptr);
         const size_t stride = number(*source, "byteStride", size);
@@ -185,8 +184,8 @@ void expectBuildable(const Input &input)
 State stateAt(const Renderer &renderer, const Link &link, size_t triangle, float u, float v)
 {
     const uint8_t *at = &link.indices[triangle * link.indexBytes];
-    const uint32_t index = link.indexBytes == 2 ? load<uint16_t>(at) : load<uint32_t>(at);
-    const uint32_t last = link.indexBytes == 2 ? 0xffffu : 0xffffffffu;
+    const uint32_t index = link.indexBytes == 1 ? *at : link.indexBytes == 2 ? load<uint16_t>(at) : load<uint32_t>(at);
+    const uint32_t last = 0xffffffffu >> (32 - 8 * link.indexBytes);
     if (index > last - 4)
         return static_cast<State>(last - index);
     const Input &input = renderer.micromaps[link.micromap];

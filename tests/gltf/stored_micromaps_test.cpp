@@ -31,10 +31,10 @@ struct Sample {
     size_t recordStride = 8;
 
     [[nodiscard]] Bytes file() const;
-    [[nodiscard]] std::vector<MicromapOffence> offences(size_t most = 100) const;
+    [[nodiscard]] std::vector<MicromapFinding> findings(size_t most = 100) const;
     [[nodiscard]] StoredMicromaps read() const;
-    // The first offence; readMicromaps must say the same.
-    [[nodiscard]] std::string complaint() const;
+    // The first finding; readMicromaps must say the same.
+    [[nodiscard]] std::string finding() const;
 };
 
 void append(Bytes &bytes, uint64_t value, size_t count)
@@ -80,11 +80,11 @@ Bytes Sample::file() const
                    binary);
 }
 
-std::vector<MicromapOffence> Sample::offences(size_t most) const
+std::vector<MicromapFinding> Sample::findings(size_t most) const
 {
     const TemporaryFolder folder;
     writeFile(folder / "test.glb", file());
-    return findMicromapOffences(Document(folder / "test.glb"), most);
+    return checkMicromaps(Document(folder / "test.glb"), most).findings;
 }
 
 StoredMicromaps Sample::read() const
@@ -94,9 +94,9 @@ StoredMicromaps Sample::read() const
     return readMicromaps(Document(folder / "test.glb"));
 }
 
-std::string Sample::complaint() const
+std::string Sample::finding() const
 {
-    const std::vector<MicromapOffence> found = offences();
+    const std::vector<MicromapFinding> found = findings();
     const std::string first = found.empty() ? "none" : found[0].place + ": " + found[0].message;
     std::string thrown = "none";
     try {
@@ -183,8 +183,8 @@ TEST(StoredMicromaps, WithoutIndicesATriangleIsItsOwnIndex)
     sample.primitive = R"("micromap": 0)";
     EXPECT_EQ(sample.read().primitives.at({0, 0}).indices, (std::vector<int32_t>{0, 1}));
     sample.primitive = R"("micromap": 0, "micromapBaseTriangle": 1)";
-    EXPECT_EQ(sample.complaint(), "mesh 0 \"leaves\" primitive 0: its 2 triangles from base triangle 1 on are outside "
-                                  "of the micromap's 2 triangles");
+    EXPECT_EQ(sample.finding(), "mesh 0 \"leaves\" primitive 0: its 2 triangles from base triangle 1 on are outside "
+                                "of the micromap's 2 triangles");
 }
 
 TEST(StoredMicromaps, RecordsMayHaveAStride)
@@ -194,11 +194,11 @@ TEST(StoredMicromaps, RecordsMayHaveAStride)
     sample.triangles = R"(, "byteStride": 12)";
     EXPECT_EQ(sample.read().micromaps[0].triangles[1].dataOffset, 4u);
     sample.triangles = R"(, "byteStride": 4)";
-    EXPECT_EQ(sample.complaint(),
+    EXPECT_EQ(sample.finding(),
               "micromaps[0]: \"triangles\": a byteStride of 4 is not a multiple of 4 that is at least 8");
     sample.recordStride = 10;
     sample.triangles = "";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: \"triangles\": 20 bytes are no whole number of records of 8 bytes");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: \"triangles\": 20 bytes are no whole number of records of 8 bytes");
 }
 
 TEST(StoredMicromaps, UsageMayRepeatAndMustAddUp)
@@ -207,12 +207,12 @@ TEST(StoredMicromaps, UsageMayRepeatAndMustAddUp)
     sample.records = {{0, 1, Format::FourState}, {1, 1, Format::FourState}, {2, 2, Format::TwoState}};
     sample.indices = {2, 0, 0, 0};
     sample.usage = R"("usageCounts": [1, 1, 1], "usageLevels": [1, 2, 1], "usageFormats": [2, 1, 2])";
-    EXPECT_EQ(sample.complaint(), "none");
+    EXPECT_EQ(sample.finding(), "none");
     EXPECT_EQ(sample.read().micromaps[0].usage.size(), 3u);
     sample.usage = R"("usageCounts": [1, 1], "usageLevels": [1, 2], "usageFormats": [2, 1])";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: usageCounts add up to 2 triangles, there are 3");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: usageCounts add up to 2 triangles, there are 3");
     sample.usage = R"("usageCounts": [1, 2], "usageLevels": [1, 2], "usageFormats": [2, 1])";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: usageCounts has 2 triangles of level 2, format 1, there are 1");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: usageCounts has 2 triangles of level 2, format 1, there are 1");
 }
 
 TEST(StoredMicromaps, UsageIsChecked)
@@ -240,7 +240,7 @@ TEST(StoredMicromaps, UsageIsChecked)
     for (const auto &[usage, message] : cases) {
         Sample sample;
         sample.usage = usage;
-        EXPECT_EQ(sample.complaint(), std::string("micromaps[0]: ") + message);
+        EXPECT_EQ(sample.finding(), std::string("micromaps[0]: ") + message);
     }
 }
 
@@ -255,7 +255,7 @@ TEST(StoredMicromaps, RecordsAreChecked)
     for (const auto &[record, message] : cases) {
         Sample sample;
         sample.records[0] = record;
-        EXPECT_EQ(sample.complaint(), std::string("micromaps[0]: triangle 0: ") + message);
+        EXPECT_EQ(sample.finding(), std::string("micromaps[0]: triangle 0: ") + message);
     }
 }
 
@@ -263,39 +263,39 @@ TEST(StoredMicromaps, RegionsOfDataMustNotOverlap)
 {
     Sample sample;
     sample.records[1].dataOffset = 3;
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: triangle 1: its data overlaps that of triangle 0");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: triangle 1: its data overlaps that of triangle 0");
     sample.records = {{2, 1, Format::TwoState}, {0, 2, Format::FourState}};
     sample.indices = {0, 0, 0, 0};
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: triangle 0: its data overlaps that of triangle 1");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: triangle 0: its data overlaps that of triangle 1");
 }
 
 TEST(StoredMicromaps, BufferViewsAreChecked)
 {
     Sample sample;
     sample.micromap = R"("data": 9, "triangles": 0)";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: \"data\": buffer view 9 does not exist");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: \"data\": buffer view 9 does not exist");
     sample.micromap = R"("data": 4294967297, "triangles": 0)";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: \"data\": buffer view 4294967297 does not exist");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: \"data\": buffer view 4294967297 does not exist");
     sample.micromap = R"("data": -1, "triangles": 0)";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: \"data\" is not an integer of at least 0");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: \"data\" is not an integer of at least 0");
     sample.micromap = R"("data": 1)";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: \"triangles\" is missing");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: \"triangles\" is missing");
     sample.micromap = R"("data": 1, "triangles": "0")";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: \"triangles\" is not an integer of at least 0");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: \"triangles\" is not an integer of at least 0");
 }
 
 TEST(StoredMicromaps, TheRootIsChecked)
 {
     Sample sample;
     sample.root = R"({"micromaps": []})";
-    EXPECT_EQ(sample.complaint(), "extensions: EXT_mesh_opacity_micromap: \"micromaps\" is not an array with elements");
+    EXPECT_EQ(sample.finding(), "extensions: EXT_mesh_opacity_micromap: \"micromaps\" is not an array with elements");
     sample.root = "7";
-    EXPECT_EQ(sample.complaint(), "extensions: EXT_mesh_opacity_micromap: \"micromaps\" is not an array with elements");
+    EXPECT_EQ(sample.finding(), "extensions: EXT_mesh_opacity_micromap: \"micromaps\" is not an array with elements");
     sample.root = R"({"micromaps": [5]})";
-    EXPECT_EQ(sample.complaint(), "micromaps[0]: it is not an object");
+    EXPECT_EQ(sample.finding(), "micromaps[0]: it is not an object");
     sample.root = "";
     sample.used = "EXT_texture_webp";
-    EXPECT_EQ(sample.complaint(), "extensions: \"extensionsUsed\" does not name EXT_mesh_opacity_micromap");
+    EXPECT_EQ(sample.finding(), "extensions: \"extensionsUsed\" does not name EXT_mesh_opacity_micromap");
 }
 
 TEST(StoredMicromaps, PrimitivesAreChecked)
@@ -316,11 +316,11 @@ TEST(StoredMicromaps, PrimitivesAreChecked)
     for (const auto &[primitive, message] : cases) {
         Sample sample;
         sample.primitive = primitive;
-        EXPECT_EQ(sample.complaint(), std::string("mesh 0 \"leaves\" primitive 0: ") + message);
+        EXPECT_EQ(sample.finding(), std::string("mesh 0 \"leaves\" primitive 0: ") + message);
     }
     Sample strip;
     strip.mode = "5";
-    EXPECT_EQ(strip.complaint(), "mesh 0 \"leaves\" primitive 0: its mode is 5, not 4 (TRIANGLES)");
+    EXPECT_EQ(strip.finding(), "mesh 0 \"leaves\" primitive 0: its mode is 5, not 4 (TRIANGLES)");
 }
 
 TEST(StoredMicromaps, IndicesAreChecked)
@@ -328,36 +328,36 @@ TEST(StoredMicromaps, IndicesAreChecked)
     const std::string where = "mesh 0 \"leaves\" primitive 0: ";
     Sample sample;
     sample.indices = {0, 0, 2, 0};
-    EXPECT_EQ(sample.complaint(),
+    EXPECT_EQ(sample.finding(),
               where + "triangle 1: index 2 + base triangle 0 is outside of the micromap's 2 triangles");
     sample = Sample();
     sample.indices = {0, 0, 0, 0, 0, 0};
     sample.count = "3";
-    EXPECT_EQ(sample.complaint(), where + "micromapIndices: accessor 1 has 3 elements for 2 triangles");
+    EXPECT_EQ(sample.finding(), where + "micromapIndices: accessor 1 has 3 elements for 2 triangles");
     sample = Sample();
     sample.componentType = "5122";
     sample.indices = {0, 0, 0xfb, 0xff}; // -5
-    EXPECT_EQ(sample.complaint(),
+    EXPECT_EQ(sample.finding(),
               where + "micromapIndices: accessor 1: element 1 is -5, neither an index nor a special index");
     sample.componentType = "5126";
-    EXPECT_EQ(sample.complaint(),
+    EXPECT_EQ(sample.finding(),
               where + "micromapIndices: accessor 1 is not SCALAR of type 5121, 5122, 5123, 5124 or 5125");
     sample = Sample();
     sample.accessor = R"(, "byteOffset": 2)";
-    EXPECT_EQ(sample.complaint(), where + "micromapIndices: accessor 1 reaches outside of its buffer view");
+    EXPECT_EQ(sample.finding(), where + "micromapIndices: accessor 1 reaches outside of its buffer view");
     sample.indices = {0, 0, 0, 1, 0};
     sample.accessor = R"(, "byteOffset": 1)";
-    EXPECT_EQ(sample.complaint(), where + "micromapIndices: accessor 1 is not aligned to its component type");
+    EXPECT_EQ(sample.finding(), where + "micromapIndices: accessor 1 is not aligned to its component type");
 }
 
-TEST(StoredMicromaps, EveryOffenceIsListed)
+TEST(StoredMicromaps, EveryFindingIsListed)
 {
     Sample sample;
     sample.usage = R"("usageCounts": [1, 5], "usageLevels": [1, 2], "usageFormats": [1, 2])";
     sample.mode = "6";
-    EXPECT_EQ(sample.offences().size(), 3u);
-    EXPECT_EQ(sample.offences(2).size(), 2u);
-    EXPECT_EQ(sample.offences(1).size(), 1u);
+    EXPECT_EQ(sample.findings().size(), 3u);
+    EXPECT_EQ(sample.findings(2).size(), 2u);
+    EXPECT_EQ(sample.findings(1).size(), 1u);
 }
 
 // Many elements may name the same bytes: what is copied of them is bounded.
@@ -369,5 +369,5 @@ TEST(StoredMicromaps, AFewBytesDoNotBecomeMany)
     for (int i = 0; i < 100; ++i)
         sample.root += std::string(i == 0 ? "{" : ",{") + sample.micromap + ", " + sample.usage + "}";
     sample.root += "]}";
-    EXPECT_EQ(sample.complaint(), "micromaps[65]: the micromaps take several times the bytes of the file's buffers");
+    EXPECT_EQ(sample.finding(), "micromaps[65]: the micromaps take several times the bytes of the file's buffers");
 }

@@ -240,7 +240,7 @@ TEST(GltfWrongFile, Sizes)
          "accessors[0]: \"count\" is not an integer of at least 0"},
         {{{position, R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC5"})"}}, "Unsupported `type`"},
         {{{position, R"({"bufferView": 0, "componentType": 5129, "count": 4, "type": "VEC3"})"}},
-         "mesh 0 primitive 0 POSITION: accessor 0: component type 5129 is none of glTF's"},
+         "mesh 0 primitive 0 POSITION: accessor 0: component type 5129 does not exist in glTF"},
         {{{view, R"({"buffer": 0, "byteLength": 47})"}},
          "mesh 0 primitive 0 POSITION: accessor 0 reaches outside of its buffer view"},
         {{{view, R"({"buffer": 0, "byteLength": 4800000})"}},
@@ -464,7 +464,7 @@ TEST(GltfWrongFile, Uris)
     EXPECT_EQ(error(bufferUri("short")), "buffer 0 (short): has 4 bytes, there are 3");
     EXPECT_EQ(error(bufferUri("data:;base64,AA==")), "buffer 0: has 4 bytes, there are 1");
     EXPECT_EQ(error(bufferUri("data:;base64,AAAA@AAA")),
-              "buffer 0: character 4 of its base64 text is none of base64's");
+              "buffer 0: character 4 of its base64 text is not a base64 digit");
     EXPECT_EQ(error(bufferUri("data:;base64,AAAAA")), "buffer 0: its base64 text is cut off");
     EXPECT_EQ(error(bufferUri("data:AAAA")), "buffer 0: the data URI has no comma");
     EXPECT_EQ(error(imageUri("data:image/png;base64,iVBORw0KGgo=")).substr(0, 25), "image 0 cannot be decoded");

@@ -60,7 +60,8 @@ TEST_F(InspectCommand, WhatIsNoGltfIsRefused)
 
 TEST_F(InspectCommand, WrongChoicesAreRefused)
 {
-    expectRefusal(cardGlb(), "--triangle: 3- is not", {"--bake", "--triangle", "3-"});
+    expectRefusal(cardGlb(), "--triangle must be a number, a range like 3-9, or several with commas, got 3-",
+                  {"--bake", "--triangle", "3-"});
     expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--mesh", "77"});
     expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--material", "nobody"});
     expectRefusal(cardGlb(), "--size", {"--bake", "--size", "7"});

@@ -34,7 +34,7 @@ cli::InspectedFile madeUpFile()
                         .uvs = {lower, upper, upper, {{{1, 0}, {2, 0}, {1, 1}}}, {{{NAN, 0}, {1, 0}, {0, INFINITY}}}},
                         .records = {0, 1, 1, -2, -3},
                         .indexBytes = 10}};
-    const cli::StateCounter counter(file.stored.micromaps[0].data);
+    const StateCounter counter(file.stored.micromaps[0].data);
     for (const MicromapTriangle &triangle : micromap.triangles)
         file.records.push_back({0, triangle, counter.count(triangle)});
     file.meshCount = file.primitiveCount = 1;

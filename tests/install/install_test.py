@@ -269,7 +269,7 @@ class Installation(unittest.TestCase):
                     rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
                     rf"{lib}/cmake/Vellum/opacity_micromap_mode\.cmake",
                     rf"{lib}/pkgconfig/vellum(-gltf)?\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
-                    r"share/man/man1/vellum\.1", r"share/bash-completion/completions/vellum",
+                    r"share/man/man1/vellum(-\w+)?\.1", r"share/vellum/schema\.json", r"share/bash-completion/completions/vellum",
                     r"share/zsh/site-functions/_vellum", r"share/fish/vendor_completions\.d/vellum\.fish",
                     r"share/doc/vellum/examples/\w+/[\w./-]+", r"share/doc/vellum/docs/[\w./-]+\.(md|png|svg)",
                     r"share/doc/vellum/(LICENSE|(THIRD-PARTY|README|CHANGELOG|SECURITY)\.md)")

@@ -154,7 +154,7 @@ TEST(LibraryBake, TakesEveryOption)
         {"mixed special indices", [](Sample &s) { s.options.flags = VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT; },
          [](auto &o, auto &) { o.disallowMixedSpecialIndices = true; }},
         {"budget", [](Sample &s) { s.options.budget = 50; }, [](auto &o, auto &) { o.budget = 50; }},
-        {"worthwhile", [](Sample &s) { s.options.worthwhile = 0.6; }, [](auto &o, auto &) { o.worthwhile = 0.6; }},
+        {"minKnown", [](Sample &s) { s.options.minKnown = 0.6; }, [](auto &o, auto &) { o.minKnown = 0.6; }},
         {"valueTolerance", [](Sample &s) { s.options.valueTolerance = 0.3; },
          [](auto &o, auto &) { o.valueTolerance = 0.3; }},
         {"subtexelTolerance", [](Sample &s) { s.options.subtexelTolerance = 2; },

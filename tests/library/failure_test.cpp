@@ -82,7 +82,7 @@ TEST(LibraryFailure, BadMembersAreNamed)
         {"texelsPerEdge is nan", [](Sample &s) { s.options.texelsPerEdge = nan; }},
         {"compareOp is 0", [](Sample &s) { s.options.compareOp = 0; }},
         {"flags is 2", [](Sample &s) { s.options.flags = 2; }},
-        {"worthwhile is 1.5", [](Sample &s) { s.options.worthwhile = 1.5; }},
+        {"minKnown is 1.5", [](Sample &s) { s.options.minKnown = 1.5; }},
         {"valueTolerance is -1", [](Sample &s) { s.options.valueTolerance = -1; }},
         {"subtexelTolerance is 1024.5", [](Sample &s) { s.options.subtexelTolerance = 1024.5; }},
         {"barycentricTolerance is 1.5", [](Sample &s) { s.options.barycentricTolerance = 1.5; }},

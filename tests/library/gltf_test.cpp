@@ -28,7 +28,7 @@ struct Card {
         options.message = tell;
         options.userData = this;
         vellumInitGltfBakeOptions(&more, sizeof more);
-        more.left = note;
+        more.skipped = note;
         info.structSize = sizeof info;
     }
     Card(const Card &) = delete;
@@ -167,7 +167,7 @@ TEST(LibraryGltf, ReadsWhatItBaked)
 
     EXPECT_EQ(card.info.micromapCount, 1u);
     EXPECT_EQ(card.info.primitiveCount, 1u);
-    EXPECT_EQ(card.info.leftCount, 0u);
+    EXPECT_EQ(card.info.skippedCount, 0u);
     EXPECT_EQ(card.info.micromapSize, whole.data.size() + 8 * whole.triangles.size());
     EXPECT_EQ(card.info.inputSize, readFile(card.folder / "card.glb").size());
     EXPECT_EQ(card.info.outputSize, readFile(card.folder / "card.omm.glb").size());
@@ -201,7 +201,7 @@ TEST(LibraryGltf, BlendIsLeftUnlessAskedFor)
     Card card(kBlend);
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS) << card.message;
     EXPECT_EQ(card.notes, std::vector<std::string>{"mesh 0 primitive 0: its alphaMode is BLEND"});
-    EXPECT_EQ(card.info.leftCount, 1u);
+    EXPECT_EQ(card.info.skippedCount, 1u);
     ASSERT_EQ(card.read("card.omm.glb"), VELLUM_SUCCESS);
     VellumGltfInfo info{};
     info.structSize = sizeof info;
@@ -229,15 +229,15 @@ TEST(LibraryGltf, LeavesWhatMatches)
     const char *const others[] = {"wood", "l?af?"};
     const char *const leaf[] = {"wood", "l[a-e]*"};
     Card card;
-    card.more.leaveMaterials = others;
-    card.more.leaveMaterialCount = 2;
+    card.more.excludedMaterials = others;
+    card.more.excludedMaterialCount = 2;
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_EQ(card.info.primitiveCount, 1u);
-    card.more.leaveMaterials = leaf;
+    card.more.excludedMaterials = leaf;
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_EQ(card.info.primitiveCount, 0u);
     EXPECT_EQ(card.notes, std::vector<std::string>{"mesh 0 primitive 0: as asked for"});
-    card.more.left = nullptr;
+    card.more.skipped = nullptr;
     EXPECT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_TRUE(card.notes.empty());
 }
@@ -342,11 +342,11 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
          [](Card &c) { c.options.flags = VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT; }},
         {"flags is 8", [](Card &c) { c.more.flags = 8; }},
         {"blendCutoff is not a number", [](Card &c) { c.more.blendCutoff = std::numeric_limits<float>::quiet_NaN(); }},
-        {"leaveMaterials is null, but 2 patterns", [](Card &c) { c.more.leaveMaterialCount = 2; }},
-        {"leaveMeshes[0] is null",
+        {"excludedMaterials is null, but 2 patterns", [](Card &c) { c.more.excludedMaterialCount = 2; }},
+        {"excludedMeshes[0] is null",
          [](Card &c) {
-             c.more.leaveMeshes = nulls;
-             c.more.leaveMeshCount = 1;
+             c.more.excludedMeshes = nulls;
+             c.more.excludedMeshCount = 1;
          }},
         {"structSize of VellumGltfBakeOptions is 0", [](Card &c) { c.more.structSize = 0; }},
         {"structSize of VellumGltfBakeInfo is 12", [](Card &c) { c.info.structSize = 12; }},
@@ -464,7 +464,7 @@ TEST(LibraryGltf, OutOfMemory)
 {
     Card card;
     card.message.reserve(1000);
-    card.more.left = nullptr;
+    card.more.skipped = nullptr;
     ASSERT_EQ(card.bake("card.glb", "whole.glb"), VELLUM_SUCCESS);
     const Bytes whole = readFile(card.folder / "whole.glb");
     const auto failEach = [&](const std::function<VellumResult()> &call) {

@@ -96,7 +96,7 @@ TEST(LibraryWrapper, MembersReachC)
                   .compareOp = CompareOp::Less,
                   .disallowMixedSpecialIndices = true,
                   .budget = 12345,
-                  .worthwhile = 0.25,
+                  .minKnown = 0.25,
                   .valueTolerance = 1,
                   .subtexelTolerance = 2,
                   .barycentricTolerance = 3,
@@ -113,7 +113,7 @@ TEST(LibraryWrapper, MembersReachC)
     EXPECT_EQ(c.compareOp, 1u);
     EXPECT_EQ(c.flags, 1u);
     EXPECT_EQ(c.budget, 12345u);
-    EXPECT_EQ(c.worthwhile, 0.25);
+    EXPECT_EQ(c.minKnown, 0.25);
     EXPECT_EQ(c.valueTolerance, 1);
     EXPECT_EQ(c.subtexelTolerance, 2);
     EXPECT_EQ(c.barycentricTolerance, 3);

@@ -55,7 +55,7 @@ SUBSYSTEMS = {
     },
     "bake": below("numbers", "texture", ""),
     "gltf": below("file", "data", "", "micromaps"),
-    "cli": below("base", "picture", "scene", "vulkan", "renderer", "info", "run", "inspect", "", "manual"),
+    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "inspect", "", "manual"),
 }
 
 MOST_FILES = 24

@@ -197,13 +197,13 @@ TEST(BakeResult, TwoStateRules)
     }
 }
 
-TEST(BakeResult, NotWorthwhile)
+TEST(BakeResult, TooLittleIsKnown)
 {
     const std::vector<TriangleUvs> triangles = scattered(40);
     const AlphaTexture t = disc(20);
     BakeOptions o = atLevel(2);
     const BakeResult all = bake(t, triangles, o);
-    o.worthwhile = 0.8;
+    o.minKnown = 0.8;
     const BakeResult some = bake(t, triangles, o);
     size_t dropped = 0;
     for (uint32_t k = 0; k < triangles.size(); ++k) {

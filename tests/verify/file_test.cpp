@@ -55,8 +55,8 @@ TEST(VerifyFile, FindsNothingInABakedFile)
         told = done;
     };
     const FileReport report = verifyCard(card, options);
-    EXPECT_EQ(report.extension, "EXT_mesh_opacity_micromap");
-    EXPECT_TRUE(report.offences.empty());
+    EXPECT_EQ(report.stored.extension, "EXT_mesh_opacity_micromap");
+    EXPECT_TRUE(report.findings.empty());
     EXPECT_TRUE(report.unverified.empty());
     ASSERT_EQ(report.primitives.size(), 2u);
     EXPECT_EQ(report.primitives[1].name, "mesh 0 \"leaves\" primitive 1");
@@ -144,7 +144,7 @@ TEST(VerifyFile, DoesNotLookAtClaimsOfABrokenStructure)
     CardFile card = bakedCard();
     card.usageCounts = "[3]";
     const FileReport report = verifyCard(card);
-    EXPECT_GE(report.offences.size(), 1u);
+    EXPECT_GE(report.findings.size(), 1u);
     EXPECT_TRUE(report.primitives.empty());
 }
 
@@ -179,8 +179,8 @@ TEST(VerifyFile, AFileWithoutMicromapsHasNothingToVerify)
     CardFile card;
     card.extension = false;
     const FileReport report = verifyCard(card);
-    EXPECT_TRUE(report.extension.empty());
-    EXPECT_TRUE(report.offences.empty());
+    EXPECT_TRUE(report.stored.extension.empty());
+    EXPECT_TRUE(report.findings.empty());
     EXPECT_TRUE(report.primitives.empty());
 }
 
@@ -242,5 +242,5 @@ TEST(VerifyFile, CautionsOfAnotherImage)
     const TemporaryFolder folder;
     writeFile(folder / "card.glb", packGlb(json, Bytes(bytes.begin() + 28 + length, bytes.end())));
     const FileReport report = verify::verifyDocument(Document(folder / "card.glb"), {});
-    EXPECT_EQ(report.primitives.at(0).caution, "its texture has an image that is not read here (KHR_texture_basisu)");
+    EXPECT_EQ(report.primitives.at(0).caution, "its texture has an image that is not supported (KHR_texture_basisu)");
 }

@@ -1,4 +1,4 @@
-// What the command cannot do, in one line for its user.
+// Errors of the command, each in one line for its user.
 #pragma once
 
 #include <stdexcept>
@@ -10,6 +10,13 @@ class Error : public std::runtime_error
 {
 public:
     using std::runtime_error::runtime_error;
+};
+
+// The command line asks for something that it cannot mean: ExitCode::Usage.
+class UsageError : public Error
+{
+public:
+    using Error::Error;
 };
 
 } // namespace vellum::cli

@@ -2,6 +2,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <string>
 #include <unistd.h>
 
@@ -12,7 +13,30 @@
 namespace vellum::cli
 {
 
-void checkWritable(const std::filesystem::path &path)
+namespace
+{
+
+bool isOwnOutput(const std::filesystem::path &path)
+{
+    std::string start(1024, '\0');
+    std::ifstream file(path, std::ios::binary);
+    file.read(start.data(), static_cast<std::streamsize>(start.size()));
+    start.resize(static_cast<size_t>(file.gcount()));
+    return start.find(kPngMark) != std::string::npos || start.find(kHtmlMark) != std::string::npos;
+}
+
+} // namespace
+
+std::filesystem::path outputFor(const std::optional<std::filesystem::path> &said, const std::filesystem::path &standard)
+{
+    std::error_code error;
+    if (!said)
+        return standard;
+    const bool folder = !said->has_filename() || std::filesystem::is_directory(*said, error);
+    return folder ? *said / standard.filename() : *said;
+}
+
+void checkWritable(const std::filesystem::path &path, bool force)
 {
     const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
     std::error_code error;
@@ -22,6 +46,8 @@ void checkWritable(const std::filesystem::path &path)
         throw Error(path.string() + " cannot be written: it is a directory");
     if (access(folder.c_str(), W_OK) != 0)
         throw Error(path.string() + " cannot be written: " + std::strerror(errno));
+    if (!force && std::filesystem::exists(path, error) && !isOwnOutput(path))
+        throw Error(path.string() + " exists and was not written by vellum; --force replaces it");
 }
 
 void writeWhole(const std::filesystem::path &path, std::span<const uint8_t> bytes)

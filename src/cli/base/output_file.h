@@ -1,15 +1,27 @@
-// Files that are written whole or not at all.
+// Where outputs go, and files that are written whole or not at all.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
+#include <string_view>
 
 namespace vellum::cli
 {
 
-// Throws Error where a file could not be written to `path` later: so that nobody waits for one in vain.
-void checkWritable(const std::filesystem::path &path);
+// In the first bytes of every PNG and HTML file that this command writes. A file with it may be replaced.
+inline constexpr std::string_view kPngMark("tEXtSoftware\0vellum", 19);
+inline constexpr std::string_view kHtmlMark = "<meta name=\"generator\" content=\"vellum\">";
+
+// The output for what the user said: a file, a folder (one that exists, or a name that ends in a slash) for a file with
+// the standard name, or nothing for `standard` itself.
+std::filesystem::path outputFor(const std::optional<std::filesystem::path> &said,
+                                const std::filesystem::path &standard);
+
+// Checks before the work starts that a file can be written. Throws Error, also for a file that is there already and was
+// not written by this command, unless `force` is set.
+void checkWritable(const std::filesystem::path &path, bool force);
 
 // The file appears whole, whatever happens. Throws Error.
 void writeWhole(const std::filesystem::path &path, std::span<const uint8_t> bytes);

@@ -7,7 +7,7 @@ namespace vellum::cli
 {
 
 Progress::Progress(std::string what, bool enabled)
-    : what_(std::move(what)), enabled_(enabled && isatty(STDERR_FILENO) == 1)
+    : what_(std::move(what)), enabled_(enabled && !disabled_ && isatty(STDERR_FILENO) == 1)
 {
     if (enabled_)
         std::fprintf(stderr, "\r\033[K%s ...", what_.c_str());

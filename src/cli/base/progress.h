@@ -1,4 +1,4 @@
-// Says on a terminal what is being done; silent elsewhere.
+// Shows on a terminal what is being done; silent elsewhere.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,11 @@ public:
 
     void update(size_t done, size_t total);
 
+    // Shows none from now on.
+    static void disable() { disabled_ = true; }
+
 private:
+    inline static bool disabled_ = false;
     std::string what_;
     bool enabled_;
     int shown_ = -1; // percent

@@ -125,7 +125,7 @@ std::vector<DeviceDetails> describeDevices(const Instance &instance)
         findMissing(details, info.handle, properties.apiVersion, extensions);
         if (properties.apiVersion >= VK_API_VERSION_1_2)
             readProperties(details, info.handle, extensions);
-        // The layer says of itself what it does for the device.
+        // The layer reports what it does for the device.
         const Provider provider = info.implementation.starts_with("emulated") ? Provider::Layer : Provider::Driver;
         if (extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
             details.ext = provider;

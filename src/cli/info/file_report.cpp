@@ -14,12 +14,12 @@ namespace vellum::cli
 namespace
 {
 
-// What is of use here, and for what.
+// What an extension is for; null if it does not matter here.
 const char *meaningOf(const std::string &extension)
 {
     static const std::map<std::string, const char *> meanings = {
-        {"EXT_mesh_opacity_micromap", "micromaps"},
-        {"KHR_mesh_opacity_micromap", "micromaps, by an earlier name"},
+        {kMicromapExtensions[0], "micromaps"},
+        {kMicromapExtensions[1], "micromaps, by an earlier name"},
         {"KHR_texture_transform", "moves texture coordinates"},
         {"EXT_mesh_gpu_instancing", "instances of meshes"},
         {"KHR_mesh_quantization", "small integers as coordinates"},
@@ -60,9 +60,7 @@ public:
         for (const std::string &name : model_.extensionsUsed) {
             const bool required = std::find(model_.extensionsRequired.begin(), model_.extensionsRequired.end(), name) !=
                                   model_.extensionsRequired.end();
-            const char *meaning = meaningOf(name);
-            report_.extensions.push_back(name + (required ? " (required)" : "") +
-                                         (meaning != nullptr ? std::string(": ") + meaning : ""));
+            report_.extensions.push_back({name, required});
         }
         report_.scenes = model_.scenes.size();
         report_.nodes = model_.nodes.size();
@@ -72,7 +70,7 @@ public:
         readImages();
         readStored();
         report_.micromapPrimitives = micromapPrimitives_.size();
-        findLeft();
+        findSkipped();
         return std::move(report_);
     }
 
@@ -96,7 +94,7 @@ private:
     void readPrimitives();
     void readImages();
     void readStored();
-    void findLeft();
+    void findSkipped();
 
     const Document &document_;
     const gltf_json::Model &model_;
@@ -123,7 +121,7 @@ void FileReader::readPrimitives()
         ++report_.primitives;
         const std::string name = document_.nameOf(place);
         try {
-            const Primitive primitive = readPrimitive(document_, place, Positions::Leave);
+            const Primitive primitive = readPrimitive(document_, place, Positions::Skip);
             const size_t triangles = primitive.triangleCount();
             report_.triangles += triangles;
             if (static_cast<size_t>(primitive.material) < masked_.size() &&
@@ -143,7 +141,7 @@ void FileReader::readImages()
             const EncodedImage encoded = readEncodedImage(document_, static_cast<int>(i));
             image.bytes = encoded.bytes().size();
             image.type = typeOf(encoded.bytes());
-            const vellum::Image decoded = readImage(document_, static_cast<int>(i));
+            const vellum::Image decoded = decodeImage(document_, static_cast<int>(i), encoded);
             image.width = decoded.width;
             image.height = decoded.height;
         } catch (const GltfError &error) {
@@ -152,90 +150,92 @@ void FileReader::readImages()
     }
 }
 
-std::string contentsOf(const StoredMicromap &micromap)
+std::string levelsOf(const MicromapSummary &micromap)
 {
-    std::map<std::pair<unsigned, unsigned>, size_t> counts; // by level and states
-    for (const MicromapTriangle &t : micromap.triangles)
-        ++counts[{t.subdivisionLevel, t.format == Format::TwoState ? 2 : 4}];
     std::string text;
-    for (const auto &[key, count] : counts)
+    for (const auto &[key, count] : micromap.levels)
         text += fmt::format("{}{} of level {} with {} states", text.empty() ? "" : ", ", count, key.first, key.second);
     return text;
 }
 
 void FileReader::readStored()
 {
-    for (const MicromapOffence &offence : findMicromapOffences(document_))
-        report_.offences.push_back({offence.place, offence.message});
-    if (!report_.offences.empty())
+    auto [stored, findings] = checkMicromaps(document_);
+    report_.findings = std::move(findings);
+    if (!report_.findings.empty())
         return;
-    attempt("micromaps", [&] {
-        const StoredMicromaps stored = readMicromaps(document_);
-        report_.micromapExtension = stored.extension;
-        for (const auto &[place, micromap] : stored.primitives)
-            micromapPrimitives_.insert(place);
-        for (const StoredMicromap &micromap : stored.micromaps)
-            report_.micromaps.push_back({micromap.triangles.size(), micromap.data.size(), contentsOf(micromap)});
-    });
+    report_.micromapExtension = stored.extension;
+    for (const auto &[place, micromap] : stored.primitives)
+        micromapPrimitives_.insert(place);
+    report_.micromaps = summariesOf(stored.micromaps);
 }
 
-// By the baker itself, at the level that takes next to no time.
-void FileReader::findLeft()
+// By the baker itself, at the fastest level.
+void FileReader::findSkipped()
 {
     attempt("bake", [&] {
         DocumentBakeOptions options;
         options.bake.level = 0;
-        for (const LeftPrimitive &left : bakeDocument(document_, options).left)
-            if (!micromapPrimitives_.contains(left.place))
-                report_.left.push_back({document_.nameOf(left.place), left.reason});
+        for (SkippedPrimitive &skipped : bakeDocument(document_, options).skipped)
+            if (!micromapPrimitives_.contains(skipped.place))
+                report_.skipped.push_back(std::move(skipped));
     });
 }
 
-void write(const std::vector<FileReport::Reason> &reasons, JsonWriter &json)
+void write(const char *kind, const std::vector<MicromapFinding> &findings, JsonWriter &json)
 {
-    json.beginArray();
-    for (const FileReport::Reason &reason : reasons)
-        json.beginObject().member("place", reason.place).member("reason", reason.text).end();
-    json.end();
+    for (const MicromapFinding &finding : findings)
+        writeFinding(kind, finding.place, finding.message, json);
 }
 
-void print(const char *what, const std::vector<FileReport::Reason> &reasons)
+void print(const char *what, const std::vector<std::string> &lines, size_t most)
 {
-    constexpr size_t kMost = 20;
-    for (size_t i = 0; i < std::min(reasons.size(), kMost); ++i)
-        fmt::print("{:<11} {}: {}\n", what, reasons[i].place, reasons[i].text);
-    if (reasons.size() > kMost)
-        fmt::print("            and {} more\n", reasons.size() - kMost);
+    for (size_t i = 0; i < std::min(lines.size(), most); ++i)
+        fmt::print("{:<11} {}\n", what, lines[i]);
+    if (lines.size() > most)
+        fmt::print("            and {} more (--verbose lists all)\n", lines.size() - most);
 }
 
-std::string joined(const std::vector<std::string> &names)
+template <typename Element, typename Describe>
+std::vector<std::string> linesOf(const std::vector<Element> &elements, Describe &&text)
 {
-    constexpr size_t kMost = 8;
+    std::vector<std::string> lines;
+    for (const Element &element : elements)
+        lines.push_back(text(element));
+    return lines;
+}
+
+std::string joined(const std::vector<std::string> &names, size_t most)
+{
     std::string text;
-    for (size_t i = 0; i < std::min(names.size(), kMost); ++i)
+    for (size_t i = 0; i < std::min(names.size(), most); ++i)
         text += (i == 0 ? "" : ", ") + names[i];
-    return names.size() > kMost ? fmt::format("{} and {} more", text, names.size() - kMost) : text;
+    return names.size() > most ? fmt::format("{} and {} more", text, names.size() - most) : text;
 }
 
 } // namespace
 
-FileReport reportFile(const std::filesystem::path &path)
+FileReport reportFile(const Document &document)
 {
-    const Document document(path);
     return document.named([&] { return FileReader(document).read(); });
 }
 
-void print(const FileReport &r)
+void print(const FileReport &r, bool verbose)
 {
+    const auto most = [verbose](size_t count) { return verbose ? ~size_t{0} : count; };
     fmt::print("file        {}: {}, {}\n", r.path.string(), r.binary ? "GLB" : "glTF text", counted(r.bytes, "byte"));
-    for (size_t i = 0; i < r.extensions.size(); ++i)
-        fmt::print("{:<11} {}\n", i == 0 ? "extensions" : "", r.extensions[i]);
+    for (size_t i = 0; i < r.extensions.size(); ++i) {
+        const auto &[name, required] = r.extensions[i];
+        const char *meaning = meaningOf(name);
+        fmt::print("{:<11} {}{}{}{}\n", i == 0 ? "extensions" : "", name, required ? " (required)" : "",
+                   meaning != nullptr ? ": " : "", meaning != nullptr ? meaning : "");
+    }
     fmt::print("scene       {}, {} with {} of triangles\n", counted(r.nodes, "node"),
                counted(r.meshes, "mesh", "meshes"), counted(r.primitives, "primitive"));
     fmt::print("triangles   {}, of which {} {} alpha-masked\n", grouped(r.triangles), grouped(r.maskedTriangles),
                r.maskedTriangles == 1 ? "is" : "are");
     for (const auto &[mode, names] : r.materials)
-        fmt::print("materials   {} {}: {}\n", names.size(), mode, joined(names));
+        fmt::print("materials   {} {}: {}\n", names.size(), mode, joined(names, most(8)));
     for (size_t i = 0; i < r.images.size(); ++i) {
         const FileReport::Image &image = r.images[i];
         if (image.problem.empty())
@@ -245,58 +245,45 @@ void print(const FileReport &r)
             fmt::print("image {:<5} {}\n", i, image.problem);
     }
     if (r.micromapExtension.empty())
-        fmt::print("micromaps   {}\n", r.offences.empty() ? "none" : "wrong ones:");
+        fmt::print("micromaps   {}\n", r.findings.empty() ? "none" : "invalid:");
     else
-        fmt::print("micromaps   {} by {}, on {}\n", r.micromaps.size(), r.micromapExtension,
-                   counted(r.micromapPrimitives, "primitive"));
+        fmt::print("micromaps   {} by {}, on {}\n            ({})\n", r.micromaps.size(), r.micromapExtension,
+                   counted(r.micromapPrimitives, "primitive"), kMicromapDraft);
     for (size_t i = 0; i < r.micromaps.size(); ++i)
-        fmt::print("micromap {:<2} {}: {}; {} of data\n", i, counted(r.micromaps[i].triangles, "triangle"),
-                   r.micromaps[i].contents, counted(r.micromaps[i].dataBytes, "byte"));
-    print("wrong", r.offences);
-    print("unreadable", r.problems);
-    print("left out", r.left);
+        fmt::print("micromap {:<2} {}: {}; {}\n", i, counted(r.micromaps[i].triangles, "triangle"),
+                   levelsOf(r.micromaps[i]), counted(r.micromaps[i].bytes, "byte"));
+    const auto finding = [](const MicromapFinding &f) { return f.place + ": " + f.message; };
+    print("invalid", linesOf(r.findings, finding), most(20));
+    print("unreadable", linesOf(r.problems, finding), most(20));
+    print("skipped", linesOf(r.skipped, [](const SkippedPrimitive &s) { return describe(s); }), most(20));
 }
 
 void write(const FileReport &r, JsonWriter &json)
 {
     json.beginObject().member("file", r.path.string()).member("binary", r.binary).member("bytes", r.bytes);
-    json.key("extensions").beginArray();
-    for (const std::string &extension : r.extensions)
-        json.value(extension);
-    json.end();
+    json.list("extensions", r.extensions, [&](const FileReport::Extension &extension) {
+        json.beginObject().member("name", extension.name).member("required", extension.required).end();
+    });
     json.member("scenes", r.scenes).member("nodes", r.nodes).member("meshes", r.meshes);
     json.member("primitives", r.primitives).member("triangles", r.triangles);
     json.member("maskedTriangles", r.maskedTriangles);
     json.key("materials").beginObject();
-    for (const auto &[mode, names] : r.materials) {
-        json.key(mode).beginArray();
-        for (const std::string &name : names)
-            json.value(name);
+    for (const auto &[mode, names] : r.materials)
+        json.values(mode, names);
+    json.end().list("images", r.images, [&](const FileReport::Image &image) {
+        json.beginObject().member("width", image.width).member("height", image.height);
+        json.member("type", image.type).member("bytes", image.bytes);
+        if (!image.problem.empty())
+            json.member("error", image.problem);
         json.end();
-    }
-    json.end().key("images").beginArray();
-    for (const FileReport::Image &image : r.images)
-        json.beginObject()
-            .member("width", uint64_t{image.width})
-            .member("height", uint64_t{image.height})
-            .member("type", image.type)
-            .member("bytes", image.bytes)
-            .member("problem", image.problem)
-            .end();
-    json.end().member("micromapExtension", r.micromapExtension);
-    json.member("micromapPrimitives", r.micromapPrimitives).key("micromaps").beginArray();
-    for (const FileReport::Micromap &micromap : r.micromaps)
-        json.beginObject()
-            .member("triangles", micromap.triangles)
-            .member("dataBytes", micromap.dataBytes)
-            .member("contents", micromap.contents)
-            .end();
-    json.end().key("wrong");
-    write(r.offences, json);
-    json.key("unreadable");
-    write(r.problems, json);
-    json.key("leftOutByBake");
-    write(r.left, json);
+    });
+    json.member("extension", r.micromapExtension).member("micromapPrimitives", r.micromapPrimitives);
+    writeMicromaps(r.micromaps, json);
+    json.key("findings").beginArray();
+    write("structure", r.findings, json);
+    write("unreadable", r.problems, json);
+    json.end();
+    writeSkipped(r.skipped, json);
     json.end();
 }
 

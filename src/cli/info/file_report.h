@@ -1,4 +1,4 @@
-// What a glTF file has that matters to micromaps.
+// What a glTF file has that concerns micromaps.
 #pragma once
 
 #include <filesystem>
@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/base/report_parts.h"
 #include "gltf/file/json_writer.h"
 
 namespace vellum::cli
@@ -14,40 +15,35 @@ namespace vellum::cli
 struct FileReport {
     struct Image {
         uint64_t bytes = 0; // encoded
-        uint32_t width = 0; // 0: it cannot be read, and `problem` says why
+        uint32_t width = 0; // 0 if it cannot be read; see `problem`
         uint32_t height = 0;
         std::string type;
         std::string problem;
     };
-    struct Micromap {
-        uint64_t triangles = 0;
-        uint64_t dataBytes = 0;
-        std::string contents; // "level 7, 4 states: 10; level 3, 2 states: 5"
-    };
-    struct Reason {
-        std::string place; // `mesh 2 "leaves" primitive 0`
-        std::string text;
+    struct Extension {
+        std::string name;
+        bool required = false;
     };
 
     std::filesystem::path path;
     bool binary = false;
     uint64_t bytes = 0;
-    std::vector<std::string> extensions; // used, those that the file requires marked
+    std::vector<Extension> extensions; // that the file uses
     uint64_t scenes = 0, nodes = 0, meshes = 0, primitives = 0, triangles = 0, maskedTriangles = 0;
     std::map<std::string, std::vector<std::string>> materials; // names by alphaMode
     std::vector<Image> images;
-    std::string micromapExtension; // empty where it has none
-    std::vector<Micromap> micromaps;
+    std::string micromapExtension; // empty if it has none
+    std::vector<MicromapSummary> micromaps;
     uint64_t micromapPrimitives = 0;
-    std::vector<Reason> left;     // alpha-tested primitives that a bake would leave out, and why
-    std::vector<Reason> offences; // against the rules of the micromaps' extension
-    std::vector<Reason> problems; // what cannot be read
+    std::vector<SkippedPrimitive> skipped; // alpha-tested primitives that vellum bake would skip
+    std::vector<MicromapFinding> findings; // against the rules of the micromaps' extension
+    std::vector<MicromapFinding> problems; // what cannot be read
 };
 
-// Throws GltfError where it is no glTF file.
-FileReport reportFile(const std::filesystem::path &path);
+FileReport reportFile(const Document &document);
 
-void print(const FileReport &report);
+// Without `verbose`, long lists are cut off.
+void print(const FileReport &report, bool verbose);
 void write(const FileReport &report, JsonWriter &json);
 
 } // namespace vellum::cli

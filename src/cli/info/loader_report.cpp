@@ -122,7 +122,7 @@ void findDevices(LoaderReport &report)
             report.problems.push_back(error.what());
         return;
     }
-    // What a driver has itself, the layer passes through unless it is told not to.
+    // The layer passes through what a driver has itself, unless VELLUM_FORCE_EMULATION is set.
     for (size_t i = 0; i < report.devices.size() && i < plain.size() && !isSet("VELLUM_FORCE_EMULATION"); ++i) {
         if (plain[i].ext == Provider::Driver)
             report.devices[i].ext = Provider::Driver;
@@ -187,6 +187,18 @@ void print(const DeviceDetails &d)
         fmt::print("missing     {}: the layer cannot bring micromaps without\n", missing);
 }
 
+// Of the JSON.
+const char *codeOf(Provider provider)
+{
+    switch (provider) {
+    case Provider::Driver: return "driver";
+    case Provider::Layer: return "layer";
+    case Provider::Translated: return "layerOverExt";
+    case Provider::Nobody: break;
+    }
+    return "none";
+}
+
 void write(const DeviceDetails &d, JsonWriter &json)
 {
     json.beginObject().member("name", d.name).member("kind", d.kind).member("driver", d.driver);
@@ -194,7 +206,7 @@ void write(const DeviceDetails &d, JsonWriter &json)
         .member("accelerationStructures", d.accelerationStructures)
         .member("rayQueries", d.rayQueries)
         .member("rayTracingPipelines", d.rayTracingPipelines);
-    json.member("VK_KHR_opacity_micromap", nameOf(d.khr)).member("VK_EXT_opacity_micromap", nameOf(d.ext));
+    json.member("VK_KHR_opacity_micromap", codeOf(d.khr)).member("VK_EXT_opacity_micromap", codeOf(d.ext));
     json.member("max2StateSubdivisionLevel", uint64_t{d.most2StateLevel})
         .member("max4StateSubdivisionLevel", uint64_t{d.most4StateLevel});
     json.key("missing");

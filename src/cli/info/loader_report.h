@@ -17,14 +17,14 @@ struct LoaderReport {
     bool layerFound = false;        // by the loader, in the environment as it is
     bool layerOnByVariable = false; // VK_INSTANCE_LAYERS or VK_LOADER_LAYERS_ENABLE name it
     bool layerLoads = false;
-    // Shell commands that turn the layer on for a program; those that are not needed are left out.
+    // Shell commands that enable the layer for a program; only those that are needed.
     std::vector<std::string> turnOn;
     std::vector<DeviceDetails> devices; // with the layer, where it loads
-    // What keeps micromaps from working, one line each; empty where nothing does.
+    // Why there are no micromaps, one line each; empty if there are.
     std::vector<std::string> problems;
 };
 
-// `folder`: that of the layer's manifest, instead of the one beside this program. Changes the environment as
+// `folder`: of the layer's manifest, instead of the one installed with this program. Changes the environment as
 // addLayerFolder does.
 LoaderReport reportLoader(const std::optional<std::filesystem::path> &folder);
 

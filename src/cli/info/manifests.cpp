@@ -204,7 +204,7 @@ std::vector<Manifest> findLayerManifests(const fs::path &folder)
     std::vector<Manifest> manifests;
     for (const Place &place : places) {
         std::vector<fs::path> candidates = manifestsIn(place.folder);
-        if (place.folder.extension() == ".json") // newer loaders take files, too
+        if (place.folder.extension() == ".json") // newer loaders also take files
             candidates = {place.folder};
         for (const fs::path &path : candidates) {
             const bool known = std::any_of(manifests.begin(), manifests.end(), [&](const Manifest &m) {

@@ -6,6 +6,7 @@
 
 #include "cli/base/error.h"
 #include "cli/base/progress.h"
+#include "cli/base/report_parts.h"
 #include "gltf/micromaps/file_bake.h"
 
 namespace vellum::cli
@@ -21,7 +22,7 @@ uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const St
     const PrimitiveMicromap &primitive = stored.primitives.at(place);
     const size_t count = primitive.indices.size();
     if (stored.extension.empty())
-        return count * (stored.micromaps.at(primitive.micromap).triangles.size() <= 0xfffc ? 2 : 4);
+        return count * micromapIndexBytes(stored.micromaps.at(primitive.micromap).triangles.size());
     const JsonValue extension = model.meshes.at(place.mesh).primitives.at(place.primitive).extensions[stored.extension];
     const auto accessor = extension["micromapIndices"].integer();
     return accessor ? count * gltf_json::bytesOf(model.accessors.at(static_cast<size_t>(*accessor)).componentType) : 0;
@@ -46,7 +47,6 @@ private:
     InspectedFile file_;
     std::vector<uint32_t> firstRecord_; // of each micromap
     std::map<int, uint32_t> materials_;
-    std::map<int, Image> images_;
 };
 
 void Inspector::bakeAll(DocumentBakeOptions options)
@@ -55,18 +55,15 @@ void Inspector::bakeAll(DocumentBakeOptions options)
     Progress progress("baking");
     options.bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     DocumentBake bake = bakeDocument(document_, options);
-    file_.stored.micromaps = std::move(bake.micromaps);
-    for (BakedPrimitive &primitive : bake.primitives)
-        file_.stored.primitives[primitive.place] = std::move(primitive.micromap);
-    for (LeftPrimitive &left : bake.left)
-        file_.left.push_back({document_.nameOf(left.place), std::move(left.material), std::move(left.reason)});
+    file_.skipped = std::move(bake.skipped);
+    file_.stored = storedOf(std::move(bake));
 }
 
 std::string Inspector::nothingMade() const
 {
-    if (file_.left.empty())
+    if (file_.skipped.empty())
         return "no alpha-masked primitive with texture coordinates is in it";
-    return "no primitive gets a micromap: " + file_.left.front().name + ": " + file_.left.front().reason;
+    return "no primitive gets a micromap: " + describe(file_.skipped.front());
 }
 
 void Inspector::addRecords()
@@ -102,7 +99,7 @@ void Inspector::addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micr
 {
     if (!contains(selection_.meshes, place.mesh) || !contains(selection_.primitives, place.primitive))
         return;
-    const Primitive source = readPrimitive(document_, place, Positions::Leave);
+    const Primitive source = readPrimitive(document_, place, Positions::Skip);
     const std::string name = source.material < 0 ? "" : readMaterial(document_, source.material).name;
     if (!selection_.hasMaterial(source.material, name))
         return;

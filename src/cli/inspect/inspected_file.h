@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "cli/inspect/selection.h"
-#include "cli/inspect/state_counter.h"
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/micromaps/known_surface.h"
+#include "gltf/micromaps/state_counter.h"
 #include "gltf/primitive.h"
 
 namespace vellum::cli
@@ -46,14 +46,9 @@ struct InspectedPrimitive {
 
 struct InspectedFile {
     std::string name;
-    uint64_t bytes = 0; // with those of the files that it names
-    bool baked = false; // the micromaps were made just now
-    struct Left {
-        std::string name; // `mesh 2 "leaves" primitive 0`
-        std::string material;
-        std::string reason;
-    };
-    std::vector<Left> left; // alpha-tested primitives that were not baked then
+    uint64_t bytes = 0;                    // with those of the files that it names
+    bool baked = false;                    // the micromaps were baked in memory
+    std::vector<SkippedPrimitive> skipped; // by the bake
     std::optional<SurfaceShares> surface;
     StoredMicromaps stored;
     std::vector<InspectedMaterial> materials;

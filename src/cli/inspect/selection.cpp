@@ -45,7 +45,7 @@ std::vector<NumberRange> parseRanges(const std::string &text, const std::string 
             rest.remove_prefix(1);
         }
     } catch (const Error &) {
-        throw Error(option + ": " + text + " is not a number, a range like 3-9, or several with commas");
+        throw UsageError(option + " must be a number, a range like 3-9, or several with commas, got " + text);
     }
 }
 

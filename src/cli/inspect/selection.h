@@ -14,7 +14,7 @@ struct NumberRange {
     uint32_t last = 0;
 };
 
-// "7", "3-9" or several with commas. Throws Error, which begins with `option`.
+// "7", "3-9" or several with commas. Throws UsageError, which names `option`.
 std::vector<NumberRange> parseRanges(const std::string &text, const std::string &option);
 
 // Whether `ranges` have `number`; no ranges have every number.

@@ -3,20 +3,14 @@
 #include <CLI/CLI.hpp>
 
 #include "cli/command_line.h"
+#include "cli/options/help.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
-std::string joinLines(std::string text)
-{
-    for (char &c : text)
-        c = c == '\n' ? ' ' : c;
-    return text;
-}
-
-// "alpha|omm" -> alpha, omm; nothing for what is no such list.
+// "alpha|omm" -> alpha, omm; empty for anything else.
 std::vector<std::string> wordsOf(const std::string &value)
 {
     std::vector<std::string> words;
@@ -38,28 +32,36 @@ ReferenceOption read(const CLI::Option &option)
         result.names.push_back("-" + name);
     for (const std::string &name : option.get_lnames())
         result.names.push_back("--" + name);
-    result.positional = result.names.empty();
-    if (result.positional)
-        result.value = option.get_type_name() == "TEXT" ? option.get_name(true) : option.get_type_name();
-    else if (option.get_expected_max() > 0)
+    result.positional = option.get_positional();
+    if (result.positional || option.get_expected_max() > 0)
         result.value = option.get_type_name();
     result.words = wordsOf(result.value);
-    result.many = option.get_expected_max() > 1;
     result.folder = result.value == "FOLDER";
-    result.description = joinLines(option.get_description());
+    result.description = option.get_description();
     return result;
 }
 
 ReferenceCommand read(const CLI::App &app, const std::string &name)
 {
-    ReferenceCommand command{name, app.get_description(), app.get_footer(), {}};
-    for (const CLI::Option *option : app.get_options())
-        if (!option->get_group().empty()) // hidden ones have none
-            command.options.push_back(read(*option));
+    ReferenceCommand command{name, usageOf(app), app.get_description(), app.get_footer(), {}};
+    for (const OptionGroup &group : optionGroups(app)) {
+        ReferenceGroup &read = command.groups.emplace_back();
+        read.name = group.name;
+        for (const CLI::Option *option : group.options)
+            read.options.push_back(cli::read(*option));
+    }
     return command;
 }
 
 } // namespace
+
+std::vector<ReferenceOption> ReferenceCommand::options() const
+{
+    std::vector<ReferenceOption> all;
+    for (const ReferenceGroup &group : groups)
+        all.insert(all.end(), group.options.begin(), group.options.end());
+    return all;
+}
 
 std::vector<ReferenceCommand> readCommands()
 {
@@ -68,6 +70,13 @@ std::vector<ReferenceCommand> readCommands()
     std::vector<ReferenceCommand> commands = {read(app, "")};
     for (const CLI::App *subcommand : app.get_subcommands(nullptr))
         commands.push_back(read(*subcommand, subcommand->get_name()));
+    // The words of `vellum help`.
+    for (ReferenceCommand &command : commands)
+        for (ReferenceGroup &group : command.groups)
+            for (ReferenceOption &option : group.options)
+                if (option.value == "[SUBCOMMAND]")
+                    for (size_t i = 1; i < commands.size(); ++i)
+                        option.words.push_back(commands[i].name);
     return commands;
 }
 

@@ -10,18 +10,25 @@ namespace vellum::cli
 struct ReferenceOption {
     std::vector<std::string> names; // "-m", "--mode"; of a positional argument none
     std::string value;              // what it takes: "WxH"; empty for a flag
-    std::vector<std::string> words; // that it takes, where these are all
-    std::string description;        // its lines joined
+    std::vector<std::string> words; // the values that it takes, if these are all
+    std::string description;
     bool positional = false;
     bool folder = false; // takes a folder
-    bool many = false;   // may be there several times
+};
+
+struct ReferenceGroup {
+    std::string name; // "Output"
+    std::vector<ReferenceOption> options;
 };
 
 struct ReferenceCommand {
-    std::string name; // "render"; empty for what comes before a subcommand
+    std::string name; // "render"; empty for the command itself
+    std::string usage;
     std::string description;
     std::string details; // as --help prints them below the options
-    std::vector<ReferenceOption> options;
+    std::vector<ReferenceGroup> groups;
+
+    [[nodiscard]] std::vector<ReferenceOption> options() const; // of all groups
 };
 
 // The command itself first, then its subcommands in their order.

@@ -16,7 +16,7 @@ std::string joined(const std::vector<std::string> &words, const std::string &bet
 std::vector<std::string> optionNames(const ReferenceCommand &command)
 {
     std::vector<std::string> names;
-    for (const ReferenceOption &option : command.options)
+    for (const ReferenceOption &option : command.options())
         names.insert(names.end(), option.names.begin(), option.names.end());
     return names;
 }
@@ -41,21 +41,21 @@ std::string quoted(const std::string &text, const std::string &special = "")
     return result + "'";
 }
 
-// The first sentence: there is room for a line.
+// The first sentence, for one line.
 std::string shortened(const std::string &description)
 {
     const size_t end = std::min(description.find(". "), description.find(": "));
     return description.substr(0, std::min(end, description.size()));
 }
 
-// _arguments' specification of an option, or of what is no option.
+// The specification of an option or an operand for _arguments.
 std::string zshArgument(const ReferenceOption &option)
 {
     const std::string action = option.folder          ? "_files -/"
                                : option.words.empty() ? "_files"
                                                       : "(" + joined(option.words, " ") + ")";
     if (option.positional)
-        return quoted("*:" + option.value + ":_files");
+        return quoted("*:" + option.value + ":" + action);
     const std::string text = "[" + shortened(option.description) + "]";
     const std::string value = option.value.empty() ? "" : ":" + option.value + ":" + action;
     std::string list;
@@ -82,7 +82,7 @@ std::string bashCompletion(const std::vector<ReferenceCommand> &commands)
                          ") subcommand=$word; break ;;\n        esac\n    done\n"
                          "    COMPREPLY=()\n    case \"$subcommand $previous\" in\n";
     for (const ReferenceCommand &command : commands) {
-        for (const ReferenceOption &option : command.options) {
+        for (const ReferenceOption &option : command.options()) {
             if (option.value.empty() || option.positional)
                 continue;
             std::vector<std::string> patterns;
@@ -100,7 +100,11 @@ std::string bashCompletion(const std::vector<ReferenceCommand> &commands)
     for (const ReferenceCommand &command : commands)
         script += "    " + (command.name.empty() ? std::string("''") : command.name) + ") word=\"" +
                   joined(optionNames(command), " ") + "\" ;;\n";
-    script += "    esac\n    if [[ $current == -* ]]; then\n"
+    script += "    esac\n    if [[ $current != -* && $subcommand == help ]]; then\n"
+              "        COMPREPLY=($(compgen -W \"" +
+              joined(subcommandNames(commands), " ") +
+              "\" -- \"$current\"))\n"
+              "    elif [[ $current == -* ]]; then\n"
               "        COMPREPLY=($(compgen -W \"$word\" -- \"$current\"))\n"
               "    elif [[ -z $subcommand ]]; then\n"
               "        COMPREPLY=($(compgen -W \"" +
@@ -117,14 +121,14 @@ std::string zshCompletion(const std::vector<ReferenceCommand> &commands)
         script += "        " + quoted(commands[i].name + ":" + commands[i].description) + "\n";
     script += "    )\n    if (( CURRENT == 2 )); then\n";
     script += "        _arguments ";
-    for (const ReferenceOption &option : commands.front().options)
+    for (const ReferenceOption &option : commands.front().options())
         script += "\\\n            " + zshArgument(option) + " ";
     script += "\\\n            '1:subcommand:->subcommand'\n"
               "        [[ $words[2] == -* ]] || _describe subcommand subcommands\n        return\n    fi\n"
               "    local subcommand=$words[2]\n    shift words\n    (( CURRENT-- ))\n    case $subcommand in\n";
     for (size_t i = 1; i < commands.size(); ++i) {
         script += "    " + commands[i].name + ")\n        _arguments ";
-        for (const ReferenceOption &option : commands[i].options)
+        for (const ReferenceOption &option : commands[i].options())
             script += "\\\n            " + zshArgument(option) + " ";
         script += "\n        ;;\n";
     }
@@ -141,8 +145,8 @@ std::string fishCompletion(const std::vector<ReferenceCommand> &commands)
     for (const ReferenceCommand &command : commands) {
         const std::string when = command.name.empty() ? "not __fish_seen_subcommand_from " + all
                                                       : "__fish_seen_subcommand_from " + command.name;
-        for (const ReferenceOption &option : command.options) {
-            if (option.positional)
+        for (const ReferenceOption &option : command.options()) {
+            if (option.positional && option.words.empty())
                 continue;
             script += "complete -c vellum -n \"" + when + "\"";
             for (const std::string &name : option.names)

@@ -1,4 +1,4 @@
-// Writes the manual page and the completions of shells into a folder, at build time:
+// Writes the manual pages and the completions of shells into a folder, at build time:
 // vellum-reference FOLDER VERSION DATE
 #include <cstdio>
 #include <filesystem>
@@ -15,17 +15,23 @@ int main(int argc, char **argv)
         return 1;
     }
     const std::filesystem::path folder = argv[1];
-    const auto write = [&](const char *name, const std::string &text) {
+    bool written = true;
+    const auto write = [&](const std::string &name, const std::string &text) {
         std::ofstream file(folder / name, std::ios::binary);
         file << text;
         file.close();
         if (!file)
             std::fprintf(stderr, "%s cannot be written\n", (folder / name).c_str());
-        return !file.fail();
+        written = written && !file.fail();
     };
     const std::vector<ReferenceCommand> commands = readCommands();
-    const bool written = write("vellum.1", manPage(commands, argv[2], argv[3])) &&
-                         write("vellum.bash", bashCompletion(commands)) && write("_vellum", zshCompletion(commands)) &&
-                         write("vellum.fish", fishCompletion(commands));
+    const ManEdition edition{argv[2], argv[3]};
+    for (size_t i = 1; i < commands.size(); ++i)
+        if (commands[i].name != "help")
+            write("vellum-" + commands[i].name + ".1", manPageOf(commands, i, edition));
+    write("vellum.1", manPage(commands, edition));
+    write("vellum.bash", bashCompletion(commands));
+    write("_vellum", zshCompletion(commands));
+    write("vellum.fish", fishCompletion(commands));
     return written ? 0 : 1;
 }

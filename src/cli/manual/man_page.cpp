@@ -13,7 +13,7 @@ std::string escaped(const std::string &text)
     std::string result;
     for (const char c : text)
         result += c == '\\' ? std::string("\\e") : c == '-' ? std::string("\\-") : std::string(1, c);
-    // Not to be taken for a request.
+    // Otherwise roff takes the line for a request.
     if (!result.empty() && (result.front() == '.' || result.front() == '\''))
         result.insert(0, "\\&");
     return result;
@@ -53,40 +53,32 @@ size_t indentOf(const std::string &line)
     return std::min(line.find_first_not_of(' '), line.size());
 }
 
-// Text at the margin is filled; what is indented is an example, and what is indented further says what it does.
+// Text at the margin is filled. Indented lines are terms, what is indented further explains them. A heading ends in a
+// colon and begins a section.
 std::string detailsOf(const std::string &details)
 {
     std::string page;
-    bool paragraph = false; // inside of one
+    bool paragraph = false; // inside one
     for (const std::string &line : linesOf(details)) {
         const size_t indent = indentOf(line);
         const std::string text = line.substr(indent);
+        const size_t gap = text.find("  ");
         if (text.empty()) {
             paragraph = false;
-            continue;
-        }
-        if (indent == 0) {
-            page += paragraph ? "" : ".PP\n";
-            page += escaped(text) + "\n";
+        } else if (indent == 0 && text.back() == ':') {
+            page += ".SH " + upper(text.substr(0, text.size() - 1)) + "\n";
+        } else if (indent == 0) {
+            page += (paragraph ? "" : ".PP\n") + escaped(text) + "\n";
             paragraph = true;
+        } else if (indent < 4 && gap != std::string::npos) { // a term with its explanation in one line
+            page += ".TP\n" + bold(text.substr(0, gap)) + "\n" +
+                    escaped(text.substr(text.find_first_not_of(' ', gap))) + "\n";
         } else {
             page += indent < 4 ? ".TP\n" + bold(text) + "\n" : escaped(text) + "\n";
             paragraph = false;
         }
     }
     return page;
-}
-
-std::string synopsisOf(const ReferenceCommand &command)
-{
-    std::string line = ".B vellum " + command.name + "\n";
-    if (command.name.empty())
-        return ".B vellum\n" + italic("subcommand") + " [" + italic("option") + "...]\n";
-    line += "[" + italic("option") + "...]";
-    for (const ReferenceOption &option : command.options)
-        if (option.positional)
-            line += " [" + italic(option.value) + (option.many ? "...]" : "]");
-    return line + "\n";
 }
 
 std::string optionOf(const ReferenceOption &option)
@@ -99,28 +91,74 @@ std::string optionOf(const ReferenceOption &option)
     return ".TP\n" + heading + "\n" + escaped(option.description) + "\n";
 }
 
-} // namespace
-
-std::string manPage(const std::vector<ReferenceCommand> &commands, const std::string &version, const std::string &date)
+std::string titleOf(const std::string &name, const ManEdition &edition)
 {
-    const ReferenceCommand &own = commands.front();
-    std::string page = ".TH VELLUM 1 \"" + date + "\" \"vellum " + version + "\" \"User Commands\"\n";
-    page += ".SH NAME\nvellum \\- opacity micromaps for every device that traces rays\n.SH SYNOPSIS\n";
-    for (size_t i = 0; i < commands.size(); ++i)
-        page += (i == 0 ? "" : ".br\n") + synopsisOf(commands[i]);
-    page += ".SH DESCRIPTION\n" + escaped(own.description) + "\nIts subcommands:\n";
-    for (size_t i = 1; i < commands.size(); ++i)
-        page += ".TP\n" + bold(commands[i].name) + "\n" + escaped(commands[i].description) + "\n";
-    page += ".SH OPTIONS\n";
-    for (const ReferenceOption &option : own.options)
-        page += optionOf(option);
-    for (size_t i = 1; i < commands.size(); ++i) {
-        page += ".SH VELLUM " + upper(commands[i].name) + "\n" + escaped(commands[i].description) + ".\n";
-        for (const ReferenceOption &option : commands[i].options)
+    return ".TH " + upper(name) + " 1 \"" + edition.date + "\" \"vellum " + edition.version + "\" \"User Commands\"\n";
+}
+
+// The usage line with its first words in bold.
+std::string synopsisOf(const ReferenceCommand &command)
+{
+    const size_t end = command.usage.find(" [OPTION]");
+    return bold(command.usage.substr(0, end)) + escaped(command.usage.substr(end)) + "\n";
+}
+
+std::string optionsOf(const ReferenceCommand &command)
+{
+    std::string page = ".SH OPTIONS\n";
+    for (const ReferenceGroup &group : command.groups) {
+        page += ".SS " + group.name + "\n";
+        for (const ReferenceOption &option : group.options)
             page += optionOf(option);
-        page += detailsOf(commands[i].details);
     }
     return page;
+}
+
+constexpr const char *kFiles = ".SH FILES\n"
+                               ".TP\n\\fIprefix\\fR/share/vulkan/explicit_layer.d/\n"
+                               "The manifest of the layer, found relative to the program.\n"
+                               ".TP\n\\fIprefix\\fR/share/vellum/schema.json\n"
+                               "The JSON Schema of all reports that \\fB\\-\\-json\\fR prints.\n";
+
+std::string seeAlso(const std::vector<ReferenceCommand> &commands, const ReferenceCommand &except)
+{
+    std::string page = ".SH SEE ALSO\n";
+    std::string separator;
+    for (const ReferenceCommand &command : commands)
+        if (&command != &except && command.name != "help") {
+            page += separator + ".BR " + escaped(command.name.empty() ? "vellum" : "vellum-" + command.name) + " (1)";
+            separator = ",\n";
+        }
+    return page + "\n";
+}
+
+} // namespace
+
+std::string manPage(const std::vector<ReferenceCommand> &commands, const ManEdition &edition)
+{
+    const ReferenceCommand &own = commands.front();
+    std::string page = titleOf("vellum", edition);
+    page += ".SH NAME\nvellum \\- opacity micromaps for Vulkan and glTF\n.SH SYNOPSIS\n";
+    for (size_t i = 0; i < commands.size(); ++i)
+        page += (i == 0 ? "" : ".br\n") + synopsisOf(commands[i]);
+    page += ".SH DESCRIPTION\n" + escaped(own.description) + ".\n";
+    for (size_t i = 1; i < commands.size(); ++i)
+        page += ".TP\n" + bold(commands[i].name) + "\n" + escaped(commands[i].description) + "\n";
+    return page + optionsOf(own) + detailsOf(own.details) + kFiles + seeAlso(commands, own);
+}
+
+std::string manPageOf(const std::vector<ReferenceCommand> &commands, size_t number, const ManEdition &edition)
+{
+    const ReferenceCommand &command = commands.at(number);
+    const std::string name = "vellum-" + command.name;
+    // The prose of the details precedes their first section.
+    const size_t sections = std::min(command.details.find("\n\nE"), command.details.size());
+    std::string page = titleOf(name, edition);
+    page += ".SH NAME\n" + escaped(name) + " \\- " + escaped(command.description) + "\n";
+    page += ".SH SYNOPSIS\n" + synopsisOf(command);
+    page += ".SH DESCRIPTION\n" + escaped(command.description) + ".\n" + detailsOf(command.details.substr(0, sections));
+    page += optionsOf(command) + detailsOf(command.details.substr(sections));
+    return page + kFiles + seeAlso(commands, command);
 }
 
 } // namespace vellum::cli

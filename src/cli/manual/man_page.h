@@ -1,4 +1,4 @@
-// The manual page.
+// The manual pages, in the man macros of roff.
 #pragma once
 
 #include "cli/manual/commands_of.h"
@@ -6,7 +6,14 @@
 namespace vellum::cli
 {
 
-// In the man macros of roff. `date` as 2026-01-31.
-std::string manPage(const std::vector<ReferenceCommand> &commands, const std::string &version, const std::string &date);
+struct ManEdition {
+    std::string version;
+    std::string date; // 2026-01-31
+};
+
+// vellum.1
+std::string manPage(const std::vector<ReferenceCommand> &commands, const ManEdition &edition);
+// vellum-bake.1 and so on: of commands[number].
+std::string manPageOf(const std::vector<ReferenceCommand> &commands, size_t number, const ManEdition &edition);
 
 } // namespace vellum::cli

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "gltf/file/gltf_error.h"
+#include "gltf/micromaps/state_counter.h"
 
 namespace vellum::cli
 {
@@ -13,12 +14,10 @@ namespace
 // Micro-triangles of all triangles by State, and triangles with a special index.
 BakeStatistics statisticsOf(const Micromap &micromap)
 {
-    std::vector<std::array<uint64_t, 4>> ofTriangle;
-    for (const MicromapTriangle &t : micromap.triangles) {
-        ofTriangle.push_back({});
-        for (uint32_t i = 0; i < microTriangleCount(t.subdivisionLevel); ++i)
-            ++ofTriangle.back()[static_cast<size_t>(readState(&micromap.data[t.dataOffset], i, t.format))];
-    }
+    const StateCounter counter(micromap.data);
+    std::vector<StateCounts> ofTriangle;
+    for (const MicromapTriangle &triangle : micromap.triangles)
+        ofTriangle.push_back(counter.count(triangle));
     BakeStatistics statistics;
     statistics.distinct = micromap.triangles.size();
     for (const int32_t index : micromap.indices) {

@@ -13,10 +13,10 @@ namespace vellum::cli
 {
 
 struct BakedScene {
-    // By geometry. Nothing where it is solid, where the file has none for it, and for baked ones where its vertices
-    // have alphas, which the baker does not know.
+    // By geometry. None if it is solid, if the file has none for it, and for baked ones if its vertices have alphas,
+    // which the baker does not support.
     std::vector<std::optional<BakeResult>> results;
-    std::string extension; // that the file has them by; empty where they were baked
+    std::string extension; // of the file that they are from; empty if they were baked
 
     // For World and Renderer; valid as long as this is not changed.
     [[nodiscard]] std::vector<const Micromap *> micromaps() const;
@@ -31,9 +31,9 @@ struct BakedScene {
 // geometry has a micromap of its own. `options.cutoff` is taken from the material. Throws BakeError.
 BakedScene bakeScene(const Scene &scene, BakeOptions options);
 
-// The micromaps that the scene's file has for its masked geometries. A solid one is drawn as it is, whatever the file
-// says of it. Primitives may share what the file has, and each gets a copy, for a device too: throws GltfError where
-// those have more than `mostBytes` together.
+// The micromaps that the scene's file has for its masked geometries; those of solid ones are ignored. Primitives may
+// share a micromap in the file, but each gets its own copy, here and on the device: throws GltfError if the copies
+// have more than `mostBytes` together.
 BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, uint64_t mostBytes = uint64_t{512} << 20);
 
 } // namespace vellum::cli

@@ -120,7 +120,7 @@ std::vector<Leaf> arrange(const LeafStyle &style)
 
 Paint paintAt(const LeafStyle &style, const std::vector<Leaf> &leaves, float x, float y)
 {
-    // The last leaf lies in front.
+    // The last leaf is in front.
     for (auto leaf = leaves.rbegin(); leaf != leaves.rend(); ++leaf) {
         const Paint paint = paintLeaf(style, *leaf, x, y);
         if (paint.covered)

@@ -17,7 +17,7 @@ struct LeafStyle {
     float widest = 0.42f;            // where that is, from stalk (0) to tip (1)
     float teeth = 0;                 // depth of the edge's teeth, as a share of the width
     int veins = 7;                   // pairs of side veins
-    Vec3 young{0.40f, 0.53f, 0.20f}; // sRGB colours that the leaves lie between
+    Vec3 young{0.40f, 0.53f, 0.20f}; // the leaves' sRGB colours are between these
     Vec3 old{0.19f, 0.33f, 0.12f};
     Vec3 wood{0.33f, 0.25f, 0.16f};
 };

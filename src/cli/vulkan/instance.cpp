@@ -219,7 +219,8 @@ DeviceInfo chooseDevice(const Instance &instance, const std::optional<std::strin
             best = &d;
     }
     if (best == nullptr && wish)
-        throw Error("no Vulkan device is called " + *wish + "; there is " + devices.front().name +
+        throw Error("--device " + *wish + " matches no Vulkan device by number or name; there is " +
+                    devices.front().name +
                     (devices.size() > 1 ? " and " + std::to_string(devices.size() - 1) + " more" : ""));
     if (best == nullptr)
         throw Error("no Vulkan device has ray queries (VK_KHR_ray_query and Vulkan 1.3); the first of " +

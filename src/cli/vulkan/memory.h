@@ -17,7 +17,7 @@ public:
     struct Piece {
         VkDeviceMemory memory = VK_NULL_HANDLE;
         VkDeviceSize offset = 0;
-        void *mapped = nullptr; // the piece's first byte, where it was asked for
+        void *mapped = nullptr; // the piece's first byte, if it was requested
         Block *block = nullptr;
     };
 
@@ -27,7 +27,7 @@ public:
     MemoryPool(const MemoryPool &) = delete;
     MemoryPool &operator=(const MemoryPool &) = delete;
 
-    // Memory that buffers with a device address may lie in. Mapped memory must be of a host-coherent type. Throws
+    // Memory for buffers with a device address. Mapped memory must be of a host-coherent type. Throws
     // Error.
     Piece allocate(const VkMemoryRequirements &requirements, uint32_t type, bool mapped);
     void free(const Piece &piece);

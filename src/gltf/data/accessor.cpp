@@ -11,8 +11,8 @@ namespace vellum
 namespace
 {
 
-// An accessor without a buffer view is all zeros (but for its sparse elements), however many it says it has: more than
-// this is a small file that asks for a lot of memory.
+// An accessor without a buffer view is all zeros, except its sparse elements. The limit keeps small files from
+// requesting a lot of memory.
 constexpr size_t kMostZeros = size_t{1} << 22;
 
 template <typename T>
@@ -34,7 +34,7 @@ const gltf_json::Accessor &accessorAt(const gltf_json::Model &model, int index, 
 size_t componentBytes(int type, const std::string &what)
 {
     if (type == gltf_json::kInt || gltf_json::bytesOf(type) == 0)
-        throw GltfError(what + ": component type " + std::to_string(type) + " is none of glTF's");
+        throw GltfError(what + ": component type " + std::to_string(type) + " does not exist in glTF");
     return gltf_json::bytesOf(type);
 }
 

@@ -11,7 +11,7 @@
 namespace vellum
 {
 
-// What an extension of a buffer view says of its data.
+// The compression of a buffer view, as its extension declares it.
 struct CompressedView {
     int buffer = -1;
     size_t byteOffset = 0;
@@ -32,7 +32,7 @@ bool isCompressed(const gltf_json::BufferView &view);
 // Neither of them names the view. bytes() does not overflow.
 CompressedView readCompressedView(const gltf_json::BufferView &view);
 
-// Throws GltfError where `encoded` does not decode to `view`.
+// Throws GltfError if `encoded` does not decode to `view`.
 std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const uint8_t> encoded);
 
 } // namespace vellum

@@ -65,7 +65,7 @@ bool decode(std::span<const uint8_t> encoded, draco::Mesh &mesh)
     return decoder.Decode(options, &buffer, &mesh).ok();
 }
 
-// glTF's is version 2.2, and so none of the library's code for older ones is ever used.
+// glTF requires version 2.2; the library's code for older versions is never used.
 void checkHeader(std::span<const uint8_t> encoded, const std::string &what)
 {
     constexpr size_t kHeaderBytes = 11;

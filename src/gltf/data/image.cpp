@@ -213,7 +213,7 @@ private:
         jpeg->err->format_message(jpeg, reader.message_.data());
         longjmp(reader.return_, 1);
     }
-    // Warnings are of files that read all the same; but for one.
+    // Files with warnings can be read, except those that end too early.
     static void onMessage(j_common_ptr jpeg, int)
     {
         if (jpeg->err->msg_code == JWRN_JPEG_EOF)

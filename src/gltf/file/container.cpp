@@ -11,7 +11,7 @@ namespace vellum
 namespace
 {
 
-// Checks that all chunks lie in the length that the header announces. Returns where the JSON text is.
+// Checks that all chunks are inside the length that the header announces. Returns where the JSON text is.
 std::pair<size_t, size_t> checkGlb(const std::vector<uint8_t> &bytes)
 {
     if (bytes.size() < kGlbHeaderBytes + kGlbChunkHeaderBytes)
@@ -79,7 +79,12 @@ void checkStructure(std::string_view text)
 
 Container readContainer(const std::filesystem::path &path)
 {
-    Container container{.bytes = readWholeFile(path)};
+    return findContainer(readWholeFile(path));
+}
+
+Container findContainer(std::vector<uint8_t> file)
+{
+    Container container{.bytes = std::move(file)};
     const std::vector<uint8_t> &bytes = container.bytes;
     if (bytes.empty())
         throw GltfError("the file is empty");
@@ -87,7 +92,7 @@ Container readContainer(const std::filesystem::path &path)
     container.binary = bytes.size() >= 4 && glbWord(bytes, 0) == kGlbMagic;
     if (container.binary) {
         std::tie(container.jsonOffset, container.jsonSize) = checkGlb(bytes);
-        // What follows is none of its chunks, and was not looked at.
+        // Bytes after the announced length belong to no chunk.
         container.bytes.resize(glbWord(bytes, 8));
     } else {
         const size_t start = std::string_view(text, bytes.size()).find_first_not_of(" \t\r\n\xef\xbb\xbf");

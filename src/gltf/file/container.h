@@ -9,7 +9,7 @@
 namespace vellum
 {
 
-// A glTF file as it lies on the disk.
+// A glTF file as it is stored.
 struct Container {
     std::vector<uint8_t> bytes;
     bool binary = false; // a GLB
@@ -23,8 +23,10 @@ struct Container {
     }
 };
 
-// Reads a file and finds the JSON text in it. Throws GltfError, for chunks that contradict themselves and JSON that no
-// parser should see, too.
+// Finds the JSON text in the bytes of a file. Throws GltfError, also for chunks that contradict themselves and JSON
+// that no parser should see.
+Container findContainer(std::vector<uint8_t> bytes);
+// The same for a file.
 Container readContainer(const std::filesystem::path &path);
 
 } // namespace vellum

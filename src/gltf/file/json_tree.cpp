@@ -28,7 +28,7 @@ struct StringEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, StringEven
 
 } // namespace
 
-// The parser calls these functions at the end of what they are named for, but for the two that start.
+// The parser calls these functions at the end of what they are named for, except the two that start.
 struct JsonEvents : rapidjson::BaseReaderHandler<rapidjson::UTF8<>, JsonEvents> {
     JsonEvents(JsonTree &toFill, const rapidjson::MemoryStream &from) : tree(toFill), stream(from) {}
 
@@ -173,7 +173,7 @@ std::optional<int64_t> JsonValue::integer() const
     int64_t value = 0;
     if (const auto read = std::from_chars(digits.data(), last, value); read.ec == std::errc() && read.ptr == last)
         return value;
-    // 2.0 and 2e3 are integers, too.
+    // 2.0 and 2e3 are integers as well.
     const auto real = number();
     if (!real || *real != std::floor(*real) || std::abs(*real) > 9e15)
         return std::nullopt;

@@ -232,7 +232,7 @@ void OutputFiles::publish()
     published_ = true;
     for (Pending &pending : pending_) {
         discard(pending);
-        // So that the names are on the disk, too. Not every file system can do that.
+        // So that the names are on the disk as well. Not every file system supports that.
         const int folder = ::open(pending.folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
         if (folder >= 0) {
             fsync(folder);

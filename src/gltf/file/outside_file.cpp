@@ -38,7 +38,7 @@ std::vector<uint8_t> base64Decoded(std::string_view text)
     for (size_t i = 0; i < text.size(); ++i) {
         const uint8_t digit = kDigits[static_cast<unsigned char>(text[i])];
         if (digit == kNoDigit)
-            throw GltfError("character " + std::to_string(i) + " of its base64 text is none of base64's");
+            throw GltfError("character " + std::to_string(i) + " of its base64 text is not a base64 digit");
         bits = bits << 6 | digit;
         if (i % 4 != 0)
             bytes.push_back(static_cast<uint8_t>(bits >> (6 - 2 * (i % 4))));

@@ -15,7 +15,7 @@ class ChangingAlpha
 public:
     explicit ChangingAlpha(const Document &document);
 
-    // Why a micromap could be wrong for a primitive; nothing where it cannot.
+    // Why a micromap could be wrong for a primitive; none if it cannot.
     [[nodiscard]] std::optional<std::string> reason(PrimitivePlace place) const;
 
 private:

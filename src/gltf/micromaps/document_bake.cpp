@@ -59,7 +59,7 @@ public:
 
 private:
     void addPrimitive(PrimitivePlace place);
-    void leave(PrimitivePlace place, const std::string &material, const std::string &reason, bool unreadable = false);
+    void skip(PrimitivePlace place, const std::string &material, SkipReason code, const std::string &reason);
     [[nodiscard]] std::optional<float> cutoffOf(const Material &material) const;
     Source &sourceOf(const Material &material, float uvTerms);
     void addTriangles(Source &source, const Primitive &primitive);
@@ -81,12 +81,11 @@ private:
     size_t done_ = 0;
 };
 
-void DocumentBaker::leave(PrimitivePlace place, const std::string &material, const std::string &reason, bool unreadable)
+void DocumentBaker::skip(PrimitivePlace place, const std::string &material, SkipReason code, const std::string &reason)
 {
     const auto &extensions = document_.model().meshes[place.mesh].primitives[place.primitive].extensions;
-    const bool had =
-        extensions["EXT_mesh_opacity_micromap"].exists() || extensions["KHR_mesh_opacity_micromap"].exists();
-    result_.left.push_back({place, material, reason, had, unreadable});
+    result_.skipped.push_back(
+        {place, document_.nameOf(place), material, code, reason, hasMicromapExtension(extensions)});
 }
 
 std::optional<float> DocumentBaker::cutoffOf(const Material &material) const
@@ -156,40 +155,43 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     if (!material.masked())
         return;
     if (material.alphaMode == AlphaMode::Blend && !options_.blend)
-        return leave(place, material.name, "its alphaMode is BLEND");
-    if (matches(mesh.name, options_.leaveMeshes) || matches(material.name, options_.leaveMaterials))
-        return leave(place, material.name, "as asked for");
+        return skip(place, material.name, SkipReason::AlphaModeBlend, "its alphaMode is BLEND");
+    if (matches(mesh.name, options_.excludedMeshes) || matches(material.name, options_.excludedMaterials))
+        return skip(place, material.name, SkipReason::Excluded, "it is excluded");
     if (const auto reason = changing_.reason(place))
-        return leave(place, material.name, *reason);
+        return skip(place, material.name, SkipReason::AlphaChanges, *reason);
     const bool list = source.mode == gltf_json::kTriangles;
     const bool draco = source.extensions["KHR_draco_mesh_compression"].exists();
     if (!list && draco)
-        return leave(place, material.name, "it is a strip with KHR_draco_mesh_compression");
+        return skip(place, material.name, SkipReason::CompressedStrip, "it is a strip with KHR_draco_mesh_compression");
     // The extension counts triangles by the indices, or else the positions.
     if (source.indices < 0 && !source.attributes.contains("POSITION"))
-        return leave(place, material.name, "it has neither indices nor positions");
+        return skip(place, material.name, SkipReason::NoTriangles, "it has neither indices nor positions");
     if (!material.unreadImage.empty() && !options_.fallbackImages)
-        return leave(place, material.name,
-                     "its texture has an image that is not read here (" + material.unreadImage + ")", true);
-    Primitive primitive = readPrimitive(document_, place, Positions::Leave);
+        return skip(place, material.name, SkipReason::UnsupportedImage,
+                    "its texture has an image that is not supported (" + material.unreadImage + ")");
+    Primitive primitive = readPrimitive(document_, place, Positions::Skip);
     if (material.image >= 0 && primitive.uvs.empty())
-        return leave(place, material.name,
-                     "it has no texture coordinates (TEXCOORD_" + std::to_string(material.uvSet) + ")");
+        return skip(place, material.name, SkipReason::NoTextureCoordinates,
+                    "it has no texture coordinates (TEXCOORD_" + std::to_string(material.uvSet) + ")");
     if (primitive.morphed)
-        return leave(place, material.name, "morph targets change its texture coordinates or alphas");
+        return skip(place, material.name, SkipReason::AlphaChanges,
+                    "morph targets change its texture coordinates or alphas");
     if (primitive.indices.empty())
-        return leave(place, material.name, "it has no triangles");
+        return skip(place, material.name, SkipReason::NoTriangles, "it has no triangles");
     if (primitive.twofold)
-        return leave(place, material.name, "its uncompressed data has other triangles than its compressed data");
+        return skip(place, material.name, SkipReason::AmbiguousTriangles,
+                    "its uncompressed data has other triangles than its compressed data");
     const size_t declared =
         source.indices < 0 ? primitive.indices.size() : model.accessors.at(static_cast<size_t>(source.indices)).count;
     if (draco && declared / 3 != primitive.triangleCount())
-        return leave(place, material.name,
-                     "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
-                         std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");
+        return skip(place, material.name, SkipReason::AmbiguousTriangles,
+                    "it has " + std::to_string(declared / 3) + " triangles by its indices, and " +
+                        std::to_string(primitive.triangleCount()) + " by KHR_draco_mesh_compression");
     addTriangles(sourceOf(material, primitive.uvTerms), primitive);
     BakedPrimitive &baked = result_.primitives.back();
     baked.place = place;
+    baked.name = document_.nameOf(place);
     baked.material = material.name;
     if (material.alphaMode == AlphaMode::Blend && options_.blendCutoff)
         baked.caution = blendCaution(*options_.blendCutoff, "baked");
@@ -264,7 +266,7 @@ AlphaTexture DocumentBaker::textureOf(Source &source)
         source.unreadable = true;
         for (const uint32_t primitive : source.primitives) {
             const BakedPrimitive &baked = result_.primitives[primitive];
-            leave(baked.place, baked.material, document_.reasonOf(baked.place, error), true);
+            skip(baked.place, baked.material, SkipReason::UnsupportedImage, document_.reasonOf(baked.place, error));
         }
         return {};
     }
@@ -322,7 +324,7 @@ DocumentBake DocumentBaker::bake()
         try {
             addPrimitive(place);
         } catch (const GltfUnsupported &error) {
-            leave(place, {}, document_.reasonOf(place, error), true);
+            skip(place, {}, SkipReason::Unsupported, document_.reasonOf(place, error));
         }
     }
     dropRareLayers();
@@ -344,12 +346,37 @@ DocumentBake DocumentBaker::bake()
         if (!dropped[i])
             kept.push_back(std::move(result_.primitives[i]));
     result_.primitives = std::move(kept);
-    std::sort(result_.left.begin(), result_.left.end(),
-              [](const LeftPrimitive &a, const LeftPrimitive &b) { return a.place < b.place; });
+    std::sort(result_.skipped.begin(), result_.skipped.end(),
+              [](const SkippedPrimitive &a, const SkippedPrimitive &b) { return a.place < b.place; });
     return std::move(result_);
 }
 
 } // namespace
+
+const char *nameOf(SkipReason reason)
+{
+    switch (reason) {
+    case SkipReason::AlphaModeBlend: return "alphaModeBlend";
+    case SkipReason::Excluded: return "excluded";
+    case SkipReason::AlphaChanges: return "alphaChanges";
+    case SkipReason::CompressedStrip: return "compressedStrip";
+    case SkipReason::NoTriangles: return "noTriangles";
+    case SkipReason::NoTextureCoordinates: return "noTextureCoordinates";
+    case SkipReason::AmbiguousTriangles: return "ambiguousTriangles";
+    case SkipReason::UnsupportedImage: return "unsupportedImage";
+    case SkipReason::Unsupported: break;
+    }
+    return "unsupported";
+}
+
+StoredMicromaps storedOf(DocumentBake bake)
+{
+    StoredMicromaps stored;
+    stored.micromaps = std::move(bake.micromaps);
+    for (BakedPrimitive &primitive : bake.primitives)
+        stored.primitives[primitive.place] = std::move(primitive.micromap);
+    return stored;
+}
 
 DocumentBake bakeDocument(const Document &document, const DocumentBakeOptions &options)
 {

@@ -16,37 +16,59 @@ namespace vellum
 struct DocumentBakeOptions {
     // The cutoff is the material's; a budget is for all of the file.
     BakeOptions bake;
-    // Bakes alphaMode BLEND, too: opaque only where alpha is 1, and transparent only where it is 0. That is true of
-    // renderers that blend, and of those that dither.
+    // Also bakes alphaMode BLEND: opaque only where alpha is 1, and transparent only where it is 0. That is right for
+    // renderers that blend, and for those that dither.
     bool blend = false;
-    // Bakes it as a mask with this cutoff instead: true only of renderers that treat it as one.
+    // Bakes it as a mask with this cutoff instead, which is right only for renderers that treat it as one.
     std::optional<float> blendCutoff;
-    // Bakes primitives whose texture has an image of a kind that is not read here (KTX2, AVIF, DDS) and another for
-    // those who do not read it either, from the latter.
+    // For textures that have an image of an unsupported kind (KTX2, AVIF, DDS) and a fallback, bakes from the
+    // fallback.
     bool fallbackImages = false;
-    // Materials and meshes with such a name (shell patterns: * ? [...]) are left as they are.
-    std::vector<std::string> leaveMaterials;
-    std::vector<std::string> leaveMeshes;
+    // Primitives whose material or mesh has such a name (shell patterns: * ? [...]) are not baked.
+    std::vector<std::string> excludedMaterials;
+    std::vector<std::string> excludedMeshes;
 };
 
 struct BakedPrimitive {
     PrimitivePlace place;
+    std::string name; // `mesh 2 "leaves" primitive 0`
     std::string material;
     PrimitiveMicromap micromap;
     // The corners of its triangles, for a strip or a fan: the extension is for lists only. Empty for a list.
     std::vector<uint32_t> corners;
     // Triangles that are unknown because their vertices have different alphas (COLOR_0).
     size_t varying = 0;
-    std::string caution; // of which renderers it is not true; empty where it is true of all
+    std::string caution; // which renderers it is wrong for; empty if none
 };
 
+enum class SkipReason : uint8_t {
+    AlphaModeBlend,       // and DocumentBakeOptions::blend is off
+    Excluded,             // by the options
+    AlphaChanges,         // ChangingAlpha, or morph targets
+    CompressedStrip,      // KHR_draco_mesh_compression without an index buffer to replace
+    NoTriangles,          // or no positions to count them by
+    NoTextureCoordinates, //
+    AmbiguousTriangles,   // compressed and uncompressed data differ
+    UnsupportedImage,     //
+    Unsupported,          // anything else that cannot be read
+};
+// "alphaModeBlend" and so on.
+const char *nameOf(SkipReason reason);
+
 // An alpha-tested primitive without a micromap.
-struct LeftPrimitive {
+struct SkippedPrimitive {
     PrimitivePlace place;
+    std::string name; // `mesh 2 "leaves" primitive 0`
     std::string material;
+    SkipReason code = SkipReason::Unsupported;
     std::string reason;       // "it has no texture coordinates (TEXCOORD_1)"
-    bool hadMicromap = false; // which goes: those of a file are replaced all together
-    bool unreadable = false;  // something in the file is not supported; otherwise it is no primitive to be baked
+    bool hadMicromap = false; // it is removed: all micromaps of a file are replaced together
+
+    // The file has something that is not supported. Otherwise the primitive is not one to be baked.
+    [[nodiscard]] bool unsupported() const
+    {
+        return code == SkipReason::UnsupportedImage || code == SkipReason::Unsupported;
+    }
 };
 
 struct DocumentBake {
@@ -54,11 +76,15 @@ struct DocumentBake {
     // triangles are special indices there is one triangle that nothing refers to, as the extension wants at least one.
     std::vector<StoredMicromap> micromaps;
     std::vector<BakedPrimitive> primitives; // in the file's order
-    std::vector<LeftPrimitive> left;
+    std::vector<SkippedPrimitive> skipped;
 };
 
 // Bakes every alpha-tested primitive, whether a node uses it or not. The result does not depend on the number of
-// threads. Primitives that cannot be baked (GltfUnsupported) are left; throws GltfError for a damaged file, BakeError.
+// threads. Primitives that cannot be baked (GltfUnsupported) are skipped; throws GltfError for a damaged file,
+// BakeError.
 DocumentBake bakeDocument(const Document &document, const DocumentBakeOptions &options);
+
+// The bake as the reader of a file with it returns it, without the name of an extension.
+StoredMicromaps storedOf(DocumentBake bake);
 
 } // namespace vellum

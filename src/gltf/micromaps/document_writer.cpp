@@ -19,8 +19,10 @@ namespace vellum
 namespace
 {
 
-constexpr const char *kExtension = "EXT_mesh_opacity_micromap";
-constexpr const char *kEarlier = "KHR_mesh_opacity_micromap";
+constexpr const char *kExtension = kMicromapExtension;
+// Marks the extension of files that were written here, in its "extras".
+constexpr const char *kGenerator = "vellum";
+constexpr const char *kEarlier = kMicromapExtensions[1];
 constexpr size_t kMostBytes = 0x7fffffff; // what readContainer takes
 // What Vulkan wants of the addresses of both inputs of a micromap build
 // (VUID-vkCmdBuildMicromapsEXT-pInfos-07515): a buffer that is loaded as it is serves.
@@ -65,6 +67,7 @@ private:
     void setExtension(const JsonValue &object, const std::string &text);
     void editPrimitives();
     void writeMicromap(const StoredMicromap &micromap, JsonWriter &json);
+    size_t addMicromapIndices(const std::vector<int32_t> &indices, size_t records);
     std::string primitiveJson(const BakedPrimitive &primitive, size_t records);
     size_t addView(std::span<const uint8_t> bytes, size_t alignment, int target = 0);
     template <typename T>
@@ -122,7 +125,9 @@ size_t Writer::addAccessor(const std::vector<T> &values, int target)
     const std::span bytes(reinterpret_cast<const uint8_t *>(values.data()), values.size() * sizeof(T));
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().member("bufferView", addView(bytes, kIndexAlignment, target));
-    json.member("componentType", sizeof(T) == 2 ? gltf_json::kUnsignedShort : gltf_json::kUnsignedInt);
+    json.member("componentType", sizeof(T) == 1   ? gltf_json::kUnsignedByte
+                                 : sizeof(T) == 2 ? gltf_json::kUnsignedShort
+                                                  : gltf_json::kUnsignedInt);
     accessors_.push_back(json.member("count", values.size()).member("type", "SCALAR").end().text());
     return document_.model().accessors.size() + accessors_.size() - 1;
 }
@@ -142,12 +147,19 @@ void Writer::writeMicromap(const StoredMicromap &micromap, JsonWriter &json)
     json.end();
 }
 
-// 16-bit indices where they do: VK_EXT_opacity_micromap takes no smaller ones. The four highest are special.
+// Special indices are stored in two's complement.
+size_t Writer::addMicromapIndices(const std::vector<int32_t> &indices, size_t records)
+{
+    switch (micromapIndexBytes(records)) {
+    case 1: return addAccessor(std::vector<uint8_t>(indices.begin(), indices.end()));
+    case 2: return addAccessor(std::vector<uint16_t>(indices.begin(), indices.end()));
+    default: return addAccessor(std::vector<uint32_t>(indices.begin(), indices.end()));
+    }
+}
+
 std::string Writer::primitiveJson(const BakedPrimitive &primitive, size_t records)
 {
-    const std::vector<int32_t> &indices = primitive.micromap.indices;
-    const size_t accessor = records <= 0xfffc ? addAccessor(std::vector<uint16_t>(indices.begin(), indices.end()))
-                                              : addAccessor(std::vector<uint32_t>(indices.begin(), indices.end()));
+    const size_t accessor = addMicromapIndices(primitive.micromap.indices, records);
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().member("micromap", primitive.micromap.micromap).member("micromapIndices", accessor);
     if (primitive.micromap.baseTriangle != 0)
@@ -336,6 +348,7 @@ RewrittenFile Writer::write()
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().list("micromaps", bake_.micromaps,
                             [&](const StoredMicromap &micromap) { writeMicromap(micromap, json); });
+    json.key("extras").beginObject().member("generator", kGenerator).end();
     setExtension(root_, any ? json.end().text() : "");
     editPrimitives();
     setUsed(any);
@@ -350,8 +363,12 @@ RewrittenFile Writer::write()
 
 bool hasMicromaps(const Document &document)
 {
-    const JsonValue extensions = document.root()["extensions"];
-    return extensions[kExtension].exists() || extensions[kEarlier].exists();
+    return hasMicromapExtension(document.root()["extensions"]);
+}
+
+bool hasOwnMicromaps(const JsonValue &root)
+{
+    return root["extensions"][kExtension]["extras"]["generator"].string() == kGenerator;
 }
 
 RewrittenFile withMicromaps(const Document &document, const DocumentBake &bake, const std::string &bufferStem)

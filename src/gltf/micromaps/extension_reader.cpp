@@ -15,7 +15,6 @@ namespace vellum
 namespace
 {
 
-constexpr const char *kSpellings[] = {"EXT_mesh_opacity_micromap", "KHR_mesh_opacity_micromap"};
 constexpr size_t kRecordBytes = 8;
 
 template <typename T>
@@ -102,7 +101,7 @@ ExtensionReader::ExtensionReader(const Document &document, size_t most)
 void ExtensionReader::note(const std::string &message)
 {
     if (!full())
-        offences_.push_back({place_, message});
+        findings_.push_back({place_, message});
     if (full())
         throw Broken{};
 }
@@ -125,7 +124,7 @@ void ExtensionReader::at(std::string place, Read &&read)
         // It is on the list.
     } catch (const GltfError &error) {
         if (!full())
-            offences_.push_back({place_, error.what()});
+            findings_.push_back({place_, error.what()});
     }
 }
 
@@ -177,7 +176,7 @@ std::optional<std::string> ExtensionReader::loss() const
     const size_t views = root_["bufferViews"].children().size();
     const std::set<int64_t> others = viewsOfOthers(root_);
     std::string first;
-    for (const char *spelling : kSpellings) {
+    for (const char *spelling : kMicromapExtensions) {
         const std::vector<JsonValue> micromaps = root_["extensions"][spelling]["micromaps"].children();
         for (size_t i = 0; i < micromaps.size(); ++i)
             for (const char *name : {"data", "triangles"}) {
@@ -206,7 +205,7 @@ std::optional<std::string> ExtensionReader::loss() const
 StoredMicromaps ExtensionReader::read()
 {
     if (const auto lost = loss()) {
-        offences_.push_back({"extensions", *lost});
+        findings_.push_back({"extensions", *lost});
         return {};
     }
     at("extensions", [&] { findExtension(); });
@@ -215,9 +214,9 @@ StoredMicromaps ExtensionReader::read()
         stored_.micromaps.resize(elements.size());
         whole_.resize(elements.size());
         for (size_t i = 0; i < elements.size() && !full(); ++i) {
-            const size_t before = offences_.size();
+            const size_t before = findings_.size();
             at("micromaps[" + number(i) + "]", [&] { readMicromap(elements[i], stored_.micromaps[i]); });
-            whole_[i] = offences_.size() == before;
+            whole_[i] = findings_.size() == before;
         }
     }
     const std::vector<JsonValue> meshes = root_["meshes"].children();
@@ -228,7 +227,7 @@ StoredMicromaps ExtensionReader::read()
 
 void ExtensionReader::findExtension()
 {
-    for (const char *spelling : kSpellings) {
+    for (const char *spelling : kMicromapExtensions) {
         const JsonValue extension = root_["extensions"][spelling];
         if (!extension.exists() || !stored_.extension.empty())
             continue;
@@ -300,7 +299,7 @@ void ExtensionReader::checkRecords(const StoredMicromap &micromap)
     for (size_t i = 0; i < micromap.triangles.size(); ++i) {
         const MicromapTriangle &t = micromap.triangles[i];
         const std::string which = "triangle " + number(i) + ": ";
-        const size_t before = offences_.size();
+        const size_t before = findings_.size();
         if (t.format != Format::TwoState && t.format != Format::FourState)
             note(which + "format " + number(static_cast<unsigned>(t.format)) +
                  " is neither 1 (2-state) nor 2 (4-state)");
@@ -309,7 +308,7 @@ void ExtensionReader::checkRecords(const StoredMicromap &micromap)
         else if (const auto end = uint64_t{t.dataOffset} + packedBytes(t.subdivisionLevel, t.format);
                  end > micromap.data.size())
             note(which + "its data ends at byte " + number(end) + " of " + number(micromap.data.size()));
-        whole = whole && offences_.size() == before;
+        whole = whole && findings_.size() == before;
     }
     if (!whole)
         throw Broken{}; // regions mean nothing now
@@ -360,7 +359,7 @@ void ExtensionReader::readMesh(uint32_t mesh, const JsonValue &value)
     const std::vector<JsonValue> primitives = value["primitives"].children();
     for (uint32_t p = 0; p < primitives.size() && !full(); ++p) {
         const JsonValue extensions = primitives[p]["extensions"];
-        for (const char *spelling : kSpellings) {
+        for (const char *spelling : kMicromapExtensions) {
             const JsonValue extension = extensions[spelling];
             if (!extension.exists() || (!stored_.extension.empty() && stored_.extension != spelling))
                 continue;
@@ -404,9 +403,9 @@ void ExtensionReader::readPrimitive(PrimitivePlace place, const JsonValue &exten
         primitive.indices.resize(triangles);
         std::iota(primitive.indices.begin(), primitive.indices.end(), 0);
     }
-    const size_t before = offences_.size();
+    const size_t before = findings_.size();
     checkIndices(primitive, records);
-    if (offences_.size() == before)
+    if (findings_.size() == before)
         stored_.primitives[place] = std::move(primitive);
 }
 

@@ -17,23 +17,23 @@ namespace vellum
 class ExtensionReader
 {
 public:
-    // Stops at `most` offences.
+    // Stops at `most` findings.
     ExtensionReader(const Document &document, size_t most);
 
     // As lossOfMicromaps().
     [[nodiscard]] std::optional<std::string> loss() const;
     // What is whole; the others are left empty.
     StoredMicromaps read();
-    [[nodiscard]] std::vector<MicromapOffence> takeOffences() { return std::move(offences_); }
+    [[nodiscard]] std::vector<MicromapFinding> takeFindings() { return std::move(findings_); }
 
 private:
-    // Thrown at the first offence of an element or a primitive after which the rest of it has no meaning.
+    // Thrown at the first finding of an element or a primitive after which the rest of it has no meaning.
     struct Broken {
     };
 
     void note(const std::string &message);
     [[noreturn]] void fail(const std::string &message);
-    [[nodiscard]] bool full() const { return offences_.size() >= most_; }
+    [[nodiscard]] bool full() const { return findings_.size() >= most_; }
     template <typename Read>
     void at(std::string place, Read &&read);
 
@@ -60,7 +60,7 @@ private:
     JsonValue root_;
     size_t most_;
     std::string place_;
-    std::vector<MicromapOffence> offences_;
+    std::vector<MicromapFinding> findings_;
     uint64_t allowance_;
     StoredMicromaps stored_;
     std::vector<bool> whole_; // by micromap

@@ -48,6 +48,25 @@ void checkPaths(const Document &document, const std::filesystem::path &output)
 
 } // namespace
 
+namespace
+{
+
+// The output comes last: as long as it is unchanged, so is all that belongs to it.
+void writeFiles(const Document &document, const std::filesystem::path &output, const RewrittenFile &rewritten,
+                const std::function<bool()> &cancelled)
+{
+    const FilesBeside beside = filesBeside(document.root(), document.path(), output);
+    OutputFiles files(cancelled);
+    for (const FilesBeside::Copy &copy : beside.copies)
+        files.copy(copy.from, copy.to);
+    if (rewritten.buffer.size() != 0)
+        files.writeOnce(folderOf(output) / rewritten.bufferName, rewritten.buffer);
+    files.write(output, rewritten.file);
+    files.publish();
+}
+
+} // namespace
+
 FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &input, const std::filesystem::path &output)
 {
     const std::filesystem::path from = folderOf(input);
@@ -77,37 +96,28 @@ FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &inpu
 FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::path &output,
                   const FileBakeOptions &options)
 {
-    const Document document(input);
+    return bakeFile(Document(input), output, options);
+}
+
+FileBake bakeFile(const Document &document, const std::filesystem::path &output, const FileBakeOptions &options)
+{
     return document.named([&] {
-        checkPaths(document, output);
+        if (!options.sink)
+            checkPaths(document, output);
         FileBake result;
         result.inputBytes = document.bytes().size();
         result.replaced = hasMicromaps(document);
         result.replacedLoss = lossOfMicromaps(document).value_or("");
         result.bake = bakeDocument(document, options);
-        if (options.measure) {
-            StoredMicromaps stored;
-            stored.micromaps = result.bake.micromaps;
-            for (const BakedPrimitive &primitive : result.bake.primitives)
-                stored.primitives[primitive.place] = primitive.micromap;
-            result.surface = surfaceShares(document, stored);
-        }
-        for (const BakedPrimitive &primitive : result.bake.primitives)
-            result.names.push_back(document.nameOf(primitive.place));
-        for (const LeftPrimitive &primitive : result.bake.left)
-            result.leftNames.push_back(document.nameOf(primitive.place));
-        const FilesBeside beside = filesBeside(document.root(), input, output);
+        if (options.measure)
+            result.surface = surfaceShares(document, storedOf(result.bake));
         const RewrittenFile rewritten =
             withMicromaps(document, result.bake, document.binary() || options.embed ? "" : bufferStem(output));
         result.outputBytes = rewritten.file.size() + rewritten.buffer.size();
-        // The output comes last: as long as it is what it was, so is all that belongs to it.
-        OutputFiles files(options.bake.cancelled);
-        for (const FilesBeside::Copy &copy : beside.copies)
-            files.copy(copy.from, copy.to);
-        if (rewritten.buffer.size() != 0)
-            files.writeOnce(folderOf(output) / rewritten.bufferName, rewritten.buffer);
-        files.write(output, rewritten.file);
-        files.publish();
+        if (options.sink)
+            options.sink(rewritten.file);
+        else
+            writeFiles(document, output, rewritten, options.bake.cancelled);
         return result;
     });
 }

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 
+#include "gltf/file/output_files.h"
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/micromaps/known_surface.h"
 
@@ -14,14 +16,14 @@ struct FileBakeOptions : DocumentBakeOptions {
     bool embed = false;
     // Measures the surface of the scene, for which its vertices are read once more.
     bool measure = false;
+    // Takes the output instead of a file; files that a .gltf names are not copied then. May do nothing: a dry run.
+    std::function<void(const FileContent &)> sink{};
 };
 
 struct FileBake {
     DocumentBake bake;
-    std::vector<std::string> names;     // of bake.primitives: `mesh 2 "leaves" primitive 0`
-    std::vector<std::string> leftNames; // of bake.left
-    bool replaced = false;              // the input had micromaps
-    std::string replacedLoss;           // that had lost their data: as lossOfMicromaps() says
+    bool replaced = false;    // the input had micromaps
+    std::string replacedLoss; // lossOfMicromaps() of these; empty if they had their data
     std::optional<SurfaceShares> surface;
     uint64_t inputBytes = 0;  // of the file itself
     uint64_t outputBytes = 0; // and with the file of micromaps beside it
@@ -34,17 +36,18 @@ struct FilesBeside {
         std::filesystem::path to;
     };
     std::vector<std::filesystem::path> read;
-    std::vector<Copy> copies; // of all of them where the output is in another folder
+    std::vector<Copy> copies; // of all of them if the output is in another folder
 };
 
-// Throws GltfError, without the path of the input, where the output is one of them or a copy would be outside of the
+// Throws GltfError, without the path of the input, if the output is one of them or a copy would be outside of the
 // output's folder.
 FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &input, const std::filesystem::path &output);
 
-// Bakes `input` and writes `output`, which must be another file; .glb becomes .glb and .gltf becomes .gltf, with its
+// Bakes a file and writes `output`, which must be another file; .glb becomes .glb and .gltf becomes .gltf, with its
 // micromaps in `tree.omm-0123456789abcdef.bin` beside `tree.gltf`, where the digits are a digest of them: no other
 // file has that name unless it has the same bytes. What a .gltf names beside it is copied where the output is in
 // another folder. Either all files are written or none. Throws GltfError, BakeError.
+FileBake bakeFile(const Document &document, const std::filesystem::path &output, const FileBakeOptions &options);
 FileBake bakeFile(const std::filesystem::path &input, const std::filesystem::path &output,
                   const FileBakeOptions &options);
 

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "gltf/micromaps/state_counter.h"
+
 namespace vellum
 {
 namespace
@@ -53,13 +55,12 @@ std::vector<std::array<double, 4>> stateShares(std::span<const MicromapTriangle>
 {
     std::vector<std::array<double, 4>> shares;
     shares.reserve(triangles.size());
+    const StateCounter counter(data);
     for (const MicromapTriangle &triangle : triangles) {
+        const StateCounts counts = counter.count(triangle);
         std::array<double, 4> &share = shares.emplace_back();
-        const uint32_t count = microTriangleCount(triangle.subdivisionLevel);
-        for (uint32_t i = 0; i < count; ++i) {
-            const State state = readState(data.data() + triangle.dataOffset, i, triangle.format);
-            share[static_cast<size_t>(state)] += 1.0 / count;
-        }
+        for (size_t s = 0; s < 4; ++s)
+            share[s] = static_cast<double>(counts[s]) / microTriangleCount(triangle.subdivisionLevel);
     }
     return shares;
 }

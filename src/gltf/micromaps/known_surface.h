@@ -28,12 +28,12 @@ struct SurfaceShares {
     }
 };
 
-// `micromapOf` gives the micromap of a geometry of the scene, valid until the next call, or null. Nothing where no
-// alpha-tested triangle has an area, and of more than 2^27 of them.
+// `micromapOf` returns the micromap of a geometry of the scene, valid until the next call, or null. No result if no
+// alpha-tested triangle has an area, or if there are more than 2^27 of them.
 std::optional<SurfaceShares> surfaceShares(const Scene &scene,
                                            const std::function<const Micromap *(size_t)> &micromapOf);
 
-// Of the default scene of a file, with these micromaps. Nothing for a file whose scene cannot be read, too.
+// Of the default scene of a file, with these micromaps. No result if the scene cannot be read.
 std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored);
 
 } // namespace vellum

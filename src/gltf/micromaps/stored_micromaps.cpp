@@ -12,24 +12,29 @@ std::optional<std::string> lossOfMicromaps(const Document &document)
     return document.named([&] { return ExtensionReader(document, 1).loss(); });
 }
 
-std::vector<MicromapOffence> findMicromapOffences(const Document &document, size_t most)
+CheckedMicromaps checkMicromaps(const Document &document, size_t most)
 {
     return document.named([&] {
         ExtensionReader reader(document, most);
-        reader.read();
-        return reader.takeOffences();
+        StoredMicromaps stored = reader.read();
+        return CheckedMicromaps{std::move(stored), reader.takeFindings()};
     });
 }
 
 StoredMicromaps readMicromaps(const Document &document)
 {
     return document.named([&] {
-        ExtensionReader reader(document, 1);
-        StoredMicromaps stored = reader.read();
-        for (const MicromapOffence &offence : reader.takeOffences())
-            throw GltfError(offence.place + ": " + offence.message);
-        return stored;
+        CheckedMicromaps checked = checkMicromaps(document, 1);
+        for (const MicromapFinding &finding : checked.findings)
+            throw GltfError(finding.place + ": " + finding.message);
+        return std::move(checked.stored);
     });
+}
+
+bool hasMicromapExtension(const JsonValue &extensions)
+{
+    return std::any_of(kMicromapExtensions.begin(), kMicromapExtensions.end(),
+                       [&](const char *name) { return extensions[name].exists(); });
 }
 
 std::optional<Micromap> StoredMicromaps::of(PrimitivePlace place) const

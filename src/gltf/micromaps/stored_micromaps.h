@@ -1,7 +1,7 @@
-// The micromaps that a glTF file has by EXT_mesh_opacity_micromap, or by its earlier spelling
-// KHR_mesh_opacity_micromap.
+// The micromaps of a glTF file: EXT_mesh_opacity_micromap, or its earlier name KHR_mesh_opacity_micromap.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -14,14 +14,32 @@
 namespace vellum
 {
 
+inline constexpr const char *kMicromapExtension = "EXT_mesh_opacity_micromap";
+inline constexpr std::array kMicromapExtensions = {kMicromapExtension, "KHR_mesh_opacity_micromap"};
+// The extension is a draft. This is the text that is implemented here.
+inline constexpr const char *kMicromapDraft = "draft of 2026, glTF pull request 2623, revision 1ac6c757";
+
+// Whether an object's "extensions" have one of them.
+bool hasMicromapExtension(const JsonValue &extensions);
+
+// Bytes of the smallest index of glTF for a micromap with this many triangles: 1, 2 or 4. The four highest values of
+// each type are special.
+constexpr size_t micromapIndexBytes(size_t triangles)
+{
+    return triangles <= 0xfc ? 1 : triangles <= 0xfffc ? 2 : 4;
+}
+
 // An element of the root's `micromaps`.
 struct StoredMicromap {
     std::vector<MicromapTriangle> triangles;
     std::vector<uint8_t> data;
     std::vector<MicromapUsage> usage; // as the file has it
+
+    // Of the data and of the triangles' records.
+    [[nodiscard]] size_t bytes() const { return data.size() + sizeof(MicromapTriangle) * triangles.size(); }
 };
 
-// What a primitive says of its triangles.
+// A primitive's use of a micromap.
 struct PrimitiveMicromap {
     uint32_t micromap = 0;        // into StoredMicromaps::micromaps
     std::vector<int32_t> indices; // one for each triangle: a micromap triangle less baseTriangle, or a special index
@@ -39,7 +57,7 @@ struct StoredMicromaps {
 };
 
 // Something in a file that breaks a rule of the extension.
-struct MicromapOffence {
+struct MicromapFinding {
     std::string place;   // `micromaps[0]` or `mesh 2 "leaves" primitive 0`
     std::string message; // "usageCounts add up to 12 triangles, there are 10"
 };
@@ -48,12 +66,16 @@ struct MicromapOffence {
 // views that only they refer to (gltf-pipeline); in one line. Nothing where that did not happen.
 std::optional<std::string> lossOfMicromaps(const Document &document);
 
-// Every offence, at most `most` of them. What is wrong beside the extension (a buffer view that reaches outside of its
-// buffer) is among them where the extension depends on it.
-std::vector<MicromapOffence> findMicromapOffences(const Document &document, size_t most = 100);
+struct CheckedMicromaps {
+    StoredMicromaps stored; // incomplete if there are findings
+    std::vector<MicromapFinding> findings;
+};
 
-// Reads and checks them: levels, formats, data in bounds, usage counts, indices. Nothing that is returned can lead a
-// reader astray, whatever is in the file. Throws GltfError for the first offence.
+// Reads the micromaps and checks levels, formats, data ranges, usage counts and indices. Lists at most `most` findings,
+// including faults outside of the extension that it depends on, such as a buffer view outside of its buffer.
+CheckedMicromaps checkMicromaps(const Document &document, size_t most = 100);
+
+// The same for micromaps that must be valid: throws GltfError for the first finding.
 StoredMicromaps readMicromaps(const Document &document);
 
 } // namespace vellum

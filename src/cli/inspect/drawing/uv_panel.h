@@ -10,7 +10,7 @@
 namespace vellum::cli
 {
 
-// What part of the plane the chosen triangles of a material take; nothing where none of their coordinates is finite.
+// The bounds of the selected triangles of a material; none if none of their coordinates is finite.
 struct UvBounds {
     double left = 0, top = 0, right = 1, bottom = 1;
 };

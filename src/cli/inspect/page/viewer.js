@@ -107,7 +107,7 @@ class Viewer {
     this.draw();
   }
 
-  // Where the canvas's corner is in the plane, in whole pixels, so that tiles lie on pixels.
+  // Where the canvas's corner is in the plane, in whole pixels, so that tiles are aligned to pixels.
   corner() {
     return [Math.round(this.center[0] * this.scale - this.canvas.width / 2),
             Math.round(this.center[1] * this.scale - this.canvas.height / 2)];

@@ -1,4 +1,4 @@
-// The picture of the scene, but for how a ray is traced.
+// The picture of the scene, except how a ray is traced.
 #include "hit.glsl"
 
 const float kFar = 1e30;

@@ -1,21 +1,18 @@
-// How many micro-triangles of a range have each state, without a look at each.
+// Counts the states in ranges of micro-triangles in constant time.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "bake/packed.h"
 #include "core/micromap.h"
 
-namespace vellum::cli
+namespace vellum
 {
 
-// By State.
-using StateCounts = std::array<uint64_t, 4>;
-
-// Sums over blocks of the data make a count cost the same for every range. Triangles of untrusted files may all refer
-// to the same large data: counting each one's micro-triangles singly could take for ever.
+// Keeps sums over blocks of the data, so that every count costs the same. All triangles of an untrusted file may refer
+// to the same large data; counting each micro-triangle on its own could then take hours.
 class StateCounter
 {
 public:
@@ -39,4 +36,4 @@ private:
     std::vector<uint64_t> two_;     // opaque ones before each block, as 2-state data
 };
 
-} // namespace vellum::cli
+} // namespace vellum

@@ -1,8 +1,8 @@
-#include "cli/inspect/state_counter.h"
+#include "gltf/micromaps/state_counter.h"
 
 #include <bit>
 
-namespace vellum::cli
+namespace vellum
 {
 namespace
 {
@@ -81,4 +81,4 @@ StateCounts StateCounter::count(const MicromapTriangle &triangle, uint64_t first
     return counts;
 }
 
-} // namespace vellum::cli
+} // namespace vellum

@@ -1,0 +1,30 @@
+#include "cli/base/exit_code.h"
+
+#include <algorithm>
+
+namespace vellum::cli
+{
+
+std::span<const ExitCodeMeaning> exitCodes()
+{
+    static constexpr ExitCodeMeaning kCodes[] = {
+        {ExitCode::Success, "success, and nothing to report"},
+        {ExitCode::Failed, "failed: something cannot be read, baked, verified or written, or no device has micromaps"},
+        {ExitCode::Usage, "usage error: nothing was done"},
+        {ExitCode::InvalidMicromaps, "info, verify: micromaps that break a rule of the glTF extension"},
+        {ExitCode::WrongClaims, "verify: states that contradict the texture"},
+        {ExitCode::UncertainClaims, "verify --strict: states outside the margins, undecided claims, or cautions"},
+        {ExitCode::NeedlesslyUnknown, "verify --strict: states that are unknown without need"},
+        {ExitCode::NoMicromaps, "verify --strict, bake --require-micromaps: no micromaps"},
+    };
+    return kCodes;
+}
+
+ExitCode worse(ExitCode a, ExitCode b)
+{
+    if (a == ExitCode::Success || b == ExitCode::Success)
+        return std::max(a, b);
+    return std::min(a, b);
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,32 @@
+// The exit codes of all subcommands.
+#pragma once
+
+#include <span>
+
+namespace vellum::cli
+{
+
+// Of several that apply to one run, the smallest that is not 0.
+enum class ExitCode : int {
+    Success = 0,
+    Failed = 1,
+    Usage = 2,
+    InvalidMicromaps = 3,
+    WrongClaims = 4,
+    UncertainClaims = 5, // 5 and 6 only with verify --strict
+    NeedlesslyUnknown = 6,
+    NoMicromaps = 7, // verify --strict, bake --require-micromaps
+};
+
+struct ExitCodeMeaning {
+    ExitCode code;
+    const char *text;
+};
+
+// All of them, in order.
+std::span<const ExitCodeMeaning> exitCodes();
+
+// The code of a run in which both happened.
+ExitCode worse(ExitCode a, ExitCode b);
+
+} // namespace vellum::cli

@@ -1,0 +1,44 @@
+// "-": glTF files from stdin, and data to stdout.
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "gltf/document.h"
+
+namespace vellum::cli
+{
+
+// As an operand: stdin, or as an output stdout.
+inline bool isStandardStream(const std::filesystem::path &path)
+{
+    return path == "-";
+}
+
+// Reads a glTF file, from stdin for "-". Throws GltfError.
+Document openDocument(const std::filesystem::path &path);
+
+// Discards what is printed to stdout from now on, and shows no progress.
+void discardReports();
+
+// Keeps stdout for data: what is printed to it from now on goes to stderr or is discarded.
+class DataOutput
+{
+public:
+    enum class Reports { ToStderr, Discarded };
+    explicit DataOutput(Reports reports);
+    // Throws Error.
+    void write(std::span<const uint8_t> bytes);
+    void write(std::string_view text) { write({reinterpret_cast<const uint8_t *>(text.data()), text.size()}); }
+    // What was written has reached stdout. Throws Error.
+    void finish();
+
+private:
+    std::unique_ptr<std::FILE, int (*)(std::FILE *)> file_;
+};
+
+} // namespace vellum::cli

@@ -1,0 +1,165 @@
+#include "cli/options/help.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdlib>
+#include <fmt/format.h>
+#include <sstream>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr size_t kDescriptionColumn = 28;
+
+size_t terminalWidth()
+{
+    size_t width = 80;
+    winsize size{};
+    if (const char *columns = std::getenv("COLUMNS"); columns != nullptr && std::atoi(columns) > 0)
+        width = static_cast<size_t>(std::atoi(columns));
+    else if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col != 0)
+        width = size.ws_col;
+    return std::clamp(width, size_t{60}, size_t{100}) - 1;
+}
+
+// The words of `text` from column `indent` on, the first line at column `at`.
+std::string filled(const std::string &text, size_t indent, size_t at, size_t width)
+{
+    std::string result;
+    std::istringstream words(text);
+    bool first = true;
+    for (std::string word; words >> word; first = false) {
+        if (!first && at + 1 + word.size() > width) {
+            result += "\n" + std::string(indent, ' ');
+            at = indent;
+        } else if (!first) {
+            result += ' ';
+            ++at;
+        }
+        result += word;
+        at += word.size();
+    }
+    return result;
+}
+
+// A term and its explanation, which are two spaces apart, or any other text.
+std::string indentedLine(const std::string &line, size_t indent, size_t width)
+{
+    const size_t gap = line.find("  ", indent);
+    const size_t text = gap == std::string::npos ? indent : line.find_first_not_of(' ', gap);
+    return line.substr(0, text) + filled(line.substr(text), text == indent ? indent + 2 : text, text, width);
+}
+
+// Fills paragraphs. Indented lines and headings ("Examples:") stay lines.
+std::string wrapped(const std::string &text, size_t width)
+{
+    std::string result;
+    std::string paragraph;
+    const auto flush = [&] {
+        if (!paragraph.empty())
+            result += filled(paragraph, 0, 0, width) + "\n";
+        paragraph.clear();
+    };
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+        const size_t indent = std::min(line.find_first_not_of(' '), line.size());
+        if (line.empty() || indent != 0 || line.back() == ':') {
+            flush();
+            result += indentedLine(line, indent, width) + "\n";
+        } else {
+            paragraph += line + " ";
+        }
+    }
+    flush();
+    return result;
+}
+
+std::string namesOf(const CLI::Option &option)
+{
+    if (option.get_positional())
+        return "  " + option.get_type_name();
+    std::string names;
+    for (const std::string &name : option.get_snames())
+        names += (names.empty() ? "  -" : ", -") + name;
+    for (const std::string &name : option.get_lnames())
+        names += (names.empty() ? "      --" : ", --") + name;
+    return option.get_expected_max() > 0 ? names + " " + option.get_type_name() : names;
+}
+
+std::string row(const std::string &names, const std::string &description, size_t width)
+{
+    const bool fits = names.size() + 2 <= kDescriptionColumn;
+    return names +
+           (fits ? std::string(kDescriptionColumn - names.size(), ' ') : "\n" + std::string(kDescriptionColumn, ' ')) +
+           filled(description, kDescriptionColumn, kDescriptionColumn, width) + "\n";
+}
+
+class HelpFormatter : public CLI::FormatterBase
+{
+public:
+    std::string make_help(const CLI::App *app, std::string, CLI::AppFormatMode) const override
+    {
+        const size_t width = terminalWidth();
+        std::string help = filled(app->get_description(), 0, 0, width) + ".\n\n";
+        help += filled("Usage: " + usageOf(*app), 7, 0, width) + "\n";
+        const auto subcommands = app->get_subcommands(std::function<bool(const CLI::App *)>());
+        if (!subcommands.empty())
+            help += "\nSubcommands:\n";
+        for (const CLI::App *subcommand : subcommands)
+            help += row("  " + subcommand->get_name(), subcommand->get_description(), width);
+        for (const OptionGroup &group : optionGroups(*app)) {
+            help += "\n" + group.name + ":\n";
+            for (const CLI::Option *option : group.options)
+                help += row(namesOf(*option), option->get_description(), width);
+        }
+        return help + wrapped(app->get_footer(), width);
+    }
+};
+
+} // namespace
+
+std::shared_ptr<CLI::FormatterBase> helpFormatter()
+{
+    return std::make_shared<HelpFormatter>();
+}
+
+std::string usageOf(const CLI::App &app)
+{
+    if (app.get_parent() == nullptr)
+        return "vellum SUBCOMMAND [OPTION]...";
+    std::string usage = "vellum " + app.get_name() + " [OPTION]...";
+    for (const CLI::Option *option : app.get_options())
+        if (option->get_positional())
+            usage += " " + option->get_type_name();
+    return usage;
+}
+
+std::vector<OptionGroup> optionGroups(const CLI::App &app)
+{
+    std::vector<OptionGroup> groups;
+    for (const CLI::Option *option : app.get_options()) {
+        const auto group = std::find_if(groups.begin(), groups.end(),
+                                        [&](const OptionGroup &g) { return g.name == option->get_group(); });
+        if (group != groups.end())
+            group->options.push_back(option);
+        else
+            groups.push_back({option->get_group(), {option}});
+    }
+    std::stable_partition(groups.begin(), groups.end(), [](const OptionGroup &g) { return g.name != kGeneral; });
+    return groups;
+}
+
+std::string exitStatus(std::initializer_list<ExitCode> codes)
+{
+    std::string text = "\nExit status:\n";
+    for (const ExitCodeMeaning &meaning : exitCodes())
+        if (codes.size() == 0 || std::find(codes.begin(), codes.end(), meaning.code) != codes.end())
+            text += fmt::format("  {}  {}\n", static_cast<int>(meaning.code), meaning.text);
+    return text;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,101 @@
+// The command line itself: help, suggestions, errors and exit codes.
+#include <cstdlib>
+#include <gtest/gtest.h>
+#include <sstream>
+
+#include "command.h"
+
+using namespace vellum::test;
+
+namespace
+{
+
+const std::vector<std::string> kSubcommands = {"bake", "help", "info", "inspect", "render", "verify"};
+
+bool has(const std::string &text, const std::string &part)
+{
+    return text.find(part) != std::string::npos;
+}
+
+} // namespace
+
+TEST(CommandLine, HelpCanBeAskedForInEveryWay)
+{
+    const Outcome help = runVellum({"--help"});
+    EXPECT_EQ(help.exitCode, 0);
+    EXPECT_EQ(runVellum({"help"}).output, help.output);
+    EXPECT_EQ(runVellum({"-h"}).output, help.output);
+    const Outcome bare = runVellum({});
+    EXPECT_EQ(bare.exitCode, 2);
+    EXPECT_EQ(bare.output, "");
+    EXPECT_EQ(bare.errors, help.output);
+    for (const std::string &subcommand : kSubcommands) {
+        EXPECT_TRUE(has(help.output, "\n  " + subcommand + " ")) << help.output;
+        const Outcome one = runVellum({"help", subcommand});
+        EXPECT_EQ(one.exitCode, 0);
+        EXPECT_EQ(one.output, runVellum({subcommand, "--help"}).output);
+        EXPECT_TRUE(has(one.output, "Usage: vellum " + subcommand + " ")) << one.output;
+    }
+    EXPECT_EQ(runVellum({"-V"}).output, runVellum({"--version"}).output);
+    EXPECT_TRUE(has(help.output, "draft")) << help.output;
+}
+
+TEST(CommandLine, HelpIsAsWideAsTheTerminal)
+{
+    for (const char *columns : {"60", "80", "100"})
+        for (const std::string &subcommand : kSubcommands) {
+            const Outcome help = runVellum({"help", subcommand}, {{"COLUMNS", columns}});
+            std::istringstream lines(help.output);
+            for (std::string line; std::getline(lines, line);)
+                EXPECT_LT(line.size(), std::strtoul(columns, nullptr, 10)) << line;
+            for (const char *leak : {"TEXT", "Excludes", "Needs", "UINT", "INT ", "FLOAT", "REQUIRED", "Options:"})
+                EXPECT_FALSE(has(help.output, leak)) << help.output;
+        }
+}
+
+TEST(CommandLine, AllExitCodesAreInTheHelp)
+{
+    const std::string overview = runVellum({"help"}).output;
+    const std::string verify = runVellum({"help", "verify"}).output;
+    for (const char code : {'0', '1', '2', '3', '4', '5', '6', '7'}) {
+        EXPECT_TRUE(has(overview, std::string("\n  ") + code + "  ")) << overview;
+        EXPECT_TRUE(has(verify, std::string("\n  ") + code + "  ")) << verify;
+    }
+}
+
+TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
+{
+    const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+        {{"bak"}, "bak is not a vellum subcommand; did you mean bake?"},
+        {{"help", "rendr"}, "rendr is not a vellum subcommand; did you mean render?"},
+        {{"xyzzy"}, "xyzzy is not a vellum subcommand"},
+        {{"bake", "a.glb", "--levle", "3"}, "--levle is not an option of vellum bake; did you mean --level?"},
+        {{"bake", "a.glb", "--max-lev=3"}, "--max-lev is not an option of vellum bake; did you mean --max-level?"},
+        {{"bake"}, "IN is required"},
+        {{"bake", "a.glb", "--min-known", "2"}, "--min-known must be between 0 and 1, got 2"},
+        {{"bake", "a.glb", "--min-known", "most"}, "--min-known must be between 0 and 1, got most"},
+        {{"bake", "a.glb", "--max-level", "13"}, "--max-level must be a whole number between 0 and 12, got 13"},
+        {{"bake", "a.glb", "--level", "13"}, "--level must be auto or a whole number between 0 and 12, got 13"},
+        {{"bake", "a.glb", "--budget", "2T"}, "--budget must be a number of bytes like 1500, 64K, 2M or 1G, got 2T"},
+        {{"bake", "a.glb", "--value-tolerance", "-1"}, "--value-tolerance must be a number of at least 0, got -1"},
+        {{"bake", "a.glb", "--states", "3"}, "--states must be one of 2|4, got 3"},
+        {{"bake", "a.glb", "--two-state-rule", "opaqe"},
+         "--two-state-rule must be one of nearest|opaque|transparent, got opaqe; did you mean opaque?"},
+        {{"bake", "a.glb", "--budget"}, "--budget takes one value"},
+        {{"inspect", "a.glb", "--level", "3"}, "--level requires --bake"},
+        {{"inspect", "a.glb", "b.html", "-o", "c.html"}, "OUT and --output exclude each other"},
+        {{"inspect", "-", "--bake"}, "reading from stdin needs an output: -o FILE"},
+        {{"render", "--samples", "0"}, "--samples must be a whole number between 1 and 256, got 0"},
+        {{"render", "--zoom", "nan"}, "--zoom must be between 0.05 and 20, got nan"},
+        {{"render", "--json"}, "--json is for --mode compare"},
+        {{"verify", "a.glb", "--barycentric-tolerance", "2000"},
+         "--barycentric-tolerance must be between 0 and 1024, got 2000"},
+    };
+    for (const auto &[arguments, message] : cases) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, 2) << outcome.errors;
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_TRUE(outcome.errors.starts_with("vellum: " + message)) << outcome.errors;
+        EXPECT_EQ(outcome.output, "");
+    }
+}
