@@ -20,7 +20,7 @@ TEST_P(End, LeavesWhatIsNotDestroyedAlone)
 {
     const auto &[way, threads, layers] = GetParam();
     // Leaks are what the program is about, and not of interest.
-    const std::string command = std::string("ASAN_OPTIONS=detect_leaks=0 VELLUM_MOCK_DRIVER=failures '") +
+    const std::string command = std::string("ASAN_OPTIONS=detect_leaks=0 VELLUM_TEST_MOCK_DRIVER=failures '") +
                                 VELLUM_END_PROGRAM + "' " + way + ' ' + std::to_string(threads) + ' ' + layers;
     const int status = std::system(command.c_str());
     EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);

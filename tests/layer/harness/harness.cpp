@@ -270,9 +270,9 @@ void Gpu::createInstance()
                                               .ppEnabledExtensionNames = extensions.data()});
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
-    setenv("VELLUM_MOCK_DRIVER", quirks.c_str(), 1);
+    setenv("VELLUM_TEST_MOCK_DRIVER", quirks.c_str(), 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
-    unsetenv("VELLUM_MOCK_DRIVER");
+    unsetenv("VELLUM_TEST_MOCK_DRIVER");
     unsetenv("VELLUM_VALIDATE");
     unsetenv("VELLUM_LOWER_ASSUME_MICROMAPS");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
