@@ -225,7 +225,7 @@ TEST(GltfPrimitive, StripsAndFans)
     EXPECT_EQ(trianglesOf(4, {2, 1, 0}), (Indices{2, 1, 0}));
 }
 
-TEST(GltfPrimitive, WithoutPositionsOtherAttributesTellTheVertices)
+TEST(GltfPrimitive, CountsVerticesByOtherAttributesWithoutPositions)
 {
     Sample file = sample();
     file.primitive = R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})";
@@ -236,13 +236,13 @@ TEST(GltfPrimitive, WithoutPositionsOtherAttributesTellTheVertices)
     EXPECT_THROW(static_cast<void>(file.read()), GltfUnsupported);
     file.primitive = R"({"attributes": {}, "material": 0})";
     EXPECT_EQ(file.error(Positions::Leave), " has no attributes");
-    // Huge counts do not ask for memory.
+    // Huge counts do not allocate memory.
     file.primitive = R"({"attributes": {"POSITION": 0}, "material": 0})";
     file.accessors[0] = R"({"bufferView": 0, "componentType": 5126, "count": 3000000000, "type": "VEC3"})";
     EXPECT_EQ(file.error(Positions::Leave), " POSITION: accessor 0 reaches outside of its buffer view");
 }
 
-TEST(GltfPrimitive, TheMaterialSaysWhichTextureCoordinates)
+TEST(GltfPrimitive, UsesTheTextureCoordinatesOfTheMaterial)
 {
     Sample file = sample();
     file.add<float>({5, 6, 7, 8, 9, 10}, R"("componentType": 5126, "count": 3, "type": "VEC2")");

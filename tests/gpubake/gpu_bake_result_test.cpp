@@ -117,8 +117,8 @@ TEST_F(GpuBakeResults, TwoStepsAreAsOne)
     }
 }
 
-// Triangles that find no room are unknown; the others are as they were, and nothing is written beyond (see BakeJob).
-TEST_F(GpuBakeResults, RoomThatIsTooSmall)
+// Triangles that find no space are unknown; the others are as they were, and nothing is written beyond (see BakeJob).
+TEST_F(GpuBakeResults, CapacityThatIsTooSmall)
 {
     const AlphaImage image(gpu(), std::span(&texture_, 1), AlphaImage::Format::Float);
     const Mesh mesh = Mesh::of(triangles_);

@@ -60,7 +60,7 @@ struct GpuBaked {
     [[nodiscard]] vellum::Micromap micromap() const;
 };
 
-// Room for every triangle of a mesh, whatever becomes of it.
+// Space for every triangle of a mesh, whatever becomes of it.
 vellum::GpuBakeRoom roomForAll(const Mesh &mesh, const vellum::GpuBakeOptions &options);
 
 inline constexpr VkBufferUsageFlags kBakeStorage =
@@ -78,7 +78,7 @@ public:
 
     // Makes the output's buffers; before anything that writes them is recorded.
     void setRoom(const vellum::GpuBakeRoom &room, VkBufferUsageFlags more = 0);
-    // What the application's commands would be: false where the baker refuses.
+    // What the application's commands would be: false where the baker rejects.
     [[nodiscard]] bool record(VkCommandBuffer commands);
     [[nodiscard]] bool recordSizes(VkCommandBuffer commands);
     [[nodiscard]] bool recordData(VkCommandBuffer commands);
@@ -106,7 +106,7 @@ class BakeRunner
 public:
     explicit BakeRunner(Gpu &gpu);
 
-    // In one step with room for all, or in two with what the sizes say, unless there is another room.
+    // In one step with space for all, or in two with what the sizes say, unless there is another room.
     GpuBaked bake(const AlphaImage &image, const Mesh &mesh, const vellum::GpuBakeOptions &options,
                   Steps steps = Steps::One, const vellum::GpuBakeRoom *room = nullptr);
     GpuBaked bake(const vellum::AlphaTexture &texture, std::span<const vellum::TriangleUvs> triangles,

@@ -1,4 +1,4 @@
-// Queues that cannot do everything, as most GPUs have: the mock driver's quirk "queues" tells of what a family cannot
+// Queues that cannot do everything, as most GPUs have: the mock driver's quirk "queues" reports what a family cannot
 // do.
 #include <cstring>
 

@@ -56,7 +56,7 @@ protected:
         VkMemoryRangeBarriersInfoKHR ranges_{};
         VkDependencyInfo info_{};
     };
-    // Records, and gives what the spy told of barriers; other messages are failures.
+    // Records, and returns what the spy reported about barriers; other messages are failures.
     std::vector<std::string> barriersIn(const std::function<void(VkCommandBuffer)> &record)
     {
         (void)gpu().takeMessages();

@@ -16,7 +16,7 @@ class End : public testing::TestWithParam<Case>
 {
 };
 
-TEST_P(End, LeavesWhatIsNotDestroyedAlone)
+TEST_P(End, KeepsWhatIsNotDestroyed)
 {
     const auto &[way, threads, layers] = GetParam();
     // Leaks are what the program is about, and not of interest.

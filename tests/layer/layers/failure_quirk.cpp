@@ -1,5 +1,5 @@
 // The quirks of a driver that says no.
-//   - "failures": what a test asks for fails: the n-th command, counted from now, of those that may run out of memory,
+//   - "failures": what a test requests fails: the n-th command, counted from now, of those that may run out of memory,
 //   or
 //     all submissions from now on, as of a device that is lost (Lost Device). Tests find the functions in this library.
 //   - "uncompiled": a pipeline with VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT is not made.

@@ -1,5 +1,5 @@
 // The quirk "queues": families for one purpose each, where lavapipe has one queue for all of them. Its commands are
-// carried out by that queue. What a family cannot do is told of when it is recorded, and so is a submission to a queue
+// carried out by that queue. What a family cannot do is reported when it is recorded, and so is a submission to a queue
 // of another family than the command buffer's.
 #include "layers/driver.h"
 

@@ -275,7 +275,7 @@ TEST_F(MicromapBuild, WrongInput)
 }
 
 // Large triangles of which the usage counts declare only one, where data is shared: which of them the list of parts has
-// room for would depend on the run, so none of them is used; the others are what they are.
+// space for would depend on the run, so none of them is used; the others are what they are.
 TEST_F(MicromapBuild, MoreLargeTrianglesThanDeclared)
 {
     Random random(11);

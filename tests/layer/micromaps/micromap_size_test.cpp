@@ -178,7 +178,7 @@ TEST_P(MicromapSize, MemoryOfALargerMicromap)
     EXPECT_EQ(candidates(same), std::vector<uint32_t>(4, 0));
 }
 
-// What only the GPU finds out about a copy, the next command buffer tells of, once, without the setting `validate`.
+// What only the GPU finds out about a copy, the next command buffer reports, once, without the setting `validate`.
 TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
 {
     MicromapInput input = transparent();

@@ -235,7 +235,7 @@ TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
     EXPECT_EQ(identifier, get(plain));
 }
 
-TEST_F(ModuleIdentifiers, TellTheirAlgorithm)
+TEST_F(ModuleIdentifiers, ReportTheirAlgorithm)
 {
     const auto algorithm = [](const Gpu &gpu) {
         auto own = vkInit<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>();
@@ -247,7 +247,7 @@ TEST_F(ModuleIdentifiers, TellTheirAlgorithm)
     EXPECT_NE(algorithm(gpu()), algorithm(bare));
 }
 
-// An application that has kept an identifier does not ask for it again. Devices have their tables at the same address
+// An application that has kept an identifier does not query it again. Devices have their tables at the same address
 // in each run, as here one after the other, where the driver lets the layer choose it.
 class KeptIdentifiers : public testing::Test
 {

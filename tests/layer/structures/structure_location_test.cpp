@@ -75,7 +75,7 @@ TEST_F(StructureLocations, DataOfEitherLevelIntoHandlesOfAnySize)
     }
 }
 
-// Whatever the data is refused for, what lies behind the structure stays.
+// Whatever the data is rejected for, what lies behind the structure stays.
 TEST_F(StructureLocations, DamagedDataIntoALargeHandle)
 {
     const Blas blas(gpu(), plain());
@@ -84,7 +84,7 @@ TEST_F(StructureLocations, DamagedDataIntoALargeHandle)
     const auto loaded = toTheEnd(256);
     deserialize(gpu(), data, *loaded);
     EXPECT_EQ(seenOf(gpu(), *loaded), std::vector<std::string>(Patchwork::rays().size()));
-    gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is told with the next commands
+    gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is reported with the next commands
     const auto messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
