@@ -1,5 +1,5 @@
-// An application that runs out of memory: whichever allocation of the layer fails, nothing ends the process, nothing of
-// the driver is left behind, and the same works once there is memory again.
+// Whichever of the layer's allocations fails, the process goes on, no driver object leaks, and the same call succeeds
+// once there is memory again.
 #include <algorithm>
 
 #include "allocations/failing_allocations.h"

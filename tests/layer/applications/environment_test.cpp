@@ -1,5 +1,5 @@
-// Environments that programs run in: without HOME, with folders that are none or cannot be written to, with settings
-// that are misspelled. The layer works in all of them.
+// Unusual environments: no HOME, folders that do not exist or cannot be written to, misspelled settings. The layer
+// works in all of them.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>

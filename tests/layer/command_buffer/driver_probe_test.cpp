@@ -1,5 +1,5 @@
-// What the layer finds out about the driver by trying is tried on the application's queue, when something first depends
-// on it: while the application uses that queue, and from whichever threads ask.
+// Driver probes run on the application's queue when something first depends on their result: while the application uses
+// that queue, and from whichever threads need the result.
 #include <atomic>
 #include <chrono>
 #include <thread>

@@ -1,4 +1,4 @@
-// Range barriers: what the driver is given for them, told by the spy, and that they reach it nowhere.
+// Range barriers: the barriers that the driver gets instead, as the spy reports them; range barriers never reach it.
 #include <algorithm>
 #include <sstream>
 

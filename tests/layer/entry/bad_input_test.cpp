@@ -1,5 +1,5 @@
-// Micromap builds that contradict themselves, or their memory: a message that names the rule, no crash, nothing written
-// where it does not belong, and a device that goes on working. What does no harm is done, unless VELLUM_STRICT is set.
+// Micromap builds that contradict themselves or their memory: the layer names the rule, does not crash, writes nothing
+// out of bounds, and the device goes on working. Harmless violations are tolerated, unless VELLUM_STRICT is set.
 #include "command_buffer/state_scene.h"
 #include "harness/expected.h"
 #include "harness/program/labels.h"

@@ -1,4 +1,4 @@
-// What a driver may do that lavapipe does not, and what must not reach it: layers/spy.cpp is that driver.
+// Behaviour that drivers other than lavapipe may have, and what must not reach the driver (layers/spy.cpp).
 #include <algorithm>
 #include <array>
 #include <cstdlib>

@@ -1,5 +1,5 @@
-// Programs that end, or destroy their instance, without destroying their device: the layer does no more than a driver
-// would. Each is a process of its own (end_program.cpp).
+// Programs that end, or destroy their instance, without destroying their device: the layer must not do more than a
+// driver would. Each program is a process of its own (end_program.cpp).
 #include <cstdlib>
 #include <string>
 #include <tuple>

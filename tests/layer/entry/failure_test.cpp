@@ -1,5 +1,5 @@
-// A driver that runs out of memory, or is lost. Whatever command of its fails: the application is notified, by a result
-// or a message, nothing is left behind, and the same works once there is memory again.
+// A driver that runs out of memory, or loses the device. Whichever of its commands fails, the application learns of it
+// by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>
 
 #include "command_buffer/state_scene.h"

@@ -1,5 +1,5 @@
-// Memory of other devices than lavapipe: of a type for each purpose, in small heaps, or not to be used without a
-// feature. The mock driver (layers/memory_quirk.cpp) reports what breaks their rules.
+// Memory types of devices other than lavapipe: one for each purpose, in small heaps, or usable only with a feature. The
+// mock driver (layers/memory_quirk.cpp) reports what breaks their rules.
 #include <algorithm>
 
 #include "harness/copies.h"

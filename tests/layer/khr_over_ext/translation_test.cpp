@@ -1,6 +1,6 @@
-// VK_KHR_opacity_micromap where the driver has VK_EXT_opacity_micromap only (quirk "ext"): micromaps are the driver's.
-// The quirk reports whatever such a driver does not know. That results are the same, the suites of
-// VK_KHR_opacity_micromap say that run there as layer_ext.*.
+// VK_KHR_opacity_micromap on a driver with VK_EXT_opacity_micromap only (quirk "ext"): the driver's own micromaps are
+// used. The quirk reports whatever such a driver does not know. The suites that run as layer_ext.* check that results
+// are the same.
 #include <cstring>
 
 #include "harness/mock_driver.h"

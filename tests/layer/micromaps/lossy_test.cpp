@@ -1,5 +1,5 @@
-// Lossy micromaps of VK_KHR_opacity_micromap: the device does what core/lossy.h says, bit for bit, and rays find what
-// the application gave or an unknown state in its place.
+// Lossy micromaps of VK_KHR_opacity_micromap: the device writes the same bits as core/lossy.h, and rays find the
+// application's state or an unknown state in its place.
 #include <algorithm>
 #include <cmath>
 

@@ -1,4 +1,4 @@
-// Micromap builds, bit for bit: what the device writes is compared with the host's writeMicromapMemory, for every level
+// Micromap builds, bit for bit: the device's result is compared with the host's writeMicromapMemory, for every level
 // and format, all build flags, shared and unaligned data, and input that breaks every rule.
 #include <algorithm>
 

@@ -1,5 +1,5 @@
-// Copies of micromaps: clone, compact, serialize, deserialize, compatibility; sizes by queries. What a copy is good for
-// is looked at by tracing it.
+// Copies of micromaps: clone, compact, serialize, deserialize, compatibility; sizes by queries. Copies are checked by
+// tracing them.
 #include <algorithm>
 #include <tuple>
 

@@ -1,4 +1,4 @@
-// The host commands of micromaps: each writes what its device command does, and they work hand in hand.
+// The host commands of micromaps: each writes the same as its device command, and both can be mixed.
 #include <algorithm>
 
 #include "core/micromap_memory.h"

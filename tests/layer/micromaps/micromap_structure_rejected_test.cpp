@@ -1,5 +1,5 @@
-// What the layer rejects of micromaps as acceleration structures, each by the rule's name, and what it goes on with, as
-// long as nobody sets VELLUM_STRICT.
+// Rules for micromaps as acceleration structures: the layer names each rule, and rejects the command or, unless
+// VELLUM_STRICT is set, tolerates the violation.
 #include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
 

@@ -1,5 +1,5 @@
-// What only VK_KHR_opacity_micromap has: micromaps as acceleration structures, beside those of the driver in builds,
-// copies, queries and memory.
+// Only in VK_KHR_opacity_micromap: micromaps as acceleration structures, together with the driver's structures in
+// builds, copies, queries and memory.
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"

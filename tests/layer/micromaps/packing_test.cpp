@@ -1,5 +1,5 @@
-// Micromaps as an application with an allocator of its own makes them: side by side in one buffer, by handles that
-// reach to the end of the buffer, and so overlap and are far larger than what is in them. vkd3d-proton does so.
+// Micromaps of an application with its own allocator: side by side in one buffer, by handles that reach to the end of
+// the buffer, and so overlap and are far larger than their content. vkd3d-proton does so.
 #include <algorithm>
 
 #include "core/micromap_memory.h"

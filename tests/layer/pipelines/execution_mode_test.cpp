@@ -1,6 +1,6 @@
-// A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries consume micromaps where the
-// shader has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise of no mixed special indices,
-// which came with it.
+// A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries use micromaps if the shader
+// has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise that an application does not mix
+// special indices, which is part of the same extension.
 #include "command_buffer/state_scene.h"
 #include "harness/execution_mode.h"
 #include "harness/graphics.h"

@@ -1,5 +1,5 @@
-// VK_EXT_shader_module_identifier: pipelines of which the driver knows the code. It knows it in this process, whichever
-// device compiled it (layers/cache_quirk.cpp).
+// VK_EXT_shader_module_identifier: pipelines whose code the driver has. It keeps code for the life of the process,
+// whichever device compiled it (layers/cache_quirk.cpp).
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/state_scene.h"
 #include "pipelines/pipeline_binaries.h"

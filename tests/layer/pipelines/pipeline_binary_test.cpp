@@ -1,5 +1,5 @@
-// VK_KHR_pipeline_binary: pipelines that are made of what an earlier one was made into, without their code. The driver
-// (layers/cache_quirk.cpp) reports where such a pipeline is not the one that was captured.
+// VK_KHR_pipeline_binary: pipelines made from the binaries of an earlier one, without their code. The driver
+// (layers/cache_quirk.cpp) reports a pipeline that is not the one that was captured.
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/state_scene.h"
 #include "pipelines/pipeline_binaries.h"

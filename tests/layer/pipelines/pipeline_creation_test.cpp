@@ -1,4 +1,4 @@
-// How ray tracing pipelines are made: deferred, several at once, what may be destroyed when, stack sizes.
+// Creation of ray tracing pipelines: deferred, several at once, lifetimes of its input, stack sizes.
 #include <algorithm>
 #include <thread>
 

@@ -1,5 +1,5 @@
-// Micromaps must be found for exactly as long as the structure that a reference stands for has them: whatever was built
-// or copied over it, and whoever had its memory or its table entries before.
+// Micromaps are found for exactly as long as the referenced structure has them: whatever is built or copied over it,
+// and whatever used its memory or its table entries before.
 #include <algorithm>
 #include <cstring>
 

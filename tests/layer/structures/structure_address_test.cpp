@@ -1,4 +1,4 @@
-// Structures whose address is not where they lie: only that of a GENERIC one must be
+// Structures whose device address is not that of their memory; only GENERIC ones must have the latter
 // (vkGetAccelerationStructureDeviceAddressKHR). The driver is lavapipe with the quirk "elsewhere".
 #include "harness/copies.h"
 

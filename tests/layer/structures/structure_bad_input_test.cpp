@@ -1,5 +1,5 @@
-// Copies of acceleration structures that cannot be carried out: a message that names the rule, nothing written where it
-// does not belong, and structures that can be traced.
+// Invalid copies of acceleration structures: the layer names the rule, writes nothing out of bounds, and the structures
+// can be traced.
 #include "command_buffer/state_scene.h"
 #include "harness/copies.h"
 #include "harness/program/labels.h"

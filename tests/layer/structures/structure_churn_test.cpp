@@ -1,4 +1,4 @@
-// Structures that come and go: memory that is used again, and tables that do not grow.
+// Structures that are created and destroyed again and again: memory is reused, and tables do not grow.
 #include "harness/copies.h"
 #include "harness/program/labels.h"
 #include "structures/footprint.h"

@@ -1,5 +1,5 @@
-// What is in a structure belongs to its place, not to a handle, and a handle's size says nothing: acceleration
-// structures of type GENERIC that are larger than what is in them, and several of them at one place.
+// The content of a structure belongs to its memory range, not to a handle, and a handle's size says nothing: GENERIC
+// structures that are larger than their content, and several of them in one range.
 #include <array>
 
 #include "structures/copy_test.h"

@@ -1,5 +1,5 @@
-// Copies of TLAS with micromaps: whatever was copied, in whatever order it was recorded, is seen by shaders as the
-// original was, and stays so.
+// Copies of TLAS with micromaps: shaders see a copy as they saw the original, in whatever order copies were recorded,
+// and whatever becomes of the original.
 #include "harness/program/labels.h"
 #include "structures/copy_test.h"
 
