@@ -329,7 +329,7 @@ VkPipeline CommandSide::makeRayTracing(bool micromaps) const
                                group(VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR, 1, kNone, kNone),
                                group(VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR, kNone, 2, 3)};
     auto info = vkInit<VkRayTracingPipelineCreateInfoKHR>(
-        {.flags = micromaps ? VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT : 0,
+        {.flags = micromaps ? VkFlags{VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT} : 0,
          .stageCount = static_cast<uint32_t>(stages.size()),
          .pStages = stages.data(),
          .groupCount = static_cast<uint32_t>(groups.size()),

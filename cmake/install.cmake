@@ -69,6 +69,7 @@ if(NOT VELLUM_LAYER_ONLY AND NOT VELLUM_LIBRARY_ONLY)
   vellum_install_pkg_config(vellum-gltf)
   install(TARGETS vellum RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT command)
   set(reference ${PROJECT_BINARY_DIR}/share/reference)
+  install(FILES ${PROJECT_SOURCE_DIR}/src/cli/schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/vellum COMPONENT command)
   install(DIRECTORY ${reference}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT command FILES_MATCHING PATTERN "*.1")
   install(FILES ${reference}/vellum.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME vellum
           COMPONENT command)

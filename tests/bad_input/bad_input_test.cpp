@@ -82,7 +82,7 @@ TEST_F(BadInput, MaskedWithoutTextureCoordinates)
     expectRefusal(write(cardGlb({{", \"TEXCOORD_0\": 1", ""}})), "no texture coordinates");
 }
 
-TEST_F(BadInput, ImageThatIsNone)
+TEST_F(BadInput, RejectsFilesThatAreNoImages)
 {
     expectRefusal(write(cardGlb({{"\"byteOffset\": 92, ", "\"byteOffset\": 60, "}})), "cannot be decoded");
 }
@@ -170,7 +170,7 @@ TEST_F(BadInput, MicromapsWithoutTheLayer)
         const Outcome outcome = runVellum(
             {"render", "--no-layer", "--mode", "omm", "--api", api, "--size", "16x16", "--output", output().string()});
         const std::string name = api == "khr" ? "VK_KHR_opacity_micromap" : "VK_EXT_opacity_micromap";
-        // Where the driver has the extension itself, there is nothing to refuse.
+        // Where the driver has the extension itself, there is nothing to reject.
         if (outcome.exitCode == 0)
             GTEST_SKIP() << "the driver has " << name;
         expectManners(outcome, "has no " + name);
@@ -178,7 +178,7 @@ TEST_F(BadInput, MicromapsWithoutTheLayer)
     EXPECT_EQ(files(), 0u);
 }
 
-TEST_F(BadInput, GoodInputLeavesJustAPicture)
+TEST_F(BadInput, GoodInputWritesOnlyAPicture)
 {
     const Outcome outcome = runVellum({"render", write(cardGlb()).string(), "--mode", "alpha", "--size", "48x32",
                                        "--frames", "1", "--output", output().string()});

@@ -21,7 +21,7 @@ Driver driverOf(const std::string &gpu);
 // the layers of this build, from the next instance on. Gives back why it cannot; nothing if it can.
 std::string useGpu(const std::string &gpu, vt::Options &options);
 
-// What VK_KHR_pipeline_executable_properties tells of a shader.
+// What VK_KHR_pipeline_executable_properties reports about a shader.
 struct Executable {
     std::string name;
     VkShaderStageFlags stages = 0;

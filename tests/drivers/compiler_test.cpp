@@ -85,7 +85,7 @@ protected:
 
     vt::Gpu &gpu() { return *gpu_; }
 
-    // There is code for a shader at least, and the compiler tells of it.
+    // There is code for a shader at least, and the compiler reports on it.
     static void expectCode(const Compiled &pipeline)
     {
         uint64_t instructions = 0;
@@ -242,7 +242,7 @@ TEST_P(Compiler, ShadersOfTheRenderer)
 TEST_P(CompilerModules, ShadersOfTheRewritersTests)
 {
     for (const ModuleFile &module : modulesIn(fs::path(VELLUM_TEST_BUILD) / "tests/spirv")) {
-        if (module.name.starts_with("short_attributes")) // which the layer refuses, as its test says
+        if (module.name.starts_with("short_attributes")) // which the layer rejects, as its test says
             continue;
         // RADV crashes on its arrays of arrays, without the layer as well.
         if (module.name.starts_with("kept_flags") && driverOf(GetParam().name) == Driver::Radv)

@@ -135,7 +135,7 @@ TEST(DocumentBake, BlendOnRequest)
     EXPECT_EQ(bakeCard(blend, options).primitives.at(0).micromap.indices, bakeDirectly(0.875).indices);
 }
 
-TEST(DocumentBake, WhatIsNamedIsLeft)
+TEST(DocumentBake, SkipsWhatIsNamed)
 {
     DocumentBakeOptions options = optionsOf();
     options.excludedMaterials = {"wood", "l??f"};
@@ -183,7 +183,7 @@ TEST(DocumentBake, AMaterialWithoutTextureIsOneStateAllOver)
     EXPECT_EQ(bake.micromaps.at(0).triangles.size(), 1u);
 }
 
-TEST(DocumentBake, PrimitivesThatCannotBeBakedAreLeft)
+TEST(DocumentBake, SkipsPrimitivesThatCannotBeBaked)
 {
     EXPECT_EQ(reasonFor({{R"(, "TEXCOORD_0": 1)", ""}}), "it has no texture coordinates (TEXCOORD_0)");
     EXPECT_EQ(reasonFor({{kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +
@@ -271,7 +271,7 @@ TEST(DocumentBake, TransformsAreAsExactAsTheirTerms)
     EXPECT_EQ(knownWith(4194304), 0u);
 }
 
-TEST(DocumentBake, AnOpaqueMaterialIsNotLeftOutWhateverItsTexture)
+TEST(DocumentBake, BakesOpaqueMaterialsWithAnyTexture)
 {
     const DocumentBake bake = bakeCard({{R"("alphaMode": "MASK", )", ""}, {R"({"source": 0, "sampler": 0})", "{}"}});
     EXPECT_TRUE(bake.primitives.empty());
@@ -279,7 +279,7 @@ TEST(DocumentBake, AnOpaqueMaterialIsNotLeftOutWhateverItsTexture)
     EXPECT_EQ(bakeCard({{R"({"source": 0, "sampler": 0})", "{}"}}).skipped.size(), 1u);
 }
 
-TEST(DocumentBake, SaysWhatLosesItsMicromap)
+TEST(DocumentBake, ReportsWhatLosesItsMicromap)
 {
     const Replacements stored = {
         {kPrimitive, kPrimitive.substr(0, kPrimitive.size() - 1) +

@@ -229,7 +229,7 @@ TEST(DocumentWriter, ANameThatIsNotUtf8IsEscaped)
     EXPECT_EQ(bench.micromaps(name).primitives.size(), 1u);
 }
 
-TEST(DocumentWriter, ExtensionsThatAreNoListsAreRefused)
+TEST(DocumentWriter, RejectsExtensionsThatAreNotLists)
 {
     for (const char *list : {"extensionsUsed", "extensionsRequired"})
         for (const char *value : {"{}", "{\"a\": 1}", "\"ab\"", "5", "null"}) {
@@ -358,7 +358,7 @@ TEST(DocumentWriter, MicromapIndicesHaveTheSmallestType)
     }
 }
 
-TEST(DocumentWriter, AmbiguousJsonIsRefused)
+TEST(DocumentWriter, RejectsAmbiguousJson)
 {
     Bench bench;
     EXPECT_THROW(bench.bake(cardGlb({{kPrimitive, kPrimitive + R"(, "extensions": {}, "extensions": {})"}})),

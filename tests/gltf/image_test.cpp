@@ -102,7 +102,7 @@ TEST(GltfImage, DamagedImages)
 TEST(GltfImage, SmallFilesAreNoHugeImages)
 {
     Bytes png = pngImage(64, 64, 8, PNG_COLOR_TYPE_RGBA, false, Bytes(64 * 64 * 4));
-    // The header's checksum is wrong then, which is noticed first: a size that libpng refuses, or the checksum.
+    // The header's checksum is wrong then, which is noticed first: a size that libpng rejects, or the checksum.
     png[18] = 0x40;
     EXPECT_NE(errorOf(png), "none");
     // Sizes that are believed, of one colour.

@@ -43,7 +43,7 @@ TEST(JsonTree, FindsEscapedNamesAndTheLastOfSeveral)
     EXPECT_FALSE(tree.root()["x"].string().has_value());
 }
 
-TEST(JsonTree, LeavesAByteOrderMarkAndPaddingAlone)
+TEST(JsonTree, KeepsAByteOrderMarkAndPadding)
 {
     const JsonTree marked("\xef\xbb\xbf{\"a\": 1}");
     EXPECT_EQ(marked.root().begin(), 3u);
@@ -52,7 +52,7 @@ TEST(JsonTree, LeavesAByteOrderMarkAndPaddingAlone)
     EXPECT_EQ(padded.root().text(), "{\"a\": 1}");
 }
 
-TEST(JsonTree, SaysWhatIsWrong)
+TEST(JsonTree, ReportsWhatIsWrong)
 {
     for (const char *text : {"", "{", "[1,]", "{\"a\" 1}", "{a: 1}", "[01]", "\"\\ud800\"", "nul"})
         EXPECT_THROW(JsonTree tree(text), GltfError) << text;

@@ -53,7 +53,7 @@ TEST(OutputFiles, AppearWhenTheyArePublished)
     EXPECT_EQ(entries(folder / "a/b"), 1u);
 }
 
-TEST(OutputFiles, LeaveNothingBehindOtherwise)
+TEST(OutputFiles, RemovesThemOtherwise)
 {
     const TemporaryFolder folder;
     {

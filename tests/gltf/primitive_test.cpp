@@ -225,7 +225,7 @@ TEST(GltfPrimitive, StripsAndFans)
     EXPECT_EQ(trianglesOf(4, {2, 1, 0}), (Indices{2, 1, 0}));
 }
 
-TEST(GltfPrimitive, WithoutPositionsOtherAttributesTellTheVertices)
+TEST(GltfPrimitive, CountsVerticesByOtherAttributesWithoutPositions)
 {
     Sample file = sample();
     file.primitive = R"({"attributes": {"TEXCOORD_0": 1}, "material": 0})";
@@ -242,7 +242,7 @@ TEST(GltfPrimitive, WithoutPositionsOtherAttributesTellTheVertices)
     EXPECT_EQ(file.error(Positions::Skip), " POSITION: accessor 0 reaches outside of its buffer view");
 }
 
-TEST(GltfPrimitive, TheMaterialSaysWhichTextureCoordinates)
+TEST(GltfPrimitive, UsesTheTextureCoordinatesOfTheMaterial)
 {
     Sample file = sample();
     file.add<float>({5, 6, 7, 8, 9, 10}, R"("componentType": 5126, "count": 3, "type": "VEC2")");

@@ -174,7 +174,7 @@ TEST_F(SceneGraph, SkinnedMeshesStandWhereTheirJointsAre)
     EXPECT_EQ(errorOf(), "mesh 0 primitive 0: vertex 1 is moved by a joint that the skin does not have");
 }
 
-TEST_F(SceneGraph, WhatHasNoEndIsRefused)
+TEST_F(SceneGraph, RejectsCycles)
 {
     nodes = R"([{"children": [1]}, {"mesh": 0, "children": [0]}])";
     EXPECT_EQ(errorOf(), "node 0 is used more than once");

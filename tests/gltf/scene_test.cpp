@@ -112,7 +112,7 @@ TEST(Gltf, MaskedWithoutTexture)
               std::vector<float>{leaf.baseColor[3]});
 }
 
-TEST(Gltf, SaysWhatIsWrong)
+TEST(Gltf, ReportsWhatIsWrong)
 {
     EXPECT_EQ(errorOf({{", \"TEXCOORD_0\": 1", ""}}),
               "mesh 0 primitive 0 has the masked material \"leaf\" but no texture coordinates (TEXCOORD_0)");

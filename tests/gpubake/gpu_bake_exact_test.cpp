@@ -30,7 +30,7 @@ protected:
 
 } // namespace
 
-// Without tolerances, anywhere: states are those of the mathematics, but for what single precision cannot tell.
+// Without tolerances, anywhere: states are those of the mathematics, except what single precision cannot tell.
 TEST_F(GpuBakeExact, ClaimsNothingThatIsNotSo)
 {
     test::TestRandom random(2);

@@ -310,7 +310,7 @@ TEST_F(GpuBakeInputs, AnyNumbersAreSafe)
     EXPECT_GT(known, 3000u);
 }
 
-TEST_F(GpuBakeInputs, ArgumentsOutOfRangeAreRefused)
+TEST_F(GpuBakeInputs, RejectsArgumentsOutOfRange)
 {
     const AlphaImage image(gpu(), std::span(&texture_, 1), AlphaImage::Format::Float);
     const Mesh mesh = Mesh::of(triangles_);

@@ -44,12 +44,12 @@ protected:
 
 } // namespace
 
-TEST_F(InspectCommand, AFileWithoutMicromapsIsRefused)
+TEST_F(InspectCommand, RejectsFilesWithoutMicromaps)
 {
     expectRefusal(cardGlb(), "no primitive has a micromap");
 }
 
-TEST_F(InspectCommand, WhatIsNoGltfIsRefused)
+TEST_F(InspectCommand, RejectsWhatIsNotGltf)
 {
     expectRefusal({'n', 'o'}, "card.glb: ");
     Bytes damaged = cardGlb();
@@ -58,7 +58,7 @@ TEST_F(InspectCommand, WhatIsNoGltfIsRefused)
     expectRefusal(damaged, "card.glb: ", {"--bake"});
 }
 
-TEST_F(InspectCommand, WrongChoicesAreRefused)
+TEST_F(InspectCommand, RejectsWrongChoices)
 {
     expectRefusal(cardGlb(), "--triangle must be a number, a range like 3-9, or several with commas, got 3-",
                   {"--bake", "--triangle", "3-"});
@@ -90,7 +90,7 @@ TEST_F(InspectCommand, ShowsWhatTheFileHas)
     const Outcome stored = runVellum({"inspect", baked.string(), "--html", page().string()});
     EXPECT_EQ(stored.exitCode, 0) << stored.errors;
     EXPECT_NE(stored.output.find("EXT_mesh_opacity_micromap"), std::string::npos) << stored.output;
-    // But for the file's own line, that is what baking in memory shows.
+    // Except the file's own line, that is what baking in memory shows.
     const Outcome made = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string()});
     const auto afterFile = [](const std::string &output) { return output.substr(output.find("micromaps ")); };
     EXPECT_EQ(afterFile(stored.output), afterFile(made.output));

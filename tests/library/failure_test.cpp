@@ -104,7 +104,7 @@ TEST(LibraryFailure, BadMembersAreNamed)
         mistake.make(sample);
         EXPECT_EQ(sample.bake(), VELLUM_ERROR_INVALID_ARGUMENT);
         EXPECT_EQ(sample.messages, 1);
-        EXPECT_EQ(sample.told, VELLUM_ERROR_INVALID_ARGUMENT);
+        EXPECT_EQ(sample.reported, VELLUM_ERROR_INVALID_ARGUMENT);
         EXPECT_NE(sample.message.find(mistake.says), std::string::npos) << sample.message;
         EXPECT_EQ(sample.micromap, nullptr);
     }
@@ -128,7 +128,7 @@ TEST(LibraryFailure, TooLarge)
     Sample sample;
     sample.options.maxDataSize = 20;
     EXPECT_EQ(sample.bake(), VELLUM_ERROR_TOO_LARGE);
-    EXPECT_EQ(sample.told, VELLUM_ERROR_TOO_LARGE);
+    EXPECT_EQ(sample.reported, VELLUM_ERROR_TOO_LARGE);
     EXPECT_NE(sample.message.find("larger than 20 bytes"), std::string::npos) << sample.message;
     EXPECT_EQ(sample.micromap, nullptr);
 }
@@ -204,7 +204,7 @@ TEST(LibraryFailure, StructuresOfLaterVersions)
     EXPECT_EQ(vellumGetGeometryInfo(sample.micromap, 0, nullptr), VELLUM_ERROR_INVALID_ARGUMENT);
 }
 
-TEST(LibraryFailure, InitializersWriteNoMoreThanTheyAreTold)
+TEST(LibraryFailure, InitializersRespectTheSizeOfTheCaller)
 {
     std::vector<unsigned char> memory(sizeof(VellumBakeOptions) + 8, 0xcd);
     auto *options = reinterpret_cast<VellumBakeOptions *>(memory.data());

@@ -39,7 +39,7 @@ struct Card {
     {
         auto &card = *static_cast<Card *>(self);
         ++card.messages;
-        card.told = result;
+        card.reported = result;
         card.message = text;
     }
     static void note(void *self, const char *place, const char *text)
@@ -107,7 +107,7 @@ struct Card {
     VellumGltfBakeInfo info{};
     VellumGltf *gltf = nullptr;
     int messages = 0;
-    VellumResult told = VELLUM_SUCCESS;
+    VellumResult reported = VELLUM_SUCCESS;
     std::string message;
     std::vector<std::string> notes;
 };
@@ -196,7 +196,7 @@ TEST(LibraryGltf, OptionsReachTheBaker)
     EXPECT_EQ(readFile(card.folder / "defaults.glb"), readFile(card.folder / "same.glb"));
 }
 
-TEST(LibraryGltf, BlendIsLeftUnlessAskedFor)
+TEST(LibraryGltf, SkipsBlendByDefault)
 {
     Card card(kBlend);
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS) << card.message;
@@ -287,7 +287,7 @@ TEST(LibraryGltf, MicromapsThatBreakARule)
     EXPECT_EQ(card.read("damaged.glb"), VELLUM_ERROR_FILE);
     EXPECT_EQ(card.gltf, nullptr);
     EXPECT_EQ(card.messages, 1);
-    EXPECT_EQ(card.told, VELLUM_ERROR_FILE);
+    EXPECT_EQ(card.reported, VELLUM_ERROR_FILE);
     EXPECT_EQ(card.message, card.path("damaged.glb") + ": " + card.notes[0]);
     EXPECT_EQ(card.check("damaged.glb", 0), VELLUM_SUCCESS);
     EXPECT_TRUE(card.notes.empty());
@@ -357,7 +357,7 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
         mistake.make(card);
         EXPECT_EQ(card.bake(), VELLUM_ERROR_INVALID_ARGUMENT);
         EXPECT_EQ(card.messages, 1);
-        EXPECT_EQ(card.told, VELLUM_ERROR_INVALID_ARGUMENT);
+        EXPECT_EQ(card.reported, VELLUM_ERROR_INVALID_ARGUMENT);
         EXPECT_NE(card.message.find(mistake.says), std::string::npos) << card.message;
         EXPECT_EQ(card.files(), 1u);
     }
@@ -381,7 +381,7 @@ TEST(LibraryGltf, BadArgumentsAreNamed)
     vellumDestroyGltf(nullptr);
 }
 
-TEST(LibraryGltf, GettersRefuseWhatIsNotThere)
+TEST(LibraryGltf, GettersRejectAbsentItems)
 {
     Card card;
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
@@ -436,7 +436,7 @@ TEST(LibraryGltf, StructuresOfLaterVersions)
     EXPECT_EQ(card.messages, 1);
 }
 
-TEST(LibraryGltf, CancelledLeavesNoFile)
+TEST(LibraryGltf, CancelledWritesNoFile)
 {
     Card card;
     card.options.cancelled = [](void *) { return 1; };

@@ -55,7 +55,7 @@ struct Sample {
         options.message = [](void *self, VellumResult result, const char *text) {
             auto &sample = *static_cast<Sample *>(self);
             ++sample.messages;
-            sample.told = result;
+            sample.reported = result;
             sample.message = text;
         };
         options.userData = this;
@@ -102,7 +102,7 @@ struct Sample {
     VellumBakeOptions options{};
     VellumMicromap *micromap = nullptr;
     int messages = 0;
-    VellumResult told = VELLUM_SUCCESS;
+    VellumResult reported = VELLUM_SUCCESS;
     std::string message;
 };
 

@@ -117,7 +117,7 @@ TEST(Queries, Parameters)
     EXPECT_EQ(f.candidateFunctions, 1u); // the parameter and the variable have the same pointer type
 }
 
-TEST(Queries, ReachedInAnotherWayAreRefused)
+TEST(Queries, RejectsOtherAccess)
 {
     const Module words = assemble(moduleText("%s = OpSelect %ptr_query %true %q %q\n"
                                              "%p = OpRayQueryProceedKHR %bool %s\n"));
@@ -196,7 +196,7 @@ TEST(Declarations, VulkanMemoryModel)
     EXPECT_EQ(formsOfText(text).flatCalls, 1u);
 }
 
-TEST(Declarations, OtherAddressingModelsAreRefused)
+TEST(Declarations, RejectsOtherAddressingModels)
 {
     std::string text = moduleText(loopOn("%q"));
     text.replace(text.find("Logical GLSL450"), 15, "Physical64 GLSL450");

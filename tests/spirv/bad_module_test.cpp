@@ -1,4 +1,4 @@
-// Modules that are cut short or damaged: refused or passed through, never a crash (the build with sanitizers checks
+// Modules that are cut short or damaged: rejected or passed through, never a crash (the build with sanitizers checks
 // that nothing is read out of bounds).
 #include "support.h"
 

@@ -169,7 +169,7 @@ TEST(ExecutionMode, DoesNotMatterWhereAllQueriesConsume)
 }
 
 // A constant operand leaves nothing of itself in the code.
-TEST(ExecutionMode, TrueCostsNothing)
+TEST(ExecutionMode, TrueAddsNoCode)
 {
     spirv::RewriteOptions always = kWhereDeclared;
     always.queriesConsume = QueriesConsume::Always;
@@ -177,7 +177,7 @@ TEST(ExecutionMode, TrueCostsNothing)
     EXPECT_EQ(rewriteText(twoEntries("%true", "%true")).words, rewriteText(twoEntries("%true", "%true"), always).words);
 }
 
-TEST(ExecutionMode, AShaderThatDoesNotDeclareItCostsNothing)
+TEST(ExecutionMode, AddsNoCodeWhereItIsNotDeclared)
 {
     EXPECT_EQ(spirv::rewrite(assemble(moduleText("%p = OpRayQueryProceedKHR %bool %q\n")), kWhereDeclared).status,
               Status::Unchanged);
@@ -299,7 +299,7 @@ TEST(ExecutionMode, BoxesAreOpaqueByTheHiddenFlag)
         }
 }
 
-void expectRefused(const Module &words, const char *what)
+void expectRejected(const Module &words, const char *what)
 {
     const auto result = spirv::rewrite(words, kWhereDeclared);
     EXPECT_EQ(result.status, Status::Failed) << what;
@@ -307,24 +307,24 @@ void expectRefused(const Module &words, const char *what)
     EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Rewritten) << what; // does not matter there
 }
 
-TEST(ExecutionMode, WithAWrongOperandIsRefused)
+TEST(ExecutionMode, RejectsWrongOperands)
 {
     for (const char *operand : {"%u0", "%number", "%main", "%bool", "%scene", "%entry", "%call", "%never"}) {
         std::string text = oneEntry(operand);
-        expectRefused(assemble(text), operand);
+        expectRejected(assemble(text), operand);
     }
     std::string text = oneEntry("%true");
     text.replace(text.find("!6031 %true"), 11, "!6031 !999999");
-    expectRefused(assemble(text), "id beyond the bound");
+    expectRejected(assemble(text), "id beyond the bound");
     text = oneEntry("");
     put(text, "OpName", "OpExecutionModeId %main !6031\n");
-    expectRefused(assemble(text), "no operand");
+    expectRejected(assemble(text), "no operand");
     text = oneEntry("");
     put(text, "OpName", "OpExecutionMode %main !6031 %true\n");
-    expectRefused(assemble(text), "not OpExecutionModeId");
+    expectRejected(assemble(text), "not OpExecutionModeId");
     text = oneEntry("%true");
     put(text, "OpName", modeText("main", "%false"));
-    expectRefused(assemble(text), "twice");
+    expectRejected(assemble(text), "twice");
     text = oneEntry("%true");
     put(text, "OpName", modeText("main", "%true"));
     EXPECT_EQ(runText(text), kUndecided);

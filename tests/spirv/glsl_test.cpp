@@ -47,7 +47,7 @@ TEST_P(Glsl, IsRewrittenInTheExpectedForm)
     EXPECT_EQ(plain.innerCalls, c.inner);
 }
 
-// Without the debug variant: spirv-opt of 2023 refuses debug information of glslang 12.
+// Without the debug variant: spirv-opt of 2023 rejects debug information of glslang 12.
 class OptimizedGlsl : public Glsl
 {
 };
@@ -91,7 +91,7 @@ TEST(Modules, ThatDoNotTraceAreUnchanged)
     EXPECT_TRUE(result.words.empty());
 }
 
-TEST(Modules, ThatTraceButNeedNothingAreUnchanged)
+TEST(Modules, KeepsThoseThatNeedNoRewriting)
 {
     const Module words = loadShader("miss.rmiss", "v15");
     EXPECT_TRUE(spirv::scan(words).tracesRays);
@@ -165,7 +165,7 @@ TEST(Modules, KeepTheCustomIndexOfACandidateThatTheyDecide)
     EXPECT_EQ(count(disassemble(idle.words), "vellumIndexOf"), 0u);
 }
 
-// What is not constant is kept, and the driver is not asked for it.
+// What is not constant is kept, and the driver does not get it.
 TEST(GlslFlags, LieBesideTheQuery)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {

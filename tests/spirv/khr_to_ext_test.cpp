@@ -18,7 +18,7 @@ std::string declaring(const std::string &declarations, const std::string &mode =
     return text;
 }
 
-TEST(Translate, LeavesOtherModulesAlone)
+TEST(Translate, KeepsOtherModules)
 {
     const Module plain = assemble(moduleText(""));
     EXPECT_TRUE(spirv::translateToExt(plain).words.empty());
@@ -26,7 +26,7 @@ TEST(Translate, LeavesOtherModulesAlone)
     EXPECT_TRUE(spirv::translateToExt(ext).words.empty());
 }
 
-TEST(Translate, TheExtensionIsNamedOnce)
+TEST(Translate, NamesTheExtensionOnce)
 {
     const Module khr = assemble(declaring("OpCapability !5381\nOpExtension \"SPV_KHR_opacity_micromap\"\n"));
     const std::string translated = disassemble(spirv::translateToExt(khr).words);
@@ -38,7 +38,7 @@ TEST(Translate, TheExtensionIsNamedOnce)
               assemble(declaring("OpCapability !5381\nOpExtension \"SPV_EXT_opacity_micromap\"\n")));
 }
 
-TEST(Translate, TheModeIsTakenOut)
+TEST(Translate, RemovesTheMode)
 {
     const std::string mode = "OpExecutionModeId %main !6031 %true\n";
     const Module words = assemble(declaring("OpCapability !6032\nOpExtension \"SPV_KHR_opacity_micromap\"\n", mode));
@@ -51,7 +51,7 @@ TEST(Translate, TheModeIsTakenOut)
     EXPECT_EQ(spirv::translateToExt(result.words).words, Module{});
 }
 
-TEST(Translate, TellsOfForgottenModes)
+TEST(Translate, ReportsForgottenModes)
 {
     EXPECT_TRUE(spirv::translateToExt(assemble(moduleText(""))).queriesForget);
 }

@@ -46,7 +46,7 @@ Module closestHit(const std::string &types, const std::string &capabilities = ""
 }
 
 // The layer's own any-hit shader declares what the application's shaders of the same pipeline were made to declare.
-TEST(Payloads, ShadersThatDeclareNoneGetTheSameAsTheOthers)
+TEST(Payloads, GivesShadersWithoutOneTheSameTypeAsTheOthers)
 {
     const struct {
         const char *types;
@@ -80,7 +80,7 @@ TEST(Payloads, ShadersThatDeclareNoneGetTheSameAsTheOthers)
     }
 }
 
-TEST(Payloads, OfSeveralTypesOrOneThatMayChangeAreNotKnown)
+TEST(Payloads, AreUnknownIfOfSeveralTypesOrSpecialized)
 {
     const auto model = static_cast<uint32_t>(spv::ExecutionModelClosestHitKHR);
     const Module number = closestHit("%payload = OpTypeFloat 32");
@@ -119,7 +119,7 @@ TEST(Payloads, OfSeveralTypesOrOneThatMayChangeAreNotKnown)
 }
 
 // Before SPIR-V 1.4 no interface has payloads: one that no code uses is the ray's all the same, if it is the only one.
-TEST(Payloads, ThatNothingUsesAreFoundInOldModules)
+TEST(Payloads, FindsUnusedOnesBeforeSpirv14)
 {
     const Module words = closestHit("%payload = OpTypeFloat 32", "", 0x00010300);
     Module anyHit = words;
@@ -132,7 +132,7 @@ TEST(Payloads, ThatNothingUsesAreFoundInOldModules)
 }
 
 // In a module of several stages it may be another's, of which a ray that meets this one knows nothing.
-TEST(Payloads, OfOtherStagesAreNotTaken)
+TEST(Payloads, IgnoresThoseOfOtherStages)
 {
     const auto module = [](const std::string &store) {
         Module words = assemble(rayTracingText(R"(

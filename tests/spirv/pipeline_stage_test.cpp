@@ -98,7 +98,7 @@ TEST(PipelineStages, RayFlagsAreHidden)
 }
 
 // In pipelines without micromaps only the flag that the driver does not know is hidden, where the module may have it.
-TEST(PipelineStages, OutsideOfMicromapPipelinesOnlyTheUnknownFlagIsHidden)
+TEST(PipelineStages, HidesOnlyTheUnknownFlagWithoutMicromaps)
 {
     std::vector<uint32_t> trace = loadShader("trace.rgen", "v15");
     EXPECT_EQ(spirv::rewrite(trace, {}).status, Status::Unchanged);
@@ -290,7 +290,7 @@ std::string twoEntryPoints()
 )") + functionText("g"));
 }
 
-TEST(PipelineStages, OtherEntryPointsAreGone)
+TEST(PipelineStages, RemovesOtherEntryPoints)
 {
     const Module words = assemble(twoEntryPoints());
     for (const auto &[name, model, decides] :
@@ -332,7 +332,7 @@ std::string anyHitText(const std::string &capability, const std::string &declara
                           "OpCapability " + capability + "\nOpExtension \"SPV_NV_shader_invocation_reorder\"");
 }
 
-TEST(PipelineStages, ACopyOfAPointerHidesNoBuiltIn)
+TEST(PipelineStages, FindsBuiltInsThroughCopiedPointers)
 {
     for (const char *copy : {"%p = OpAccessChain %in %index\n", "%p = OpInBoundsAccessChain %in %index\n",
                              "%p = OpCopyObject %in %index\n"}) {
@@ -345,7 +345,7 @@ TEST(PipelineStages, ACopyOfAPointerHidesNoBuiltIn)
     }
 }
 
-TEST(PipelineStages, AreKnownByTheirEntryPointsToo)
+TEST(PipelineStages, RecognizesThemByTheirEntryPoints)
 {
     const Module words = assemble(anyHitText("ShaderInvocationReorderNV", "", ""));
     EXPECT_EQ(validate(words), "");
@@ -355,8 +355,8 @@ TEST(PipelineStages, AreKnownByTheirEntryPointsToo)
     EXPECT_EQ(count(disassemble(result.words), "OpFunctionCall %uint %vellumResolve"), 1u);
 }
 
-// spirv-val refuses it; the rewriter must survive it.
-TEST(PipelineStages, StrangersAmongExecutionModesStay)
+// spirv-val rejects it; the rewriter must survive it.
+TEST(PipelineStages, KeepsUnknownExecutionModes)
 {
     const Module words =
         assemble(anyHitText("RayTracingKHR", "OpExecutionMode %f SignedZeroInfNanPreserve 32\nOpNop\n", ""));
@@ -392,7 +392,7 @@ TEST(PipelineStages, UseTheirOwnHitAttributes)
 }
 
 // Types of hit attributes that would take for ever to walk through.
-TEST(PipelineStages, HostileHitAttributesAreRefused)
+TEST(PipelineStages, RejectsHostileHitAttributes)
 {
     std::string types = "%s0 = OpTypeStruct\n";
     for (int i = 1; i < 12; ++i) {

@@ -1,4 +1,4 @@
-// What the tests of the rewriter share: shaders, SPIR-V Tools, and a view of what came out.
+// Shared by the rewriter's tests: shaders, SPIR-V Tools, and a summary of rewritten modules.
 #pragma once
 
 #include "spirv/module/scan.h"
@@ -14,7 +14,7 @@
 namespace vellum::test
 {
 
-// spirv::HiddenFlags::fixed: all rays have the hidden flags alike, or they lie in the payload.
+// Values of spirv::HiddenFlags::fixed: all rays have the same hidden flags, or each ray's are in its payload.
 inline constexpr uint32_t kAllFixed = spirv::HiddenFlags{}.fixed, kNoneFixed = 0;
 
 // A shader of shaders/ as CMakeLists.txt compiled it: "while_loop.comp", "v15".
@@ -26,12 +26,12 @@ Module optimize(const Module &words);
 Module assemble(const std::string &text);
 std::string disassemble(const Module &words);
 
-// A module that was rewritten has the version it had, and needs no more of a device than it did, but for what the layer
-// enables on every device.
+// Expects that the rewritten module has the same version, and needs only capabilities and extensions that the original
+// needs or that the layer enables on every device.
 void expectNoMoreNeeds(const Module &words, const Module &rewritten);
 
-// Rewrites, and fails the test unless the result is a valid Rewritten module. The same where constant ray flags are
-// kept like others; that module is not returned.
+// Rewrites the module twice, with constant ray flags folded and with them preserved like others, and expects a valid
+// Rewritten module both times. Returns the first.
 Module rewriteValid(const Module &words);
 
 size_t count(const std::string &text, const std::string &part);

@@ -80,7 +80,7 @@ TEST(BakeInputs, AlphaOfAnyFormatAndStride)
     EXPECT_EQ(readAlpha({2, 1, AlphaFormat::Float32, floats, 4, 8}).alpha, (std::vector<float>{0.25f, 0.75f}));
 }
 
-TEST(BakeInputs, AlphaOutsideOfItsBytesIsRefused)
+TEST(BakeInputs, RejectsAlphaOutsideItsBytes)
 {
     const std::vector<std::byte> bytes(16);
     EXPECT_NO_THROW(readAlpha({4, 1, AlphaFormat::Unorm8, bytes, 3, 4}));

@@ -128,7 +128,7 @@ TEST(Bake, LargeCoordinatesAreSafe)
     t.wrapU = Wrap::Repeat;
     const BakeResult r = bake(t, triangles, atLevel(4));
     EXPECT_EQ(r.statistics.states[2] + r.statistics.states[3], 256u);
-    // Clamped, it is all outside, but for the micro-triangles at the texture's side.
+    // Clamped, it is all outside, except the micro-triangles at the texture's side.
     const BakeResult clamped = bake(halfTexture(64, 0.5), triangles, atLevel(4));
     EXPECT_EQ(clamped.statistics.states[0], 256u - 31);
     EXPECT_EQ(clamped.statistics.states[2] + clamped.statistics.states[3], 31u);
@@ -206,7 +206,7 @@ TEST(Bake, Level12)
     EXPECT_EQ(r.micromap.stateAt(0, 0.9f, 0.05f), State::Transparent);
 }
 
-TEST(Bake, RefusesWhatItCannotDo)
+TEST(Bake, RejectsWhatItCannotDo)
 {
     const AlphaTexture good = uniformTexture(1);
     const std::vector<TriangleUvs> triangles = {kLowerCard};

@@ -70,7 +70,7 @@ TEST_F(ThreeStructures, PrependsAndRemovesBehindWhatWasPrepended)
     EXPECT_EQ(own.pNext, &address);
 }
 
-TEST_F(ThreeStructures, LeavesWhatLiesBehindAnUnknownStructure)
+TEST_F(ThreeStructures, KeepsWhatFollowsAnUnknownStructure)
 {
     const VkBaseInStructure unknown{kUnknown, reinterpret_cast<const VkBaseInStructure *>(&micromap)};
     Chain chain(&unknown);

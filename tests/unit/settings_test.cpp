@@ -80,7 +80,7 @@ TEST_F(SettingsTest, ConstantRayFlagsAreUsedUnlessTurnedOff)
     unsetenv("VELLUM_CONSTANT_RAY_FLAGS");
 }
 
-TEST_F(SettingsTest, StrictInAllThreePlaces)
+TEST_F(SettingsTest, StrictFromEachSource)
 {
     EXPECT_FALSE(readSettings(nullptr).strict);
     write("vellum_opacity_micromap.strict = true # why");

@@ -35,7 +35,7 @@ protected:
 };
 
 // The host has written to a page if descriptors that were in use before are of zeroes again.
-TEST_F(StructureDescriptorPools, PagesAreOnlyWrittenWhileNoneOfTheirCellsIsInUse)
+TEST_F(StructureDescriptorPools, WritesOnlyPagesWithoutDescriptorsInUse)
 {
     std::vector<uint32_t> live;
     uint32_t random = 1;
@@ -65,7 +65,7 @@ TEST_F(StructureDescriptorPools, PagesAreOnlyWrittenWhileNoneOfTheirCellsIsInUse
         EXPECT_TRUE(holds(descriptor, descriptor + 1));
 }
 
-TEST_F(StructureDescriptorPools, ACellIsNotGivenOutAgainWhileItsPageIsInUse)
+TEST_F(StructureDescriptorPools, KeepsDescriptorsReservedWhileTheirPageIsInUse)
 {
     const uint32_t first = pool_.acquire(context_);
     const uint32_t kept = pool_.acquire(context_);

@@ -47,12 +47,12 @@ TEST(VerifyFile, FindsNothingInABakedFile)
 {
     CardFile card = bakedCard();
     card.cards = 2;
-    size_t told = 0;
+    size_t reported = 0;
     FileOptions options;
     options.progress = [&](size_t done, size_t total) {
         EXPECT_EQ(total, 4u);
-        EXPECT_GE(done, told);
-        told = done;
+        EXPECT_GE(done, reported);
+        reported = done;
     };
     const FileReport report = verifyCard(card, options);
     EXPECT_EQ(report.stored.extension, "EXT_mesh_opacity_micromap");
@@ -70,7 +70,7 @@ TEST(VerifyFile, FindsNothingInABakedFile)
     EXPECT_GT(report.counts().transparent, 0u);
     for (size_t kind = 0; kind < verify::kKinds; ++kind)
         EXPECT_EQ(report.counts().findings[kind], 0u);
-    EXPECT_EQ(told, 4u);
+    EXPECT_EQ(reported, 4u);
 }
 
 TEST(VerifyFile, FindsAWrongStateWhereItIs)
@@ -109,7 +109,7 @@ TEST(VerifyFile, MaterialsWithoutAlphaTestAreOpaque)
     }
 }
 
-TEST(VerifyFile, BlendHasTheCutoffThatIsAskedFor)
+TEST(VerifyFile, UsesTheCutoffForBlend)
 {
     CardFile card;
     BakeOptions bake;
@@ -148,7 +148,7 @@ TEST(VerifyFile, DoesNotLookAtClaimsOfABrokenStructure)
     EXPECT_TRUE(report.primitives.empty());
 }
 
-TEST(VerifyFile, SaysWhatItCannotVerify)
+TEST(VerifyFile, ReportsWhatItCannotVerify)
 {
     CardFile card = bakedCard();
     card.textured = false;
@@ -184,7 +184,7 @@ TEST(VerifyFile, AFileWithoutMicromapsHasNothingToVerify)
     EXPECT_TRUE(report.primitives.empty());
 }
 
-TEST(VerifyFile, TellsWhatADeviceMustHave)
+TEST(VerifyFile, ReportsWhatADeviceMustHave)
 {
     CardFile card = bakedCard();
     card.micromap.indices[0] = specialIndex(State::UnknownOpaque);
@@ -210,7 +210,7 @@ TEST(VerifyFile, LooksAtTheSameOnce)
     EXPECT_EQ(many.counts().microTriangles(), 50 * one.counts().microTriangles());
 }
 
-// A file cannot ask for more than a bounded amount of work.
+// A file cannot request more than a bounded amount of work.
 TEST(VerifyFile, LeavesOpenWhatTakesTooLong)
 {
     CardFile card = bakedCard(8);

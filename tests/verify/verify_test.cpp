@@ -154,7 +154,7 @@ TEST(Verify, SpecialIndicesAreClaimsOfTheWholeTriangle)
     }
 }
 
-TEST(Verify, TwoStateDataIsAnApproximationUnlessAsked)
+TEST(Verify, TwoStateDataIsAnApproximationByDefault)
 {
     const AlphaTexture texture = leaves(64);
     BakeOptions options = BakeOptions{}.exactly();
@@ -234,15 +234,15 @@ TEST(Verify, EqualTrianglesAreWalkedOnce)
     for (int i = 0; i < 50; ++i)
         cards.insert(cards.end(), kCard.begin(), kCard.end());
     const BakeResult baked = bake(texture, cards, options);
-    size_t told = 0;
+    size_t reported = 0;
     verify::Options verifying = verifyOptions(options);
     verifying.progress = [&](size_t done, size_t total) {
         EXPECT_EQ(total, 2u);
-        told = done;
+        reported = done;
     };
     const verify::Result result = verify::verify(texture, toCorners(cards), baked.micromap, verifying);
     EXPECT_EQ(result.distinct, 2u);
-    EXPECT_EQ(told, 2u);
+    EXPECT_EQ(reported, 2u);
     EXPECT_EQ(result.counts.microTriangles(), 100 * microTriangleCount(3));
 }
 
@@ -400,7 +400,7 @@ TEST(Verify, TheChildrenAreThoseOfTheCurve)
     }
 }
 
-TEST(Verify, RefusesWhatItCannotRead)
+TEST(Verify, RejectsWhatItCannotRead)
 {
     const AlphaTexture texture = leaves(8);
     const std::vector<TriangleCorners> triangles = toCorners(kCard);

@@ -172,7 +172,7 @@ Kernel &kernel()
     return *made;
 }
 
-// Before that the functions below are the system's, but for libdrm's list of GPUs.
+// Before that the functions below are the system's, except libdrm's list of GPUs.
 bool installed = false;
 
 // libdrm frees a device with one call of free, so all of it is one piece of memory.

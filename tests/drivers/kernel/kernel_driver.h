@@ -1,4 +1,4 @@
-// What kernel drivers have in common: they tell of a GPU, and take calls of the programs that use it.
+// What kernel drivers have in common: they report a GPU, and take calls of the programs that use it.
 #pragma once
 
 #include "drm_interface.h"

@@ -1,5 +1,5 @@
-// An application that runs out of memory: whichever allocation of the layer fails, nothing ends the process, nothing of
-// the driver is left behind, and the same works once there is memory again.
+// Whichever of the layer's allocations fails, the process goes on, no driver object leaks, and the same call succeeds
+// once there is memory again.
 #include <algorithm>
 
 #include "allocations/failing_allocations.h"
@@ -181,7 +181,7 @@ TEST_P(Allocations, Messenger)
                                                     .messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT});
     info.pfnUserCallback = [](auto, auto, auto, auto) -> VkBool32 { return VK_FALSE; };
     const Commands &vk = gpu().vk();
-    // Of which the vector in the layer has no room: the first of many.
+    // The first of many, for which the layer's vector has no capacity left.
     std::vector<VkDebugUtilsMessengerEXT> others;
     failEach([&](const WhileItFails &whileItFails) {
         VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
@@ -262,7 +262,7 @@ TEST_P(Allocations, Micromap)
                                 [&](auto made) { vk.DestroyMicromapEXT(gpu().device(), made, nullptr); });
 }
 
-// Its address is asked for, too, so that instances can name it.
+// Its address is queried as well, so that instances can name it.
 TEST_P(Allocations, Structure)
 {
     const Buffer buffer(gpu(), 1u << 20, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);

@@ -1,5 +1,5 @@
-// Objects destroyed in an order that the specification does not allow, or only just: what programs do at their end.
-// Drivers put up with it, and so does the layer: nothing crashes, and what is made afterwards is right.
+// Objects destroyed in an invalid or barely valid order, as programs do at their end. Drivers tolerate it, and so does
+// the layer: it does not crash, and objects made afterwards work.
 #include <array>
 #include <cstring>
 #include <functional>

@@ -1,5 +1,5 @@
-// Environments that programs run in: without HOME, with folders that are none or cannot be written to, with settings
-// that are misspelled. The layer works in all of them.
+// Unusual environments: no HOME, folders that do not exist or cannot be written to, misspelled settings. The layer
+// works in all of them.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -97,14 +97,14 @@ TEST_F(Environments, WithoutHome)
     EXPECT_FALSE(fs::exists("relative"));
 }
 
-TEST_F(Environments, CacheFoldersThatAreNone)
+TEST_F(Environments, UnusableCacheFolders)
 {
     std::ofstream(folder_ / "file") << "no folder";
     for (const fs::path &folder : {folder_ / "file", folder_ / "not" / "there", fs::path("/proc/self"), fs::path("")})
         EXPECT_TRUE(traceWith({{"VELLUM_CACHE_FOLDER", folder.c_str()}}).empty()) << folder;
 }
 
-TEST_F(Environments, DumpFoldersThatAreNone)
+TEST_F(Environments, UnusableDumpFolders)
 {
     std::ofstream(folder_ / "file") << "no folder";
     for (const fs::path &folder : {folder_ / "file", folder_ / "not" / "there", fs::path("/proc/self")}) {
@@ -118,7 +118,7 @@ TEST_F(Environments, DumpFoldersThatAreNone)
     }
 }
 
-TEST_F(Environments, SettingsFilesThatAreNone)
+TEST_F(Environments, UnusableSettingsFiles)
 {
     std::ofstream(folder_ / "bytes", std::ios::binary) << std::string(100'000, '\xff') << "=\n= \0 =#\n"
                                                        << "vellum_opacity_micromap.\nvellum_opacity_micromap.=";

@@ -1,5 +1,5 @@
-// Regions of shader binding tables that no ray reads: programs leave them empty, give an address without a size, or
-// give one table for all of them.
+// Regions of shader binding tables that no ray reads: programs leave them empty, pass an address without a size, or
+// pass one table for all of them.
 #include <array>
 #include <functional>
 #include <string>

@@ -1,5 +1,5 @@
-// VK_EXT_descriptor_buffer: shaders get a top-level structure by its address in a descriptor, and what is bound
-// outlives the work that the layer adds between the binding and the use.
+// VK_EXT_descriptor_buffer: shaders reach a top-level structure by an address in a descriptor, and bindings survive
+// work that the layer adds between binding and use.
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/state_scene.h"
 #include "pipelines/pipeline_scene.h"

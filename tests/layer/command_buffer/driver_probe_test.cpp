@@ -1,5 +1,5 @@
-// What the layer finds out about the driver by trying is tried on the application's queue, when something first depends
-// on it: while the application uses that queue, and from whichever threads ask.
+// Driver probes run on the application's queue when something first depends on their result: while the application uses
+// that queue, and from whichever threads need the result.
 #include <atomic>
 #include <chrono>
 #include <thread>
@@ -18,7 +18,7 @@ namespace
 
 const vt::Labels kLabels{{"Probes.*", "forcing"}};
 
-// On a fresh device: nothing was tried yet. The validation layer below judges who uses the queue at the same time.
+// On a fresh device: nothing was tried yet. The validation layer below checks who uses the queue at the same time.
 class Probes : public GpuTest
 {
 protected:
@@ -91,7 +91,7 @@ TEST_F(Probes, CreationOfShadersDoesNotWaitForTheQueue)
     auto submit = vkInit<VkSubmitInfo>(
         {.pNext = &values, .waitSemaphoreCount = 1, .pWaitSemaphores = &semaphore, .pWaitDstStageMask = &stage});
     VT_CHECK(vkQueueSubmit(gpu().queue(), 1, &submit, VK_NULL_HANDLE));
-    // A trial would end with the message VELLUM-busy-queue, which no test expects.
+    // A probe would end with the message VELLUM-busy-queue, which no test expects.
     const PipelineTracer pipelines(gpu(), {.groups = {{.anyHit = true}}});
     const Tracer queries(gpu());
     const auto signal = vkInit<VkSemaphoreSignalInfo>({.semaphore = semaphore, .value = value});

@@ -1,5 +1,5 @@
-// VK_EXT_device_generated_commands: shaders that trace rays, chosen and started by commands that the device reads,
-// after work of the layer's was recorded between what they depend on and them.
+// VK_EXT_device_generated_commands: shaders that trace rays, selected and launched by commands that the device reads,
+// after the layer recorded work between these commands and the state that they depend on.
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/generated_commands.h"
 #include "command_buffer/shader_objects.h"

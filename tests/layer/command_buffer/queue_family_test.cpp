@@ -1,5 +1,5 @@
-// Queues that cannot do everything, as most GPUs have: the mock driver's quirk "queues" tells of what a family cannot
-// do.
+// Queue families with restricted capabilities, as most GPUs have: the mock driver's quirk "queues" reports commands
+// that a family does not support.
 #include <cstring>
 
 #include "harness/copies.h"

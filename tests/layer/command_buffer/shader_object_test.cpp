@@ -49,7 +49,7 @@ TEST_F(ShaderObject, TracesAndSurvivesBuilds)
     destroy(gpu().device(), shader, nullptr);
 }
 
-// VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT: the spy below the layer tells if it gets
+// VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT: the spy below the layer reports if it gets
 // there.
 TEST_F(ShaderObject, ThePromiseOfNoMixedSpecialIndicesStaysInTheLayer)
 {
@@ -61,10 +61,10 @@ TEST_F(ShaderObject, ThePromiseOfNoMixedSpecialIndicesStaysInTheLayer)
     TracerShader description(gpu(), tracer);
     description.info.flags = 1u << 12;
     ShaderHandle shader = 0;
-    const bool refused = strictTests() && !gpu().khr();
+    const bool rejected = strictTests() && !gpu().khr();
     EXPECT_EQ(create(gpu().device(), 1, &description.info, nullptr, &shader),
-              refused ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS);
-    EXPECT_EQ(shader == 0, refused);
+              rejected ? VK_ERROR_VALIDATION_FAILED_EXT : VK_SUCCESS);
+    EXPECT_EQ(shader == 0, rejected);
     destroy(gpu().device(), shader, nullptr);
     const std::vector<Message> messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), gpu().khr() ? 0u : 1u);

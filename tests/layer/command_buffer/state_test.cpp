@@ -1,4 +1,4 @@
-// Builds in the midst of an application's own command buffer state: none of it may change.
+// Builds recorded between an application's state commands must not change that state.
 #include "command_buffer/state_scene.h"
 #include "harness/graphics.h"
 

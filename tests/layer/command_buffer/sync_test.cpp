@@ -1,5 +1,5 @@
-// The stage and access bits of micromaps, wherever an application can pass them: the driver, and the validation layer
-// in front of it, must not see them.
+// The stage and access bits of micromaps, wherever an application can pass them, must not reach the driver or the
+// validation layer above it.
 #include "command_buffer/state_scene.h"
 #include "harness/program/labels.h"
 

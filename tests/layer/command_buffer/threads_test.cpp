@@ -1,5 +1,5 @@
-// An application with many threads: each makes, records and destroys things of its own, and all of them meet in what
-// the layer keeps of the device. Most of what this finds is told by ThreadSanitizer (scripts/test tsan).
+// Threads that create, record and destroy their own objects, and share the layer's state of the device. Most errors
+// that this finds are reported by ThreadSanitizer (scripts/test tsan).
 #include <mutex>
 #include <thread>
 

@@ -1,5 +1,5 @@
 // What the tests of device address commands have in common: ranges of buffers, buffers that share memory, and commands
-// that have to be refused.
+// that have to be rejected.
 #pragma once
 
 #include <random>
@@ -93,16 +93,16 @@ protected:
     }
     uint32_t random() { return static_cast<uint32_t>(random_()); }
 
-    // What is recorded is refused, with a message of the layer's that names the rule, and nothing below complains.
-    void expectRefused(const std::string &rule, const std::function<void(VkCommandBuffer)> &record)
+    // The layer rejects what is recorded, with a message that names the rule, and nothing below reports an error.
+    void expectRejected(const std::string &rule, const std::function<void(VkCommandBuffer)> &record)
     {
         gpu().submit(record);
-        bool told = false;
+        bool reported = false;
         for (const Message &m : gpu().takeUnexpectedMessages()) {
             EXPECT_EQ(m.id, "VELLUM-VUID-" + rule) << m.text;
-            told = true;
+            reported = true;
         }
-        EXPECT_TRUE(told) << "nobody complained: " << rule;
+        EXPECT_TRUE(reported) << "nobody complained: " << rule;
     }
     // What does no harm: told once, and done, unless the layer is strict. Returns whether it is done.
     bool done(const std::string &rule, const std::function<void(VkCommandBuffer)> &record)
@@ -115,33 +115,33 @@ protected:
         return !strictTests();
     }
     // Every way in which a range can be wrong. `record` records a command with that range for a buffer of `size` bytes
-    // with the right usage; `other` has another usage, which only a strict layer refuses. `all`: the command accesses
-    // all of the range; of others, only a strict layer refuses what ends behind the buffer.
-    void expectBadRangesRefused(const Buffer &good, const Buffer &other, const std::string &structure,
-                                const std::string &usageRule,
-                                const std::function<void(VkCommandBuffer, const VkDeviceAddressRangeKHR &)> &record,
-                                bool all = true)
+    // with the right usage; `other` has another usage, which only a strict layer rejects. `all`: the command accesses
+    // all of the range; of others, only a strict layer rejects what ends behind the buffer.
+    void expectBadRangesRejected(const Buffer &good, const Buffer &other, const std::string &structure,
+                                 const std::string &usageRule,
+                                 const std::function<void(VkCommandBuffer, const VkDeviceAddressRangeKHR &)> &record,
+                                 bool all = true)
     {
         const VkDeviceSize size = 64;
-        const auto refused = [&](const std::string &rule, const VkDeviceAddressRangeKHR &range) {
+        const auto rejected = [&](const std::string &rule, const VkDeviceAddressRangeKHR &range) {
             SCOPED_TRACE(rule);
-            expectRefused(rule, [&](VkCommandBuffer commands) { record(commands, range); });
+            expectRejected(rule, [&](VkCommandBuffer commands) { record(commands, range); });
         };
-        refused(structure + "-size-11411", {0, size});
-        refused(structure + "-address-11365", {0x10, size});
-        refused(structure + "-address-11365", {good.address() + good.size(), size});
+        rejected(structure + "-size-11411", {0, size});
+        rejected(structure + "-address-11365", {0x10, size});
+        rejected(structure + "-address-11365", {good.address() + good.size(), size});
         if (all || strictTests()) {
-            refused(structure + "-address-11365", {good.address() + good.size() - size + 4, size});
-            refused(structure + "-address-11365", {good.address() + 16, UINT64_MAX - 15});
+            rejected(structure + "-address-11365", {good.address() + good.size() - size + 4, size});
+            rejected(structure + "-address-11365", {good.address() + 16, UINT64_MAX - 15});
         }
         if (strictTests())
-            refused(usageRule, {other.address(), size});
+            rejected(usageRule, {other.address(), size});
         VkDeviceAddress gone = 0;
         {
             const Buffer destroyed = buffer(good.size(), VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
             gone = destroyed.address();
         }
-        refused(structure + "-address-11365", {gone, size});
+        rejected(structure + "-address-11365", {gone, size});
     }
 
 private:

@@ -1,4 +1,4 @@
-// Range barriers: what the driver is given for them, told by the spy, and that they reach it nowhere.
+// Range barriers: the barriers that the driver gets instead, as the spy reports them; range barriers never reach it.
 #include <algorithm>
 #include <sstream>
 
@@ -56,7 +56,7 @@ protected:
         VkMemoryRangeBarriersInfoKHR ranges_{};
         VkDependencyInfo info_{};
     };
-    // Records, and gives what the spy told of barriers; other messages are failures.
+    // Records, and returns what the spy reported about barriers; other messages are failures.
     std::vector<std::string> barriersIn(const std::function<void(VkCommandBuffer)> &record)
     {
         (void)gpu().takeMessages();

@@ -1,5 +1,5 @@
 // Copies, fills, updates, image copies, query results and markers of VK_KHR_device_address_commands: the same bytes as
-// from the commands that take buffers, and wrong ranges refused.
+// from the commands that take buffers, and wrong ranges rejected.
 #include <algorithm>
 
 #include "device_address/address_ranges.h"
@@ -103,15 +103,15 @@ TEST_F(AddressCopies, AliasesWithDifferentUsage)
         const auto back = copyRegion(rangeOf(from, 0, 64), {address, 64});
         const auto out = copyRegion({address, 64}, rangeOf(to, 0, 64));
         if (strictTests())
-            expectRefused(asked == 0 ? "VkDeviceMemoryCopyKHR-srcRange-13017" : "VkDeviceMemoryCopyKHR-dstRange-13018",
-                          [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? out : back); });
+            expectRejected(asked == 0 ? "VkDeviceMemoryCopyKHR-srcRange-13017" : "VkDeviceMemoryCopyKHR-dstRange-13018",
+                           [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? out : back); });
         aliases.destroy(1 - asked);
-        expectRefused("VkDeviceAddressRangeKHR-address-11365",
-                      [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? back : out); });
+        expectRejected("VkDeviceAddressRangeKHR-address-11365",
+                       [&](VkCommandBuffer commands) { copy(commands, asked == 0 ? back : out); });
     }
 }
 
-TEST_F(AddressCopies, WrongRangesAreRefused)
+TEST_F(AddressCopies, RejectsWrongRanges)
 {
     const Buffer from = randomBuffer(256, kSource);
     const Buffer to = randomBuffer(256, kTarget);
@@ -122,15 +122,15 @@ TEST_F(AddressCopies, WrongRangesAreRefused)
         const std::array regions{copyRegion(rangeOf(from, 0, 64), rangeOf(to, 128, 64)), wrong};
         copy(commands, regions);
     };
-    expectBadRangesRefused(from, other, "VkDeviceAddressRangeKHR", "VkDeviceMemoryCopyKHR-srcRange-13017",
-                           [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
-                               copyBoth(commands, copyRegion(range, {to.address(), range.size}));
-                           });
-    expectBadRangesRefused(to, other, "VkDeviceAddressRangeKHR", "VkDeviceMemoryCopyKHR-dstRange-13018",
-                           [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
-                               copyBoth(commands, copyRegion(rangeOf(from, 0, 64), range));
-                           });
-    expectRefused("VkDeviceMemoryCopyKHR-size-13016", [&](VkCommandBuffer commands) {
+    expectBadRangesRejected(from, other, "VkDeviceAddressRangeKHR", "VkDeviceMemoryCopyKHR-srcRange-13017",
+                            [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
+                                copyBoth(commands, copyRegion(range, {to.address(), range.size}));
+                            });
+    expectBadRangesRejected(to, other, "VkDeviceAddressRangeKHR", "VkDeviceMemoryCopyKHR-dstRange-13018",
+                            [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
+                                copyBoth(commands, copyRegion(rangeOf(from, 0, 64), range));
+                            });
+    expectRejected("VkDeviceMemoryCopyKHR-size-13016", [&](VkCommandBuffer commands) {
         copyBoth(commands, copyRegion(rangeOf(from, 0, 64), rangeOf(to, 0, 60)));
     });
     EXPECT_EQ(bytesOf(to), before);
@@ -153,7 +153,7 @@ TEST_F(AddressCopies, Fills)
         vkCmdFillBuffer(commands, twin.handle(), 200, 56, 0x12345678);
     });
     EXPECT_EQ(bytesOf(to), bytesOf(twin));
-    expectBadRangesRefused(to, other, "VkDeviceAddressRangeKHR", "vkCmdFillMemoryKHR-dstRange-13000", fill);
+    expectBadRangesRejected(to, other, "VkDeviceAddressRangeKHR", "vkCmdFillMemoryKHR-dstRange-13000", fill);
     EXPECT_EQ(bytesOf(to), bytesOf(twin));
 }
 
@@ -176,9 +176,9 @@ TEST_F(AddressCopies, Updates)
         vkCmdUpdateBuffer(commands, twin.handle(), 192, sizeof data, data.data());
     });
     EXPECT_EQ(bytesOf(to), bytesOf(twin));
-    expectBadRangesRefused(to, other, "VkDeviceAddressRangeKHR", "vkCmdUpdateMemoryKHR-dstRange-13005", update, false);
-    expectRefused("vkCmdUpdateMemoryKHR-dataSize-13008",
-                  [&](VkCommandBuffer commands) { update(commands, rangeOf(to, 196, 60)); });
+    expectBadRangesRejected(to, other, "VkDeviceAddressRangeKHR", "vkCmdUpdateMemoryKHR-dstRange-13005", update, false);
+    expectRejected("vkCmdUpdateMemoryKHR-dataSize-13008",
+                   [&](VkCommandBuffer commands) { update(commands, rangeOf(to, 196, 60)); });
     EXPECT_EQ(bytesOf(to), bytesOf(twin));
 }
 
@@ -305,7 +305,7 @@ TEST_F(AddressImageCopies, ThereAndBack)
     EXPECT_EQ(bytesOf(out2), expected2);
 }
 
-TEST_F(AddressImageCopies, WrongRangesAreRefused)
+TEST_F(AddressImageCopies, RejectsWrongRanges)
 {
     const Image image(gpu());
     const Buffer from = buffer(256, kSource), to = randomBuffer(256, kTarget);
@@ -317,18 +317,18 @@ TEST_F(AddressImageCopies, WrongRangesAreRefused)
             r.imageExtent = {4, 4, 1};
         return regions;
     };
-    expectBadRangesRefused(from, other, "VkDeviceAddressRangeKHR", "vkCmdCopyMemoryToImageKHR-addressRange-13128",
-                           [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
-                               const auto regions = regionsWith(rangeOf(from, 0, 64), range);
-                               const auto copy = info(image, regions);
-                               gpu().vk().CmdCopyMemoryToImageKHR(commands, &copy);
-                           });
-    expectBadRangesRefused(to, other, "VkDeviceAddressRangeKHR", "vkCmdCopyImageToMemoryKHR-addressRange-13129",
-                           [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
-                               const auto regions = regionsWith(rangeOf(to, 0, 64), range);
-                               const auto copy = info(image, regions);
-                               gpu().vk().CmdCopyImageToMemoryKHR(commands, &copy);
-                           });
+    expectBadRangesRejected(from, other, "VkDeviceAddressRangeKHR", "vkCmdCopyMemoryToImageKHR-addressRange-13128",
+                            [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
+                                const auto regions = regionsWith(rangeOf(from, 0, 64), range);
+                                const auto copy = info(image, regions);
+                                gpu().vk().CmdCopyMemoryToImageKHR(commands, &copy);
+                            });
+    expectBadRangesRejected(to, other, "VkDeviceAddressRangeKHR", "vkCmdCopyImageToMemoryKHR-addressRange-13129",
+                            [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
+                                const auto regions = regionsWith(rangeOf(to, 0, 64), range);
+                                const auto copy = info(image, regions);
+                                gpu().vk().CmdCopyImageToMemoryKHR(commands, &copy);
+                            });
     EXPECT_EQ(bytesOf(to), before);
 }
 
@@ -359,7 +359,7 @@ protected:
         EXPECT_EQ(bytesOf(out), bytesOf(twin));
         EXPECT_NE(bytesOf(out), before);
         const Buffer other = buffer(128, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-        expectBadRangesRefused(
+        expectBadRangesRejected(
             out, other, "VkStridedDeviceAddressRangeKHR", "vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13080",
             [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
                 copy(commands, {range.address, range.size, 32});
@@ -367,8 +367,8 @@ protected:
             false);
         for (const VkStridedDeviceAddressRangeKHR &range :
              {rangeOf(out, 96, 32, 32), rangeOf(out, 24, 32, 96), rangeOf(out, 0, 128, UINT64_MAX)})
-            expectRefused("vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079",
-                          [&](VkCommandBuffer commands) { copy(commands, range); });
+            expectRejected("vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079",
+                           [&](VkCommandBuffer commands) { copy(commands, range); });
         EXPECT_EQ(bytesOf(out), bytesOf(twin));
     }
 };
@@ -428,7 +428,7 @@ TEST_F(AddressMarkers, AreWritten)
         info.stage = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
         info.dstRange = rangeOf(to, 20, 4);
         gpu().vk().CmdWriteMarkerToMemoryAMD(commands, &info);
-        info.stage = VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT; // the spy tells where it gets it
+        info.stage = VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT; // the spy reports it if the driver gets it
         info.dstRange = rangeOf(to, 252, 4);
         gpu().vk().CmdWriteMarkerToMemoryAMD(commands, &info);
     });
@@ -440,9 +440,9 @@ TEST_F(AddressMarkers, AreWritten)
         info.dstRange = range;
         gpu().vk().CmdWriteMarkerToMemoryAMD(commands, &info);
     };
-    expectBadRangesRefused(to, other, "VkDeviceAddressRangeKHR", "VkMemoryMarkerInfoAMD-dstRange-13039", mark, false);
-    expectRefused("VkMemoryMarkerInfoAMD-dstRange-13041",
-                  [&](VkCommandBuffer commands) { mark(commands, rangeOf(to, 253, 3)); });
+    expectBadRangesRejected(to, other, "VkDeviceAddressRangeKHR", "VkMemoryMarkerInfoAMD-dstRange-13039", mark, false);
+    expectRejected("VkMemoryMarkerInfoAMD-dstRange-13041",
+                   [&](VkCommandBuffer commands) { mark(commands, rangeOf(to, 253, 3)); });
     EXPECT_EQ(bytesOf(to), expected);
 }
 

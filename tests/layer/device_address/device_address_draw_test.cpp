@@ -1,5 +1,5 @@
 // Bindings, indirect commands and conditional rendering of VK_KHR_device_address_commands: the same pixels as from the
-// commands that take buffers, and wrong ranges refused.
+// commands that take buffers, and wrong ranges rejected.
 #include "device_address/address_graphics.h"
 #include "shaders/address_draws_compute.h"
 
@@ -114,8 +114,8 @@ protected:
             drawCount(commands, {0, 0, 0}, three, 0);
         });
         expectNoMessages();
-        const auto refused = [&](const std::string &rule, const std::function<void(VkCommandBuffer)> &record) {
-            expectRefused(rule, [&](VkCommandBuffer commands) { record(commands); });
+        const auto rejected = [&](const std::string &rule, const std::function<void(VkCommandBuffer)> &record) {
+            expectRejected(rule, [&](VkCommandBuffer commands) { record(commands); });
         };
         for (const bool counted : {false, true}) {
             const std::string rules = (counted ? countName : name) + "-pInfo-";
@@ -125,11 +125,11 @@ protected:
                 };
             };
             const VkDeviceSize late = buffer.size() - 3 * stride - size + 4;
-            refused(rules + "13110", with(rangeOf(buffer, late, 3 * stride + size - 4, stride), 4));
-            refused(rules + "13111", with(rangeOf(buffer, offset, 128, 0), 2));
-            refused(rules + "13112", with(rangeOf(buffer, offset, 128, size - 4), 2));
-            refused(rules + "13113", with(rangeOf(buffer, offset, 128, size + 2), 2));
-            expectBadRangesRefused(
+            rejected(rules + "13110", with(rangeOf(buffer, late, 3 * stride + size - 4, stride), 4));
+            rejected(rules + "13111", with(rangeOf(buffer, offset, 128, 0), 2));
+            rejected(rules + "13112", with(rangeOf(buffer, offset, 128, size - 4), 2));
+            rejected(rules + "13113", with(rangeOf(buffer, offset, 128, size + 2), 2));
+            expectBadRangesRejected(
                 buffer, other, "VkStridedDeviceAddressRangeKHR",
                 std::string(counted ? "VkDrawIndirectCount2InfoKHR" : "VkDrawIndirect2InfoKHR") + "-addressRange-13107",
                 [&](VkCommandBuffer c, const VkDeviceAddressRangeKHR &range) {
@@ -137,11 +137,11 @@ protected:
                 },
                 false);
         }
-        expectBadRangesRefused(
+        expectBadRangesRejected(
             counts, other, "VkDeviceAddressRangeKHR", "VkDrawIndirectCount2InfoKHR-countAddressRange-13114",
             [&](VkCommandBuffer c, const VkDeviceAddressRangeKHR &range) { drawCount(c, all, range, 4); }, false);
-        refused("VkDrawIndirectCount2InfoKHR-countAddressRange-13117",
-                [&](VkCommandBuffer c) { drawCount(c, all, rangeOf(counts, 61, 3), 4); });
+        rejected("VkDrawIndirectCount2InfoKHR-countAddressRange-13117",
+                 [&](VkCommandBuffer c) { drawCount(c, all, rangeOf(counts, 61, 3), 4); });
     }
 };
 
@@ -186,7 +186,7 @@ TEST_F(AddressDraws, NullVertexBuffers)
     EXPECT_EQ(row, expected);
 }
 
-TEST_F(AddressDraws, WrongVertexBuffersAreRefused)
+TEST_F(AddressDraws, RejectsWrongVertexBuffers)
 {
     const Buffer other = buffer(256, kIndirect);
     const auto bind = [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
@@ -194,11 +194,11 @@ TEST_F(AddressDraws, WrongVertexBuffersAreRefused)
                                vertices({range.address, range.size, 0}, false)};
         gpu().vk().CmdBindVertexBuffers3KHR(commands, 0, 2, infos.data());
     };
-    expectBadRangesRefused(values(), other, "VkStridedDeviceAddressRangeKHR",
-                           "VkBindVertexBuffer3InfoKHR-addressRange-13074", bind, false);
-    expectRefused("VkBindVertexBuffer3InfoKHR-addressRange-13075",
-                  [&](VkCommandBuffer commands) { bind(commands, rangeOf(values(), 0, 0)); });
-    // Nothing of a refused call is bound.
+    expectBadRangesRejected(values(), other, "VkStridedDeviceAddressRangeKHR",
+                            "VkBindVertexBuffer3InfoKHR-addressRange-13074", bind, false);
+    expectRejected("VkBindVertexBuffer3InfoKHR-addressRange-13075",
+                   [&](VkCommandBuffer commands) { bind(commands, rangeOf(values(), 0, 0)); });
+    // Nothing of a rejected call is bound.
     const VkPipeline pipeline = graphics().pipeline(AddressGraphics::Kind::StaticStrides);
     const Row row = graphics().render(pipeline, [&](VkCommandBuffer commands) {
         bindVertices(commands);
@@ -238,10 +238,10 @@ protected:
             const auto info = indices(range, VK_INDEX_TYPE_UINT16);
             gpu().vk().CmdBindIndexBuffer3KHR(commands, &info);
         };
-        expectBadRangesRefused(buffer, other, "VkDeviceAddressRangeKHR", "VkBindIndexBuffer3InfoKHR-addressRange-13051",
-                               bind, false);
-        expectRefused("VkBindIndexBuffer3InfoKHR-addressRange-13056",
-                      [&](VkCommandBuffer commands) { bind(commands, rangeOf(buffer, 0, 0)); });
+        expectBadRangesRejected(buffer, other, "VkDeviceAddressRangeKHR",
+                                "VkBindIndexBuffer3InfoKHR-addressRange-13051", bind, false);
+        expectRejected("VkBindIndexBuffer3InfoKHR-addressRange-13056",
+                       [&](VkCommandBuffer commands) { bind(commands, rangeOf(buffer, 0, 0)); });
         // Every index of a null buffer is 0.
         expectSame(
             pipeline,
@@ -496,10 +496,10 @@ TEST_F(AddressDispatches, Indirect)
     EXPECT_EQ(expected[4], 6u);
     gpu().submit([&](VkCommandBuffer commands) { dispatch(commands, rangeOf(indirect, 20, 12)); });
     EXPECT_EQ(takeSums(), expected);
-    expectBadRangesRefused(indirect, other, "VkDeviceAddressRangeKHR", "VkDispatchIndirect2InfoKHR-addressRange-13107",
-                           dispatch, false);
-    expectRefused("vkCmdDispatchIndirect2KHR-pInfo-13050",
-                  [&](VkCommandBuffer commands) { dispatch(commands, rangeOf(indirect, 120, 8)); });
+    expectBadRangesRejected(indirect, other, "VkDeviceAddressRangeKHR", "VkDispatchIndirect2InfoKHR-addressRange-13107",
+                            dispatch, false);
+    expectRejected("vkCmdDispatchIndirect2KHR-pInfo-13050",
+                   [&](VkCommandBuffer commands) { dispatch(commands, rangeOf(indirect, 120, 8)); });
     EXPECT_EQ(takeSums(), Row(16));
 }
 
@@ -525,8 +525,8 @@ TEST_F(AddressDispatches, ConditionalRendering)
     });
     // 1 + 2 for the dispatch of two groups, 1 + 2 + 3 + 4 for that of four.
     EXPECT_EQ(takeSums()[0], 13u);
-    // Refused: nothing is discarded, and its end is left out too.
-    expectBadRangesRefused(
+    // Rejected: nothing is discarded, and its end is left out too.
+    expectBadRangesRejected(
         predicates, other, "VkDeviceAddressRangeKHR", "VkConditionalRenderingBeginInfo2EXT-addressRange-13064",
         [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
             bind(commands);
@@ -535,7 +535,7 @@ TEST_F(AddressDispatches, ConditionalRendering)
             gpu().vk().CmdEndConditionalRenderingEXT(commands);
         },
         false);
-    expectRefused("VkConditionalRenderingBeginInfo2EXT-addressRange-13066", [&](VkCommandBuffer commands) {
+    expectRejected("VkConditionalRenderingBeginInfo2EXT-addressRange-13066", [&](VkCommandBuffer commands) {
         begin(commands, rangeOf(predicates, 125, 3));
         gpu().vk().CmdEndConditionalRenderingEXT(commands);
     });

@@ -1,5 +1,5 @@
 // Transform feedback of VK_KHR_device_address_commands: the same captured bytes, counters and draws as from the
-// commands that take buffers, and wrong ranges refused.
+// commands that take buffers, and wrong ranges rejected.
 #include "device_address/address_graphics.h"
 
 namespace
@@ -118,24 +118,24 @@ TEST_F(AddressFeedback, EndsWithTheRange)
     EXPECT_EQ(words[9], 0u);
 }
 
-TEST_F(AddressFeedback, WrongRangesAreRefused)
+TEST_F(AddressFeedback, RejectsWrongRanges)
 {
     const Buffer captured = buffer(256, kCaptured), counters = buffer(256, kCounter);
     const Buffer other = buffer(256, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    expectBadRangesRefused(
+    expectBadRangesRejected(
         captured, other, "VkDeviceAddressRangeKHR", "vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091",
         [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) { bind(commands, range); }, false);
     const auto byCount = [&](VkCommandBuffer commands, const VkDeviceAddressRangeKHR &range) {
         const auto counter = info(range);
         gpu().vk().CmdDrawIndirectByteCount2EXT(commands, 1, 0, &counter, 0, 4);
     };
-    expectBadRangesRefused(counters, other, "VkDeviceAddressRangeKHR", "vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
-                           byCount, false);
+    expectBadRangesRejected(counters, other, "VkDeviceAddressRangeKHR", "vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
+                            byCount, false);
     gpu().submit([&](VkCommandBuffer commands) { byCount(commands, rangeOf(counters, 253, 3)); });
     const std::vector<Message> ofCounter = gpu().takeUnexpectedMessages();
     ASSERT_EQ(ofCounter.size(), 1u);
     EXPECT_EQ(ofCounter[0].id, "VELLUM-counter-range");
-    // A beginning that is refused has no end either; an end that is wrong ends, without counters.
+    // A beginning that is rejected has no end either; an end that is wrong ends, without counters.
     const auto inRender = [&](const std::string &rule, const VkDeviceAddressRangeKHR &first,
                               const VkDeviceAddressRangeKHR &last, bool captures) {
         std::memset(captured.bytes(), 0, 256);

@@ -1,5 +1,5 @@
-// Micromap builds that contradict themselves, or their memory: a message that names the rule, no crash, nothing written
-// where it does not belong, and a device that goes on working. What does no harm is done, unless VELLUM_STRICT is set.
+// Micromap builds that contradict themselves or their memory: the layer names the rule, does not crash, writes nothing
+// out of bounds, and the device goes on working. Harmless violations are tolerated, unless VELLUM_STRICT is set.
 #include "command_buffer/state_scene.h"
 #include "harness/expected.h"
 #include "harness/program/labels.h"
@@ -35,8 +35,8 @@ protected:
         GpuTest::TearDown();
     }
 
-    // What does no harm is built, told of by one message: the micromap has one triangle of each state. A strict layer
-    // refuses it.
+    // What does no harm is built, reported by one message: the micromap has one triangle of each state. A strict layer
+    // rejects it.
     void expectBuilt(const char *rule, const std::function<void(VkMicromapBuildInfoEXT &)> &change,
                      const std::vector<int> &expected = {-1, 0, 1, 1})
     {
@@ -56,7 +56,7 @@ protected:
             EXPECT_TRUE(m.fromVellum() && m.id.find(rule) != std::string::npos) << m.id << ": " << m.text;
     }
 
-    // Vellum complains, and nobody below it has a reason to.
+    // Vellum reports an error, and no layer below it does.
     void expectFinding(const char *rule)
     {
         bool complained = false;
@@ -258,7 +258,7 @@ TEST_F(BadInputExt, BuiltInWhatReachesBeyondTheBuffer)
         record(std::array{MicromapBuild{micromap_->buildInfo(), {micromap, VK_NULL_HANDLE}}});
         expectNoMessages();
         EXPECT_TRUE(storage.intact());
-        // A large one has no room.
+        // A large one has no space.
         const VkMicromapUsageEXT usage{1000, 6, kFourState};
         VkMicromapBuildInfoEXT large = micromap_->buildInfo();
         large.usageCountsCount = 1;
@@ -298,23 +298,23 @@ TEST_F(BadInput, NoUsageAtAll)
     expectFinding(id("07516", "VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts-11642"));
 }
 
-// Of VK_KHR_opacity_micromap: MicromapStructureRefused.BuildsAndTheirMemory.
+// Of VK_KHR_opacity_micromap: MicromapStructureRejected.BuildsAndTheirMemory.
 TEST_F(BadInputExt, AddressesAndScratchMemory)
 {
     const std::vector<uint8_t> before(micromap_->memory(), micromap_->memory() + micromap_->size());
-    const auto refused = [&](const char *rule, const std::function<void(VkMicromapBuildInfoEXT &)> &change) {
+    const auto rejected = [&](const char *rule, const std::function<void(VkMicromapBuildInfoEXT &)> &change) {
         SCOPED_TRACE(rule);
         buildWith(change);
         expectFinding(rule);
         EXPECT_EQ(std::vector<uint8_t>(micromap_->memory(), micromap_->memory() + micromap_->size()), before);
     };
-    refused("vkCmdBuildMicromapsEXT-pInfos-10896", [](auto &info) { info.data.deviceAddress = 0; });
-    refused("vkCmdBuildMicromapsEXT-pInfos-10897", [](auto &info) { info.triangleArray.deviceAddress = 0; });
-    refused("vkCmdBuildMicromapsEXT-pInfos-07512", [](auto &info) { info.scratchData.deviceAddress = 0; });
-    refused("vkCmdBuildMicromapsEXT-pInfos-07514", [](auto &info) { info.scratchData.deviceAddress += 2; });
+    rejected("vkCmdBuildMicromapsEXT-pInfos-10896", [](auto &info) { info.data.deviceAddress = 0; });
+    rejected("vkCmdBuildMicromapsEXT-pInfos-10897", [](auto &info) { info.triangleArray.deviceAddress = 0; });
+    rejected("vkCmdBuildMicromapsEXT-pInfos-07512", [](auto &info) { info.scratchData.deviceAddress = 0; });
+    rejected("vkCmdBuildMicromapsEXT-pInfos-07514", [](auto &info) { info.scratchData.deviceAddress += 2; });
     const Buffer little(gpu(), 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    refused("vkCmdBuildMicromapsEXT-pInfos-07509",
-            [&](auto &info) { info.scratchData.deviceAddress = little.address(); });
+    rejected("vkCmdBuildMicromapsEXT-pInfos-07509",
+             [&](auto &info) { info.scratchData.deviceAddress = little.address(); });
 }
 
 // VUID-vkCmdBuildMicromapsEXT-pInfos-07515 wants multiples of 256; the layer needs none.
@@ -371,7 +371,7 @@ TEST_F(BadInputExt, CreateTypeAndFlags)
     made("VkMicromapCreateInfoEXT-deviceAddress-07433", [](auto &create) { create.deviceAddress = 4096; });
 }
 
-TEST_F(BadInput, RefusedBesideGood)
+TEST_F(BadInput, RejectsOneAmongGoodOnes)
 {
     // Of two builds in one command the good one may be done or not, the bad one must not be.
     MicromapInput input;
@@ -417,7 +417,7 @@ TEST_F(BadInput, RecordsThatBreakTheRules)
 
 TEST_F(BadInput, RecordsLargerThanDeclared)
 {
-    // The usage counts, and so the micromap, leave no room for these triangles' data.
+    // The usage counts, and so the micromap, leave no space for these triangles' data.
     MicromapInput input;
     for (int i = 0; i < 3; ++i) {
         std::vector<uint8_t> states(size_t{1} << 16);

@@ -1,4 +1,4 @@
-// What the layer has where the driver has more than lavapipe: indirect builds, and capture and replay of addresses. The
+// The layer on a driver with more features than lavapipe: indirect builds, and capture and replay of addresses. The
 // driver is lavapipe with the quirk "capable".
 #include "harness/copies.h"
 #include "harness/program/labels.h"

@@ -1,4 +1,4 @@
-// What a driver may do that lavapipe does not, and what must not reach it: layers/spy.cpp is that driver.
+// Behaviour that drivers other than lavapipe may have, and what must not reach the driver (layers/spy.cpp).
 #include <algorithm>
 #include <array>
 #include <cstdlib>
@@ -103,7 +103,7 @@ TEST(Driver, NamesOfMicromapStructuresStayInTheLayer)
     nameMicromap(Api::Khr);
 }
 
-// 1,000 triangles that share the data of one: as much as the usage counts have room for would reach from the data into
+// 1,000 triangles that share the data of one: as much as the usage counts have space for would reach from the data into
 // the micromap behind it, in the same buffer. Transfers must not overlap; the validation layer would tell.
 TEST(Driver, InputAndMicromapInOneBuffer)
 {
@@ -287,13 +287,13 @@ TEST(Driver, NoDisplacementBesideEmulation)
     VkDevice device = VK_NULL_HANDLE;
     EXPECT_EQ(vkCreateDevice(gpu->physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
-    std::vector<std::string> told;
+    std::vector<std::string> reported;
     for (const Message &m : gpu->takeUnexpectedMessages()) {
         EXPECT_NE(m.id, "SPY") << m.text;
         if (m.fromVellum()) // the loader says something, too
-            told.push_back(m.id);
+            reported.push_back(m.id);
     }
-    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-hidden-extension"});
+    EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-hidden-extension"});
 }
 
 // The driver has both, but with an extension that it lacks micromaps are the layer's.
@@ -310,13 +310,13 @@ TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
     VkDevice device = VK_NULL_HANDLE;
     EXPECT_EQ(vkCreateDevice(gpu->physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
-    std::vector<std::string> told;
+    std::vector<std::string> reported;
     for (const Message &m : gpu->takeUnexpectedMessages()) {
         EXPECT_NE(m.id, "SPY") << m.text;
         if (m.fromVellum())
-            told.push_back(m.id);
+            reported.push_back(m.id);
     }
-    EXPECT_EQ(told, std::vector<std::string>{"VELLUM-hidden-extension"});
+    EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-hidden-extension"});
 }
 
 // Lavapipe has VK_AMDX_shader_enqueue; beside the layer nobody sees it, and no device can have it.
@@ -360,7 +360,7 @@ TEST(Driver, HiddenExtension)
     info.enabledExtensionCount = 2;
     info.ppEnabledExtensionNames = names.data();
     VkDevice device = VK_NULL_HANDLE;
-    // The loader refuses what nobody lists; where a manifest lists it, the layer does (NoDisplacementBesideEmulation).
+    // The loader rejects what nobody lists; where a manifest lists it, the layer does (NoDisplacementBesideEmulation).
     EXPECT_EQ(vkCreateDevice(gpu.physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
     gpu.takeUnexpectedMessages();

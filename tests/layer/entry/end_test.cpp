@@ -1,5 +1,5 @@
-// Programs that end, or destroy their instance, without destroying their device: the layer does no more than a driver
-// would. Each is a process of its own (end_program.cpp).
+// Programs that end, or destroy their instance, without destroying their device: the layer must not do more than a
+// driver would. Each program is a process of its own (end_program.cpp).
 #include <cstdlib>
 #include <string>
 #include <tuple>
@@ -16,11 +16,11 @@ class End : public testing::TestWithParam<Case>
 {
 };
 
-TEST_P(End, LeavesWhatIsNotDestroyedAlone)
+TEST_P(End, KeepsWhatIsNotDestroyed)
 {
     const auto &[way, threads, layers] = GetParam();
     // Leaks are what the program is about, and not of interest.
-    const std::string command = std::string("ASAN_OPTIONS=detect_leaks=0 VELLUM_MOCK_DRIVER=failures '") +
+    const std::string command = std::string("ASAN_OPTIONS=detect_leaks=0 VELLUM_TEST_MOCK_DRIVER=failures '") +
                                 VELLUM_END_PROGRAM + "' " + way + ' ' + std::to_string(threads) + ' ' + layers;
     const int status = std::system(command.c_str());
     EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);

@@ -50,7 +50,7 @@ TEST(ExtDriver, HasMicromapsOfItsOwn)
 }
 
 // What must not reach it: everything that VK_EXT_opacity_micromap does not know.
-TEST(ExtDriver, TellsOfTheOtherExtensions)
+TEST(ExtDriver, ReportsTheOtherExtensions)
 {
     Gpu gpu(alone("ext"));
     const auto expectReported = [&gpu](const std::string &part) {
@@ -98,7 +98,7 @@ TEST(ExtDriver, TellsOfTheOtherExtensions)
 
 // Says that it has none, and rewrites what it gets all the same: shaders have what Vellum's layer put into them, and
 // more.
-TEST(EmulatingDriver, SaysNothingOfIt)
+TEST(EmulatingDriver, ReportsNothing)
 {
     Gpu gpu(Options{.quirks = "emulating"});
     Gpu below(Options{.vellum = false, .validation = false, .quirks = "emulating", .micromaps = false});

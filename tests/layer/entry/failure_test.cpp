@@ -1,5 +1,5 @@
-// A driver that runs out of memory, or is lost. Whatever command of its fails: the application is told, by a result or
-// a message, nothing is left behind, and the same works once there is memory again.
+// A driver that runs out of memory, or loses the device. Whichever of its commands fails, the application learns of it
+// by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>
 
 #include "command_buffer/state_scene.h"
@@ -39,7 +39,7 @@ protected:
                 ++count;
                 lastText_ = m.id + ": " + m.text;
             }
-            // Validation layers (1.3.239) take what was refused by vkQueueSubmit for submitted.
+            // Validation layers (1.3.239) take what was rejected by vkQueueSubmit for submitted.
             if (!m.fromVellum() && failedCommand() != "vkQueueSubmit")
                 ADD_FAILURE() << m.id << ": " << m.text;
         }
@@ -62,10 +62,10 @@ protected:
                     call();
                     calls = failAt(0);
                 });
-                const bool told = validationLog() > 0;
+                const bool reported = validationLog() > 0;
                 if (calls < n) {
                     EXPECT_TRUE(works);
-                    EXPECT_FALSE(told) << lastText_;
+                    EXPECT_FALSE(reported) << lastText_;
                     if (n == 1) {
                         EXPECT_GT(failed, 0u) << "nothing of it can fail";
                         return;
@@ -73,8 +73,8 @@ protected:
                     break;
                 }
                 ++failed;
-                EXPECT_TRUE(!works || told || hasOtherPath_) << "nobody was told of " << failedCommand();
-                if (works && !told && hasOtherPath_ && isRight_) {
+                EXPECT_TRUE(!works || reported || hasOtherPath_) << "nobody was told of " << failedCommand();
+                if (works && !reported && hasOtherPath_ && isRight_) {
                     EXPECT_TRUE(isRight_()) << failedCommand();
                 }
                 if (HasFailure())
@@ -95,7 +95,7 @@ protected:
 
     std::function<bool()> isRight_; // what was made then
     std::string lastText_;          // of the layer's messages
-    bool hasOtherPath_ = false;     // that needs not be told of: the smaller allocation, a shader for any driver
+    bool hasOtherPath_ = false;     // that need not be reported: the smaller allocation, a shader for any driver
 };
 
 // Whose ray flags come from a buffer: the driver is tried with a ray.

@@ -1,4 +1,4 @@
-// The layer's way in, as other layers and old applications use it.
+// The layer's entry points, as other layers and old applications use them.
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>

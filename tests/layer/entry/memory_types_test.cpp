@@ -1,5 +1,5 @@
-// Memory of other devices than lavapipe: of a type for each purpose, in small heaps, or not to be used without a
-// feature. The mock driver (layers/memory_quirk.cpp) tells of what breaks their rules.
+// Memory types of devices other than lavapipe: one for each purpose, in small heaps, or usable only with a feature. The
+// mock driver (layers/memory_quirk.cpp) reports what breaks their rules.
 #include <algorithm>
 
 #include "harness/copies.h"
@@ -41,7 +41,7 @@ protected:
 
 // Without the feature deviceCoherentMemory an application may not use such memory, and nor may the layer for it
 // (VUID-vkAllocateMemory-deviceCoherentMemory-02790), though it is local and visible.
-TEST_F(MemoryTypes, NoneThatNeedsAFeature)
+TEST_F(MemoryTypes, UsesNoTypeThatNeedsAFeature)
 {
     Gpu gpu(Options{.validation = false, .quirks = "uncached"});
     MicromapInput input;
@@ -51,7 +51,7 @@ TEST_F(MemoryTypes, NoneThatNeedsAFeature)
 }
 
 // A heap that is as large as the layer's tables at first, but smaller than what a pool of queries takes.
-TEST_F(MemoryTypes, NothingLargerThanItsHeap)
+TEST_F(MemoryTypes, AllocatesNoMoreThanTheHeap)
 {
     Gpu gpu(Options{.validation = false, .quirks = "window"});
     {
@@ -62,7 +62,7 @@ TEST_F(MemoryTypes, NothingLargerThanItsHeap)
 
 // Of memory that is local and visible there is little on many devices, and it is the application's: what only the GPU
 // uses lies elsewhere.
-TEST_F(MemoryTypes, TheWindowIsLeftToTheApplication)
+TEST_F(MemoryTypes, KeepsTheWindowForTheApplication)
 {
     Gpu gpu(Options{.validation = false, .quirks = "window"});
     constexpr VkDeviceSize kBytes = VkDeviceSize{64} << 20;

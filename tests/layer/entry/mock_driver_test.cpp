@@ -1,4 +1,4 @@
-// The mock driver itself: what its quirks claim, it holds applications to. Without the layer.
+// The mock driver itself, without the layer: each quirk enforces what it advertises.
 #include <algorithm>
 
 #include "harness/copies.h"

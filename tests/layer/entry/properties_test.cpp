@@ -157,7 +157,7 @@ protected:
 };
 
 // VK_BUFFER_USAGE_2_MICROMAP_..., which replace the flags beside them: a micromap is made on such a buffer, and the spy
-// tells if the driver gets them.
+// reports if the driver gets them.
 TEST_F(PropertiesNewer, BufferUsageInTheChain)
 {
     if (!gpu().has("VK_KHR_maintenance5"))
@@ -212,7 +212,7 @@ TEST_F(Properties, EnablingAFeatureThatIsNotThereFails)
     VkDevice device = VK_NULL_HANDLE;
     EXPECT_EQ(createDevice(gpu().physical(), names, &wanted, &device), VK_ERROR_FEATURE_NOT_PRESENT);
     vkDestroyDevice(device, nullptr);
-    gpu().takeMessages(); // whoever complains about it is right
+    gpu().takeMessages(); // whoever reports it is right
 }
 
 // The layer enables bufferDeviceAddress, but not in a structure that it cannot change.

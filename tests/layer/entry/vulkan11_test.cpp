@@ -1,5 +1,5 @@
-// A program of Vulkan 1.1, the oldest that emulation works in. Validation, below the layer, sees whether shaders and
-// commands of the layer are newer than the instance, or need features that the program has not enabled.
+// A program of Vulkan 1.1, the oldest version with emulation. Validation, below the layer, reports shaders and commands
+// of the layer that are newer than the instance, or that need features which the program has not enabled.
 #include <cstdlib>
 
 #include "command_buffer/state_scene.h"

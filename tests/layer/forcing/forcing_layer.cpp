@@ -90,7 +90,7 @@ const Features *features(const VkDeviceCreateInfo &info, VkStructureType type)
     return findInChain<Features>(info.pNext, type);
 }
 
-// The device that is created in the place of the one that the application asks for.
+// The device that is created in the place of the one that the application requests.
 class ForcedDevice
 {
 public:

@@ -73,7 +73,7 @@ void recordSerialize(Gpu &gpu, VkCommandBuffer commands, const Structure &struct
 
 Serialized serialize(Gpu &gpu, const Structure &structure)
 {
-    // Room for more than the query tells, so that a wrong answer shows in the header and not as an overrun.
+    // Space for more than the query reports, so that a wrong answer shows in the header and not as an overrun.
     const VkDeviceSize size = queried(gpu, structure, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR);
     const Guarded buffer(gpu, 2 * size + (1 << 16), 256, kSerializedUsage);
     gpu.submit([&](VkCommandBuffer commands) { recordSerialize(gpu, commands, structure, buffer.address()); });

@@ -259,7 +259,7 @@ void Gpu::createInstance()
         layers.push_back(kDriverLayer);
     if (has("ext") || has("emulating"))
         layers.push_back(kLowerLayer);
-    // It is not asked for micromaps, and is to work all the same.
+    // No micromaps are requested of it, and it must work all the same.
     if (has("emulating"))
         setenv("VELLUM_LOWER_ASSUME_MICROMAPS", "1", 1);
     const std::array extensions{VK_EXT_DEBUG_UTILS_EXTENSION_NAME, VK_EXT_DEBUG_REPORT_EXTENSION_NAME};
@@ -270,9 +270,9 @@ void Gpu::createInstance()
                                               .ppEnabledExtensionNames = extensions.data()});
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
-    setenv("VELLUM_MOCK_DRIVER", quirks.c_str(), 1);
+    setenv("VELLUM_TEST_MOCK_DRIVER", quirks.c_str(), 1);
     VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
-    unsetenv("VELLUM_MOCK_DRIVER");
+    unsetenv("VELLUM_TEST_MOCK_DRIVER");
     unsetenv("VELLUM_VALIDATE");
     unsetenv("VELLUM_LOWER_ASSUME_MICROMAPS");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
@@ -411,7 +411,8 @@ void Gpu::createDevice()
         micromaps.micromap = micromapsKhr.micromap = VK_FALSE;
     features.features.robustBufferAccess = VK_FALSE;
     robustness.robustBufferAccess2 = VK_FALSE;
-    mesh.multiviewMeshShader = mesh.primitiveFragmentShadingRateMeshShader = VK_FALSE; // need features not asked for
+    mesh.multiviewMeshShader = mesh.primitiveFragmentShadingRateMeshShader =
+        VK_FALSE; // need features that are not enabled
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 

@@ -1,7 +1,7 @@
 // A small Vulkan for the tests: an application's instance with Vellum's layer on top, the validation layer and a spy
 // below it (nearer to the driver), a device, buffers, command submission, and every message that the layers sent.
 // With the environment variable VELLUM_TEST_VALIDATION=above the validation layer is between the tests and Vellum's
-// layer, and judges the tests instead; that is for validation layers that know the extensions (1.4.360).
+// layer, and checks the tests instead; this needs a validation layer that knows the extensions (1.4.360).
 #pragma once
 
 #include "vellum/vulkan_opacity_micromap.h"
@@ -48,7 +48,7 @@ Memory memoryOfTests();
 enum class Validation { Below, Above };
 Validation validationOfTests();
 
-// Whether the layer refuses what does no harm, too: by its own environment variable, VELLUM_STRICT. Tests of wrong
+// Whether the layer also rejects what does no harm: by its own environment variable, VELLUM_STRICT. Tests of wrong
 // input run both ways.
 inline bool strictTests()
 {
@@ -72,11 +72,11 @@ struct Options {
     bool debugMarker = false;  // VK_EXT_debug_marker, which the spy has
     bool maintenance = false;  // VK_KHR_ray_tracing_maintenance1
     bool newer = false; // extensions for ray tracing pipelines that the oldest supported headers do not know, and
-                        // the validation layer of that age complains about: see oldValidation
+                        // the validation layer of that age reports as errors: see oldValidation
     bool addressCommands = false; // VK_KHR_device_address_commands, and the extensions whose commands it has again
     bool nullIndexBuffer = false; // VK_KHR_maintenance6
     bool micromapFeature = true;  // where the extension is enabled, its feature too
-    bool shared = false;          // by all tests of the process that ask for the same
+    bool shared = false;          // by all tests of the process that request the same
     bool addressReplay = true;    // enable bufferDeviceAddressCaptureReplay, where it is there
     Memory memory = memoryOfTests();
     bool declaresMode = true; // with Api::Khr: modules of ray queries have the execution mode, and so use micromaps
@@ -301,7 +301,7 @@ public:
     // All messages since the last call.
     std::vector<Message> takeMessages();
     // The messages that no test expects: those not on the short list of false alarms in harness.cpp. Where Vellum
-    // complains, the test meant it, and a validation layer above says no more than it should, too.
+    // reports an error, the test meant it, and a validation layer above reports no more than that.
     std::vector<Message> takeUnexpectedMessages();
     // The test breaks the rule with this VUID: a validation layer above may say so.
     void breaks(std::string rule) { broken_.push_back(std::move(rule)); }
@@ -340,8 +340,8 @@ private:
     std::atomic<size_t> intersectionWarnings_ = 0;
 };
 
-// A test with a device; at its end nobody may have complained. Where the device is shared, what a test left alive is
-// told of when the process ends; run_cases.py then runs the tests one by one to find out which it was.
+// A test with a device; at its end nobody may have reported an error. Where the device is shared, what a test left
+// alive is reported when the process ends; run_cases.py then runs the tests one by one to find out which it was.
 class GpuTest : public testing::Test
 {
 protected:

@@ -59,7 +59,7 @@ struct MicromapBuild {
 };
 
 VkMicromapBuildSizesInfoEXT micromapSizes(const Gpu &gpu, const VkMicromapBuildInfoEXT &info);
-// A size of which VK_EXT_opacity_micromap would tell as `bytes`: with VK_KHR_opacity_micromap the layer tells of the
+// A size that VK_EXT_opacity_micromap would report as `bytes`: with VK_KHR_opacity_micromap the layer reports the
 // next one that is 64 modulo 256, by which it knows a GENERIC structure that was made for a micromap.
 VkDeviceSize reportedSize(const Gpu &gpu, VkDeviceSize bytes);
 // All by one command.

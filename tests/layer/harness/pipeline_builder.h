@@ -108,7 +108,7 @@ struct BindingRecords {
 class BindingTable
 {
 public:
-    static constexpr uint32_t kDataWords = 4; // room for data in each record
+    static constexpr uint32_t kDataWords = 4; // space for data in each record
 
     BindingTable(Gpu &gpu, const RayPipeline &pipeline, const BindingRecords &records);
     void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;

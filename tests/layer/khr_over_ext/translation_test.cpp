@@ -1,6 +1,6 @@
-// VK_KHR_opacity_micromap where the driver has VK_EXT_opacity_micromap only (quirk "ext"): micromaps are the driver's.
-// The quirk tells of everything that such a driver does not know. That results are the same, the suites of
-// VK_KHR_opacity_micromap say that run there as layer_ext.*.
+// VK_KHR_opacity_micromap on a driver with VK_EXT_opacity_micromap only (quirk "ext"): the driver's own micromaps are
+// used. The quirk reports whatever such a driver does not know. The suites that run as layer_ext.* check that results
+// are the same.
 #include <cstring>
 
 #include "harness/mock_driver.h"
@@ -235,13 +235,13 @@ TEST_F(Translation, BlasesWithMicromapsAreNotSerialized)
     EXPECT_TRUE(serialize(without.handle()));
     EXPECT_TRUE(gpu().takeUnexpectedMessages().empty());
     EXPECT_FALSE(serialize(with.handle()));
-    expectRefused("not-available");
+    expectRejected("not-available");
     // Nor of a copy.
     vt::Structure copied(gpu(), kBottom);
     copied.create(with.size());
     copy(with.handle(), copied.handle());
     EXPECT_FALSE(serialize(copied.handle()));
-    expectRefused("not-available");
+    expectRejected("not-available");
 }
 
 // The commands of VK_EXT_opacity_micromap are the driver's, and so are its handles.
@@ -277,7 +277,7 @@ protected:
         testDriverFunction<void (*)(bool, Usages *)>("vellumExtUsages")(built, &all);
         return all;
     }
-    // A structure of eight triangles with that micromap, whose size was asked for at some time.
+    // A structure of eight triangles with that micromap, whose size was queried at some time.
     struct Bottom {
         explicit Bottom(Gpu &gpu, VkAccelerationStructureKHR micromap) : any(gpu, eightStates()), blas(gpu)
         {
@@ -307,9 +307,9 @@ protected:
     Usages built(Bottom &bottom)
     {
         build(bottom.info(), bottom.blas.ranges());
-        Usages told = usages(true);
+        Usages reported = usages(true);
         EXPECT_EQ(tracedBottom(bottom.blas.address()), kForwards);
-        return told;
+        return reported;
     }
     static void expectWithin(const Usages &inner, const Usages &outer)
     {
@@ -406,13 +406,13 @@ TEST_F(Translation, GenericStructuresOfUnknownContent)
     const Placed from(gpu(), kGeneric, 4096), to(gpu(), kGeneric, 4096);
     gpu().takeUnexpectedMessages();
     copy(from.handle(), to.handle());
-    expectRefused("not-available");
+    expectRejected("not-available");
     const Buffer data(gpu(), 1 << 16, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
     gpu().submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, from.micromap(), data.address()); });
-    expectRefused("not-available");
+    expectRejected("not-available");
     query(from.handle(), kSerializedSize);
-    expectRefused("unknown-content");
+    expectRejected("unknown-content");
     // The size of a micromap tells, before it is built.
     const Micromap input(gpu(), eightStates());
     ASSERT_EQ(input.size() % 256, 64u);
@@ -443,9 +443,9 @@ TEST_F(TranslationMissing, Geometries)
     for (const auto *const *all : {static_cast<decltype(&none)>(nullptr), &none}) {
         info.ppGeometries = all;
         EXPECT_EQ(sizesOf(info).accelerationStructureSize, 0u);
-        expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
+        expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
         build(info, blas.ranges());
-        expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
+        expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788");
     }
     // None are needed, nor are ranges.
     info.geometryCount = 0;
@@ -537,7 +537,7 @@ TEST_F(TranslationDevices, AddressCommandsAlone)
     auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     sizesOf(device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &build.info, nullptr, &sizes);
     EXPECT_EQ(sizes.accelerationStructureSize, 0u);
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559");
+    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559");
     vkDestroyDevice(device, nullptr);
 }
 

@@ -1,6 +1,6 @@
 // The quirk "elsewhere": all memory with device addresses is mapped twice. Buffers are at the first place, the host's
 // mappings at the second one. Structures say that they are at a third one, which there is as long as one of that memory
-// lives that was asked for its address; then structures of other memory get it. All of them work on lavapipe, as on a
+// lives whose address was queried; then structures of other memory get it. All of them work on lavapipe, as on a
 // GPU where they differ.
 #include "layers/imported_memory.h"
 
@@ -65,7 +65,7 @@ Places mapTwice(size_t bytes)
     return {};
 }
 
-// With the mutex held. Null: there is no room for it.
+// With the mutex held. Null: there is no space for it.
 uint8_t *thirdPlace(Places &places)
 {
     if (places.third != nullptr)

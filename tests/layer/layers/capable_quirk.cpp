@@ -2,7 +2,7 @@
 //   - accelerationStructureIndirectBuild: the ranges are read when the build is recorded, and built directly.
 //   - accelerationStructureHostCommands: is only said, since nothing may come of it.
 //   - bufferDeviceAddressCaptureReplay: buffers and memory take the flags, and are where they happen to be; with the
-//     quirk "replay", where they were asked for.
+//     quirk "replay", where they were requested.
 #include "layers/driver.h"
 
 #include <cstring>
@@ -37,7 +37,7 @@ VKAPI_ATTR void VKAPI_CALL getFeatures2(VkPhysicalDevice handle, VkPhysicalDevic
 VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkDevice *device)
 {
-    setFeatures(info->pNext, VK_FALSE); // lavapipe must not be asked for them
+    setFeatures(info->pNext, VK_FALSE); // lavapipe has no such features
     const VkResult result = DRIVER_NEXT(vkCreateDevice)(handle, info, allocator, device);
     setFeatures(info->pNext, VK_TRUE);
     return result;

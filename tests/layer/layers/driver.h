@@ -1,7 +1,7 @@
 // The mock driver: a layer between Vellum and lavapipe that makes another driver of it. What such a driver may do
 // differently is a list of quirks (quirks.cpp), chosen when an instance is made by the environment variable
-// VELLUM_MOCK_DRIVER: names, separated by commas. The code of a quirk is a level: commands that it has its own versions
-// of, which call the next level's, and in the end lavapipe's.
+// VELLUM_TEST_MOCK_DRIVER: names, separated by commas. The code of a quirk is a level: commands that it has its own
+// versions of, which call the next level's, and in the end lavapipe's.
 //
 // A quirk that only claims something proves nothing: each checks what it is given by the rules that go with its claim,
 // and tells the debug messengers of what breaks them, or makes a driver on which it goes wrong.

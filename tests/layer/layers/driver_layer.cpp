@@ -162,7 +162,7 @@ constexpr const char *kAlwaysWanted[]{"vkCreateDebugUtilsMessengerEXT", "vkDestr
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance)
 {
-    const auto quirks = quirksOf(std::getenv("VELLUM_MOCK_DRIVER"));
+    const auto quirks = quirksOf(std::getenv("VELLUM_TEST_MOCK_DRIVER"));
     if (quirks == nullptr)
         return VK_ERROR_LAYER_NOT_PRESENT;
     auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);

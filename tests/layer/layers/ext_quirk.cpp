@@ -1,8 +1,8 @@
 // Drivers that have micromaps, which lavapipe gets from a second copy of Vellum's layer below this one:
 // - "ext": VK_EXT_opacity_micromap, and not VK_KHR_opacity_micromap, VK_ARM_pipeline_opacity_micromap or
-//   VK_KHR_device_address_commands. It tells of everything of these, and of micromaps that are not its own.
+//   VK_KHR_device_address_commands. It reports every use of these, and of micromaps that are not its own.
 // - "emulating": a driver without micromaps to which applications' shaders are not what it runs: the copy emulates
-//   micromaps on each device, whether anybody asked for them or not.
+//   micromaps on each device, whether anybody requested them or not.
 // What may reach such devices otherwise is the spy's to tell (knowsMicromaps).
 #include "layers/driver.h"
 
@@ -181,7 +181,7 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteProperties(VkCommandBuffer handle, uint32_t c
     DRIVER_NEXT(vkCmdWriteMicromapsPropertiesEXT)(handle, count, all, type, pool, first);
 }
 
-// What the last query of sizes and the last build of an acceleration structure were told of their micromaps.
+// The micromaps given to the last query of sizes and the last build of an acceleration structure.
 std::vector<VkMicromapUsageEXT> measuredUsages, builtUsages;
 
 void takeUsages(const VkAccelerationStructureBuildGeometryInfoKHR &info, std::vector<VkMicromapUsageEXT> &usages,

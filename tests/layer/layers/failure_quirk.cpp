@@ -1,10 +1,9 @@
-// The quirks of a driver that says no.
-//   - "failures": what a test asks for fails: the n-th command, counted from now, of those that may run out of memory,
-//   or
-//     all submissions from now on, as of a device that is lost (Lost Device). Tests find the functions in this library.
+// The quirks of a failing driver.
+//   - "failures": the n-th command, counted from now, of those that may run out of memory fails, or every
+//     submission from now on, as of a lost device (Lost Device). Tests choose by functions of this library.
 //   - "uncompiled": a pipeline with VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT is not made.
-// After a failure there is nothing left of what should have been made. Objects that exist are counted, and none may be
-// destroyed once the process ends: then the driver may be gone.
+// A command that fails leaves no object behind. The quirk counts the objects that exist, and reports destruction after
+// the process has begun to end, when a driver may be unloaded.
 #include "layers/driver.h"
 
 #include <atomic>

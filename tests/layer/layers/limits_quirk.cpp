@@ -1,5 +1,5 @@
-// Limits at the ends of what the specification allows: the quirks "alignments", "push128" and "compute". What is
-// recorded is held against them.
+// The quirks "alignments", "push128" and "compute": limits at the ends of what the specification allows. Recorded
+// commands are checked against them.
 #include "layers/driver.h"
 
 #include <map>

@@ -1,6 +1,6 @@
-// Types of memory, where lavapipe has one that is everything at once: the quirks "discrete", "window" and "uncached".
-// Memory that is not host-visible cannot be mapped, what is not coherent needs its flushes, and what a heap does not
-// have is not given.
+// The quirks "discrete", "window" and "uncached": memory types with restrictions, where lavapipe has one for
+// everything. Memory that is not host-visible cannot be mapped, memory that is not coherent needs flushes, and a heap
+// has no more than its size.
 #include "layers/driver.h"
 
 #include <cstring>

@@ -1,6 +1,6 @@
-// The quirk "queues": families for one purpose each, where lavapipe has one queue for all of them. Its commands are
-// carried out by that queue. What a family cannot do is told of when it is recorded, and so is a submission to a queue
-// of another family than the command buffer's.
+// The quirk "queues": one family for each purpose, where lavapipe has one queue for all of them, which executes their
+// commands. Recording what a family does not support is reported, and so is a submission to a queue of another family
+// than the command buffer's.
 #include "layers/driver.h"
 
 #include <cstddef>

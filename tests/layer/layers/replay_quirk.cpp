@@ -1,6 +1,5 @@
-// The quirk "replay": memory with VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT is at the address that was asked
-// for, or at a random one, and host memory cannot be imported (but by this layer). With "capable", which has the
-// feature.
+// The quirk "replay": memory with VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT is at the requested address, or
+// at a random one, and host memory cannot be imported (except by this layer). With "capable", which has the feature.
 #include "layers/imported_memory.h"
 
 #include <sys/mman.h>

@@ -1,8 +1,8 @@
 // The quirk "spy": devices, and all of its commands together. With the quirk "displacement" the driver says that it has
 // micromaps, and displacement micromaps.
-// It also checks that stack sizes which the application sets have room for all shaders of the driver's pipeline. Where
+// It also checks that stack sizes which the application sets have space for all shaders of the driver's pipeline. Where
 // VELLUM_TEST_SPY_MARKER is in the environment, it is a driver with VK_AMD_buffer_marker; where
-// VELLUM_TEST_SPY_BARRIERS is, it tells of every memory and buffer barrier.
+// VELLUM_TEST_SPY_BARRIERS is, it reports every memory and buffer barrier.
 #include "layers/spy.h"
 
 #include <algorithm>

@@ -42,7 +42,7 @@ std::map<VkAccelerationStructureKHR, std::pair<VkBuffer, uint64_t>> known;
 std::map<VkBuffer, uint64_t> destroyedBuffers;
 std::mutex knownMutex;
 
-// Whether it is the driver's; the spy tells of the others.
+// Whether it is the driver's; the spy reports the others.
 bool expectStructure(const char *where, VkAccelerationStructureKHR structure)
 {
     bool theDrivers = structure == VK_NULL_HANDLE;

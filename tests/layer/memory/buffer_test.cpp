@@ -1,4 +1,4 @@
-// Buffers and memory on their way to the driver: usage that the layer adds, and what it knows of bindings. The spy
+// Buffers and memory as they reach the driver: usage that the layer adds, and the bindings that it tracks. The spy
 // below the layer reports usage that a buffer may not have.
 #include <array>
 

@@ -1,5 +1,5 @@
-// Lossy micromaps of VK_KHR_opacity_micromap: the device does what core/lossy.h says, bit for bit, and rays find what
-// the application gave or an unknown state in its place.
+// Lossy micromaps of VK_KHR_opacity_micromap: the device writes the same bits as core/lossy.h, and rays find the
+// application's state or an unknown state in its place.
 #include <algorithm>
 #include <cmath>
 
@@ -364,7 +364,7 @@ TEST_F(LossyValidated, WrongInput)
     const std::vector<size_t> bad{1, 2, 3, 4, 5, 6, 257};
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
         SCOPED_TRACE(testing::Message() << "flags " << flags);
-        const auto told = [&](const MicromapInput &input, VkBuildMicromapFlagsEXT all) {
+        const auto reported = [&](const MicromapInput &input, VkBuildMicromapFlagsEXT all) {
             Micromap micromap(gpu(), input, all);
             micromap.build();
             std::vector<std::string> messages;
@@ -373,16 +373,16 @@ TEST_F(LossyValidated, WrongInput)
             std::sort(messages.begin(), messages.end());
             return messages;
         };
-        const std::vector<std::string> lossless = told(wrong, flags);
+        const std::vector<std::string> lossless = reported(wrong, flags);
         EXPECT_EQ(lossless.size(), bad.size());
-        EXPECT_EQ(told(wrong, flags | kLossy), lossless);
-        EXPECT_TRUE(told(good, flags | kLossy).empty());
+        EXPECT_EQ(reported(wrong, flags | kLossy), lossless);
+        EXPECT_TRUE(reported(good, flags | kLossy).empty());
         MicromapInput fewer = good;
         fewer.declared = good.usage();
         fewer.declared[0].count += 2;
         fewer.triangles.push_back({0, 0, kFourState});
         fewer.triangles.push_back({0, 0, kFourState});
-        EXPECT_EQ(told(fewer, flags | kLossy).size(), 1u); // of the counts
+        EXPECT_EQ(reported(fewer, flags | kLossy).size(), 1u); // of the counts
         Micromap micromap(gpu(), wrong, flags | kLossy);
         micromap.build();
         gpu().takeUnexpectedMessages();
@@ -396,7 +396,7 @@ TEST_F(LossyValidated, WrongInput)
 }
 
 // More data than the usage counts: in every order that invocations can run in, nothing is written where it must not be,
-// and some are told of.
+// and some are reported.
 TEST_F(LossyValidated, MoreDataThanDeclared)
 {
     Random random(53);

@@ -1,4 +1,4 @@
-// Micromap builds, bit for bit: what the device writes is compared with the host's writeMicromapMemory, for every level
+// Micromap builds, bit for bit: the device's result is compared with the host's writeMicromapMemory, for every level
 // and format, all build flags, shared and unaligned data, and input that breaks every rule.
 #include <algorithm>
 
@@ -275,7 +275,7 @@ TEST_F(MicromapBuild, WrongInput)
 }
 
 // Large triangles of which the usage counts declare only one, where data is shared: which of them the list of parts has
-// room for would depend on the run, so none of them is used; the others are what they are.
+// space for would depend on the run, so none of them is used; the others are what they are.
 TEST_F(MicromapBuild, MoreLargeTrianglesThanDeclared)
 {
     Random random(11);

@@ -1,5 +1,5 @@
-// Copies of micromaps: clone, compact, serialize, deserialize, compatibility; sizes by queries. What a copy is good for
-// is looked at by tracing it.
+// Copies of micromaps: clone, compact, serialize, deserialize, compatibility; sizes by queries. Copies are checked by
+// tracing them.
 #include <algorithm>
 #include <tuple>
 
@@ -13,7 +13,7 @@ namespace
 {
 
 const vt::Labels kLabels{{"MicromapCopy.*", "stacked forced"},
-                         {"MicromapCopy.RefusedCopies", "lenient strict"},
+                         {"MicromapCopy.RejectsWrongCopies", "lenient strict"},
                          {"MicromapCopy.SerializedHeader", "inside"},
                          {"MicromapCopy.TooSmallATarget", "inside"},
                          {"MicromapCopy.WhatIsNoMicromapBecomesUnknown", "inside"},
@@ -59,7 +59,7 @@ protected:
     }
     VkDeviceSize compactedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT); }
     VkDeviceSize serializedSize(const Micromap &m) { return query(m, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT); }
-    [[nodiscard]] VkDeviceSize told(VkDeviceSize bytes) { return reportedSize(gpu(), bytes); }
+    [[nodiscard]] VkDeviceSize reported(VkDeviceSize bytes) { return reportedSize(gpu(), bytes); }
 
     void copy(const Micromap &from, const Micromap &to, VkCopyMicromapModeEXT mode)
     {
@@ -169,13 +169,13 @@ TEST_F(MicromapCopy, CompactionFoldsAndShares)
 {
     Micromap source(gpu(), repetitive(), kAllow);
     source.build();
-    EXPECT_EQ(compactedSize(source), told(kRepetitiveCompacted));
+    EXPECT_EQ(compactedSize(source), reported(kRepetitiveCompacted));
     EXPECT_LT(compactedSize(source), source.size() / 2);
     const Micromap target(gpu(), source, kRepetitiveCompacted);
     copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
     EXPECT_EQ(traced(target), expected(source.input()));
     // A compacted micromap can be copied and measured like any other one.
-    EXPECT_EQ(compactedSize(target), told(kRepetitiveCompacted));
+    EXPECT_EQ(compactedSize(target), reported(kRepetitiveCompacted));
     const Micromap again(gpu(), target, kRepetitiveCompacted);
     copy(target, again, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
     EXPECT_EQ(std::memcmp(target.memory(), again.memory(), kRepetitiveCompacted), 0);
@@ -185,7 +185,7 @@ TEST_F(MicromapCopy, FastBuildsDoNotShare)
 {
     Micromap source(gpu(), repetitive(), kAllow | VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT);
     source.build();
-    EXPECT_EQ(compactedSize(source), told(64 + 30 * 8 + 30 * 256));
+    EXPECT_EQ(compactedSize(source), reported(64 + 30 * 8 + 30 * 256));
     const Micromap target(gpu(), source, compactedSize(source));
     copy(source, target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
     EXPECT_EQ(traced(target), expected(source.input()));
@@ -225,7 +225,7 @@ TEST_F(MicromapCopy, SerializedHeader)
     uint64_t sizes[2];
     std::memcpy(sizes, bytes.bytes() + 32, 16);
     EXPECT_EQ(sizes[0], bytes.size());
-    EXPECT_EQ(sizes[1], told(kRepetitiveCompacted));
+    EXPECT_EQ(sizes[1], reported(kRepetitiveCompacted));
     EXPECT_EQ(std::memcmp(bytes.bytes() + kSerializedHeader, source.memory(), kRepetitiveCompacted), 0);
 }
 
@@ -328,7 +328,7 @@ TEST_F(MicromapCopy, TooSmallATarget)
     expectMessage("VELLUM-micromap-copy-size");
 }
 
-TEST_F(MicromapCopy, RefusedCopies)
+TEST_F(MicromapCopy, RejectsWrongCopies)
 {
     Micromap source(gpu(), repetitive(), kAllow);
     source.build();
@@ -352,8 +352,8 @@ TEST_F(MicromapCopy, RefusedCopies)
         expectMessage(id("VkCopyMicromapInfoEXT-src-parameter", khr));
     }
     const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    const auto refused = [&](VkDeviceAddress address, VkCopyMicromapModeEXT out, VkCopyMicromapModeEXT in,
-                             const char *outId, const char *inId) {
+    const auto rejected = [&](VkDeviceAddress address, VkCopyMicromapModeEXT out, VkCopyMicromapModeEXT in,
+                              const char *outId, const char *inId) {
         gpu().submit(
             [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, source.handle(), address, out); });
         expectMessage(outId);
@@ -364,8 +364,8 @@ TEST_F(MicromapCopy, RefusedCopies)
     constexpr auto kOut = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
     constexpr auto kIn = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
     constexpr auto kClone = VK_COPY_MICROMAP_MODE_CLONE_EXT;
-    refused(0, kOut, kIn, id("07536", "03739"), id("07543", "03742"));
-    refused(memory.address() + 8, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
+    rejected(0, kOut, kIn, id("07536", "03739"), id("07543", "03742"));
+    rejected(memory.address() + 8, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
     // Validation 1.4.363 above crashes on VK_NULL_HANDLE for an acceleration structure here.
     if (!gpu().khr() || validationOfTests() == Validation::Below) {
         gpu().submit([&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, {}, memory.address()); });
@@ -377,9 +377,9 @@ TEST_F(MicromapCopy, RefusedCopies)
         id("VkCopyMemoryToMicromapInfoEXT-dst-parameter", "VkCopyMemoryToAccelerationStructureInfoKHR-dst-parameter"));
     for (const uint8_t byte : memory.as<uint8_t>())
         ASSERT_EQ(byte, 0);
-    refused(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
+    rejected(memory.address() + 16, kOut, kIn, id("07537", "11699"), id("07544", "11700"));
     expectDone();
-    refused(memory.address(), kClone, kClone, id("07542", "03412"), id("07548", "03413"));
+    rejected(memory.address(), kClone, kClone, id("07542", "03412"), id("07548", "03413"));
     expectDone();
 }
 
@@ -421,7 +421,7 @@ TEST_F(MicromapCopy, FourMillionTriangles)
     Micromap source(gpu(), std::move(input), kAllow);
     source.build();
     const VkDeviceSize size = compactedSize(source);
-    EXPECT_EQ(size, told(64 + kCount * 8ull + 64 * 16));
+    EXPECT_EQ(size, reported(64 + kCount * 8ull + 64 * 16));
     const Micromap compact(gpu(), source, size);
     copy(source, compact, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
 
@@ -474,7 +474,7 @@ protected:
     MicromapCopyValidated() : MicromapCopy(Options{.validate = true}) {}
 };
 
-TEST_F(MicromapCopyValidated, WrongCopiesAreToldOf)
+TEST_F(MicromapCopyValidated, ReportsWrongCopies)
 {
     Micromap source(gpu(), repetitive(), kAllow);
     source.build();

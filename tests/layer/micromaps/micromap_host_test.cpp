@@ -1,4 +1,4 @@
-// The host commands of micromaps: each writes what its device command does, and they work hand in hand.
+// The host commands of micromaps: each writes the same as its device command, and both can be mixed.
 #include <algorithm>
 
 #include "core/micromap_memory.h"
@@ -243,7 +243,7 @@ TEST_F(MicromapHost, DeferredOperations)
     destroy(gpu().device(), operation, nullptr);
 }
 
-TEST_F(MicromapHost, RefusedWithoutBoundMemory)
+TEST_F(MicromapHost, RejectsWithoutBoundMemory)
 {
     auto info = vkInit<VkBufferCreateInfo>({.size = 65536, .usage = VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT});
     VkBuffer buffer = VK_NULL_HANDLE;
@@ -264,38 +264,38 @@ TEST_F(MicromapHost, RefusedWithoutBoundMemory)
                                                      VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 8, &size, 8),
               VK_SUCCESS);
     expectMessage("vkWriteMicromapsPropertiesEXT-buffer-07577");
-    const auto refused = [&](VkResult result, const char *rule) {
+    const auto rejected = [&](VkResult result, const char *rule) {
         EXPECT_LT(result, VK_SUCCESS);
         expectMessage(rule);
     };
     auto copy = vkInit<VkCopyMicromapInfoEXT>({.src = unbound, .dst = other.handle().ext});
-    refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07558");
+    rejected(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07558");
     std::swap(copy.src, copy.dst);
-    refused(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07559");
+    rejected(gpu().vk().CopyMicromapEXT(gpu().device(), VK_NULL_HANDLE, &copy), "vkCopyMicromapEXT-buffer-07559");
     std::vector<uint8_t> bytes(4096);
     auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = unbound});
     save.dst.hostAddress = bytes.data();
     save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    refused(gpu().vk().CopyMicromapToMemoryEXT(gpu().device(), VK_NULL_HANDLE, &save),
-            "vkCopyMicromapToMemoryEXT-buffer-07568");
+    rejected(gpu().vk().CopyMicromapToMemoryEXT(gpu().device(), VK_NULL_HANDLE, &save),
+             "vkCopyMicromapToMemoryEXT-buffer-07568");
     auto load = vkInit<VkCopyMemoryToMicromapInfoEXT>();
     load.src.hostAddress = bytes.data();
     load.dst = unbound;
     load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    refused(gpu().vk().CopyMemoryToMicromapEXT(gpu().device(), VK_NULL_HANDLE, &load),
-            "vkCopyMemoryToMicromapEXT-buffer-07565");
+    rejected(gpu().vk().CopyMemoryToMicromapEXT(gpu().device(), VK_NULL_HANDLE, &load),
+             "vkCopyMemoryToMicromapEXT-buffer-07565");
     EXPECT_EQ(bytes, std::vector<uint8_t>(4096));
     gpu().vk().DestroyMicromapEXT(gpu().device(), unbound, nullptr);
     vkDestroyBuffer(gpu().device(), buffer, nullptr);
 }
 
-TEST_F(MicromapHost, RefusedModesPointersAndSizes)
+TEST_F(MicromapHost, RejectsWrongModesPointersAndSizes)
 {
     const Micromap source(gpu(), mixed()), target(gpu(), mixed());
     hostBuild(source);
     hostBuild(target);
     const std::vector<uint8_t> before = used(target);
-    const auto refused = [&](VkResult result, const char *rule) {
+    const auto rejected = [&](VkResult result, const char *rule) {
         EXPECT_LT(result, VK_SUCCESS);
         expectMessage(rule);
         EXPECT_EQ(used(target), before);
@@ -304,23 +304,25 @@ TEST_F(MicromapHost, RefusedModesPointersAndSizes)
     for (const bool data : {false, true}) {
         VkMicromapBuildInfoEXT build = target.hostBuildInfo();
         (data ? build.data : build.triangleArray).hostAddress = nullptr;
-        refused(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &build), "vkBuildMicromapsEXT-pInfos-07553");
+        rejected(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &build), "vkBuildMicromapsEXT-pInfos-07553");
     }
     std::vector<uint8_t> bytes(1 << 20);
     auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>(
         {.src = source.handle().ext, .mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT});
-    refused(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save), "vkCopyMicromapToMemoryEXT-pInfo-07569");
+    rejected(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save),
+             "vkCopyMicromapToMemoryEXT-pInfo-07569");
     auto load = vkInit<VkCopyMemoryToMicromapInfoEXT>(
         {.dst = target.handle().ext, .mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT});
-    refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load), "vkCopyMemoryToMicromapEXT-pInfo-07563");
+    rejected(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load),
+             "vkCopyMemoryToMicromapEXT-pInfo-07563");
     const std::array<VkMicromapEXT, 2> both{source.handle().ext, target.handle().ext};
     std::array<VkDeviceSize, 2> sizes{1, 1};
     const auto write = [&](VkQueryType type, size_t size, size_t stride) {
         return gpu().vk().WriteMicromapsPropertiesEXT(device, 2, both.data(), type, size, sizes.data(), stride);
     };
-    refused(write(VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 12, 8), "vkWriteMicromapsPropertiesEXT-dataSize-07576");
+    rejected(write(VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 12, 8), "vkWriteMicromapsPropertiesEXT-dataSize-07576");
     EXPECT_EQ(sizes[1], 1u);
-    refused(write(VK_QUERY_TYPE_OCCLUSION, 16, 8), "vkWriteMicromapsPropertiesEXT-queryType-07503");
+    rejected(write(VK_QUERY_TYPE_OCCLUSION, 16, 8), "vkWriteMicromapsPropertiesEXT-queryType-07503");
 }
 
 // Modes that a command does not have: there is one thing that it can do, unless the layer is strict.
@@ -360,7 +362,7 @@ protected:
     MicromapHostNewer() : MicromapHost(Options{.oldValidation = false, .api = Api::Ext, .newer = true}) {}
 };
 
-// A mapping that only the driver can make (VK_EXT_map_memory_placed gives its structure; here it asks for nothing) is
+// A mapping that only the driver can make (VK_EXT_map_memory_placed defines its structure; here it requests nothing) is
 // one all the same: the layer must not map the memory a second time, and must unmap it when the application does.
 TEST_F(MicromapHostNewer, MappedByTheDriver)
 {
@@ -404,37 +406,37 @@ protected:
     MicromapHostDisabled() : MicromapHost(Options{.api = Api::Ext, .hostCommands = false}) {}
 };
 
-TEST_F(MicromapHostDisabled, IsRefused)
+TEST_F(MicromapHostDisabled, RejectsHostCommands)
 {
     const Micromap micromap(gpu(), mixed());
-    const auto refused = [&](VkResult result, const char *rule) {
+    const auto rejected = [&](VkResult result, const char *rule) {
         EXPECT_EQ(result, VK_ERROR_FEATURE_NOT_PRESENT);
         expectMessage(rule);
     };
     const VkDevice device = gpu().device();
     const VkMicromapBuildInfoEXT info = micromap.hostBuildInfo();
-    refused(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &info),
-            "VUID-vkBuildMicromapsEXT-micromapHostCommands-07555");
+    rejected(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &info),
+             "VUID-vkBuildMicromapsEXT-micromapHostCommands-07555");
     const Micromap other(gpu(), mixed());
-    refused(hostCopy(micromap, other, VK_COPY_MICROMAP_MODE_CLONE_EXT),
-            "VUID-vkCopyMicromapEXT-micromapHostCommands-07560");
+    rejected(hostCopy(micromap, other, VK_COPY_MICROMAP_MODE_CLONE_EXT),
+             "VUID-vkCopyMicromapEXT-micromapHostCommands-07560");
     std::vector<uint8_t> bytes(4096);
     auto load = vkInit<VkCopyMemoryToMicromapInfoEXT>();
     load.src.hostAddress = bytes.data();
     load.dst = micromap.handle().ext;
     load.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    refused(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load),
-            "VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566");
+    rejected(gpu().vk().CopyMemoryToMicromapEXT(device, VK_NULL_HANDLE, &load),
+             "VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566");
     auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = micromap.handle().ext});
     save.dst.hostAddress = bytes.data();
     save.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
-    refused(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save),
-            "VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571");
+    rejected(gpu().vk().CopyMicromapToMemoryEXT(device, VK_NULL_HANDLE, &save),
+             "VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571");
     const VkMicromapEXT handle = micromap.handle().ext;
     VkDeviceSize size = 0;
-    refused(gpu().vk().WriteMicromapsPropertiesEXT(device, 1, &handle, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 8,
-                                                   &size, 8),
-            "VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578");
+    rejected(gpu().vk().WriteMicromapsPropertiesEXT(device, 1, &handle, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, 8,
+                                                    &size, 8),
+             "VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578");
 }
 
 class MicromapHostValidated : public MicromapHost
@@ -443,16 +445,16 @@ protected:
     MicromapHostValidated() : MicromapHost(Options{.api = Api::Ext, .validate = true}) {}
 };
 
-TEST_F(MicromapHostValidated, WrongInputIsToldOf)
+TEST_F(MicromapHostValidated, ReportsWrongInput)
 {
     MicromapInput input = mixed();
     input.declared = input.usage();
     input.triangles[4].format = 7;
     const Micromap micromap(gpu(), std::move(input));
     hostBuild(micromap);
-    const std::vector<Message> told = gpu().takeUnexpectedMessages();
-    ASSERT_EQ(told.size(), 1u);
-    EXPECT_NE(told[0].text.find("triangle 4: format 7"), std::string::npos) << told[0].text;
+    const std::vector<Message> reported = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(reported.size(), 1u);
+    EXPECT_NE(reported[0].text.find("triangle 4: format 7"), std::string::npos) << reported[0].text;
 }
 
 } // namespace

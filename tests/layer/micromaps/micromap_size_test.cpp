@@ -1,5 +1,5 @@
-// Micromaps that are smaller than any micromap, as an application makes them that does not look at the messages of the
-// size queries, and smaller than what their memory says: nothing beyond their size is read or written, by either API.
+// Handles that are smaller than any micromap, as of applications that ignore the messages of size queries, and smaller
+// than the micromap in their memory: nothing beyond their size is read or written, by either API.
 #include "harness/expected.h"
 #include "harness/states.h"
 
@@ -178,7 +178,7 @@ TEST_P(MicromapSize, MemoryOfALargerMicromap)
     EXPECT_EQ(candidates(same), std::vector<uint32_t>(4, 0));
 }
 
-// What only the GPU finds out about a copy, the next command buffer tells of, once, without the setting `validate`.
+// What only the GPU finds out about a copy, the next command buffer reports, once, without the setting `validate`.
 TEST_P(MicromapSize, CopiesThatCannotBeCarriedOut)
 {
     MicromapInput input = transparent();

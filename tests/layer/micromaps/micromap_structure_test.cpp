@@ -1,5 +1,5 @@
-// What only VK_KHR_opacity_micromap has: micromaps as acceleration structures, beside those of the driver in builds,
-// copies, queries and memory.
+// Only in VK_KHR_opacity_micromap: micromaps as acceleration structures, together with the driver's structures in
+// builds, copies, queries and memory.
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
@@ -243,7 +243,7 @@ TEST_F(MicromapStructureMaintenance, QueriesOfEveryKind)
         vkCmdResetQueryPool(commands, pool, 0, 1);
         gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &micromap, pointers, pool, 0);
     });
-    expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425");
+    expectRejected("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425");
     // It has none.
     uint64_t value = 7;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT),
@@ -360,7 +360,7 @@ protected:
     MicromapStructureDisabled() : MicromapStructure({.api = Api::Khr, .micromapFeature = false}) {}
 };
 
-TEST_F(MicromapStructureDisabled, IsTold)
+TEST_F(MicromapStructureDisabled, ReportsMicromaps)
 {
     constexpr const char *kSizes = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559";
     const Buffer memory(gpu(), 4096, kStorage);
@@ -384,10 +384,10 @@ TEST_F(MicromapStructureDisabled, IsTold)
     info.usageCountsCount = static_cast<uint32_t>(usage.size());
     info.pUsageCounts = usage.data();
     EXPECT_EQ(micromapSizes(gpu(), info).micromapSize, 0u);
-    expectRefused(kSizes);
+    expectRejected(kSizes);
     const Placed generic(gpu(), kGeneric, memory.address(), 4096);
     build(StructureBuild(info, generic.handle()).info);
-    expectRefused(kSizes);
+    expectRejected(kSizes);
     // All else works.
     const Blas blas(gpu(), {mapped(nullptr)});
     EXPECT_EQ(tracedBottom(blas.address()), kPlain);

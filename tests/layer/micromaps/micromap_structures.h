@@ -202,11 +202,11 @@ protected:
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         EXPECT_NE(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
         EXPECT_EQ(handle, VkAccelerationStructureKHR{});
-        expectRefused(rule);
+        expectRejected(rule);
     }
     // Exactly one message of the layer's since the last look, with that rule's whole name. A validation layer above
-    // asks for the sizes of a build itself, which the layer refuses as often.
-    void expectRefused(const std::string &rule)
+    // requests the sizes of a build itself, which the layer rejects as often.
+    void expectRejected(const std::string &rule)
     {
         const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         for (const Message &m : messages)

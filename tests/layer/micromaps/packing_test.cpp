@@ -1,5 +1,5 @@
-// Micromaps as an application with an allocator of its own makes them: side by side in one buffer, by handles that
-// reach to the end of the buffer, and so overlap and are far larger than what is in them. vkd3d-proton does so.
+// Micromaps of an application with its own allocator: side by side in one buffer, by handles that reach to the end of
+// the buffer, and so overlap and are far larger than their content. vkd3d-proton does so.
 #include <algorithm>
 
 #include "core/micromap_memory.h"
@@ -114,7 +114,7 @@ TEST_F(Packing, WhatIsInUseMayNotOverlap)
     // The last one is also too small, and part of the source.
     for (const MicromapHandle &target : {place(0), place(512), place(512, 256)}) {
         copy(first, target);
-        gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is told with the next commands
+        gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is reported with the next commands
         const auto messages = gpu().takeUnexpectedMessages();
         ASSERT_EQ(messages.size(), 1u);
         EXPECT_EQ(messages[0].id, "VELLUM-micromap-copy-overlap");

@@ -1,4 +1,4 @@
-// The setting `validate`: wrong input that only the device sees is told of, once, with the triangle's number.
+// The setting `validate`: wrong input that only the device sees is reported, once, with the triangle's number.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -49,18 +49,18 @@ protected:
         SCOPED_TRACE(testing::Message() << "flags " << flags);
         Micromap micromap(gpu(), input, flags);
         micromap.build();
-        const std::vector<std::string> told = messages();
+        const std::vector<std::string> reported = messages();
         for (const auto &[triangle, part] : expected) {
             const std::string where = "|triangle " + std::to_string(triangle) + ":";
-            EXPECT_EQ(count(told, where), 1u) << where;
-            for (const std::string &m : told) {
+            EXPECT_EQ(count(reported, where), 1u) << where;
+            for (const std::string &m : reported) {
                 if (m.find(where) != std::string::npos) {
                     EXPECT_NE(m.find(part), std::string::npos) << m;
                 }
             }
         }
-        EXPECT_EQ(count(told, "|triangle "), expected.size());
-        // Nothing is told again.
+        EXPECT_EQ(count(reported, "|triangle "), expected.size());
+        // Nothing is reported again.
         VT_CHECK(vkDeviceWaitIdle(gpu().device()));
         EXPECT_TRUE(messages().empty());
     }
@@ -105,27 +105,27 @@ TEST_F(Validate, EveryKindOfWrongTriangle)
 
 TEST_F(Validate, CountsThatDoNotMatch)
 {
-    const char *told = "data units of 16 bytes, the usage counts say";
+    const char *reported = "data units of 16 bytes, the usage counts say";
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
         MicromapInput input = good();
         input.declared = {{600, 6, kFourState}}; // less than declared
         Micromap fewer(gpu(), input, flags);
         fewer.build();
-        EXPECT_EQ(count(messages(), told), 1u);
+        EXPECT_EQ(count(messages(), reported), 1u);
         input.declared = {{598, 4, kFourState}, {1, 6, kFourState}, {1, 3, kFourState}};
         for (size_t i : {10u, 20u, 30u}) // 3 of level 6, where room is for one and a bit
             input.triangles[i] = {0, 6, kFourState};
         Micromap more(gpu(), input, flags);
         more.build();
-        EXPECT_EQ(count(messages(), told), 1u);
-        // The same where the data cannot stay as it lies: then there is no room for all.
+        EXPECT_EQ(count(messages(), reported), 1u);
+        // The same where the data cannot stay as it lies: then there is no space for all.
         input.data.insert(input.data.begin(), 8, 0);
         for (VkMicromapTriangleEXT &t : input.triangles)
             t.dataOffset += 8;
         Micromap unaligned(gpu(), input, flags);
         unaligned.build();
         const std::vector<std::string> all = messages();
-        EXPECT_EQ(count(all, told), 1u);
+        EXPECT_EQ(count(all, reported), 1u);
         if ((flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) == 0) {
             EXPECT_GE(count(all, "more data than the usage counts say"), 1u);
         }
@@ -139,14 +139,14 @@ TEST_F(Validate, ATriangleArrayThatIsTooShort)
     input.declared = {{5000, 3, kFourState}};
     Micromap micromap(gpu(), std::move(input), 0);
     micromap.build();
-    const std::vector<std::string> told = messages();
-    // The log has room for 4096 entries, and says so.
-    EXPECT_EQ(count(told, "VELLUM-validation-log"), 1u);
-    EXPECT_GE(count(told, "lies outside the buffer of triangleArray"), 3500u);
-    EXPECT_GE(count(told, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554|triangle "
-                                      : "VELLUM-micromap-triangle-array|triangle "),
+    const std::vector<std::string> reported = messages();
+    // The log has space for 4096 entries, and says so.
+    EXPECT_EQ(count(reported, "VELLUM-validation-log"), 1u);
+    EXPECT_GE(count(reported, "lies outside the buffer of triangleArray"), 3500u);
+    EXPECT_GE(count(reported, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554|triangle "
+                                          : "VELLUM-micromap-triangle-array|triangle "),
               3500u);
-    EXPECT_EQ(count(told, "|triangle 4095:"), 1u);
+    EXPECT_EQ(count(reported, "|triangle 4095:"), 1u);
     // Once the device is idle, the log begins anew.
     VT_CHECK(vkDeviceWaitIdle(gpu().device()));
     MicromapInput again = good();
@@ -166,9 +166,9 @@ TEST_F(Validate, MessagesNameTheMicromap)
                                                        .pObjectName = "the leaves"});
     VT_CHECK(name(gpu().device(), &info));
     micromap.build();
-    const std::vector<Message> told = gpu().takeUnexpectedMessages();
-    ASSERT_EQ(told.size(), 1u);
-    EXPECT_EQ(told[0].object, "the leaves");
+    const std::vector<Message> reported = gpu().takeUnexpectedMessages();
+    ASSERT_EQ(reported.size(), 1u);
+    EXPECT_EQ(reported[0].object, "the leaves");
 }
 
 // Of a BLAS build: which triangles refer to what the micromap does not have.
@@ -180,12 +180,12 @@ TEST_F(Validate, IndicesPastTheMicromap)
     geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT32, {0, 598, 599, -3, 600, 1 << 30}};
     geometry.micromap->base = 1;
     const Blas blas(gpu(), {geometry});
-    const std::vector<std::string> told = messages();
+    const std::vector<std::string> reported = messages();
     const char *rest = " plus baseTriangle is outside the micromap's 600 triangles";
-    EXPECT_EQ(told.size(), 3u);
-    EXPECT_EQ(count(told, std::string("VELLUM-micromap-index|triangle 2: index 599") + rest), 1u);
-    EXPECT_EQ(count(told, std::string("VELLUM-micromap-index|triangle 4: index 600") + rest), 1u);
-    EXPECT_EQ(count(told, std::string("VELLUM-micromap-index|triangle 5: index 1073741824") + rest), 1u);
+    EXPECT_EQ(reported.size(), 3u);
+    EXPECT_EQ(count(reported, std::string("VELLUM-micromap-index|triangle 2: index 599") + rest), 1u);
+    EXPECT_EQ(count(reported, std::string("VELLUM-micromap-index|triangle 4: index 600") + rest), 1u);
+    EXPECT_EQ(count(reported, std::string("VELLUM-micromap-index|triangle 5: index 1073741824") + rest), 1u);
     VT_CHECK(vkDeviceWaitIdle(gpu().device()));
     EXPECT_TRUE(messages().empty());
     // Without indices, the triangle's number is the index.
@@ -206,12 +206,12 @@ TEST_F(Validate, IndexBufferTooShort)
     Geometry geometry{.vertices = triangleRow(triangles)};
     geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<int32_t>(indices, 5)};
     const Blas blas(gpu(), {geometry});
-    const std::vector<std::string> told = messages();
+    const std::vector<std::string> reported = messages();
     const std::string text = ": its index lies outside the buffer of indexBuffer";
-    EXPECT_EQ(told.size(), triangles - indices);
-    EXPECT_GE(count(told, text), triangles - last);
+    EXPECT_EQ(reported.size(), triangles - indices);
+    EXPECT_GE(count(reported, text), triangles - last);
     for (const uint32_t triangle : {last, triangles - 1})
-        EXPECT_EQ(count(told, "VELLUM-micromap-index|triangle " + std::to_string(triangle) + text), 1u) << triangle;
+        EXPECT_EQ(count(reported, "VELLUM-micromap-index|triangle " + std::to_string(triangle) + text), 1u) << triangle;
 }
 
 // Told of at every place where the host learns that work is done.

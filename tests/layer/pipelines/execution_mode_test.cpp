@@ -1,6 +1,6 @@
-// A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries consume micromaps where the
-// shader has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise of no mixed special indices,
-// which came with it.
+// A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries use micromaps if the shader
+// has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise that an application does not mix
+// special indices, which is part of the same extension.
 #include "command_buffer/state_scene.h"
 #include "harness/execution_mode.h"
 #include "harness/graphics.h"
@@ -143,7 +143,7 @@ TEST_F(ExecutionModeWithExt, DoesNotMatter)
     }
 }
 
-// --- OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX: the spy below the layer tells if it gets there ---
+// --- OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX: the spy below the layer reports if it gets there ---
 
 constexpr VkFlags64 kDisallowMixed = VkFlags64{1} << 41;
 
@@ -176,7 +176,7 @@ protected:
                                     {.vertex = plain_vertex, .fragment = query_fragment, .pNext = &flags}, 4);
             return;
         }
-        // refused before more of it is looked at
+        // rejected before more of it is looked at
         auto info = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &flags});
         VkPipeline pipeline = VK_NULL_HANDLE;
         EXPECT_EQ(vkCreateGraphicsPipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), expected_);

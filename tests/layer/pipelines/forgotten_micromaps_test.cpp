@@ -1,5 +1,5 @@
-// Shaders and pipelines that do not say that they use micromaps, on a device that has them: a warning each, and the
-// setting that uses micromaps all the same.
+// Shaders and pipelines that do not declare their use of micromaps, on a device that has them: a warning each, and the
+// setting that uses micromaps anyway.
 #include <cstdlib>
 
 #include "command_buffer/state_scene.h"

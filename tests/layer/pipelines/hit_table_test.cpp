@@ -115,7 +115,7 @@ protected:
 };
 
 // No hit group, no table: a null region, and ones of no bytes, or of too few for a record.
-TEST_F(HitTables, None)
+TEST_F(HitTables, NoRecords)
 {
     PipelineTracer tracer(gpu(), withoutHitGroups());
     const PipelineTracer other(gpu());
@@ -133,7 +133,7 @@ TEST_F(HitTables, None)
 }
 
 // Constant flags, and hit groups that no table names.
-TEST_F(HitTables, NoneOfConstantFlags)
+TEST_F(HitTables, NoRecordsWithConstantFlags)
 {
     PipelineTracer tracer(gpu(), {.raygen = pipeline_constant_209, .groups = {{}}});
     constexpr uint32_t kFlags = kRayOpaque | kTrianglesOnly;
@@ -144,7 +144,7 @@ TEST_F(HitTables, NoneOfConstantFlags)
 }
 
 // Geometry without any micromap.
-TEST_F(HitTables, NoneWithoutMicromaps)
+TEST_F(HitTables, NoRecordsWithoutMicromaps)
 {
     PipelineTracer tracer(gpu(), withoutHitGroups());
     const PipelineScene scene(gpu(), {.micromaps = false, .triangleRecord = 50});
@@ -152,7 +152,7 @@ TEST_F(HitTables, NoneWithoutMicromaps)
 }
 
 // A null region has null hit records: every non-opaque hit is confirmed, and no shader runs.
-TEST_F(HitTables, NoneForAnyRay)
+TEST_F(HitTables, NoRecordsForAnyRay)
 {
     PipelineTracer tracer(gpu(), withoutHitGroups());
     const PipelineScene scene(gpu(), {.triangleRecord = 7});

@@ -1,5 +1,5 @@
-// VK_EXT_shader_module_identifier: pipelines of which the driver knows the code. It knows it in this process, whichever
-// device compiled it (layers/cache_quirk.cpp).
+// VK_EXT_shader_module_identifier: pipelines whose code the driver has. It keeps code for the life of the process,
+// whichever device compiled it (layers/cache_quirk.cpp).
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/state_scene.h"
 #include "pipelines/pipeline_binaries.h"
@@ -235,7 +235,7 @@ TEST_F(ModuleIdentifiers, OfCodeThatCannotBeRewritten)
     EXPECT_EQ(identifier, get(plain));
 }
 
-TEST_F(ModuleIdentifiers, TellTheirAlgorithm)
+TEST_F(ModuleIdentifiers, ReportTheirAlgorithm)
 {
     const auto algorithm = [](const Gpu &gpu) {
         auto own = vkInit<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>();
@@ -247,7 +247,7 @@ TEST_F(ModuleIdentifiers, TellTheirAlgorithm)
     EXPECT_NE(algorithm(gpu()), algorithm(bare));
 }
 
-// An application that has kept an identifier does not ask for it again. Devices have their tables at the same address
+// An application that has kept an identifier does not query it again. Devices have their tables at the same address
 // in each run, as here one after the other, where the driver lets the layer choose it.
 class KeptIdentifiers : public testing::Test
 {

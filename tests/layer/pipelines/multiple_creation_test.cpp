@@ -1,4 +1,4 @@
-// Several pipelines or shaders made by one command, of which the layer cannot make one ("Multiple Pipeline Creation").
+// Several pipelines or shaders in one create command, one of which the layer rejects ("Multiple Pipeline Creation").
 #include <algorithm>
 #include <array>
 

@@ -138,7 +138,7 @@ TEST_F(PipelineBadInput, OneLibraryOfTwoWithoutTheBit)
     expectFinding("VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598");
 }
 
-// The specification allows it. What is refused says so, in either order.
+// The specification allows it. What is rejected says so, in either order.
 TEST_F(PipelineBadInput, LibrariesWithAndWithoutTheBitInAPipelineWithoutIt)
 {
     for (const bool withFirst : {false, true}) {
@@ -187,7 +187,7 @@ TEST_F(PipelineBadInput, OneOfThree)
     }
 }
 
-// What no module has: nothing but a message is asked for, and that the layer goes on.
+// What no module has: all that is expected is a message, and that the layer goes on.
 TEST_F(PipelineBadInput, EntryPointThatIsNotThere)
 {
     for (const size_t stage : {0u, 2u, 3u, 4u}) {

@@ -1,5 +1,5 @@
-// VK_KHR_pipeline_binary: pipelines that are made of what an earlier one was made into, without their code. The driver
-// (layers/cache_quirk.cpp) tells where such a pipeline is not the one that was captured.
+// VK_KHR_pipeline_binary: pipelines made from the binaries of an earlier one, without their code. The driver
+// (layers/cache_quirk.cpp) reports a pipeline that is not the one that was captured.
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/state_scene.h"
 #include "pipelines/pipeline_binaries.h"
@@ -193,7 +193,7 @@ TEST_F(PipelineBinaries, ThatAreDamaged)
     const Tracer tracer(gpu());
     const Kept whole = kept(gpu(), tracer.layout(), tracer_comp);
     Binaries binaries(gpu());
-    const auto expectRefused = [&](const Kept &damaged) {
+    const auto expectRejected = [&](const Kept &damaged) {
         EXPECT_TRUE(binaries.from(damaged) == nullptr);
         EXPECT_EQ(binaries.last(), VK_ERROR_INITIALIZATION_FAILED);
         EXPECT_EQ(gpu().takeUnexpectedMessages().size(), 1u);
@@ -202,12 +202,12 @@ TEST_F(PipelineBinaries, ThatAreDamaged)
                               whole.data.size() - 31, whole.data.size() - 1}) {
         Kept damaged = whole;
         damaged.data.resize(size);
-        expectRefused(damaged);
+        expectRejected(damaged);
     }
     for (size_t at = 0; at < whole.data.size(); at += 3) {
         Kept damaged = whole;
         damaged.data[at] ^= 0x40;
-        expectRefused(damaged);
+        expectRejected(damaged);
     }
     EXPECT_TRUE(binaries.from(whole) != nullptr);
     Kept damaged = whole;

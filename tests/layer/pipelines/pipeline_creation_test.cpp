@@ -1,4 +1,4 @@
-// How ray tracing pipelines are made: deferred, several at once, what may be destroyed when, stack sizes.
+// Creation of ray tracing pipelines: deferred, several at once, lifetimes of its input, stack sizes.
 #include <algorithm>
 #include <thread>
 
@@ -94,7 +94,7 @@ protected:
     }
 };
 
-// Without the validation layer: 1.3.239 learns of a deferred pipeline when its result is asked for, but the pipeline is
+// Without the validation layer: 1.3.239 learns of a deferred pipeline when its result is queried, but the pipeline is
 // there, and ours inspects it, as soon as an operation is joined.
 class PipelineCreationDeferred : public PipelineCreation
 {
@@ -342,8 +342,8 @@ TEST_F(PipelineCreation, StackSizes)
     }
 }
 
-// The application knows of no any-hit shader where it has none. The spy complains where the size that reaches the
-// driver has no room for ours.
+// The application knows of no any-hit shader where it has none. The spy reports it if the size that reaches the
+// driver has no space for ours.
 TEST_F(PipelineCreation, StackSizeSetByTheApplication)
 {
     for (const bool anyHit : {true, false}) {
@@ -414,7 +414,7 @@ TEST_F(PipelineCreation, MadeByThreads)
         scene_->expect(*tracers[i], 0x402, {.triangleAnyHit = i % 2 == 0});
 }
 
-// The application's feedback has room for its own stages.
+// The application's feedback has space for its own stages.
 TEST_F(PipelineCreation, Feedback)
 {
     for (const bool anyHit : {true, false}) {

@@ -136,7 +136,7 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
     }
 }
 
-// As many hit attributes as lavapipe has room for, in boxes' groups beside triangles' groups.
+// As many hit attributes as lavapipe has space for, in boxes' groups beside triangles' groups.
 TEST_F(PipelineGroups, WideHitAttributes)
 {
     if (gpu().pipelineProperties().maxRayHitAttributeSize < 32)
@@ -271,7 +271,7 @@ TEST_F(PipelineGroups, TableThatChanges)
     const auto copy = [&](VkCommandBuffer commands, size_t which) {
         const VkBufferCopy region{which * 2 * stride, base - table.address(), stride * 2};
         vkCmdCopyBuffer(commands, source.handle(), table.handle(), 1, &region);
-        // no more than the specification asks for
+        // no more than the specification requires
         auto memory = vkInit<VkMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
                                                 .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
                                                 .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,

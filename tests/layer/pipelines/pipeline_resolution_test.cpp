@@ -369,11 +369,11 @@ TEST_F(PipelineResolution, PlainSceneWithoutTheBit)
     expectPlain(gpu(), 0);
 }
 
-// Boxes: the same in everything, down to the number of invocations of intersection shaders, but for flags that these
-// do not see.
+// Boxes: results are the same with and without the bit, including the number of intersection shader invocations, except
+// for ray flags that intersection shaders cannot see.
 TEST_F(PipelineResolution, SameWithAndWithoutTheBit)
 {
-    // What intersection shaders do not see, and are not skipped by.
+    // Flags that intersection shaders cannot see, and that do not skip them.
     constexpr uint32_t kHidden = kRayOpaque | kRayCullNoOpaque | kRayForceTwoState;
     const PipelineScene scene(gpu(), {.micromaps = false});
     for (const bool triangleAnyHit : {true, false}) {

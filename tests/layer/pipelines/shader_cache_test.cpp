@@ -1,6 +1,6 @@
-// The caches of a driver find in one run what was compiled in another: rewritten shaders are the same, although the
-// addresses of the layer's tables are in them. Each run is a process of its own, to which the kernel gives addresses at
-// random. Mesa says when a process ends what its cache found.
+// A driver's caches find in one run what was compiled in another: rewritten shaders are the same, although they contain
+// the addresses of the layer's tables. Each run is a process of its own, with randomized addresses. Mesa reports at the
+// end of a process what its cache found.
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>

@@ -1,4 +1,4 @@
-// Ray query code in all the forms applications write it.
+// Ray query code in all forms that applications write.
 #include "harness/columns.h"
 
 #include "harness/program/labels.h"

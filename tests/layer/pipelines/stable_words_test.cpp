@@ -1,5 +1,5 @@
-// A driver's caches know shaders by their words. Those that the layer hands it must be the same in every run, where the
-// driver lets the layer choose the addresses that are in them.
+// A driver's caches identify shaders by their words. Rewritten words must be the same in every run where the driver
+// lets the layer choose the addresses in them.
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>

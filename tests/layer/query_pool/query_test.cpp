@@ -138,7 +138,7 @@ TEST_F(Queries, AvailabilityAndPartialResults)
     EXPECT_EQ(entries[0].value, kSentinel);
     EXPECT_EQ(entries[1].value, sizeOf(type, 0));
     EXPECT_EQ(entries[1].available, kSentinel) << "between the results";
-    // Less data than queries: no more is written than there is room for.
+    // Less data than queries: no more is written than there is space for.
     gpu().breaks("VUID-vkGetQueryPoolResults-dataSize-00817");
     fill();
     read(pool, 1, kCount, entries.data(), 8, 8, VK_QUERY_RESULT_64_BIT);
@@ -294,24 +294,24 @@ TEST_F(Queries, CopiesSeeTheStateOfTheirTime)
     }
 }
 
-TEST_F(Queries, WrongUseIsRefused)
+TEST_F(Queries, RejectsWrongUse)
 {
     if (validationOfTests() == Validation::Above)
         GTEST_SKIP() << "validation 1.4.363 reads behind the pool's queries";
     const QueryPool compacted = poolOf(gpu(), kTypes[0], 2);
     vkResetQueryPool(gpu().device(), compacted, 0, 2);
-    const auto refused = [&](const char *id, VkQueryType type, VkQueryPool pool, uint32_t first, uint32_t count) {
+    const auto rejected = [&](const char *id, VkQueryType type, VkQueryPool pool, uint32_t first, uint32_t count) {
         gpu().submit([&](VkCommandBuffer commands) { write(commands, type, pool, first, count); });
         expectMessage(id);
     };
     // Both sizes of micromaps fit each other's pools; those of acceleration structures are the driver's.
     if (gpu().khr() || strictTests())
-        refused(gpu().khr() ? "02493" : "07525", kTypes[1], compacted, 0, 1);
-    refused(gpu().khr() ? "02493" : "07503", VK_QUERY_TYPE_OCCLUSION, compacted, 0, 1);
-    refused("query-range", kTypes[0], compacted, 1, 2);
-    refused("query-range", kTypes[0], compacted, 0xffffffff, 1);
+        rejected(gpu().khr() ? "02493" : "07525", kTypes[1], compacted, 0, 1);
+    rejected(gpu().khr() ? "02493" : "07503", VK_QUERY_TYPE_OCCLUSION, compacted, 0, 1);
+    rejected("query-range", kTypes[0], compacted, 1, 2);
+    rejected("query-range", kTypes[0], compacted, 0xffffffff, 1);
     handles_[1] = {};
-    refused(gpu().khr() ? "pAccelerationStructures-parameter" : "pMicromaps-parameter", kTypes[0], compacted, 0, 2);
+    rejected(gpu().khr() ? "pAccelerationStructures-parameter" : "pMicromaps-parameter", kTypes[0], compacted, 0, 2);
     uint64_t value = 0;
     EXPECT_EQ(read(compacted, 0, 1, &value, 8, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
     if (gpu().khr() || strictTests())

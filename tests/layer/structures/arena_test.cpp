@@ -1,4 +1,4 @@
-// That the arena sees what it is there to see.
+// The arena of the tests detects what it is meant to detect.
 #include <gtest/gtest-spi.h>
 
 #include "harness/arena/arena.h"

@@ -1,5 +1,5 @@
-// Copies of BLAS with micromaps: whatever was copied, in whatever order it was recorded, is seen by shaders as the
-// original was, and stays so.
+// Copies of BLAS with micromaps: shaders see a copy as they saw the original, in whatever order copies were recorded,
+// and whatever becomes of the original.
 #include "structures/copy_test.h"
 
 #include <set>

@@ -1,5 +1,5 @@
 // From a triangle of a geometry to its micromap: index buffers, strides, base triangles, special indices, null
-// micromaps, geometries of all kinds beside each other, and the shapes a micromap's own input can have.
+// micromaps, geometries of all kinds in one structure, and all forms of a micromap's input.
 #include "harness/expected.h"
 #include "harness/program/labels.h"
 

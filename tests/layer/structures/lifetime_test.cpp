@@ -1,5 +1,5 @@
-// Micromaps must be found for exactly as long as the structure that a reference stands for has them: whatever was built
-// or copied over it, and whoever had its memory or its table entries before.
+// Micromaps are found for exactly as long as the referenced structure has them: whatever is built or copied over it,
+// and whatever used its memory or its table entries before.
 #include <algorithm>
 #include <cstring>
 
@@ -86,7 +86,7 @@ TEST_F(Lifetime, BoxesAreSerializedByTheDriver)
     EXPECT_TRUE(std::any_of(data.bytes(), data.bytes() + blas.size(), [](auto byte) { return byte != 0; }));
 }
 
-TEST_F(Lifetime, APlainBuildExecutedLateLeavesOthersAlone)
+TEST_F(Lifetime, APlainBuildExecutedLateKeepsOthers)
 {
     const Buffer memory(gpu(), 1 << 20, gpu().structureUsage());
     const auto micromap = transparentMicromap();
@@ -137,7 +137,7 @@ TEST_F(Lifetime, BuildAndCopyInTurnDoesNotUseUpSlots)
     source.prepare(instances);
     target.prepare(instances);
     const auto copy = function<PFN_vkCmdCopyAccelerationStructureKHR>("vkCmdCopyAccelerationStructureKHR");
-    // Recorded only: what counts is that no build is refused, which the fixture would see as a message.
+    // Recorded only: what counts is that no build is rejected, which the fixture would see as a message.
     VkCommandBuffer commands = gpu().begin();
     for (int round = 0; round < 300; ++round) {
         source.record(commands);

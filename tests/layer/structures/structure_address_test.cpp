@@ -1,4 +1,4 @@
-// Structures whose address is not where they lie: only that of a GENERIC one must be
+// Structures whose device address is not that of their memory; only GENERIC ones must have the latter
 // (vkGetAccelerationStructureDeviceAddressKHR). The driver is lavapipe with the quirk "elsewhere".
 #include "harness/copies.h"
 
@@ -14,7 +14,7 @@ protected:
 };
 
 // Two handles for one content, with an address each: instances may name either.
-TEST_F(StructureAddresses, TwoOfOnePlace)
+TEST_F(StructureAddresses, TwoAtOneAddress)
 {
     const Patchwork patchwork(gpu());
     const Buffer room(gpu(), 65536, gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
@@ -37,7 +37,7 @@ TEST_F(StructureAddresses, TwoOfOnePlace)
 
 // A structure that is gone, while another one at its place lives on, has no address any more: the driver gives it to
 // one somewhere else.
-TEST_F(StructureAddresses, OneThatIsGivenAgain)
+TEST_F(StructureAddresses, OneThatIsReused)
 {
     const Patchwork first(gpu(), 1), second(gpu(), 2);
     const VkBufferUsageFlags usage = gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
@@ -45,7 +45,7 @@ TEST_F(StructureAddresses, OneThatIsGivenAgain)
     const auto expectedFirst = seenOf(gpu(), Blas(gpu(), first.geometries()));
     const auto expectedSecond = seenOf(gpu(), Blas(gpu(), second.geometries()));
     ASSERT_NE(expectedFirst, expectedSecond);
-    // Whether the one that stays was asked for its address before the other was gone.
+    // Whether the address of the one that stays was queried before the other was gone.
     for (const bool asked : {false, true}) {
         auto gone = std::make_unique<Blas>(gpu());
         gone->placeIn(room.handle(), 256);
@@ -129,10 +129,10 @@ TEST_F(StructureAddresses, CopyToItself)
     generic.placeIn(room.handle(), 256);
     generic.create(32768);
     copy(gpu(), blas, generic);
-    bool refused = false;
+    bool rejected = false;
     for (const Message &m : gpu().takeMessages())
-        refused = refused || m.id == "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791";
-    EXPECT_TRUE(refused);
+        rejected = rejected || m.id == "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791";
+    EXPECT_TRUE(rejected);
 }
 
 } // namespace

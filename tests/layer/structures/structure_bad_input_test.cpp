@@ -1,5 +1,5 @@
-// Copies of acceleration structures that cannot be carried out: a message that names the rule, nothing written where it
-// does not belong, and structures that can be traced.
+// Invalid copies of acceleration structures: the layer names the rule, writes nothing out of bounds, and the structures
+// can be traced.
 #include "command_buffer/state_scene.h"
 #include "harness/copies.h"
 #include "harness/program/labels.h"
@@ -42,7 +42,7 @@ protected:
         GpuTest::TearDown();
     }
 
-    // Vellum complains of that rule. What shaders find out is told with the next command buffer.
+    // Vellum reports an error by that rule. What shaders find out is reported with the next command buffer.
     void expectFinding(const std::string &rule)
     {
         gpu().submit([](VkCommandBuffer) {});
@@ -167,7 +167,7 @@ TEST_F(BadCopies, TargetsThatAreTooSmall)
     const auto half = made(kBottom, source_->size() / 2 / 256 * 256);
     copyWith(source_->handle(), half->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
     expectFinding("mode-12418");
-    // In a buffer that has the rest: lavapipe 26 writes all of a compacted copy, whatever there is room for.
+    // In a buffer that has the rest: lavapipe 26 writes all of a compacted copy, whatever there is space for.
     const Buffer room(gpu(), source_->size(), gpu().structureUsage());
     const auto tiny = std::make_unique<Structure>(gpu(), kBottom);
     tiny->placeIn(room.handle(), 0);
@@ -312,9 +312,9 @@ TEST_F(BadCopies, DamagedData)
             changed.bytes()[std::min(byte, data.bytes().size() - 1)] ^= flip;
             deserialize(gpu(), changed, *target);
             gpu().submit([](VkCommandBuffer) {});
-            const bool told = !gpu().takeMessages().empty();
+            const bool reported = !gpu().takeMessages().empty();
             // Reserved words of the block's header mean nothing: there the data is as good as before.
-            if (told)
+            if (reported)
                 expectNothing(*target, top);
             else
                 EXPECT_EQ(top ? seen(gpu(), *target, Patchwork::rays()) : seenOf(gpu(), *target),

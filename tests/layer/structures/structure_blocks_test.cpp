@@ -295,7 +295,7 @@ TEST_F(StructureBlocks, MicromapThatIsTooSmall)
     EXPECT_EQ(ids(), std::vector<std::string>{"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585"});
 }
 
-// VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583, and headers that are none: refused whole.
+// VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583, and headers that are none: rejected whole.
 TEST_F(StructureBlocks, DamagedHeaders)
 {
     const Patchwork patchwork(gpu());

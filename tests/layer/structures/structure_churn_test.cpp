@@ -1,4 +1,4 @@
-// Structures that come and go: memory that is used again, and tables that do not grow.
+// Structures that are created and destroyed again and again: memory is reused, and tables do not grow.
 #include "harness/copies.h"
 #include "harness/program/labels.h"
 #include "structures/footprint.h"
@@ -81,7 +81,7 @@ TEST_F(Churn, TopAndBottomInTheSameMemory)
     }
 }
 
-// More structures than a table has room for at once, and far more than that one after the other.
+// More structures than a table has space for at once, and far more than that one after the other.
 TEST_F(Churn, ManyStructures)
 {
     const Buffer memory(gpu(), 16 << 20, gpu().structureUsage());
@@ -120,7 +120,7 @@ TEST_F(Churn, SlotsOfCopiesComeBack)
     for (int round = 0; round < 300; ++round) {
         Structure target(gpu(), kTop);
         target.create(source.size());
-        // Recorded only: what counts is that no copy is refused, which the fixture would see as a message.
+        // Recorded only: what counts is that no copy is rejected, which the fixture would see as a message.
         VkCommandBuffer commands = gpu().begin();
         source.record(commands);
         recordCopy(gpu(), commands, source.handle(), target.handle());

@@ -1,5 +1,5 @@
-// What is in a structure belongs to its place, not to a handle, and a handle's size says nothing: acceleration
-// structures of type GENERIC that are larger than what is in them, and several of them at one place.
+// The content of a structure belongs to its memory range, not to a handle, and a handle's size says nothing: GENERIC
+// structures that are larger than their content, and several of them in one range.
 #include <array>
 
 #include "structures/copy_test.h"
@@ -75,7 +75,7 @@ TEST_F(StructureLocations, DataOfEitherLevelIntoHandlesOfAnySize)
     }
 }
 
-// Whatever the data is refused for, what lies behind the structure stays.
+// Whatever the data is rejected for, what lies behind the structure stays.
 TEST_F(StructureLocations, DamagedDataIntoALargeHandle)
 {
     const Blas blas(gpu(), plain());
@@ -84,7 +84,7 @@ TEST_F(StructureLocations, DamagedDataIntoALargeHandle)
     const auto loaded = toTheEnd(256);
     deserialize(gpu(), data, *loaded);
     EXPECT_EQ(seenOf(gpu(), *loaded), std::vector<std::string>(Patchwork::rays().size()));
-    gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is told with the next commands
+    gpu().submit([](VkCommandBuffer) {}); // what shaders found wrong is reported with the next commands
     const auto messages = gpu().takeUnexpectedMessages();
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");

@@ -1,5 +1,5 @@
-// Copies of TLAS with micromaps: whatever was copied, in whatever order it was recorded, is seen by shaders as the
-// original was, and stays so.
+// Copies of TLAS with micromaps: shaders see a copy as they saw the original, in whatever order copies were recorded,
+// and whatever becomes of the original.
 #include "harness/program/labels.h"
 #include "structures/copy_test.h"
 
@@ -102,7 +102,7 @@ TEST_F(TopCopies, SourceStaysWhenTheCopyIsBuiltAgain)
     EXPECT_NE(look(target, 8), expected);
 }
 
-TEST_F(TopCopies, FewerInstancesThanTheStructureHasRoomFor)
+TEST_F(TopCopies, FewerInstancesThanTheCapacity)
 {
     Tlas source(gpu(), instances(40, 1));
     const auto target = made(kTop, source.size());
@@ -131,7 +131,7 @@ TEST_F(TopCopies, RecordedBeforeTheBuild)
     EXPECT_EQ(look(*target, 8), look(source, 8)) << "the same recording, executed again";
 }
 
-TEST_F(TopCopies, OneRecordedBuildExecutedAgainLeavesCopiesAlone)
+TEST_F(TopCopies, OneRecordedBuildExecutedAgainKeepsCopies)
 {
     const auto first = instances(6, 1), second = instances(6, 2);
     constexpr VkBufferUsageFlags usage = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;

@@ -25,7 +25,7 @@ public:
     }
 
     // The offset of a new piece: the lowest free place whose address is a multiple of `alignment`, if possible not one
-    // of twice that, so that nobody gets a better alignment by chance. Nothing where there is no room.
+    // of twice that, so that nobody gets a better alignment by chance. Nothing where there is no space.
     std::optional<size_t> take(size_t size, size_t alignment)
     {
         for (const size_t better : {2 * alignment, alignment}) {

@@ -1,34 +1,34 @@
-// Labels of test suites and cases. tests/layer/CMakeLists.txt has the runs that take cases by them:
+// Labels of test suites and cases, by which tests/layer/CMakeLists.txt chooses the cases of each run:
 //
 // slow: not part of ctest -L quick
 //
 // one_api: chooses the extension itself, or uses none; no second run by VK_KHR_opacity_micromap
 //
-// quirks: on a driver with all quirks of the mock driver that go together
+// quirks: also on a driver with all compatible quirks of the mock driver
 //
-// stacked: where the driver's VK_EXT_opacity_micromap is a second copy of the layer, KHR emulated and KHR translated
+// stacked: also over a second copy of the layer that provides VK_EXT_opacity_micromap, emulating and translating KHR
 //
 // translated: where KHR is translated to the driver's EXT
 //
-// serialized: not where KHR is translated, since it serializes BLASes with micromaps, which EXT cannot express
+// serialized: not where KHR is translated: it serializes BLASes with micromaps, which EXT cannot express
 //
-// inside: not where KHR is translated, since messages and sizes are those of the copy below
+// inside: not where KHR is translated: messages and sizes are those of the copy below
 //
-// lenient: not where KHR is translated; it breaks rules that the layer's micromaps tolerate, as a driver may not, or
-// lets ray queries that do not declare it meet micromaps
+// lenient: not where KHR is translated: it breaks rules that the layer tolerates and a driver may not, or uses
+// micromaps in ray queries that do not declare them
 //
 // forced: emulated by VELLUM_FORCE_EMULATION on a driver with EXT
 //
 // strict, strict_ext: with VELLUM_STRICT; by VK_EXT_opacity_micromap only
 //
-// constants: where constant ray flags travel as others do
+// constants: also with constant ray flags preserved like others
 //
-// forcing: under the forcing layer; not what looks at sizes or serialized data, at flags of pipelines and modes of
-// shaders, or at modules that the layer cannot read
+// forcing: also under the forcing layer; not for tests of sizes, serialized data, pipeline flags, execution modes or
+// modules that the layer cannot read
 //
-// unforced: never there
+// unforced: never under the forcing layer
 //
-// packed, unpacked: in packed memory; never there
+// packed, unpacked: also in packed memory; never in packed memory
 #pragma once
 
 #include <initializer_list>
@@ -43,7 +43,7 @@ struct Labelled {
     std::string labels; // with spaces between
 };
 
-// Makes known what a file of tests says of its cases. The program prints all with --labels, for
+// Registers the labels of a file's cases. The program prints all with --labels, for
 // tests/runner/run_cases.py, which fails if a pattern matches no case.
 class Labels
 {

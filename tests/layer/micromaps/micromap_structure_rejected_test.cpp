@@ -1,22 +1,22 @@
-// What the layer refuses of micromaps as acceleration structures, each by the rule's name, and what it goes on with, as
-// long as nobody sets VELLUM_STRICT.
+// Rules for micromaps as acceleration structures: the layer names each rule, and rejects the command or, unless
+// VELLUM_STRICT is set, tolerates the violation.
 #include "harness/program/labels.h"
 #include "micromaps/micromap_structures.h"
 
 namespace
 {
 
-const vt::Labels kLabels{{"MicromapStructureRefused.*", "one_api stacked strict_ext"},
-                         {"MicromapStructureRefused.Copies", "lenient"},
-                         {"MicromapStructureRefused.Creation", "lenient"},
-                         {"MicromapStructureRefused.GeometriesAndUsageCounts", "lenient"}};
+const vt::Labels kLabels{{"MicromapStructureRejected.*", "one_api stacked strict_ext"},
+                         {"MicromapStructureRejected.Copies", "lenient"},
+                         {"MicromapStructureRejected.Creation", "lenient"},
+                         {"MicromapStructureRejected.GeometriesAndUsageCounts", "lenient"}};
 
 using namespace vt;
 
-class MicromapStructureRefused : public MicromapStructure
+class MicromapStructureRejected : public MicromapStructure
 {
 protected:
-    MicromapStructureRefused() : micromap_(gpu(), eightStates(), kAllow) { micromap_.build(); }
+    MicromapStructureRejected() : micromap_(gpu(), eightStates(), kAllow) { micromap_.build(); }
     void TearDown() override
     {
         // Nothing was harmed.
@@ -24,7 +24,7 @@ protected:
         EXPECT_EQ(tracedMicromap(micromap_), kForwards);
         MicromapStructure::TearDown();
     }
-    // A build, changed, into a target that must stay as it is. `sizes`: they are refused by the same rule, too.
+    // A build, changed, into a target that must stay as it is. `sizes`: they are rejected by the same rule, too.
     void expectBuildRefused(const std::string &rule, const std::function<void(StructureBuild &)> &change,
                             bool sizes = false)
     {
@@ -35,10 +35,10 @@ protected:
         change(bad);
         if (sizes) {
             EXPECT_EQ(sizesOf(bad.info).accelerationStructureSize, 0u);
-            expectRefused(rule);
+            expectRejected(rule);
         }
         build(bad.info);
-        expectRefused(rule);
+        expectRejected(rule);
         EXPECT_EQ(std::vector<uint8_t>(target.memory(), target.memory() + target.size()), before);
     }
 
@@ -53,7 +53,7 @@ protected:
         expectNoMessages();
         gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), handle, nullptr);
     }
-    // Of vkCreateAccelerationStructure2KHR, which a strict layer refuses.
+    // Of vkCreateAccelerationStructure2KHR, which a strict layer rejects.
     void expectCreationDone(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
                             const std::string &rule)
     {
@@ -62,13 +62,13 @@ protected:
         auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = range, .type = type});
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         EXPECT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
-        expectRefused(rule);
+        expectRejected(rule);
         if (type == kMicromapType)
             expectUsable(handle);
         else
             gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), handle, nullptr);
     }
-    // A build, changed, that does no harm: refused by a strict layer, otherwise told of once and done. `expected`: of
+    // A build, changed, that does no harm: rejected by a strict layer, otherwise reported once and done. `expected`: of
     // the first triangles.
     void expectBuildDone(const std::string &rule, const std::function<void(StructureBuild &)> &change,
                          bool sizes = false, const std::vector<int> &expected = kForwards)
@@ -82,10 +82,10 @@ protected:
         change(odd);
         if (sizes) {
             EXPECT_GE(sizesOf(odd.info).accelerationStructureSize, size);
-            expectRefused(rule);
+            expectRejected(rule);
         }
         build(odd.info);
-        expectRefused(rule); // that is, told
+        expectRejected(rule); // that is, reported
         std::vector<int> seen = tracedMicromap(target);
         seen.resize(expected.size());
         EXPECT_EQ(seen, expected);
@@ -95,31 +95,31 @@ protected:
     Micromap micromap_;
 };
 
-TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
+TEST_F(MicromapStructureRejected, GeometriesAndUsageCounts)
 {
     const std::string info = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-";
     const std::string data = "VUID-VkAccelerationStructureGeometryMicromapDataKHR-";
-    const auto refused = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
+    const auto rejected = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
         expectBuildRefused(rule, change, true);
     };
     const auto done = [this](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
         expectBuildDone(rule, change, true);
     };
-    refused(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 0; });
-    refused("VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
-            [](StructureBuild &b) { b.geometry.pNext = nullptr; });
+    rejected(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 0; });
+    rejected("VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
+             [](StructureBuild &b) { b.geometry.pNext = nullptr; });
     // A validation layer above reads what is not there (1.4.363 crashes), and hands on a copy with one of two arrays.
     const VkAccelerationStructureGeometryKHR *pointer = nullptr;
     if (validationOfTests() == Validation::Below) {
         done(info + "geometryCount-11560", [](StructureBuild &b) { b.info.geometryCount = 2; });
-        refused(info + "pGeometries-03788", [](StructureBuild &b) { b.info.pGeometries = nullptr; });
+        rejected(info + "pGeometries-03788", [](StructureBuild &b) { b.info.pGeometries = nullptr; });
         done(info + "pGeometries-03788", [&pointer](StructureBuild &b) {
             pointer = &b.geometry;
             b.info.ppGeometries = &pointer;
         });
         done(info + "geometryType-11561",
              [](StructureBuild &b) { b.geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR; });
-        refused(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.pUsageCounts = nullptr; });
+        rejected(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.pUsageCounts = nullptr; });
     }
     for (const VkBuildAccelerationStructureFlagsKHR flag :
          {VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR})
@@ -127,8 +127,8 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
     done(data + "pUsageCounts-11642", [](StructureBuild &b) { b.data.ppUsageCounts = b.usagePointers.data(); });
     done("VUID-VkMicromapUsageKHR-format-parameter",
          [](StructureBuild &b) { b.usages[0].format = static_cast<VkOpacityMicromapFormatKHR>(3); });
-    refused(info + "subdivisionLevel-11564", [](StructureBuild &b) { b.usages[0].subdivisionLevel = 13; });
-    refused(data + "subdivisionLevel-11645", [](StructureBuild &b) {
+    rejected(info + "subdivisionLevel-11564", [](StructureBuild &b) { b.usages[0].subdivisionLevel = 13; });
+    rejected(data + "subdivisionLevel-11645", [](StructureBuild &b) {
         b.usages[0] = {1, 13, VK_OPACITY_MICROMAP_FORMAT_2_STATE_KHR};
     });
     const VkBuildAccelerationStructureFlagsKHR lossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
@@ -138,7 +138,7 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
         b.data.pUsageCounts = b.usages.data();
         b.data.usageCountsCount = 2;
     });
-    refused(info + "subdivisionLevel-11565", [lossy](StructureBuild &b) {
+    rejected(info + "subdivisionLevel-11565", [lossy](StructureBuild &b) {
         b.info.flags |= lossy;
         b.usages[0].subdivisionLevel = 13;
     });
@@ -147,7 +147,7 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
     StructureBuild large(micromap_.buildInfo(), target.handle().khr);
     large.usages[0].count = (1u << 27) + 1;
     EXPECT_EQ(sizesOf(large.info).accelerationStructureSize == 0, strictTests());
-    expectRefused(data + "count-11643");
+    expectRejected(data + "count-11643");
     large.usages[0].count = 1u << 31;
     EXPECT_EQ(sizesOf(large.info).accelerationStructureSize, 0u);
     EXPECT_EQ(gpu().takeUnexpectedMessages().back().id,
@@ -155,7 +155,7 @@ TEST_F(MicromapStructureRefused, GeometriesAndUsageCounts)
 }
 
 // 2-state triangles stay as they are in a lossy build.
-TEST_F(MicromapStructureRefused, LossyOfTwoStates)
+TEST_F(MicromapStructureRejected, LossyOfTwoStates)
 {
     MicromapInput input;
     for (uint8_t i = 0; i < 8; ++i)
@@ -165,21 +165,21 @@ TEST_F(MicromapStructureRefused, LossyOfTwoStates)
     StructureBuild lossy(ordinary.buildInfo(), target.handle().khr);
     lossy.info.flags |= VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
     const VkAccelerationStructureBuildSizesInfoKHR sizes = sizesOf(lossy.info);
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712");
+    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712");
     const Buffer scratch(gpu(), sizes.buildScratchSize + 256,
                          VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     lossy.info.scratchData.deviceAddress = (scratch.address() + 255) / 256 * 256;
     build(lossy.info);
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712");
+    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712");
     if (!strictTests()) {
         EXPECT_EQ(tracedMicromap(target), (std::vector{0, 1, 0, 1, 0, 1, 0, 1}));
     }
 }
 
-TEST_F(MicromapStructureRefused, BuildsAndTheirMemory)
+TEST_F(MicromapStructureRejected, BuildsAndTheirMemory)
 {
     const std::string command = "VUID-vkCmdBuildAccelerationStructuresKHR-";
-    const auto refused = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
+    const auto rejected = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change) {
         expectBuildRefused(rule, change);
     };
     const auto done = [&](const std::string &rule, const std::function<void(StructureBuild &)> &change,
@@ -189,29 +189,29 @@ TEST_F(MicromapStructureRefused, BuildsAndTheirMemory)
     done(command + "mode-11545",
          [](StructureBuild &b) { b.info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; });
     const Blas blas(gpu(), {mapped(&micromap_)});
-    refused(command + "dstAccelerationStructure-11547",
-            [&](StructureBuild &b) { b.info.dstAccelerationStructure = blas.handle(); });
-    refused(command + "dstAccelerationStructure-11547",
-            [](StructureBuild &b) { b.info.dstAccelerationStructure = VK_NULL_HANDLE; });
+    rejected(command + "dstAccelerationStructure-11547",
+             [&](StructureBuild &b) { b.info.dstAccelerationStructure = blas.handle(); });
+    rejected(command + "dstAccelerationStructure-11547",
+             [](StructureBuild &b) { b.info.dstAccelerationStructure = VK_NULL_HANDLE; });
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     const Placed small(gpu(), kMicromapType, 128);
-    refused(command + "pInfos-10126", [&](StructureBuild &b) { b.info.dstAccelerationStructure = small.handle(); });
-    refused(command + "micromap-11550", [](StructureBuild &b) { b.data.data = 0; });
-    refused(command + "micromap-11550", [](StructureBuild &b) { b.data.triangleArray = 0; });
+    rejected(command + "pInfos-10126", [&](StructureBuild &b) { b.info.dstAccelerationStructure = small.handle(); });
+    rejected(command + "micromap-11550", [](StructureBuild &b) { b.data.data = 0; });
+    rejected(command + "micromap-11550", [](StructureBuild &b) { b.data.triangleArray = 0; });
     // Each triangle has the data of the next one.
     done(command + "micromap-11552", [](StructureBuild &b) { b.data.data += 64; }, {1, 2, 2, 0, 1, 2, 2});
     done(command + "micromap-11552", [](StructureBuild &b) { b.data.triangleArray += 8; }, {1, 2, 2, 0, 1, 2, 2});
-    refused(command + "pInfos-12261", [](StructureBuild &b) { b.info.scratchData.deviceAddress = 0; });
-    refused(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 2; });
+    rejected(command + "pInfos-12261", [](StructureBuild &b) { b.info.scratchData.deviceAddress = 0; });
+    rejected(command + "pInfos-03710", [](StructureBuild &b) { b.info.scratchData.deviceAddress += 2; });
     const Buffer little(gpu(), 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    refused(command + "pInfos-12258", [&](StructureBuild &b) { b.info.scratchData.deviceAddress = little.address(); });
+    rejected(command + "pInfos-12258", [&](StructureBuild &b) { b.info.scratchData.deviceAddress = little.address(); });
     // Between two triangles lies what is none.
     done("VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646",
          [](StructureBuild &b) { b.data.triangleArrayStride = 4; }, {0, 2, 1, 2, 2, 2, 2, 2});
 }
 
-// A build that is refused, beside ones that are done.
-TEST_F(MicromapStructureRefused, OneOfSeveral)
+// A build that is rejected, beside ones that are done.
+TEST_F(MicromapStructureRejected, OneOfSeveral)
 {
     Micromap good(gpu(), eightStates(true));
     const Micromap target(gpu(), micromap_, micromap_.size());
@@ -225,12 +225,12 @@ TEST_F(MicromapStructureRefused, OneOfSeveral)
     gpu().submit([&](VkCommandBuffer commands) {
         gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 3, infos.data(), ranges.data());
     });
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560");
+    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560");
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     EXPECT_EQ(tracedMicromap(good), kBackwards);
 }
 
-TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
+TEST_F(MicromapStructureRejected, GeometriesThatNameThem)
 {
     // Built by the same command: here, before the structure.
     Micromap fresh(gpu(), eightStates());
@@ -242,7 +242,7 @@ TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
     gpu().submit([&](VkCommandBuffer commands) {
         gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 2, infos.data(), ranges.data());
     });
-    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548");
+    expectRejected("VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548");
     if (!strictTests()) {
         EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     }
@@ -250,18 +250,18 @@ TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
     // No micromap.
     const Blas other(gpu(), {mapped(nullptr)});
     tracedMicromap(other.handle());
-    expectRefused("VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter");
+    expectRejected("VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter");
     // A bottom-level build with a micromap for target, or with a micromap's geometry.
     BuildInfo info = blas.buildInfo();
     info.dstAccelerationStructure = micromap_.handle().khr;
     build(info, blas.ranges());
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter");
+    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter");
     info = blas.buildInfo();
     info.pGeometries = &translated.geometry;
     build(info, blas.ranges());
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707");
+    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707");
     EXPECT_EQ(sizesOf(info).accelerationStructureSize, 0u);
-    expectRefused("VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707");
+    expectRejected("VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707");
     // An indirect one.
     const auto indirect = reinterpret_cast<PFN_vkCmdBuildAccelerationStructuresIndirectKHR>(
         vkGetDeviceProcAddr(gpu().device(), "vkCmdBuildAccelerationStructuresIndirectKHR"));
@@ -270,33 +270,33 @@ TEST_F(MicromapStructureRefused, GeometriesThatNameThem)
     const VkDeviceAddress address = 0;
     const uint32_t stride = 16, most = 1, *counts = &most;
     gpu().submit([&](VkCommandBuffer commands) { indirect(commands, 1, &again.info, &address, &stride, &counts); });
-    expectRefused("VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557");
+    expectRejected("VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557");
     EXPECT_EQ(tracedMicromap(target), strictTests() ? kPlain : kForwards);
 }
 
-TEST_F(MicromapStructureRefused, Copies)
+TEST_F(MicromapStructureRejected, Copies)
 {
     const Blas blas(gpu(), {mapped(&micromap_)});
     const Micromap target(gpu(), micromap_, micromap_.size());
     copy(micromap_.handle().khr, blas.handle());
-    expectRefused("copy-type");
+    expectRejected("copy-type");
     copy(blas.handle(), target.handle().khr);
-    expectRefused("copy-type");
+    expectRejected("copy-type");
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
     copy(micromap_.handle().khr, target.handle().khr, VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR);
-    expectRefused("VUID-VkCopyAccelerationStructureInfoKHR-mode-03410");
+    expectRejected("VUID-VkCopyAccelerationStructureInfoKHR-mode-03410");
     EXPECT_EQ(tracedMicromap(target), strictTests() ? kPlain : kForwards);
     const Buffer memory(gpu(), 8192, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const auto out = [&](VkDeviceAddress address, VkCopyMicromapModeEXT mode, const char *rule) {
         gpu().submit([&](VkCommandBuffer commands) {
             recordMicromapToMemory(gpu(), commands, micromap_.handle(), address, mode);
         });
-        expectRefused(rule);
+        expectRejected(rule);
     };
     const auto in = [&](VkDeviceAddress address, VkCopyMicromapModeEXT mode, const char *rule) {
         gpu().submit(
             [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu(), commands, address, target.handle(), mode); });
-        expectRefused(rule);
+        expectRejected(rule);
     };
     constexpr auto kOut = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
     constexpr auto kIn = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
@@ -332,7 +332,7 @@ TEST_F(MicromapStructureRefused, Copies)
     EXPECT_EQ(tracedMicromap(target), kForwards);
 }
 
-TEST_F(MicromapStructureRefused, Creation)
+TEST_F(MicromapStructureRejected, Creation)
 {
     const Buffer memory(gpu(), 4096, kStorage);
     constexpr std::array kTypes{kMicromapType, kGeneric, kBottom, kTop};
@@ -361,37 +361,37 @@ TEST_F(MicromapStructureRefused, Creation)
     constexpr const char *kOtherCommand = "VUID-VkAccelerationStructureCreateInfoKHR-type-11600";
     EXPECT_EQ(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &handle) == VK_SUCCESS,
               !strictTests());
-    expectRefused(kOtherCommand);
+    expectRejected(kOtherCommand);
     expectUsable(handle);
     handle = VK_NULL_HANDLE;
     info.offset = 4096;
     EXPECT_NE(gpu().vk().CreateAccelerationStructureKHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
     EXPECT_EQ(handle, VkAccelerationStructureKHR{});
-    expectRefused(kOtherCommand);
+    expectRejected(kOtherCommand);
 }
 
-TEST_F(MicromapStructureRefused, Queries)
+TEST_F(MicromapStructureRejected, Queries)
 {
     constexpr auto kSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
     const QueryPool pool(gpu(), kSize, 2);
     vkResetQueryPool(gpu().device(), pool, 0, 2);
-    const auto refused = [&](VkAccelerationStructureKHR second, VkQueryType type, const char *rule) {
+    const auto rejected = [&](VkAccelerationStructureKHR second, VkQueryType type, const char *rule) {
         const std::array structures{micromap_.handle().khr, second};
         gpu().submit([&](VkCommandBuffer commands) {
             gpu().vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 2, structures.data(), type, pool, 0);
         });
-        expectRefused(rule);
+        expectRejected(rule);
     };
-    refused(micromap_.handle().khr, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
-            "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
-    refused(VK_NULL_HANDLE, kSize,
-            "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter");
+    rejected(micromap_.handle().khr, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
+             "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
+    rejected(VK_NULL_HANDLE, kSize,
+             "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter");
     uint64_t value = 0;
     EXPECT_EQ(vkGetQueryPoolResults(gpu().device(), pool, 0, 1, 8, &value, 8, VK_QUERY_RESULT_64_BIT), VK_NOT_READY);
 }
 
-// Refused, not handed to the driver, to which micromaps and query types of the layer's mean nothing.
-TEST_F(MicromapStructureRefused, QueryPoolsOfOtherTypes)
+// Rejected, not handed to the driver, to which micromaps and query types of the layer's mean nothing.
+TEST_F(MicromapStructureRejected, QueryPoolsOfOtherTypes)
 {
     const auto write = [&](VkQueryType poolType, VkQueryType type) {
         const QueryPool pool(gpu(), poolType, 2);
@@ -404,26 +404,26 @@ TEST_F(MicromapStructureRefused, QueryPoolsOfOtherTypes)
     };
     constexpr auto kSize = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
     write(VK_QUERY_TYPE_OCCLUSION, kSize);
-    expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
+    expectRejected("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493");
     for (const VkQueryType type : {VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, VK_QUERY_TYPE_OCCLUSION}) {
         write(type, type);
-        expectRefused("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742");
+        expectRejected("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742");
     }
 }
 
 // What only a micromap's build may leave out: VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543.
-TEST_F(MicromapStructureRefused, NoRangesOfABottomLevelStructure)
+TEST_F(MicromapStructureRejected, NoRangesOfABottomLevelStructure)
 {
     if (validationOfTests() == Validation::Above)
         GTEST_SKIP() << "validation 1.4.363 reads the ranges";
     Blas blas(gpu());
     blas.prepare({mapped(&micromap_)});
     build(blas.buildInfo(), nullptr);
-    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543");
+    expectRejected("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543");
 }
 
 // As the structure that is updated; a build ignores it.
-TEST_F(MicromapStructureRefused, SourceOfAnUpdate)
+TEST_F(MicromapStructureRejected, SourceOfAnUpdate)
 {
     Blas blas(gpu());
     blas.prepare({mapped(&micromap_)}, VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR);
@@ -433,10 +433,10 @@ TEST_F(MicromapStructureRefused, SourceOfAnUpdate)
     expectNoMessages();
     info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
     build(info, blas.ranges());
-    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629");
+    expectRejected("VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629");
     info.srcAccelerationStructure = VK_NULL_HANDLE;
     build(info, blas.ranges());
-    expectRefused("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630");
+    expectRejected("VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630");
     EXPECT_EQ(tracedBottom(blas.address()), kForwards);
 }
 
