@@ -127,7 +127,7 @@ VkLayerDeviceCreateInfo *loaderInfo(const VkDeviceCreateInfo &info, VkLayerFunct
     return const_cast<VkLayerDeviceCreateInfo *>(link);
 }
 
-// Moves the loader's link on for the next layer. No function is there if there is no link.
+// Moves the loader's link on for the next layer. Without a link, the functions are null.
 NextLayer takeLink(const Instance &instance, const VkDeviceCreateInfo &info)
 {
     VkLayerDeviceCreateInfo *link = loaderInfo(info, VK_LAYER_LINK_INFO);
