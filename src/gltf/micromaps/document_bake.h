@@ -47,9 +47,9 @@ enum class SkipReason : uint8_t {
     AlphaChanges,         // ChangingAlpha, or morph targets
     CompressedStrip,      // KHR_draco_mesh_compression without an index buffer to replace
     NoTriangles,          // or no positions to count them by
-    NoTextureCoordinates, //
+    NoTextureCoordinates, // of the set that the texture uses
     AmbiguousTriangles,   // compressed and uncompressed data differ
-    UnsupportedImage,     //
+    UnsupportedImage,     // of the material
     Unsupported,          // anything else that cannot be read
 };
 // "alphaModeBlend" and so on.
