@@ -1,4 +1,4 @@
-// What a hit means: the specification's "Ray Opacity Micromap" and "Ray Opacity" sections (raytraversal.adoc), as
+// The result of a hit: the specification's sections "Ray Opacity Micromap" and "Ray Opacity" (raytraversal.adoc), as
 // one function. C++ and GLSL; see shared.h.
 #ifndef VELLUM_CORE_OPACITY_H
 #define VELLUM_CORE_OPACITY_H
@@ -38,8 +38,8 @@ VELLUM_CONST uint kHitNonOpaque = 0u; // the shader decides
 VELLUM_CONST uint kHitOpaque = 1u;    // committed without asking the shader
 VELLUM_CONST uint kHitIgnored = 2u;   // next candidate; the shader never sees it
 
-// A hit in a micro-triangle, as the instance says and before ray flags do. kStateNone: on a geometry that has no
-// micromap and is not opaque; on an opaque one a hit is as in an opaque micro-triangle.
+// The result of a hit in a micro-triangle by the flags of the instance, before ray flags are applied. kStateNone: a hit
+// on a non-opaque geometry without a micromap; a hit on an opaque one equals that in an opaque micro-triangle.
 VELLUM_FN uint hitInInstance(VELLUM_IN uint state, VELLUM_IN uint instanceFlags)
 {
     if (state == kStateTransparent)
@@ -51,6 +51,7 @@ VELLUM_FN uint hitInInstance(VELLUM_IN uint state, VELLUM_IN uint instanceFlags)
     return state == kStateOpaque ? kHitOpaque : kHitNonOpaque;
 }
 
+// The result after ray flags are applied.
 VELLUM_FN uint hitOfRay(VELLUM_IN uint inInstance, VELLUM_IN uint rayFlags)
 {
     uint hit = inInstance;
@@ -81,8 +82,8 @@ VELLUM_FN uint resolveHit(VELLUM_IN uint state, VELLUM_IN bool geometryOpaque, V
     return hitOfRay(hitInInstance(effective, instanceFlags), rayFlags);
 }
 
-// hitInInstance() of all states for one instance: two bits for each but kStateTransparent, which is always ignored, in
-// the upper 8 bits of a word. A record of zeros, which nobody wrote, decides nothing: kHitNonOpaque is 0.
+// hitInInstance() of all states for one instance: two bits for each state except kStateTransparent, which is always
+// ignored, in the upper 8 bits of a word. A record that was never written is zero, and all its hits are kHitNonOpaque.
 VELLUM_CONST uint kHitTableShift = 24u;
 VELLUM_FN uint hitTable(VELLUM_IN uint instanceFlags)
 {

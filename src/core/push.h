@@ -1,6 +1,6 @@
 // Push constants of the layer's compute shaders, and the values of their fields. C++ and GLSL; see shared.h.
 //
-// A shader declares them so: layout(push_constant, std430) uniform Push { XPush push; };
+// A shader declares them by layout(push_constant, std430) uniform Push { XPush push; };
 #ifndef VELLUM_CORE_PUSH_H
 #define VELLUM_CORE_PUSH_H
 
@@ -16,39 +16,39 @@
 
 VELLUM_SHARED_BEGIN
 
-// micromaps/micromap_source.glsl, of all passes of a build
+// micromaps/micromap_source.glsl: all passes of a build
 struct MicromapPush {
     VELLUM_ADDRESS micromap;      // destination
     VELLUM_ADDRESS triangleArray; // VkMicromapTriangleEXT, each triangleArrayStride bytes
     VELLUM_ADDRESS data;
     VELLUM_ADDRESS scratch;
-    VELLUM_ADDRESS log;    // where wrong input is told of (validation_log.glsl); 0: nowhere
-    VELLUM_ADDRESS object; // VkMicromapEXT handle, for the log
+    VELLUM_ADDRESS log;    // log of wrong input (validation_log.glsl); 0: input is not validated
+    VELLUM_ADDRESS object; // names the micromap in the log
     uint triangleArrayStride;
     uint triangleCount; // records in the destination
-    uint readable;      // elements of triangleArray that lie inside its buffer
-    uint dataBytes;     // bytes of data that lie inside its buffer
+    uint readable;      // elements of triangleArray inside its buffer
+    uint dataBytes;     // bytes of data inside its buffer
     uint capacityUnits; // data units in the destination
     uint partCapacity;  // entries of the list of parts
     uint tableMask;
-    uint flags;              // kBuild*
-    uint alike;              // level | format << 16, where all triangles have the same; 0: they do not
-    uint lastOffset;         // of such triangles' data in place
-    uint staysPerInvocation; // triangles, of micromap_stay.comp
+    uint flags;                  // kBuild*
+    uint alike;                  // level | format << 16, if all triangles have the same; 0: they do not
+    uint lastOffset;             // the greatest data offset of such triangles in place
+    uint trianglesPerInvocation; // of micromap_in_place.comp
     uint unused;
 };
 
 // micromaps/micromap_move.comp
 struct MicromapMovePush {
-    VELLUM_ADDRESS micromap;   // of a copy, the target
-    VELLUM_ADDRESS serialized; // of a copy, the source
+    VELLUM_ADDRESS micromap;   // copies: the target
+    VELLUM_ADDRESS serialized; // copies: the source
     VELLUM_ADDRESS log;
     VELLUM_ADDRESS object;
     VELLUM_ADDRESS micromapBytes;
-    VELLUM_ADDRESS serializedBytes; // that lie inside their buffer; of a copy, inside the source
+    VELLUM_ADDRESS serializedBytes; // up to the end of their buffer; copies: of the source
     VELLUM_UVEC4(driverUuid);
     VELLUM_ADDRESS root;
-    uint mode; // kMove*, and perhaps kMoveMarked
+    uint mode; // kMove*
     uint invocations;
 };
 
@@ -56,55 +56,56 @@ struct MicromapMovePush {
 struct QueryValuePush {
     VELLUM_ADDRESS target; // 64-bit value
     VELLUM_ADDRESS micromap;
-    VELLUM_ADDRESS micromapBytes; // size of the micromap: what a micromap that was never built claims is not believed
+    VELLUM_ADDRESS micromapBytes; // size of the micromap: the header of one that was never built is not trusted
     uint kind;                    // kQuery*
     uint padding;
 };
 
 // structures/blas_records.comp
 struct BlasRecordsPush {
-    VELLUM_ADDRESS tail;       // where the records go: geometry records, names, triangle records
+    VELLUM_ADDRESS tail;       // target: geometry records, names, triangle records
     VELLUM_ADDRESS micromap;   // 0: special indices only
     VELLUM_ADDRESS indices;    // 0: the index is the triangle's number
-    VELLUM_ADDRESS descriptor; // to be written; 0: not with this dispatch
-    VELLUM_ADDRESS log;        // 0: nothing is validated
-    VELLUM_ADDRESS range;  // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
-    VELLUM_ADDRESS object; // the micromap's handle
-    VELLUM_ADDRESS source; // of an update, the descriptor of what is updated; 0: it is none
+    VELLUM_ADDRESS descriptor; // to be written; 0: another dispatch writes it
+    VELLUM_ADDRESS log;        // 0: input is not validated
+    VELLUM_ADDRESS range;      // indirect builds: a VkAccelerationStructureBuildRangeInfoKHR; 0: the build is direct
+    VELLUM_ADDRESS object;     // the micromap's handle
+    VELLUM_ADDRESS source;     // updates: the descriptor of the source; 0: the build is not an update
     VELLUM_ADDRESS sourceBegin;
     VELLUM_ADDRESS begin; // of the structure
     uint triangleCount;
     uint indexBytes; // 1, 2 or 4
     uint indexStride;
-    uint readable; // indices that lie inside their buffer
+    uint readable; // indices inside their buffer
     uint baseTriangle;
-    uint geometryWord; // word 0 of the geometry record; without triangle records, the geometry has no micromap
+    uint geometryWord; // word 0 of the geometry record; names no triangle records if the geometry has no micromap
     uint geometryCount;
     uint tailUnits;    // of all records
-    uint geometry;     // its number
+    uint geometry;     // index of the geometry
     uint named;        // 1: the micromap is one of VK_KHR_opacity_micromap
     uint micromapSize; // in units of 16 bytes
-    uint commonUnits;  // of an update: of the smaller one of source and structure
+    uint commonUnits;  // updates: size of the smaller one of source and structure
 };
 
 // structures/tlas_instances.comp
-// Where the instances come from.
+// Sources of instances.
 VELLUM_CONST uint kFromArray = 0u;
 VELLUM_CONST uint kFromPointers = 1u;
-VELLUM_CONST uint kFromTarget = 2u;     // a transfer has put them there; only what differs is written
-VELLUM_CONST uint kFromStructure = 3u;  // a copy: the instances are those of another structure
-VELLUM_CONST uint kFromSerialized = 4u; // with the references in an array of their own
+VELLUM_CONST uint kFromTarget = 2u;     // a transfer has copied the array to the target
+VELLUM_CONST uint kFromStructure = 3u;  // copies: the instances of another structure
+VELLUM_CONST uint kFromSerialized = 4u; // the same, with the references in a separate array
 struct TlasInstancesPush {
     VELLUM_ADDRESS source; // instances, pointers to them, or a descriptor that leads to them
     VELLUM_ADDRESS target; // instances for the driver
     VELLUM_ADDRESS root;
-    VELLUM_ADDRESS tail;       // where the instances are kept for copies of the structure
+    VELLUM_ADDRESS tail;       // target of the instances that are kept for copies of the structure
     VELLUM_ADDRESS descriptor; // of the structure that is built
-    VELLUM_ADDRESS range; // of an indirect build, a VkAccelerationStructureBuildRangeInfoKHR; 0: it is not indirect
-    uint count;           // the driver builds so many
+    VELLUM_ADDRESS range;      // indirect builds: a VkAccelerationStructureBuildRangeInfoKHR; 0: the build is direct
+    uint count;                // instances that the driver builds
     uint firstSlot;
     uint from; // kFrom*
-    uint pass; // 0: before the driver's build; 1: after it, since the driver may clear all of the structure
+    uint pass; // 0: before the driver's build; 1: after it, writes the tail, since the driver may clear the whole
+               // structure
 };
 
 // structures/structure_copy.comp
@@ -117,7 +118,7 @@ struct StructureCopyPush {
     uint sourceUnits; // sizes of the structures
     uint targetUnits;
     uint compact;
-    uint whole; // the driver's part, too
+    uint whole; // 1: the driver's part is copied as well
 };
 
 // structures/structure_save.comp
@@ -131,7 +132,7 @@ struct StructureSavePush {
     uint stagingUnits; // of the driver's data
     uint leastUnits;   // of any deserialized structure
     uint capacity;     // units in the destination's buffer
-    uint wholeCopies;  // the driver serializes whole structures, whatever was built in them
+    uint wholeCopies;  // 1: the driver serializes whole structures, whatever was built in them
     uint pass;
     uint blocks; // 1: the header has the form of VK_KHR_opacity_micromap
     uint padding;
@@ -143,9 +144,9 @@ VELLUM_CONST uint kPassAddUp = 1u;
 VELLUM_CONST uint kPassDecide = 2u;
 VELLUM_CONST uint kPassStage = 3u;
 VELLUM_CONST uint kPassFinish = 4u;
-VELLUM_CONST uint kPassKeep = 5u;         // before the build of a top-level structure
-VELLUM_CONST uint kPassGiveBack = 6u;     // after it
-VELLUM_CONST uint kPassGiveBackLast = 7u; // after the driver's deserialization
+VELLUM_CONST uint kPassKeep = 5u;            // before the build of a top-level structure
+VELLUM_CONST uint kPassRestoreKept = 6u;     // after it
+VELLUM_CONST uint kPassRestoreKeptLast = 7u; // after the driver's deserialization
 struct StructureRestorePush {
     VELLUM_ADDRESS blob;
     VELLUM_ADDRESS staging; // plan (kPlanUnits), then the driver's data
@@ -153,14 +154,14 @@ struct StructureRestorePush {
     VELLUM_ADDRESS begin; // of the structure
     VELLUM_ADDRESS root;
     VELLUM_ADDRESS fallback; // serialized by the driver; its first 32 bytes are the driver's UUIDs
-    VELLUM_ADDRESS kept;     // what is overwritten
+    VELLUM_ADDRESS kept;     // copy of the memory that a wrong guess overwrites
     uint fallbackUnits;
-    uint capacity;     // units in the source's buffer
-    uint stagingUnits; // of the driver's data
-    uint targetUnits;  // of the structure
-    uint kind;         // kDescriptorBottom or kDescriptorTop: what is expected; kDescriptorUnbuilt: what the data holds
-    uint keptUnits;    // room for what is overwritten
-    uint fallbackBuiltUnits; // of a structure that a blank one was deserialized to
+    uint capacity;           // units in the source's buffer
+    uint stagingUnits;       // of the driver's data
+    uint targetUnits;        // of the structure
+    uint kind;               // kDescriptorBottom or kDescriptorTop: expected; kDescriptorUnbuilt: the data states it
+    uint keptUnits;          // capacity at `kept`
+    uint fallbackBuiltUnits; // of a structure that the fallback is deserialized to
     uint topPath;            // 1: a top-level structure is built before the driver deserializes
     uint pass;               // kPass*
     uint serial;             // of this command
@@ -177,7 +178,7 @@ struct StructureSizePush {
     VELLUM_ADDRESS value;
     uint structureUnits;
     uint property;    // kProperty*
-    uint wholeCopies; // the driver serializes whole structures, whatever was built in them
+    uint wholeCopies; // 1: the driver serializes whole structures, whatever was built in them
 };
 
 // structures/top_save.comp
@@ -195,17 +196,17 @@ struct TopSavePush {
 
 // pipelines/hit_records.comp
 struct HitRecordsPush {
-    VELLUM_ADDRESS source; // hit records; with a command taken from it
+    VELLUM_ADDRESS source; // hit records; with a command, the address in it is used
     VELLUM_ADDRESS target;
-    VELLUM_ADDRESS command; // 0: none
+    VELLUM_ADDRESS command; // 0: the table is given here
     VELLUM_ADDRESS commandCopy;
     VELLUM_ADDRESS standIn;      // a record with the handle of the layer's group
     VELLUM_ADDRESS recordOffset; // kGreatestRecordOffset
-    uint size;                   // with a command, size and stride are taken from it
-    uint stride;                 // 0, or that of records that do not overlap
+    uint size;                   // with a command, size and stride in it are used
+    uint stride;                 // 0, or such that records do not overlap
     uint capacity;               // bytes at `target`
-    uint reach;                  // how far behind an instance's record offset its hits may find records
-    uint oneForAll;              // 1: a table of one record may have it for all indices; for the table of a command
+    uint reach;                  // greatest record index of a hit above its instance's record offset
+    uint oneForAll;              // 1: the one record of a command's table may serve for all indices
 };
 
 // khr_over_ext/micromap_triangles.comp
@@ -214,31 +215,31 @@ struct MicromapTrianglesPush {
     VELLUM_ADDRESS target;
     uint stride;
     uint count;
-    uint readable; // triangles that lie inside their buffer
-    uint shift;    // bytes that the data begins later than the driver is told
+    uint readable; // triangles inside their buffer
+    uint shift;    // bytes between the data's address for the driver and its first byte
 };
 
 // khr_over_ext/marked_size.comp
 struct MarkedSizePush {
     VELLUM_ADDRESS value; // a 64-bit number
-    uint trailer;         // bytes to add to it, instead of rounding it up; 0: none
+    uint trailer;         // bytes to add to the number; 0: it is rounded up
     uint unused;
 };
 
 // khr_over_ext/serialized_header.comp
 struct SerializedHeaderPush {
     VELLUM_ADDRESS data;
-    uint readable; // bytes from there to the end of the buffer, or of what 32 bits can count
+    uint readable; // bytes from there to the end of the buffer, at most UINT32_MAX
     uint mode;     // kSerialized*
 };
 
 // khr_over_ext/wide_indices.comp
 struct WideIndicesPush {
-    VELLUM_ADDRESS source; // bytes, each `stride` bytes from the next
+    VELLUM_ADDRESS source; // 8-bit indices, `stride` bytes apart
     VELLUM_ADDRESS target;
     uint stride;
     uint count;
-    uint readable; // indices that lie inside their buffer
+    uint readable; // indices inside their buffer
     uint unused;
 };
 

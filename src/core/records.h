@@ -47,25 +47,25 @@ VELLUM_CONST uint kMicromapHeaderFlags = 3u;     // VkBuildMicromapFlagsEXT of t
 
 // --- serialized micromap: this header, then the bytes of the micromap that are in use ---
 // words 0..3: VkPhysicalDeviceIDProperties::driverUUID, 4..7: kMicromapLayoutUuid; both as the specification demands
-// words 8, 9: bytes of the whole; 10, 11: the least size of a micromap that it can be deserialized into; the rest 0
+// words 8, 9: total bytes; 10, 11: the least size of a micromap that it can be deserialized into; the rest 0
 VELLUM_CONST uint kSerializedMicromapHeaderWords = 16u;
 VELLUM_CONST uint kSerializedLayoutUuid = 4u;
 VELLUM_CONST uint kSerializedBytes = 8u;
 VELLUM_CONST uint kSerializedMicromapBytes = 10u;
-// To be changed with every change of the layout of micromap, triangle record or data, and of their meaning.
+// Increment it with every change of the layout or meaning of micromap, triangle record or data.
 VELLUM_CONST uint kMicromapLayoutVersion = 2u;
 VELLUM_CONST uint kMicromapLayoutUuid0 = 0x6c6c6556u; // "Vell"
 VELLUM_CONST uint kMicromapLayoutUuid1 = 0x6d206d75u; // "um m"
 VELLUM_CONST uint kMicromapLayoutUuid2 = 0x6f726369u; // "icro"
 
 // --- scratch memory of a micromap build ---
-// 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes that follow micromap_stay.comp, at first
-// 0 groups each, and those that it starts if it has to; then tables of words:
-//   sums        kPlaceBlock triangles each: units of the block, then of all blocks before it
-//   parts       two words each, {triangle, part}: pieces of triangles with more than kPartUnits units
-// and where identical data is to be shared:
-//   hashes      one a triangle
-//   slots       one a triangle: its slot of the table, or kNoSlot
+// 8 words of counters; VkDispatchIndirectCommands (kArguments*) of the passes after micromap_in_place.comp, initially
+// of 0 groups each, then those that it copies over them to start the passes; then tables of words:
+//   sums        one per kPlaceBlock triangles: units of the block, then of all blocks before it
+//   parts       two words each, {triangle, part}: parts of triangles with more than kPartUnits units
+// and for builds that share identical data:
+//   hashes      one per triangle
+//   slots       one per triangle: its slot of the table, or kNoSlot
 //   table       open addressing: 1 + the lowest triangle of those with the same data; 0: empty
 VELLUM_CONST uint kScratchCounterWords = 8u;
 VELLUM_CONST uint kScratchArguments = 8u;
@@ -76,62 +76,62 @@ VELLUM_CONST uint kArgumentsScan = 6u;
 VELLUM_CONST uint kArgumentsParts = 9u;
 VELLUM_CONST uint kScratchTables = 32u; // words before the tables
 VELLUM_CONST uint kScratchPartCount = 0u;
-VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot stay where it lies
-VELLUM_CONST uint kScratchLastUnit = 2u;   // the end of the data that can
-VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, where input is validated
-VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; where input is validated
-VELLUM_CONST uint kScratchStaged = 5u;     // data units of lossy builds' triangles that have a place
-VELLUM_CONST uint kScratchPartsFull = 6u;  // not 0: large triangles have more parts than the list has room for
+VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot be used in place
+VELLUM_CONST uint kScratchLastUnit = 2u;   // end of the data that is used in place
+VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, if input is validated
+VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; if input is validated
+VELLUM_CONST uint kScratchStaged = 5u;     // data units that are allocated to triangles of lossy builds
+VELLUM_CONST uint kScratchPartsFull = 6u;  // not 0: large triangles have more parts than the list's capacity
 VELLUM_CONST uint kPlaceBlock = 256u;
 VELLUM_CONST uint kCheckedPerInvocation = 16u;
 VELLUM_CONST uint kPartUnits = 64u;
 VELLUM_CONST uint kNoSlot = 0xffffffffu;
 VELLUM_CONST uint kMaxProbes = 64u;
-// Comparing is one invocation's work: triangles of more units are only shared where they name the same data.
+// One invocation compares the data of two triangles: those with more units only share data at the same offset.
 VELLUM_CONST uint kMaxComparedUnits = 16384u;
 
 // --- flags of a micromap build's push constants: VkBuildMicromapFlagsEXT, and ---
 VELLUM_CONST uint kBuildFlagsMask = 0xffffu;
 VELLUM_CONST uint kBuildMaxLevelShift = 16u; // 4 bits: the highest level of the usage counts
-// The data was copied as it lies, as much of it as there is room for: triangles can use it there, if all can.
+// The data was copied as it is, up to the micromap's capacity. Triangles use it in place if all can.
 VELLUM_CONST uint kBuildVerbatim = 0x20000000u;
 VELLUM_CONST uint kBuildShare = 0x40000000u;
 VELLUM_CONST uint kBuildAnalysing = 0x80000000u;
 
-// --- lossy builds (core/lossy.h); the coarsened micromap lies behind the other tables, see shaders/micromap_lossy.glsl
-// --- A micro-triangle that becomes unknown must save the states of 2^kLossyPriceLog2.
+// --- lossy builds (core/lossy.h); the coarsened micromap follows the other tables (micromaps/micromap_lossy.glsl) ---
+// A micro-triangle that becomes unknown must save the states of 2^kLossyPriceLog2.
 VELLUM_CONST uint kLossyPriceLog2 = 4u;
 VELLUM_CONST uint kLossyEntryBytes = 12u;
 VELLUM_CONST uint kLossyPartBytes = 16u;
 
 // --- geometry record ---
 // word 0: bit 0: VK_GEOMETRY_OPAQUE_BIT_KHR; the other 31: index of its first triangle record, counted in triangle
-// records
-//         from the first geometry record of the BLAS; 0: no micromap
+//         records from the first geometry record of the BLAS; 0: no micromap
 // word 1: number of the micromap's data units
 // word 2, 3: address of the micromap's data units
 VELLUM_CONST uint kGeometryRecordWords = 4u;
 VELLUM_CONST uint kGeometryRecordOpaque = 1u;
 VELLUM_CONST uint kGeometryTrianglesShift = 1u;
 
-// --- micromap name: what serialized data names a geometry's micromap by ---
-// word 0, 1: device address of the memory of a micromap of VK_KHR_opacity_micromap; 0: there is none, or it is one of
-//            VK_EXT_opacity_micromap, which serialized data cannot name
-// word 2: data units of the micromap lie so many units behind that address
+// --- micromap name: identifies a geometry's micromap in serialized data ---
+// word 0, 1: device address of the memory of a micromap of VK_KHR_opacity_micromap; 0: the geometry has no micromap, or
+//            one of VK_EXT_opacity_micromap, which serialized data cannot name
+// word 2: offset of the micromap's data units from that address, in units
 VELLUM_CONST uint kMicromapNameWords = 4u;
 
 // --- instance record ---
 // word 0: instanceCustomIndex in the low 24 bits. Of instances of boxes: bit kInstanceBoxes, and in bits 24..27 the
 //         instance flags 2..5. Of others: in the upper 8 bits hitTable() of the instance's flags (opacity.h); of no
-//         flags where the BLAS has no geometry records, for then the driver has seen them. In the table of no flags the
-//         bit kInstanceBoxes is not set, so whoever has met a box knows by it whether the record is one of boxes
+//         flags if the BLAS has no geometry records, because then the driver gets the flags. The table of no flags
+//         does not set the bit kInstanceBoxes, so for a box the bit states whether the record is one of boxes
 // word 1: of instances of boxes: 0, so that a shader that looks a triangle up there follows no address
-//         of others: word 0 of the BLAS's geometry record, where it has one geometry, so that no load of that record
-//         stands between this one and the triangle's; 0 where it has none. Of several geometries: kManyGeometries, and
-//         a mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
-// word 2, 3: address of the BLAS's geometry records, which is a multiple of 16; 0: it has none. Of instances of boxes:
+//         of others: a copy of word 0 of the BLAS's geometry record if it has one geometry, which saves lookup a load
+//         before that of the triangle record; 0 if it has no records. Of several geometries: kManyGeometries, and a
+//         mask for their words 0. With DISABLE_OPACITY_MICROMAPS no triangle record is named.
+// word 2, 3: address of the BLAS's geometry records, a multiple of 16; 0: it has none. Of instances of boxes:
 //         word 2: which geometries are opaque, see word 7 of the descriptor
-// What an update of the BLAS may change, such as where the data is, is not repeated: the TLAS need not be built again.
+// Nothing is repeated here that an update of the BLAS may change, such as the address of the data: after an update of
+// the BLAS the TLAS need not be built again.
 VELLUM_CONST uint kInstanceRecordWords = 4u;
 VELLUM_CONST uint kInstanceRecordLog2 = 4u; // bytes
 VELLUM_CONST uint kManyGeometries = 0x80000000u;
@@ -141,8 +141,8 @@ VELLUM_CONST uint kInstanceFlagsShift = 2u;
 VELLUM_CONST uint kInstanceFlagsMask = 15u;
 VELLUM_CONST uint kInstanceBoxes = 0x10000000u;
 VELLUM_CONST uint kInstanceBoxFlagsShift = 24u;
-// Neither a page nor the root crosses a multiple of 2^32: the upper word of its address is that of all that it holds.
-// In the root, the lower word of a page's address is less by the bytes of all pages before it.
+// Neither a page nor the root crosses a multiple of 2^32, so the upper word of the address is the same for all of it.
+// In the root, the bytes of all pages before a page are subtracted from the lower word of its address.
 VELLUM_CONST uint kSlotsPerPageLog2 = 16u;
 VELLUM_CONST uint kDirectoryPages = 256u;
 VELLUM_CONST uint kFirstSlots = 65536u; // in the first page
@@ -151,25 +151,25 @@ VELLUM_CONST uint kFirstSlots = 65536u; // in the first page
 VELLUM_CONST uint kRootHeaderWords = 16u;
 VELLUM_CONST uint kRootHashTable = 0u; // words 0, 1: address of the BLAS hash table
 
-VELLUM_CONST uint kRootGpuErrors = 2u; // words 2, 3: address of the counters of notices that the GPU has for the host
+VELLUM_CONST uint kRootGpuErrors = 2u; // words 2, 3: address of the counters of GPU errors
 
-// Notices: what only the GPU can find out about a copy. Numbers of counters, one word each, which only the GPU writes.
+// GPU errors: errors of copies that only the GPU can find. Indices of counters, one word each, which only the GPU
+// writes.
 VELLUM_CONST uint kGpuErrorForeignData = 0u;      // UUIDs of another driver or layer version
-VELLUM_CONST uint kGpuErrorDamagedData = 1u;      // serialized data that is no such data, or not all of it
+VELLUM_CONST uint kGpuErrorDamagedData = 1u;      // data that is not serialized data, or not complete
 VELLUM_CONST uint kGpuErrorWrongType = 2u;        // serialized data of the other type of structure
 VELLUM_CONST uint kGpuErrorTargetTooSmall = 3u;   // acceleration structure that is too small for the data
 VELLUM_CONST uint kGpuErrorMemoryTooSmall = 4u;   // buffer that is too small for the serialized data
 VELLUM_CONST uint kGpuErrorUnknownReference = 5u; // instance of a bottom-level structure that does not exist
 VELLUM_CONST uint kGpuErrorUnbuiltReference = 6u; // instance of a bottom-level structure that was never built
 VELLUM_CONST uint kGpuErrorCopyTooSmall = 7u;     // acceleration structure that is too small for a copy of another
-VELLUM_CONST uint kGpuErrorUnknownMicromap =
-    8u; // serialized data that names a micromap that does not exist, or fits not
+VELLUM_CONST uint kGpuErrorUnknownMicromap = 8u; // serialized data names a micromap that does not exist or is too small
 VELLUM_CONST uint kGpuErrorMicromapTooSmall = 9u;  // micromap, or buffer, that is too small for a copy of a micromap
 VELLUM_CONST uint kGpuErrorMicromapNotBuilt = 10u; // copy of a micromap that was never built
-VELLUM_CONST uint kGpuErrorMicromapData = 11u; // serialized data of a micromap that is no such data, or not all of it
-VELLUM_CONST uint kGpuErrorMicromapOverlap = 12u; // source and target of a copy of a micromap overlap
+VELLUM_CONST uint kGpuErrorMicromapData = 11u;     // data that is not a serialized micromap, or not complete
+VELLUM_CONST uint kGpuErrorMicromapOverlap = 12u;  // source and target of a copy of a micromap overlap
 VELLUM_CONST uint kGpuErrors = 13u;
-VELLUM_CONST uint kGpuErrorTotal = kGpuErrors; // counts all of them, after the one's own counter
+VELLUM_CONST uint kGpuErrorTotal = kGpuErrors; // counts all of them; incremented after the error's own counter
 VELLUM_CONST uint kGpuErrorCounters = kGpuErrors + 1u;
 // The word after the counters: the greatest instanceShaderBindingTableRecordOffset of all instances that were built.
 VELLUM_CONST uint kGreatestRecordOffset = kGpuErrorCounters;
@@ -180,33 +180,36 @@ VELLUM_CONST uint kGreatestRecordOffset = kGpuErrorCounters;
 VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
-// --- descriptor: what is at an acceleration structure's address; written by the GPU when a build or a copy executes
-// --- word 0, 1: address of the tail; of a BLAS without records, where the driver's part ends, if that is known word 2:
-// kDescriptor* word 3: 16-byte units of the tail word 4: number of geometry records or of instances word 5: of a BLAS:
-// 16-byte units of the tail without data units, which come last word 6: of a BLAS: 16-byte units of the driver's part
-// of a compacted copy; 0: nobody has asked word 7: of a kDescriptorBoxes: which geometries are opaque: bit (geometry %
-// 32), which says it for any number of geometries
-//         if they are all alike
-//         of others, and of kDescriptorBoxes in word 6: number of the deserialization that wrote the descriptor; 0:
-//         none did in the place of a descriptor that describes serialized data: address (words 6, 7) of the handles
+// --- descriptor: states what an acceleration structure holds; the GPU writes it when a build or a copy executes ---
+// word 0, 1: address of the tail; of a BLAS without records: end of the driver's part, 0 if that is unknown
+// word 2: kDescriptor*
+// word 3: 16-byte units of the tail
+// word 4: number of geometry records or of instances
+// word 5: of a BLAS: 16-byte units of the tail without data units, which come last
+// word 6: of a BLAS: 16-byte units of the driver's part of a compacted copy; 0: its size was not queried
+// word 7: of kDescriptorBoxes: which geometries are opaque: bit (geometry % 32), which is valid for any number of
+//         geometries if all are alike
+//         of others, and for kDescriptorBoxes in word 6: serial of the deserialization that wrote the descriptor; 0: it
+//         was not written by one
+// A descriptor of instances in serialized data has the address of the handles in words 6, 7.
 VELLUM_CONST uint kDescriptorWords = 8u;
-VELLUM_CONST uint kDescriptorUnbuilt = 0u; // nothing was built there
+VELLUM_CONST uint kDescriptorUnbuilt = 0u; // nothing was built
 VELLUM_CONST uint kDescriptorBottom = 1u;  // a BLAS with geometry records
 VELLUM_CONST uint kDescriptorTop = 2u;     // a TLAS
-VELLUM_CONST uint kDescriptorBroken = 3u;  // a copy that was not carried out: not to be instanced
+VELLUM_CONST uint kDescriptorBroken = 3u;  // a copy that failed: must not be instanced
 VELLUM_CONST uint kDescriptorPlain = 4u;   // a BLAS without geometry records
-// At the address of a micromap + kMicromapKey: word 3: units of its memory. At an address, only the kind: serialized
-// data that was deserialized there held a micromap.
+VELLUM_CONST uint kDescriptorBoxes = 5u;   // a BLAS of boxes, and it is known which geometries are opaque
+// With the key "address of a micromap + kMicromapKey": word 3: units of its memory. With the address of a structure
+// only word 2 is valid: a micromap was deserialized there.
 VELLUM_CONST uint kDescriptorMicromap = 6u;
 VELLUM_CONST uint kMicromapKey = 1u;
-VELLUM_CONST uint kDescriptorBoxes = 5u; // the same, of boxes of which it is known which geometries are opaque
 
 // --- serialized acceleration structures: the header of the specification, padded to 16 bytes; for a BLAS the driver's
-// serialized data; the layer's block: header (16 words), then the tail, with places of data units as units from the
-// tail's beginning. Of a geometry with a named micromap that place is kPlaceNamed, and the next word tells which of the
-// addresses in the specification's header it has ---
+// serialized data; the layer's block: header (16 words), then the tail, in which data units have an offset in units
+// from the tail's beginning in place of their address. A geometry with a named micromap has the offset kDataNamed, and
+// in the next word the index of the micromap's address in the specification's header ---
 VELLUM_CONST uint kSerializedHeaderWords = 14u; // two UUIDs, total and deserialized size, number of handles
-VELLUM_CONST uint kPlaceNamed = 0xffffffffu;
+VELLUM_CONST uint kDataNamed = 0xffffffffu;
 VELLUM_CONST uint kMaxBlockAddresses = 0x01000000u;
 VELLUM_CONST uint kBlockMagic = 0x534d4f56u; // "VOMS"
 VELLUM_CONST uint kBlockVersion = 3u;
@@ -221,57 +224,57 @@ VELLUM_CONST uint kBlockHeaderTailUnits = 5u;
 VELLUM_CONST uint kBlockHeaderTailOffset = 6u;  // 16-byte units from the beginning of the structure
 VELLUM_CONST uint kBlockHeaderChecksum = 7u;    // of the driver's data and the tail
 VELLUM_CONST uint kBlockHeaderOpaqueBoxes = 8u; // word 7 of the descriptor
-// The compatibility UUID is the driver's with these words added in: the driver alone would take slots for custom
-// indices, and the layer finds no block in the driver's own data.
+// The compatibility UUID is the driver's, XORed with this word: the driver alone would use slots as custom indices, and
+// data of the driver alone has no block.
 VELLUM_CONST uint kCompatibilityWord = 0x564d4f03u; // changes with kBlockVersion
-// The deserialized size of a TLAS is this modulo 256, of a BLAS 0: so that it is known what serialized data holds.
+// The deserialized size modulo 256 states what serialized data holds: this for a TLAS, 0 for a BLAS.
 VELLUM_CONST uint kTopLevelSizeMark = 128u;
-// And sizes of micromaps as acceleration structures are this modulo 256.
+// The size modulo 256 of micromaps that are acceleration structures.
 VELLUM_CONST uint kMicromapSizeMark = 64u;
 
 VELLUM_CONST uint kInstanceUnits = 4u; // 16-byte units of a VkAccelerationStructureInstanceKHR
 
 // --- micromaps that the driver has serialized (shaders/khr_over_ext/serialized_header.comp) ---
-// After the driver's data: its deserialized size (2 words), then these words. The header has the size that applications
-// see instead, and a total size with this trailer.
+// A trailer follows the driver's data: its deserialized size (2 words), then the magic words. The header has the marked
+// size in place of the driver's, and a total size that includes the trailer.
 VELLUM_CONST uint kSerializedTrailerBytes = 16u;
 VELLUM_CONST uint kSerializedTrailerMagic0 = 0x564d4f54u;
 VELLUM_CONST uint kSerializedTrailerMagic1 = 0x31a78c05u;
 VELLUM_CONST uint kSerializedSeal = 0u;  // the driver has just written the data
-VELLUM_CONST uint kSerializedOpen = 1u;  // makes the header the driver's, which is about to read it
-VELLUM_CONST uint kSerializedClose = 2u; // undoes that
+VELLUM_CONST uint kSerializedOpen = 1u;  // restores the driver's header before the driver reads it
+VELLUM_CONST uint kSerializedClose = 2u; // undoes kSerializedOpen
 
-// --- copies of micromaps (shaders/micromap_move.comp) ---
+// --- copies of micromaps (shaders/micromaps/micromap_move.comp) ---
 VELLUM_CONST uint kMoveSerialize = 0u;
 VELLUM_CONST uint kMoveDeserialize = 1u;
-VELLUM_CONST uint kMoveCopy = 2u;          // clone or compact: what is in use
-VELLUM_CONST uint kMoveMarked = 4u;        // a bit: the deserialized size is to be kMicromapSizeMark modulo 256
-VELLUM_CONST uint kMoveOnlyMicromaps = 8u; // a bit: data of anything else is left alone, it is not a mistake
+VELLUM_CONST uint kMoveCopy = 2u;          // clone or compact: the bytes in use
+VELLUM_CONST uint kMoveMarked = 4u;        // a bit: the deserialized size becomes kMicromapSizeMark modulo 256
+VELLUM_CONST uint kMoveOnlyMicromaps = 8u; // a bit: other data is ignored, without an error
 VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 
-// --- values of queries (shaders/query_value.comp) ---
-VELLUM_CONST uint kQueryMicromapCompacted = 0u; // and the size that a clone needs: what is in use
+// --- values of queries (shaders/query_pool/query_value.comp) ---
+VELLUM_CONST uint kQueryMicromapCompacted = 0u; // also the size that a clone needs: the bytes in use
 VELLUM_CONST uint kQueryMicromapSerialized = 1u;
-VELLUM_CONST uint kQueryMarked = 4u; // a bit: the size is to be kMicromapSizeMark modulo 256
+VELLUM_CONST uint kQueryMarked = 4u; // a bit: the size becomes kMicromapSizeMark modulo 256
 
 // --- log of wrong input: header (4 words), then kLogCapacity entries (8 words) ---
-// header word 0: number of entries that there were to write
-// entry words: what (kComplaint*; written last), triangle, two values, handle of the object (2 words)
+// header word 0: number of entries, including those that did not fit
+// entry words: kFinding* (written last), triangle, two values, name of the object (2 words)
 VELLUM_CONST uint kLogHeaderWords = 4u;
 VELLUM_CONST uint kLogCount = 0u;
 VELLUM_CONST uint kLogEntryWords = 8u;
 VELLUM_CONST uint kLogCapacity = 4096u;
-VELLUM_CONST uint kFindingUnreadable = 1u;  // the triangle lies outside triangleArray's buffer
-VELLUM_CONST uint kFindingFormat = 2u;      // value 0: data offset, value 1: level | format << 16; so for the next ones
-VELLUM_CONST uint kFindingLevel = 3u;       // above 12
-VELLUM_CONST uint kFindingUndeclared = 4u;  // above the highest level of the usage counts
-VELLUM_CONST uint kFindingData = 5u;        // outside the buffer
-VELLUM_CONST uint kFindingNoCapacity = 6u;  // more data than the usage counts
-VELLUM_CONST uint kFindingCounts = 7u;      // not about a triangle; value 0, 1: data units declared, found
-VELLUM_CONST uint kFindingIndex = 8u;       // of a geometry; value 0: the index, value 1: triangles of the micromap
-VELLUM_CONST uint kFindingNotBuilt = 9u;    // a micromap that was never built, not about a triangle
-VELLUM_CONST uint kFindingTooLarge = 10u;   // a copy into a micromap that is too small, not about a triangle
-VELLUM_CONST uint kFindingSerialized = 11u; // not a serialized micromap of this layout
+VELLUM_CONST uint kFindingUnreadable = 1u; // the triangle lies outside triangleArray's buffer
+VELLUM_CONST uint kFindingFormat = 2u; // value 0: data offset, value 1: level | format << 16, also for the next ones
+VELLUM_CONST uint kFindingLevel = 3u;  // above 12
+VELLUM_CONST uint kFindingUndeclared = 4u;   // above the highest level of the usage counts
+VELLUM_CONST uint kFindingData = 5u;         // outside the buffer
+VELLUM_CONST uint kFindingNoCapacity = 6u;   // more data than the usage counts
+VELLUM_CONST uint kFindingCounts = 7u;       // not about a triangle; value 0, 1: data units declared, found
+VELLUM_CONST uint kFindingIndex = 8u;        // of a geometry; value 0: the index, value 1: triangles of the micromap
+VELLUM_CONST uint kFindingNotBuilt = 9u;     // a micromap that was never built, not about a triangle
+VELLUM_CONST uint kFindingTooLarge = 10u;    // a copy into a micromap that is too small, not about a triangle
+VELLUM_CONST uint kFindingSerialized = 11u;  // not a serialized micromap of this layout
 VELLUM_CONST uint kFindingIndexBuffer = 12u; // the index lies outside its buffer
 VELLUM_CONST uint kFindingOverlap = 13u;     // a copy of a micromap onto itself, in part or whole
 

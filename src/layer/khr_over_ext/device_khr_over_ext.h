@@ -1,6 +1,6 @@
-// The room of translation: VK_KHR_opacity_micromap by a driver that has VK_EXT_opacity_micromap only. Micromaps are the
-// driver's; what is here puts each command of KHR as EXT has it. Devices that enable VK_KHR_opacity_micromap on such a
-// driver use this room in the place of those that emulate.
+// What the subsystem khr_over_ext uses on a device: it translates VK_KHR_opacity_micromap for a driver that has only
+// VK_EXT_opacity_micromap. Micromaps are the driver's. Devices that enable VK_KHR_opacity_micromap on such a driver use
+// this subsystem in place of emulation.
 #pragma once
 
 #include "layer/pipelines/device_pipelines.h"

@@ -16,7 +16,7 @@ bool ExtBackend::begin(VkCommandBuffer commandBuffer, const char *)
 
 const MicromapLimits *ExtBackend::limits() const
 {
-    // The layer may be there for VK_KHR_device_address_commands alone.
+    // The device may use the layer for VK_KHR_device_address_commands alone.
     return device_.driver.next.GetMicromapBuildSizesEXT ? &limits_ : nullptr;
 }
 
@@ -29,7 +29,7 @@ bool ExtBackend::checkMicromap(const InputCheck &check, const BufferRange &range
     if ((device_.buffers.infos.get(range.buffer).usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) == 0)
         return check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
                             "the buffer was not created for acceleration structures");
-    return mayHaveMicromapAt(device_, range.buffer, range.offset) ||
+    return allowsMicromapAt(device_, range.buffer, range.offset) ||
            check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
                         "the address of a micromap is not a multiple of 256");
 }
@@ -69,7 +69,7 @@ void ExtBackend::recordCorrection(InjectedWork &work, const Property &property)
 {
     if (!property.micromap)
         return;
-    // A structure of that size is to be known as one for a micromap.
+    // The size marks a structure that is created with it as one for a micromap.
     if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
         work.dispatch(InjectedShader::MarkedSize, shared::MarkedSizePush{property.address}, 1, 1);
     else if (property.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR)
@@ -79,7 +79,7 @@ void ExtBackend::recordCorrection(InjectedWork &work, const Property &property)
 
 VkAccelerationStructureCompatibilityKHR ExtBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
 {
-    // The headers of both are equally long, and serialized data is compatible only with the type it was made of.
+    // The version data of both types has the same length. It is compatible only with the type that was serialized.
     const DeviceTable &next = device_.driver.next;
     VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
     next.GetDeviceAccelerationStructureCompatibilityKHR(device_.driver.handle, &info, &result);

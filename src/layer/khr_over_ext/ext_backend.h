@@ -1,5 +1,5 @@
-// The back end whose micromaps are the driver's: each command of VK_KHR_opacity_micromap is put as
-// VK_EXT_opacity_micromap has it.
+// The back end of the driver's micromaps: each command of VK_KHR_opacity_micromap is translated to
+// VK_EXT_opacity_micromap.
 #pragma once
 
 #include "layer/khr_over_ext/serialized_locations.h"

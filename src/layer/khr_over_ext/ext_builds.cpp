@@ -1,4 +1,4 @@
-// Builds of micromaps, and of structures that name them, as VK_EXT_opacity_micromap has them.
+// Translates builds of micromaps, and of structures that name them, to VK_EXT_opacity_micromap.
 #include <algorithm>
 #include <deque>
 #include <string>
@@ -16,12 +16,12 @@ namespace
 
 using Attachment = VkAccelerationStructureTrianglesOpacityMicromapEXT;
 
-// VUID-vkCmdBuildMicromapsEXT-pInfos-07515; KHR wants 128.
+// VUID-vkCmdBuildMicromapsEXT-pInfos-07515; KHR requires 128.
 constexpr VkDeviceSize kInputAlignment = 256;
 
 // --- micromaps ---
 
-// Whether the driver cannot be given the triangles as they lie.
+// Whether the triangles must be copied, because the driver cannot read them in place.
 bool mustBeMoved(const MicromapBuild &build)
 {
     return build.extent.triangles > 0 &&
@@ -29,8 +29,8 @@ bool mustBeMoved(const MicromapBuild &build)
             build.triangleStride < sizeof(VkMicromapTriangleKHR) || build.triangleStride % 4 != 0);
 }
 
-// Gives the build triangles that lie as EXT wants them: packed, at an aligned address, with offsets from an aligned
-// address of the data. False: no memory.
+// Replaces the build's triangles by a copy as EXT requires them: packed, at an aligned address, with offsets from an
+// aligned address of the data. False: no memory.
 bool moveTriangles(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, InjectedWork &work, MicromapBuild &build)
 {
     const uint64_t triangles = build.extent.triangles;
@@ -57,7 +57,7 @@ VkMicromapBuildInfoEXT driverInfo(const MicromapBuild &build, VkMicromapEXT targ
 {
     VkMicromapBuildInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
     info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    // A lossy build may be without losses.
+    // A lossy build may be lossless.
     info.flags = build.flags & ~kLossyBuild;
     info.mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT;
     info.dstMicromap = target;
@@ -72,11 +72,11 @@ VkMicromapBuildInfoEXT driverInfo(const MicromapBuild &build, VkMicromapEXT targ
 
 // --- other structures ---
 
-// EXT wants to know exactly how many triangles of a geometry have each level and format, and drivers size a structure
-// by it; but the indices that decide it are read on the device, later. So it is the most that is possible: every
-// triangle of the geometry has each level and format of the micromap, or any if nothing is known of the micromap. The
-// counts of the micromap's own build would be less where it is not indexed; but a build may follow the query of its
-// size after the micromap was built again with more, and must not get more than the query.
+// EXT requires the exact number of triangles of a geometry that have each level and format, and drivers compute sizes
+// from it; but the device reads the indices that determine it later. The result is therefore an upper bound: every
+// triangle of the geometry has each level and format of the micromap, or all possible ones if the micromap is unknown.
+// Without indices the counts of the micromap's own build would be fewer, but the micromap may be built again with more
+// between the query of the structure's size and its build, and the build must not need more than the query returned.
 std::vector<VkMicromapUsageEXT> mostUsages(const MicromapLimits &limits, const PlacedMicromap &micromap,
                                            uint32_t primitives)
 {
@@ -92,7 +92,7 @@ std::vector<VkMicromapUsageEXT> mostUsages(const MicromapLimits &limits, const P
     return result;
 }
 
-// A build whose geometries' micromaps are given as EXT has them.
+// A build whose geometries name their micromaps as in EXT.
 class AttachedBuild
 {
 public:
@@ -108,7 +108,7 @@ public:
         }
     }
 
-    // Indices of 8 bits, which EXT does not have: 32-bit ones are to be written, and `attachment` is to name them.
+    // 8-bit indices, which EXT does not have: 32-bit ones will be written, and `attachment` will name them.
     struct Narrow {
         VkDeviceAddress indices;
         VkDeviceSize stride;
@@ -117,7 +117,7 @@ public:
     };
     [[nodiscard]] const std::vector<Narrow> &narrow() const { return narrow_; }
     [[nodiscard]] StructureBuild &build() const { return build_; }
-    // A micromap that the driver could not make.
+    // Whether the driver could not create one of the micromaps.
     [[nodiscard]] bool lacksMicromap() const { return lacksMicromap_; }
 
 private:
@@ -138,7 +138,7 @@ private:
             narrow_.push_back({given.indexBuffer, given.indexStride, primitives, &ext});
         }
         std::vector<VkMicromapUsageEXT> &usages = usages_.emplace_back();
-        // A query of sizes does not check what it is given.
+        // A query of sizes does not check its input, so the structure is looked up here.
         const auto structure = given.structure ? given.structure : device.objects.accelerationStructures.get(given.khr);
         if (structure && canHoldMicromap(*structure)) {
             const PlacedMicromap micromap = lastMicromap(device, *structure);
@@ -172,13 +172,13 @@ void widen(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const char *
     push.stride = static_cast<uint32_t>(narrow.stride);
     push.count = narrow.count;
     push.readable = device.buffers.addresses.elementsFrom(narrow.indices, 1, narrow.stride);
-    // No index is read where there are none, and their address may be anything.
+    // Without triangles no index is read, and the address may be anything.
     if (wide &&
         (narrow.count == 0 || (narrow.indices && work.dispatch(InjectedShader::WideIndices, push, narrow.count, 64)))) {
         narrow.attachment->indexBuffer.deviceAddress = wide;
         return;
     }
-    // No index is read, and no micromap.
+    // The build then reads no indices.
     device.driver.report().error("VELLUM-out-of-memory",
                                  std::string(command) + (narrow.indices
                                                              ? ": no memory for the indices of micromaps"
@@ -187,7 +187,7 @@ void widen(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const char *
     narrow.attachment->indexBuffer.deviceAddress = 0;
 }
 
-// All narrow indices of the builds, with one barrier before and one after.
+// Widens all narrow indices of the builds, with one barrier before and one after.
 void widenIndices(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const char *command,
                   const std::deque<AttachedBuild> &builds)
 {
@@ -219,7 +219,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
     bool anyMoved = false;
     for (size_t i = 0; i < builds.size(); ++i) {
         PlacedMicromap &micromap = micromaps[i];
-        // Handles may reach into one another, whichever their types.
+        // Handles of any types may overlap, so the driver gets one of exactly the size.
         micromap.bytes = std::max<VkDeviceSize>(builds[i].bytes, 1);
         micromap.isKnown = true;
         micromap.usages = builds[i].usages;
@@ -245,7 +245,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
             micromaps[i].isKnown = false;
         }
         infos.push_back(driverInfo(builds[i], micromaps[i].handle));
-        becomesMicromap(device_, *builds[i].structure, std::move(micromaps[i]));
+        setDriverMicromap(device_, *builds[i].structure, std::move(micromaps[i]));
     }
     if (anyMoved)
         work.barrier();

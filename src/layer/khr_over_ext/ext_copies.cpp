@@ -1,4 +1,4 @@
-// Copies of micromaps and other structures as VK_EXT_opacity_micromap has them.
+// Translates copies of micromaps, and records those of other structures.
 #include <algorithm>
 #include <string>
 
@@ -16,7 +16,7 @@ namespace
 constexpr VkAccelerationStructureTypeKHR kMicromap = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 constexpr VkAccelerationStructureTypeKHR kGeneric = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
-// VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07542 and VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07547; KHR wants 128.
+// VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07542 and VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07547; KHR requires 128.
 bool checkAlignment(const DeviceKhrOverExt &device, VkDeviceAddress data, const char *what)
 {
     if (data % 256 == 0)
@@ -26,8 +26,8 @@ bool checkAlignment(const DeviceKhrOverExt &device, VkDeviceAddress data, const 
     return false;
 }
 
-// What serialized data is to be read as. Commands for micromaps and for others are recorded before the device, or
-// anyone, looks at the data; its header is the same.
+// The content of serialized data. The driver has separate commands for micromaps and for other structures, which are
+// recorded before the device reads the data, and the headers are the same.
 SerializedLocations::Data dataAt(const DeviceKhrOverExt &device, const SerializedLocations &locations,
                                  const AccelerationStructure &target, VkDeviceAddress source)
 {
@@ -36,7 +36,7 @@ SerializedLocations::Data dataAt(const DeviceKhrOverExt &device, const Serialize
     const bool isMicromap = target.type != kGeneric
                                 ? target.type == kMicromap
                                 : (data ? data->isMicromap : target.size % 256 == shared::kMicromapSizeMark);
-    // Other data may have come there since.
+    // Other data may have been written there in the meantime.
     if (!data || data->isMicromap != isMicromap)
         return {isMicromap};
     return *std::move(data);
@@ -57,7 +57,8 @@ void recordHeader(const DeviceKhrOverExt &device, InjectedWork &work, VkDeviceAd
 
 VkDeviceSize ExtBackend::cloneBytes(const StructureCopy &copy)
 {
-    return copy.isMicromap() ? lastMicromap(device_, *copy.source).bytes : 0; // of others the driver knows it
+    return copy.isMicromap() ? lastMicromap(device_, *copy.source).bytes
+                             : 0; // the driver checks the size of other structures
 }
 
 void ExtBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy)
@@ -74,7 +75,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy
     }
     const PlacedMicromap from = lastMicromap(device_, *copy.source);
     PlacedMicromap to = from;
-    // How many bytes a compact copy has, only the device knows: no more than its source, and than there are.
+    // Only the device knows the size of a compacted copy; the size of the source and the target's capacity are bounds.
     if (copy.compact)
         to.bytes = std::min(from.bytes, capacityOf(device_.objects, *copy.target));
     to.handle = micromapOfSize(device_, *copy.target, to.bytes);
@@ -84,7 +85,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy
     info.src = from.handle;
     info.dst = to.handle;
     info.mode = copy.compact ? VK_COPY_MICROMAP_MODE_COMPACT_EXT : VK_COPY_MICROMAP_MODE_CLONE_EXT;
-    becomesMicromap(device_, *copy.target, std::move(to));
+    setDriverMicromap(device_, *copy.target, std::move(to));
     InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
     device_.driver.next.CmdCopyMicromapEXT(commandBuffer, &info);
@@ -156,7 +157,7 @@ void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCo
     info.src.deviceAddress = copy.data;
     info.dst = micromap.handle;
     info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
-    becomesMicromap(device_, target, std::move(micromap));
+    setDriverMicromap(device_, target, std::move(micromap));
     InjectedWork work(device_.commands, commandBuffer);
     work.barrier();
     recordHeader(device_, work, copy.data, shared::kSerializedOpen);

@@ -38,7 +38,7 @@ VkMicromapEXT PlacedMicromaps::ofSize(VkBuffer buffer, VkDeviceSize offset, VkDe
     info.offset = offset;
     info.size = bytes;
     info.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT;
-    micromaps_.reserve(micromaps_.size() + 1); // before the driver has made one
+    micromaps_.reserve(micromaps_.size() + 1); // allocate before the driver creates one
     VkMicromapEXT handle = VK_NULL_HANDLE;
     if (driver_.next.CreateMicromapEXT(driver_.handle, &info, nullptr, &handle) != VK_SUCCESS)
         return VK_NULL_HANDLE;
@@ -65,7 +65,7 @@ PlacedMicromap PlacedMicromaps::last() const
     return last_;
 }
 
-bool mayHaveMicromapAt(const DeviceKhrOverExt &device, VkBuffer buffer, VkDeviceSize offset)
+bool allowsMicromapAt(const DeviceKhrOverExt &device, VkBuffer buffer, VkDeviceSize offset)
 {
     const VkDeviceAddress address = device.buffers.addresses.addressOf(buffer);
     return offset % 256 == 0 || (address != 0 && (address + offset) % 256 == 0);
@@ -73,8 +73,8 @@ bool mayHaveMicromapAt(const DeviceKhrOverExt &device, VkBuffer buffer, VkDevice
 
 VkMicromapEXT micromapOfSize(DeviceKhrOverExt &device, const AccelerationStructure &structure, VkDeviceSize bytes)
 {
-    // Without either extension the driver has none.
-    if (!device.driver.next.CreateMicromapEXT || !mayHaveMicromapAt(device, structure.buffer, structure.offset))
+    // Null if neither extension is enabled.
+    if (!device.driver.next.CreateMicromapEXT || !allowsMicromapAt(device, structure.buffer, structure.offset))
         return VK_NULL_HANDLE;
     return locationOf(device, structure).ofSize(structure.buffer, structure.offset, bytes);
 }
@@ -96,7 +96,7 @@ bool checkDriverMicromap(const DeviceKhrOverExt &device, const char *command, co
                            .reject("VELLUM-out-of-memory", "the driver could not make a micromap");
 }
 
-void becomesMicromap(DeviceKhrOverExt &device, AccelerationStructure &structure, PlacedMicromap micromap)
+void setDriverMicromap(DeviceKhrOverExt &device, AccelerationStructure &structure, PlacedMicromap micromap)
 {
     becomes(structure, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, micromap.bytes);
     locationOf(device, structure).record(std::move(micromap));

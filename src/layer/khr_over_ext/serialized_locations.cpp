@@ -25,7 +25,7 @@ void SerializedLocations::set(const DeviceBuffers &device, VkDeviceAddress addre
     if (!key)
         return;
     std::lock_guard lock(mutex_);
-    // Those of buffers that are gone are not used again, and not looked for.
+    // Locations in destroyed buffers remain in the map, but their keys are not used again.
     if (locations_.size() >= kMostLocations)
         locations_.clear();
     locations_[*key] = std::move(data);

@@ -1,5 +1,5 @@
-// Where this device has written serialized data last. The header of a serialized micromap is that of any other
-// structure, and which of the driver's commands is to read it, must be known when that is recorded.
+// The locations of data that this device has serialized. A serialized micromap has the same header as other structures,
+// and the choice of the driver's command that deserializes it is made when that is recorded.
 #pragma once
 
 #include <cstdint>
@@ -21,16 +21,16 @@ class SerializedLocations
 public:
     struct Data {
         bool isMicromap = false;
-        bool isKnown = false;                     // what follows is
-        std::vector<VkMicromapUsageEXT> usages{}; // of the micromap (PlacedMicromap::usages)
+        bool isKnown = false;                     // `usages` is valid
+        std::vector<VkMicromapUsageEXT> usages{}; // PlacedMicromap::usages
     };
     void set(const DeviceBuffers &device, VkDeviceAddress address, Data data);
-    // What was serialized to that address; nothing where nothing was.
+    // The data that was serialized to that address.
     [[nodiscard]] std::optional<Data> find(const DeviceBuffers &device, VkDeviceAddress address) const;
 
 private:
-    using Key = std::pair<uint64_t, VkDeviceSize>; // a buffer, by its number of all of the device, and an offset in it
-    // Nothing: the address is in no known buffer.
+    using Key = std::pair<uint64_t, VkDeviceSize>; // the number of a buffer, and an offset in it
+    // nullopt: the address is in no known buffer.
     static std::optional<Key> keyOf(const DeviceBuffers &device, VkDeviceAddress address);
     mutable std::mutex mutex_;
     std::map<Key, Data> locations_;

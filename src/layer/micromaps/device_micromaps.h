@@ -1,5 +1,5 @@
-// The room of micromaps: builds, copies, host commands, the serialized form, and the front ends of
-// VK_EXT_opacity_micromap and VK_KHR_opacity_micromap.
+// What the subsystem of micromaps uses on a device: builds, copies, host commands and serialization of emulated
+// micromaps, and the input of both extensions.
 #pragma once
 
 #include "layer/command_buffer/device_command_buffers.h"

@@ -14,7 +14,7 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
                         const VkAllocationCallbacks *, VkMicromapEXT *micromap)
 {
     const InputCheck check(device.driver.report(), "vkCreateMicromapEXT");
-    // What is built there decides.
+    // Tolerated: the type of the build decides.
     if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT &&
         !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-type-parameter",
                         "type is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"))
@@ -25,14 +25,14 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
         !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
                         "DEVICE_ADDRESS_CAPTURE_REPLAY without the feature micromapCaptureReplay"))
         return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
-    // Drivers ignore the address then, and NVRHI always gives one.
+    // Drivers ignore the address in this case, and NVRHI always sets one.
     if (info->deviceAddress != 0 && !flagged &&
         !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
                         "deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const VkDeviceSize bufferSize = device.buffers.infos.get(info->buffer).size;
     const VkDeviceSize capacity = bufferSize - std::min(info->offset, bufferSize);
-    // What lies in the buffer may be enough for what is built there.
+    // The part inside the buffer may be large enough for the build.
     if (info->size > capacity &&
         !check.tolerateIf(capacity > 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07437",
                           "offset " + std::to_string(info->offset) + " + size " + std::to_string(info->size) +
@@ -43,7 +43,7 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
         !check.tolerateIf(info->offset % 16 == 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07438",
                           "offset " + std::to_string(info->offset) + " is not a multiple of 256"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    // A micromap is where its buffer is, which the driver was told to put where it was.
+    // The address of a micromap follows from that of its buffer, which the driver was asked to replay.
     if (replayable && info->deviceAddress != 0 &&
         info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
         device.driver.report().error(

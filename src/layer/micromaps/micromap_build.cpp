@@ -1,4 +1,4 @@
-#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_build.h"
 
 #include <algorithm>
 #include <cstring>
@@ -9,7 +9,7 @@
 #include "core/micromap.h"
 #include "core/records.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap_input.h"
+#include "layer/micromaps/micromap.h"
 
 namespace vellum::layer
 {
@@ -18,8 +18,8 @@ namespace
 
 using namespace shared;
 
-// So that the numbers of the triangles that come after the last one fit 32 bits, too.
-constexpr uint32_t kMostStaying = uint32_t{1} << 31;
+// The limit keeps indices of triangles after the last one below 2^32.
+constexpr uint32_t kMostInPlace = uint32_t{1} << 31;
 
 bool checkBuildOnDevice(const DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info,
                         MicromapBuild &build)
@@ -43,8 +43,8 @@ bool checkBuildOnDevice(const DeviceMicromaps &device, const InputCheck &check, 
                             std::to_string(build.extent.scratchBytes()));
 }
 
-// Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, where the usage counts say that all have
-// the same; 0: they do not, or their states are kept in the records.
+// Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, if the usage counts declare the same for
+// all of them; 0: they do not, or the states are kept in the records.
 uint32_t alikeOf(const MicromapBuild &build)
 {
     uint32_t alike = 0;
@@ -82,7 +82,7 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
     return push;
 }
 
-// Of the passes that coarsen a lossy build's input to scratch memory.
+// Push constants of the passes that coarsen the input of a lossy build to scratch memory.
 MicromapPush coarseningOf(MicromapPush push, const MicromapExtent &extent)
 {
     push.micromap = push.scratch + extent.coarsenedOffset();
@@ -90,7 +90,7 @@ MicromapPush coarseningOf(MicromapPush push, const MicromapExtent &extent)
     return push;
 }
 
-// Of the ordinary passes after them, which have nothing to tell any more.
+// Push constants of the ordinary passes after them. Findings have been reported.
 MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
 {
     push.triangleArray = push.scratch + extent.coarsenedOffset();
@@ -103,8 +103,8 @@ MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
     return push;
 }
 
-// The data as it lies, as much as there is room for, to be copied to where a micromap's data goes. Nothing where the
-// build shares data, or the driver would not let it be copied.
+// The copy of the input data, up to the micromap's capacity, to the micromap's data units. Null buffers if the build
+// shares data, or the driver does not allow the copy.
 struct DataCopy {
     VkBuffer from = VK_NULL_HANDLE;
     VkBuffer to = VK_NULL_HANDLE;
@@ -122,7 +122,8 @@ DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
         return {};
     const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
     const uint64_t bytes = std::min(source.bytes, extent.units * kDataUnitBytes);
-    // As much as there is room for may reach from the data into the micromap: VUID-vkCmdCopyBuffer-pRegions-00117.
+    // The capacity may exceed the data, so that the copy reaches into the micromap itself:
+    // VUID-vkCmdCopyBuffer-pRegions-00117.
     const VkDeviceAddress to = micromapAddress(device.driver, build.target) + begin;
     if (from < to + bytes && to < from + bytes)
         return {};
@@ -133,16 +134,16 @@ DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
 struct OneBuild {
     MicromapPush push{};
     DataCopy copy;
-    // Where the data may stay as it is copied, one pass finds that out and writes all records. The others are
-    // dispatched indirectly, with arguments in the scratch memory, and so only cost time if that pass starts them.
-    bool stays = false;
+    // If the data may be used in place, one pass checks that and writes all records. The other passes are dispatched
+    // indirectly, with arguments in the scratch memory, so that they cost little unless that pass starts them.
+    bool inPlace = false;
     VkBuffer scratch = VK_NULL_HANDLE;
     VkDeviceSize scratchOffset = 0;
     VkDeviceSize micromapOffset = 0; // in copy.to
 
     [[nodiscard]] bool shares() const { return (push.flags & kBuildShare) != 0; }
     [[nodiscard]] bool verbatim() const { return (push.flags & kBuildVerbatim) != 0; }
-    // More than kPartUnits units is what triangles of level 7 and above have.
+    // Triangles of level 7 and above have more than kPartUnits units.
     [[nodiscard]] bool hasParts() const
     {
         return (push.flags >> kBuildMaxLevelShift & 15) >= 7 && push.partCapacity > 0;
@@ -156,10 +157,10 @@ struct OneBuild {
     }
 };
 
-// Triangles for each invocation of the pass over triangles that stay.
-uint32_t staysPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
+// Triangles for each invocation of the pass in place.
+uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
 {
-    // So many keep a GPU busy.
+    // 16384 invocations keep a GPU busy.
     if (device.driver.threads == 0)
         return std::clamp(triangles / 16384, 1u, 64u);
     // A workgroup of 64 takes lavapipe a microsecond, as a thousand triangles do. Four for each of its threads share
@@ -168,14 +169,13 @@ uint32_t staysPerInvocation(const DeviceMicromaps &device, uint32_t triangles)
     return std::max(triangles / invocations, 1u);
 }
 
-// Makes the pass over triangles that stay ready, where it can be used: the layer has to know the scratch memory's
-// buffer.
-void letStay(const DeviceMicromaps &device, OneBuild &build)
+// Prepares the pass in place, if the build can use it: the layer must know the buffer of the scratch memory.
+void prepareInPlace(const DeviceMicromaps &device, OneBuild &build)
 {
     MicromapPush &push = build.push;
     const AddressMap::Location location = device.buffers.addresses.find(push.scratch);
     const VkFlags64 wanted = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostStaying ||
+    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostInPlace ||
         (device.buffers.infos.get(location.buffer).usage & wanted) != wanted)
         return;
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
@@ -184,17 +184,17 @@ void letStay(const DeviceMicromaps &device, OneBuild &build)
     if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
         push.triangleArray % sizeof(VkMicromapTriangleEXT) != 0 || end < bytes)
         push.alike = 0;
-    // Whether counts of several kinds are right is only found by adding up.
+    // The log also compares the usage counts with the input. For counts of several kinds only the other passes do that.
     if (push.alike == 0 && push.log != 0)
         return;
     push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
-    push.staysPerInvocation = staysPerInvocation(device, push.triangleCount);
-    build.stays = true;
+    push.trianglesPerInvocation = trianglesPerInvocation(device, push.triangleCount);
+    build.inPlace = true;
     build.scratch = location.buffer;
     build.scratchOffset = location.offset;
 }
 
-// One vkCmdBuildMicromapsEXT, stage by stage: builds of one command are not ordered among each other.
+// The builds of one command, stage by stage: they are not ordered among each other.
 class Build
 {
 public:
@@ -215,7 +215,7 @@ public:
             lossy_.emplace_back().push = coarseningOf(build.push, given.extent);
             build.push = coarsenedOf(build.push, given.extent);
         }
-        letStay(device_, build);
+        prepareInPlace(device_, build);
         builds_.push_back(build);
     }
 
@@ -230,20 +230,20 @@ public:
             prepare(build);
         stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
             const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
-            return build.stays || build.triangles() == 0 ? 0 : words;
+            return build.inPlace || build.triangles() == 0 ? 0 : words;
         });
         if (share)
             analyse(parts);
-        stage(InjectedShader::MicromapStay, [](const OneBuild &build) {
-            return build.stays ? (build.triangles() - 1) / build.push.staysPerInvocation + 1 : 0;
+        stage(InjectedShader::MicromapInPlace, [](const OneBuild &build) {
+            return build.inPlace ? (build.triangles() - 1) / build.push.trianglesPerInvocation + 1 : 0;
         });
-        stageOrNot(InjectedShader::MicromapCheck, kArgumentsCheck);
-        stageOrNot(InjectedShader::MicromapSums, kArgumentsBlocks);
-        stageOrNot(InjectedShader::MicromapScan, kArgumentsScan);
-        stageOrNot(InjectedShader::MicromapPlace, kArgumentsBlocks);
+        conditionalStage(InjectedShader::MicromapCheck, kArgumentsCheck);
+        conditionalStage(InjectedShader::MicromapSums, kArgumentsBlocks);
+        conditionalStage(InjectedShader::MicromapScan, kArgumentsScan);
+        conditionalStage(InjectedShader::MicromapPlace, kArgumentsBlocks);
         if (parts) {
-            stageOrNot(InjectedShader::MicromapParts, kArgumentsParts);
-            stageOrNot(InjectedShader::MicromapFold, kArgumentsParts);
+            conditionalStage(InjectedShader::MicromapParts, kArgumentsParts);
+            conditionalStage(InjectedShader::MicromapFold, kArgumentsParts);
         }
         if (share)
             stage(InjectedShader::MicromapOwners, sharedTriangles);
@@ -252,7 +252,7 @@ public:
 private:
     static uint64_t sharedTriangles(const OneBuild &build) { return build.shares() ? build.triangles() : 0; }
 
-    // Invocations of a stage whose dispatch has these arguments.
+    // Workgroups of the stages whose dispatch has these arguments.
     static VkDispatchIndirectCommand groupsOf(const OneBuild &build, uint32_t arguments)
     {
         switch (arguments) {
@@ -268,7 +268,7 @@ private:
         const DeviceTable &next = device_.driver.next;
         if (build.copy.from)
             next.CmdCopyBuffer(commandBuffer_, build.copy.from, build.copy.to, 1, &build.copy.region);
-        if (!build.stays)
+        if (!build.inPlace)
             return;
         uint32_t scratch[kScratchTables] = {};
         for (uint32_t i = 0; i < kArgumentWords; i += 3) {
@@ -289,7 +289,7 @@ private:
         }
     }
 
-    // Lossy builds first: the other stages then read what these leave in scratch memory.
+    // Lossy builds are coarsened first: the other stages then read the coarsened micromaps in scratch memory.
     void coarsen()
     {
         builds_.swap(lossy_);
@@ -322,7 +322,7 @@ private:
         return std::any_of(builds_.begin(), builds_.end(), predicate);
     }
 
-    // One shader for every build, then a barrier. `invocations(build)`: 0 where the build does not need the stage.
+    // One shader for every build, then a barrier. `invocations(build)`: 0 if the build does not need the stage.
     template <typename Invocations>
     void stage(InjectedShader shader, Invocations invocations, uint32_t groupSize = 64, uint32_t flags = 0)
     {
@@ -337,8 +337,8 @@ private:
         work_.barrier();
     }
 
-    // The same, where builds that let their data stay only need the stage if not all data can.
-    void stageOrNot(InjectedShader shader, uint32_t arguments)
+    // The same for a stage that builds in place only need if some triangle cannot use its data in place.
+    void conditionalStage(InjectedShader shader, uint32_t arguments)
     {
         bool some = false;
         for (const OneBuild &build : builds_) {
@@ -346,7 +346,7 @@ private:
             if (groups.x == 0 || (shader == InjectedShader::MicromapFold && build.shares()))
                 continue;
             some = true;
-            if (build.stays)
+            if (build.inPlace)
                 work_.dispatchIndirect(shader, build.push, build.scratch,
                                        build.scratchOffset + (kScratchArguments + arguments) * 4);
             else
@@ -360,7 +360,7 @@ private:
     VkCommandBuffer commandBuffer_;
     InjectedWork work_;
     std::vector<OneBuild> builds_;
-    std::vector<OneBuild> lossy_; // of the passes that coarsen
+    std::vector<OneBuild> lossy_; // for the passes that coarsen
 };
 
 } // namespace
@@ -385,7 +385,7 @@ void getMicromapBuildSizes(DeviceMicromaps &device, VkDevice, VkAccelerationStru
     if (!build)
         return;
     sizes->micromapSize = alignUp(build->extent.bytes(), 256);
-    // The host has memory of its own.
+    // Host builds need no scratch memory.
     if (type != VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR)
         sizes->buildScratchSize = build->extent.scratchBytes();
 }

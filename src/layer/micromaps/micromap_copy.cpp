@@ -1,6 +1,5 @@
-// Copies of micromaps: clone, compact, serialize, deserialize. A micromap is self-contained and nothing in it depends
-// on where it lies, so the first two copy bytes. How many are in use, only the device knows: the size of a handle says
-// nothing about it, and behind what is in use may lie what is not the micromap's.
+#include "layer/micromaps/micromap_copy.h"
+
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -35,12 +34,12 @@ MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &microma
     return push;
 }
 
-// How much there is to move, only the device knows: a handle may be far larger than what was built there.
+// Only the device knows how many bytes are in use: a handle may be far larger than what was built there.
 void move(InjectedWork &work, const Driver &driver, MicromapMovePush push)
 {
     const uint64_t units = push.micromapBytes / kDataUnitBytes;
     const uint64_t invocations = (units + kMoveUnitsPerInvocation - 1) / kMoveUnitsPerInvocation;
-    // So many keep a GPU busy; a CPU, four workgroups for each of its threads.
+    // Enough to keep a GPU busy, or four workgroups for each thread of a CPU.
     const uint64_t most = driver.threads == 0 ? 1u << 16 : 4u * 64u * std::min(driver.threads, 64u);
     push.invocations = static_cast<uint32_t>(std::clamp<uint64_t>((invocations + 63) / 64 * 64, 64, most));
     work.barrier();
@@ -48,14 +47,14 @@ void move(InjectedWork &work, const Driver &driver, MicromapMovePush push)
     work.barrier(true);
 }
 
-// A micromap that no micromap fits is easily made: the size queries say 0 after a message. No shader may look at its
-// header.
+// Whether the memory is smaller than any micromap, as it is if the application creates it by a failed size query, which
+// returns 0. No shader may read its header.
 bool tooSmall(const Micromap &micromap)
 {
     return micromap.size < kMicromapHeaderWords * 4;
 }
 
-void refuseTooSmall(const DeviceMicromaps &device, const char *command, const Micromap &micromap, bool target)
+void rejectTooSmall(const DeviceMicromaps &device, const char *command, const Micromap &micromap, bool target)
 {
     device.driver.report().error(target ? "VELLUM-micromap-copy-size" : "VELLUM-micromap-not-constructed",
                                  std::string(command) + ": " + (target ? "dst" : "src") + " has " +
@@ -69,8 +68,8 @@ void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
                         const Micromap &source, const Micromap &target)
 {
     if (tooSmall(source) || tooSmall(target))
-        return refuseTooSmall(device, command, tooSmall(source) ? source : target, !tooSmall(source));
-    // Handles may overlap, where what is in use does not; that, the shader checks.
+        return rejectTooSmall(device, command, tooSmall(source) ? source : target, !tooSmall(source));
+    // Handles may overlap as long as the bytes in use do not; the shader checks these.
     if (source.buffer == target.buffer && source.offset == target.offset) {
         device.driver.report().error("VELLUM-micromap-copy-overlap", std::string(command) + ": src and dst overlap",
                                      target.object.type, target.object.handle);
@@ -87,7 +86,7 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
                         VkDeviceAddress target)
 {
     if (tooSmall(source))
-        return refuseTooSmall(device, "serialization of a micromap", source, false);
+        return rejectTooSmall(device, "serialization of a micromap", source, false);
     const bool structure = source.object.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
     MicromapMovePush push = movePush(device, source, kMoveSerialize | (structure ? kMoveMarked : 0));
     push.serialized = target;
@@ -99,12 +98,12 @@ void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, 
 }
 
 void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
-                           VkDeviceAddress source, DataThatIsNone none)
+                           VkDeviceAddress source, InvalidData invalid)
 {
     if (tooSmall(target))
-        return refuseTooSmall(device, "deserialization of a micromap", target, true);
+        return rejectTooSmall(device, "deserialization of a micromap", target, true);
     MicromapMovePush push =
-        movePush(device, target, kMoveDeserialize | (none == DataThatIsNone::LeavesTheTarget ? kMoveOnlyMicromaps : 0));
+        movePush(device, target, kMoveDeserialize | (invalid == InvalidData::KeepsTarget ? kMoveOnlyMicromaps : 0));
     push.serialized = source;
     push.serializedBytes = device.buffers.addresses.bytesFrom(source);
     InjectedWork work(device.commands, commandBuffer);

@@ -13,10 +13,10 @@ namespace
 
 using namespace shared;
 
-// The build's shaders count in 32 bits, and add the units of a block to a sum that may have reached the limit.
+// The build's shaders use 32-bit sums, and add the units of a block to a sum that may have reached the limit.
 constexpr uint64_t kMostTriangles = UINT32_MAX;
 constexpr uint64_t kMostUnits = UINT32_MAX - (uint64_t{kPlaceBlock} << 18);
-// Above it, tables for sharing would have to be addressed in 64 bits.
+// Above it, the tables for sharing would need 64-bit offsets.
 constexpr uint64_t kMostSharing = uint64_t{1} << 26;
 
 } // namespace
@@ -78,8 +78,8 @@ MicromapExtent extentOf(std::span<const VkMicromapUsageEXT> usages, VkBuildMicro
     extent.share = (flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0 &&
                    (flags & VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT) == 0 && extent.triangles > 0 &&
                    extent.triangles <= kMostSharing;
-    // Nothing is gained where there is no data. Offsets of triangles' data have 32 bits: a build may be lossy, it
-    // need not.
+    // Without data there is nothing to save. Data offsets of triangles have 32 bits; a larger lossy build is built
+    // without losses, which is allowed.
     extent.lossy = (flags & kLossyBuild) != 0 && extent.units > 0 && extent.coarsenedBytes() <= UINT32_MAX;
     return extent;
 }

@@ -1,4 +1,4 @@
-// The sizes that follow from the usage counts of a micromap build. Device and host builds.
+// Sizes of a micromap build, computed from its usage counts. For device and host builds.
 #pragma once
 
 #include <cstdint>
@@ -11,22 +11,22 @@
 namespace vellum::layer
 {
 
-// Among VkMicromapBuildInfoEXT::flags: the build is lossy, a flag that only VK_KHR_opacity_micromap has.
+// In MicromapBuild::flags: the build is lossy. Only VK_KHR_opacity_micromap has the flag.
 inline constexpr VkBuildMicromapFlagsEXT kLossyBuild = 0x400;
 
-// Blocks that the shaders of a build place its triangles by.
+// Number of blocks of triangles, each of which one workgroup of micromap_place.comp processes.
 constexpr uint64_t blocksOf(uint64_t triangles)
 {
     return (triangles + shared::kPlaceBlock - 1) / shared::kPlaceBlock;
 }
 
-// What shaders need of scratch memory. Drivers may ask for less (minAccelerationStructureScratchOffsetAlignment; 8 on
-// lavapipe), so a build begins at the first such address, and needs up to so many bytes more. No known driver asks for
-// less than the second.
+// Alignment of scratch memory that the shaders need. Drivers may require less
+// (minAccelerationStructureScratchOffsetAlignment; 8 on lavapipe), so a build begins at the next aligned address, and
+// its scratch size includes up to so many bytes. No known driver requires less than kLeastScratchAlignment.
 inline constexpr uint64_t kBuildScratchAlignment = 16;
 inline constexpr uint64_t kLeastScratchAlignment = 4;
 
-// What a micromap of some usage counts takes.
+// The extent of a micromap with some usage counts.
 struct MicromapExtent {
     uint64_t triangles = 0;
     uint64_t units = 0; // of kDataUnitBytes
@@ -40,13 +40,13 @@ struct MicromapExtent {
     // Slots of the hash table in the scratch memory, a power of two.
     [[nodiscard]] uint64_t tableSlots() const;
     [[nodiscard]] uint64_t scratchBytes() const;
-    // Where the scratch memory holds the coarsened micromap of a lossy build: behind everything else. Its bytes.
+    // The coarsened micromap of a lossy build: its offset in the scratch memory, after everything else, and its bytes.
     [[nodiscard]] uint64_t coarsenedOffset() const;
     [[nodiscard]] uint64_t coarsenedBytes() const;
     // Whether the build's shaders can count its triangles and units.
     [[nodiscard]] bool countable() const;
 };
-// `usages`: with counts above 0.
+// `usages`: only counts above 0.
 MicromapExtent extentOf(std::span<const VkMicromapUsageEXT> usages, VkBuildMicromapFlagsEXT flags);
 
 } // namespace vellum::layer

@@ -1,12 +1,11 @@
-// The host commands of micromaps (feature micromapHostCommands). What they write is what the device would
-// (core/micromap_memory.h). A deferred operation is carried out at once, which VK_OPERATION_NOT_DEFERRED_KHR says.
+#include "layer/micromaps/micromap_host.h"
+
 #include <algorithm>
 #include <cstring>
 #include <optional>
 
 #include "core/micromap_memory.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_input.h"
 #include "layer/micromaps/micromap_serialized.h"
 
@@ -35,13 +34,13 @@ VkResult reject(const InputCheck &check, const char *id, const std::string &text
     return VK_ERROR_VALIDATION_FAILED_EXT;
 }
 
-// Without the feature, the application's mappings are not known.
+// Without the feature the layer does not track the application's mappings.
 bool enabled(const DeviceMicromaps &device, const InputCheck &check, const char *id)
 {
     return device.driver.enabled.hostCommands || check.reject(id, "the feature micromapHostCommands is not enabled");
 }
 
-// Of copies that cannot be carried out, on the device as well, more is told than of the triangles of a build.
+// Reports a copy that cannot be carried out. As on the device, this does not depend on the setting `validate`.
 void reportFindingAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT micromap)
 {
     reportFinding(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
@@ -49,8 +48,8 @@ void reportFindingAbout(const DeviceMicromaps &device, uint32_t what, VkMicromap
 
 constexpr uint64_t kHeaderBytes = kMicromapHeaderWords * 4;
 
-// A micromap's memory as the host sees it; of it the first `most` bytes, since a handle may be far larger than what is
-// in it, and what lies behind that is not to be touched.
+// A micromap's memory in the host's address space: its first `most` bytes, since a handle may be far larger than the
+// micromap, and the memory after it must not be accessed.
 class View
 {
 public:
@@ -61,7 +60,7 @@ public:
     {
     }
     [[nodiscard]] uint8_t *bytes() const { return view_.bytes(); }
-    // A micromap that is smaller than its header is none, whatever it holds.
+    // Clears the magic number. Memory that is smaller than a header never holds a micromap.
     void invalidate() const
     {
         if (size_ >= kHeaderBytes)
@@ -73,7 +72,7 @@ private:
     HostView view_;
 };
 
-// Bytes in use, 0 where no micromap was constructed there; nothing where that cannot be read.
+// Bytes in use; 0 if no micromap was constructed there; nullopt if the host cannot read the memory.
 std::optional<uint64_t> readUsedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
 {
     const View header(device, handle, kHeaderBytes, HostView::For::Reading);
@@ -89,7 +88,7 @@ uint64_t usedBytes(DeviceMicromaps &device, VkMicromapEXT handle)
     return readUsedBytes(device, handle).value_or(0);
 }
 
-// What is in use, or the header's place where nothing is.
+// The bytes in use; the header if none are.
 View viewOf(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t used)
 {
     return {device, handle, std::max(used, kHeaderBytes), HostView::For::Reading};
@@ -106,13 +105,13 @@ void write(const DeviceMicromaps &device, const MicromapBuild &build, uint8_t *o
     input.maxLevel = build.extent.maxLevel;
     input.buildFlags = build.flags;
     input.share = build.extent.share;
-    MicromapFinding tell;
+    MicromapFinding report;
     if (device.commands.validationLog.address() != 0) {
-        tell = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
+        report = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
             reportFinding(device.driver.report(), what, triangle, value0, value1, build.target.object.handle);
         };
     }
-    writeMicromapMemory(input, out, tell);
+    writeMicromapMemory(input, out, report);
 }
 
 VkResult buildOne(DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info)

@@ -21,7 +21,7 @@ constexpr VkBuildAccelerationStructureFlagsKHR kMicromapBuildFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
     VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR | VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
 
-// The usage counts of one build, in the words of one extension.
+// The rules of one extension for the usage counts of a build.
 struct UsageRules {
     const char *countsId;
     const char *formatId;
@@ -32,7 +32,7 @@ struct UsageRules {
 
 bool checkLevel(const InputCheck &check, uint32_t i, const VkMicromapUsageEXT &usage, uint32_t most, const char *id)
 {
-    // The size of a micromap with such triangles is unknowable.
+    // The size of a micromap with such triangles is undefined.
     return usage.subdivisionLevel <= most ||
            check.tolerateIf(usage.count == 0, id,
                             "usage count " + std::to_string(i) + ": subdivision level " +
@@ -64,7 +64,7 @@ bool parseUsages(const InputCheck &check, const UsageRules &rules, uint32_t coun
         if (!checkUsage(i, usage) || !checkLevel(check, i, usage, twoState ? rules.twoStateLevel : rules.fourStateLevel,
                                                  twoState ? rules.twoStateId : rules.fourStateId))
             return false;
-        if (usage.count > 0) // otherwise of any level and format
+        if (usage.count > 0) // otherwise level and format may have any value
             build.usages.push_back(usage);
     }
     build.extent = extentOf(build.usages, build.flags);
@@ -81,7 +81,7 @@ bool checkStride(const InputCheck &check, const MicromapBuild &build, const char
 {
     if (build.triangleStride > UINT32_MAX && build.extent.triangles > 1)
         return check.reject("VELLUM-micromap-stride", "triangleArrayStride does not fit 32 bits");
-    // Triangles that overlap are read as they lie.
+    // Tolerated: overlapping triangles are read as they are.
     return build.triangleStride >= sizeof(VkMicromapTriangleEXT) ||
            check.tolerate(id, "triangleArrayStride " + std::to_string(build.triangleStride) +
                                   " is less than the 8 bytes of a VkMicromapTriangleEXT");
@@ -112,7 +112,7 @@ VkBuildMicromapFlagsEXT flagsOf(VkBuildAccelerationStructureFlagsKHR flags)
     return result;
 }
 
-// The data of the one geometry that a micromap has; null, after a message, if it is missing.
+// The data of the only geometry of a micromap; null, after a message, if it is missing.
 const MicromapData *parseGeometry(const InputCheck &check, const BuildInfo &info)
 {
     if (info.geometryCount != 1 &&
@@ -150,7 +150,7 @@ bool parseUsages(const InputCheck &check, const MicromapData &data, const Microm
         lossy ? lossyId : "VELLUM-VUID-VkAccelerationStructureGeometryMicromapDataKHR-subdivisionLevel-11645",
         lossy ? lossyId : "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11564"};
     const auto checkUsage = [&](uint32_t i, const VkMicromapUsageEXT &usage) {
-        // Such triangles stay as they are.
+        // Tolerated: lossy builds do not change 2-state triangles.
         return !lossy || usage.format != VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT ||
                check.tolerate("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712",
                               "usage count " + std::to_string(i) + ": the format of a lossy micromap is not 4-state");
@@ -195,7 +195,7 @@ std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const V
                      "type " + std::to_string(info.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
         return std::nullopt;
     }
-    // There is only one thing to do.
+    // Tolerated: there is no other mode.
     if (info.mode != VK_BUILD_MICROMAP_MODE_BUILD_EXT &&
         !check.tolerate("VELLUM-VUID-VkMicromapBuildInfoEXT-mode-parameter",
                         "mode " + std::to_string(info.mode) + " is not VK_BUILD_MICROMAP_MODE_BUILD_EXT"))
@@ -264,7 +264,7 @@ std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const Inpu
 bool checkMicromapBuild(const DeviceState &objects, const InputCheck &check, const BuildInfo &info,
                         const MicromapBuildSizes &sizes, MicromapBuild &build)
 {
-    // It is built.
+    // Tolerated: the update is carried out as a build.
     if (info.mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR &&
         !check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", "a micromap cannot be updated"))
         return false;

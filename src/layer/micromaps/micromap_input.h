@@ -1,5 +1,5 @@
-// Micromap builds, parsed from the structures of either extension and checked. Past this nothing looks at those
-// structures again.
+// Micromap builds, parsed from the structures of either extension and checked. Nothing after this reads those
+// structures.
 #pragma once
 
 #include <cstdint>
@@ -20,11 +20,11 @@ struct DeviceState;
 struct Driver;
 
 struct MicromapBuild {
-    Micromap target;                                  // none where only sizes are queried
+    Micromap target;                                  // null for a query of sizes
     std::shared_ptr<AccelerationStructure> structure; // the target, in VK_KHR_opacity_micromap
     VkDeviceSize bytes = 0;                           // of the micromap, as the back end reports them; with `structure`
     VkBuildMicromapFlagsEXT flags = 0;                // may hold kLossyBuild
-    std::vector<VkMicromapUsageEXT> usages;           // with counts above 0; unknown formats count as 4-state
+    std::vector<VkMicromapUsageEXT> usages;           // only counts above 0; unknown formats count as 4-state
     MicromapExtent extent;
     VkDeviceOrHostAddressConstKHR data{};
     VkDeviceOrHostAddressConstKHR triangles{};
@@ -32,7 +32,7 @@ struct MicromapBuild {
     VkDeviceAddress scratch = 0;
 };
 
-// What whoever builds micromaps can take.
+// The limits of a back end's micromaps.
 struct MicromapLimits {
     uint32_t twoStateLevel = 0;
     uint32_t fourStateLevel = 0;
@@ -40,22 +40,22 @@ struct MicromapLimits {
     bool takesUnknownFormats = false;
 };
 
-// What a build needs: bytes of the micromap and of scratch memory.
+// Bytes of the micromap and of scratch memory that a build needs.
 struct MicromapBuildSizes {
     VkDeviceSize micromap = 0;
     VkDeviceSize scratch = 0;
 };
 
-// The build of a VkMicromapBuildInfoEXT. Nothing, after a message, if even its sizes are unknowable.
+// The build of a VkMicromapBuildInfoEXT. nullopt, after a message, if its sizes cannot be computed.
 std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info);
-// Finds the target, and checks what device and host builds have in common.
+// Finds the target, and checks the rules that device and host builds have in common.
 bool checkMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info, MicromapBuild &build);
 
 inline bool isMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &info)
 {
     return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
 }
-// The same of VK_KHR_opacity_micromap. `limits`: null if the device has no such micromaps.
+// The same for VK_KHR_opacity_micromap. `limits`: null if the device has no such micromaps.
 std::optional<MicromapBuild> parseMicromapBuild(const Driver &driver, const InputCheck &check,
                                                 const VkAccelerationStructureBuildGeometryInfoKHR &info,
                                                 const MicromapLimits *limits);
@@ -64,7 +64,7 @@ bool checkMicromapBuild(const DeviceState &objects, const InputCheck &check,
                         const VkAccelerationStructureBuildGeometryInfoKHR &info, const MicromapBuildSizes &sizes,
                         MicromapBuild &build);
 
-// The size of a micromap as queries report it, which tells a GENERIC structure made for it from others.
+// The size of a micromap as queries report it. It marks GENERIC structures that are created for micromaps.
 VkDeviceSize markedMicromapSize(VkDeviceSize bytes);
 
 } // namespace vellum::layer

@@ -15,8 +15,8 @@ namespace vellum::layer
 struct SerializedMicromapHeader {
     std::array<uint8_t, VK_UUID_SIZE> driverUuid;
     std::array<uint32_t, 4> layoutUuid;
-    uint64_t bytes;         // of the whole
-    uint64_t micromapBytes; // of a micromap that it fits in
+    uint64_t bytes;         // total
+    uint64_t micromapBytes; // size of a micromap that it can be deserialized into
     std::array<uint32_t, 4> unused;
 };
 static_assert(sizeof(SerializedMicromapHeader) == shared::kSerializedMicromapHeaderWords * 4);

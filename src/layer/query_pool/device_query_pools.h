@@ -1,4 +1,4 @@
-// The room of queries: query pools whose results the driver cannot give, or not alone.
+// What the subsystem of query pools uses on a device: pools whose results the layer writes or corrects.
 #pragma once
 
 #include "layer/query_pool/query_pool.h"
@@ -13,8 +13,8 @@ struct DeviceQueryPools {
     DeviceState &objects;
     DeviceCommandBuffers &commands;
     DeviceStructures &structures;
-    // Each pool on pages of its own: the host resets one while the device writes another, which layers below that guard
-    // pages would take for the same.
+    // Pools do not share pages: the host may reset one while the device writes another, and layers below that guard
+    // pages would not distinguish them.
     MemoryPool memory{buffers.gpu, 4096,
                       [](const GpuContext &) -> VkBufferUsageFlags {
                           return VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;

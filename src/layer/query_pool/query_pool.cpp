@@ -13,7 +13,7 @@
 #include "core/records.h"
 #include "layer/base/input_check.h"
 #include "layer/base/undo.h"
-#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_copy.h"
 #include "layer/query_pool/device_query_pools.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_size.h"
@@ -32,11 +32,11 @@ bool isMicromapType(VkQueryType type)
     return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT || type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
 }
 
-// How results lie in memory: vkGetQueryPoolResults.
+// The format of results in memory: vkGetQueryPoolResults.
 struct Format {
     explicit Format(VkQueryResultFlags flags)
         : wide((flags & VK_QUERY_RESULT_64_BIT) != 0),
-          // A status is written where availability would be; these queries cannot fail.
+          // A status takes the place of availability; these queries cannot fail.
           both((flags & (VK_QUERY_RESULT_WITH_AVAILABILITY_BIT | VK_QUERY_RESULT_WITH_STATUS_BIT_KHR)) != 0)
     {
     }
@@ -52,7 +52,7 @@ void writeWord(const Format &format, uint8_t *&at, uint64_t value)
     at += format.wide ? 8 : 4;
 }
 
-// Writes one query's result; false where it leaves the result out because it is not there.
+// Writes one query's result; false if it is not available and so not written.
 bool writeResult(VkQueryResultFlags flags, uint8_t *at, uint64_t value, bool available)
 {
     const Format format(flags);
@@ -68,7 +68,7 @@ bool writeResult(VkQueryResultFlags flags, uint8_t *at, uint64_t value, bool ava
     return available || partial;
 }
 
-// Waits until the device has written a query of the layer's own. As with a driver's, that may be never.
+// Waits until the device has written a query. As in drivers, that may never happen.
 VkResult wait(const DeviceQueryPools &device, VkQueryPool handle, const QueryPool &pool, uint32_t query)
 {
     for (uint32_t turn = 0; !pool.available(query); ++turn) {
@@ -77,7 +77,7 @@ VkResult wait(const DeviceQueryPools &device, VkQueryPool handle, const QueryPoo
             continue;
         }
         std::this_thread::sleep_for(std::chrono::microseconds(200));
-        // Whatever the driver's pool says, it knows when the device is lost.
+        // The result of the driver's pool is not used, but the call fails if the device is lost.
         uint64_t unused = 0;
         const VkResult result = device.driver.next.GetQueryPoolResults(
             device.driver.handle, handle, query, 1, sizeof unused, &unused, sizeof unused, VK_QUERY_RESULT_64_BIT);
@@ -87,7 +87,7 @@ VkResult wait(const DeviceQueryPools &device, VkQueryPool handle, const QueryPoo
     return VK_SUCCESS;
 }
 
-// The copies that results of queries are, from the pool's memory to `offset` of a buffer. Transfers only: the command
+// The copies of query results from the pool's memory to `offset` in a buffer. Transfers only: the command
 // may be recorded for a queue that has no compute shaders (its Supported Queue Types). A value that is not available is
 // zero, which PARTIAL allows, and is undefined without it.
 std::vector<VkBufferCopy> copiesOf(const QueryPool &pool, uint32_t first, uint32_t count, VkDeviceSize offset,
@@ -108,7 +108,7 @@ std::vector<VkBufferCopy> copiesOf(const QueryPool &pool, uint32_t first, uint32
     return regions;
 }
 
-// Of the driver's micromaps, where there is such a type.
+// Creates the pool for the driver's micromaps, if they have a query of that type.
 VkResult createMicromapPool(const DeviceQueryPools &device, const VkQueryPoolCreateInfo &info, VkQueryPool &result)
 {
     VkQueryPoolCreateInfo micromaps = info;
@@ -150,7 +150,7 @@ void makeAvailable(InjectedWork &work, const DeviceQueryPools &device, VkCommand
 // Whether values of that type can be written to queries of that pool. True for no queries.
 bool checkPropertyType(const DeviceQueryPools &device, const QueryPool *pool, VkQueryType type)
 {
-    // The driver knows neither the layer's micromaps nor its types of queries: what is wrong must not reach it.
+    // The driver knows neither emulated micromaps nor their types of queries, so wrong ones must not reach it.
     if (pool ? pool->type != type : isStructureProperty(type)) {
         device.driver.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
                                      std::string(kWriteProperties) + ": queryPool was created with another queryType");
@@ -321,8 +321,8 @@ void cmdCopyQueryPoolResults(DeviceQueryPools &device, VkCommandBuffer commandBu
     if (count == 0 || !checkQueries(device, *pool, first, count, "vkCmdCopyQueryPoolResults"))
         return;
     InjectedWork work(device.commands, commandBuffer);
-    // The barrier waits for all that came before on this queue, which is the command's first synchronization scope:
-    // results of another queue must have been waited for with a semaphore, even with VK_QUERY_RESULT_WAIT_BIT.
+    // The barrier waits for all earlier work on this queue, which is the command's first synchronization scope: the
+    // application must wait for results of another queue with a semaphore, even with VK_QUERY_RESULT_WAIT_BIT.
     work.barrier();
     const std::vector<VkBufferCopy> regions = copiesOf(*pool, first, count, offset, stride, Format(flags));
     device.driver.next.CmdCopyBuffer(commandBuffer, pool->memory.buffer(), buffer,
@@ -341,7 +341,7 @@ void cmdWriteMicromapsProperties(DeviceQueryPools &device, VkCommandBuffer comma
                      "queryType is not a type of micromap queries");
         return;
     }
-    // Pools of both sizes of micromaps are alike.
+    // Tolerated: pools of both types work in the same way.
     if ((!pool || pool->type != type) &&
         !check.tolerateIf(pool && isMicromapType(pool->type),
                           "VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",

@@ -1,14 +1,14 @@
-// Query pools whose results the driver cannot give, or not alone.
+// Query pools whose results the layer writes or corrects.
 //
-// A pool of micromap sizes has the handle of a driver pool of a type that every driver knows (so that names, private
-// data and the handle's destruction need no care) and that is never used. A pool of acceleration structure sizes is the
-// driver's; each answer of the driver is taken over and corrected (structure_size.h), because the records of micromaps
-// lie in the structure's own memory but the driver knows nothing of them. Values and availability of both lie in
-// host-visible memory.
+// A pool of micromap sizes has the handle of a driver's pool of a type that every driver supports, and which is never
+// used: names, private data and destruction of the handle then need no special treatment. A pool of acceleration
+// structure sizes is the driver's. Each answer of the driver is copied and corrected (structures/structure_size.h),
+// because the records of micromaps are in the structure's memory, and the driver does not know them. Values and
+// availability of both kinds of pools are in host-visible memory.
 //
-// Where micromaps are the driver's by VK_EXT_opacity_micromap (room of translation), a pool of acceleration structure
-// sizes may be asked for sizes of micromaps, too, which the driver gives to pools of another type only: the layer has
-// one of them beside, and takes the answers of both over.
+// If micromaps are the driver's by VK_EXT_opacity_micromap (subsystem khr_over_ext), a pool of acceleration structure
+// sizes also takes queries of micromaps, which the driver only answers in pools of another type: the layer creates such
+// a pool as well, and copies the answers of both.
 #pragma once
 
 #include <memory>
@@ -25,7 +25,7 @@ struct DeviceQueryPools;
 struct QueryPool {
     VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
     uint32_t count = 0;
-    // Where micromaps are translated: a pool of the driver's of the same size of micromaps.
+    // If micromaps are translated: the driver's pool for the same size of micromaps.
     VkQueryPool micromaps = VK_NULL_HANDLE;
     PooledMemory memory; // 64-bit values, then 32-bit availability, then a word that is always zero
 
@@ -56,7 +56,7 @@ void cmdWriteMicromapsProperties(DeviceQueryPools &, VkCommandBuffer, uint32_t, 
                                  VkQueryPool, uint32_t);
 void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &, VkCommandBuffer, uint32_t,
                                               const VkAccelerationStructureKHR *, VkQueryType, VkQueryPool, uint32_t);
-// On the host: reports that it is not there, as for the other host commands of acceleration structures.
+// Host command. It reports that it is not available for emulated micromaps, and for structures that are micromaps.
 VkResult writeAccelerationStructuresProperties(DeviceQueryPools &, VkDevice, uint32_t,
                                                const VkAccelerationStructureKHR *, VkQueryType, size_t, void *, size_t);
 

@@ -1,5 +1,5 @@
-// Who carries out what the commands of structure_commands.h have checked. There are two back ends: the layer's own
-// micromaps (emulated_backend.h), and a driver's VK_EXT_opacity_micromap (khr_over_ext/ext_backend.h).
+// A back end records the builds and copies that structure_commands.h has checked. There are two: emulated micromaps
+// (emulated_backend.h), and VK_KHR_opacity_micromap on a driver's VK_EXT_opacity_micromap (khr_over_ext/ext_backend.h).
 #pragma once
 
 #include <memory>
@@ -21,24 +21,24 @@ public:
     Backend(const Backend &) = delete;
     Backend &operator=(const Backend &) = delete;
 
-    // At the begin of each recorded command. False, after a message: it cannot be recorded.
+    // Called first for each recorded command. False, after a message: the command cannot be recorded.
     virtual bool begin(VkCommandBuffer commandBuffer, const char *command) = 0;
 
     // --- micromaps of VK_KHR_opacity_micromap ---
-    [[nodiscard]] virtual const MicromapLimits *limits() const = 0; // null: there are none
+    [[nodiscard]] virtual const MicromapLimits *limits() const = 0; // null: the device has no such micromaps
     [[nodiscard]] virtual MicromapBuildSizes sizes(const MicromapBuild &build) const = 0;
     virtual void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) = 0;
-    // What the addresses of micromaps are multiples of.
+    // The alignment of the addresses of micromaps.
     [[nodiscard]] virtual uint32_t micromapAlignment() const = 0;
-    // Whether a micromap can be at `range`; reports why not.
+    // Whether a micromap can be created at `range`; reports why not.
     [[nodiscard]] virtual bool checkMicromap(const InputCheck &check, const BufferRange &range) const = 0;
-    // Makes what a micromap needs of the driver. False: out of memory.
+    // Creates the driver's objects for a micromap. False: out of memory.
     virtual bool createMicromap(AccelerationStructure &micromap) = 0;
 
     // --- other structures ---
     virtual void created(const std::shared_ptr<AccelerationStructure> &structure) = 0;
     virtual void addressTaken(AccelerationStructure &structure) = 0;
-    // `primitives`: the most of each geometry; may be null without geometries.
+    // `primitives`: the maximum of each geometry; may be null without geometries.
     virtual void getSizes(VkAccelerationStructureBuildTypeKHR type, StructureBuild &build, const uint32_t *primitives,
                           VkAccelerationStructureBuildSizesInfoKHR &sizes) = 0;
     virtual void record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds) = 0;
@@ -54,15 +54,15 @@ public:
         VkQueryPool micromapPool; // a driver's pool of the same property of micromaps, and a query in it
         uint32_t query;
     };
-    // The handle that the driver knows what was recorded last by.
+    // The driver's handle for what was recorded last.
     virtual VkAccelerationStructureKHR driverHandle(AccelerationStructure &structure) = 0;
-    // The driver's answer about a micromap.
+    // Records the driver's answer about a micromap.
     virtual void recordMicromapAnswer(VkCommandBuffer commandBuffer, const Property &property) = 0;
-    // Makes the driver's answer the application's.
+    // Records the correction of the driver's answer.
     virtual void recordCorrection(InjectedWork &work, const Property &property) = 0;
 
     // --- both ---
-    // The size that the target of a clone needs at least, as far as the host knows.
+    // The least size of the target of a clone, as far as the host knows.
     [[nodiscard]] virtual VkDeviceSize cloneBytes(const StructureCopy &copy) = 0;
     virtual void record(VkCommandBuffer commandBuffer, const StructureCopy &copy) = 0;
     virtual void recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy) = 0;

@@ -1,5 +1,5 @@
-// The room of acceleration structures: their creation, sizes, builds, copies and serialized form, with the records that
-// lead from a hit to its micromap.
+// What the subsystem of acceleration structures uses on a device: creation, sizes, builds, copies and serialization,
+// with the records that lead from a hit to its micromap.
 #pragma once
 
 #include <memory>
@@ -18,7 +18,8 @@ struct DeviceStructures {
     DeviceCommandBuffers &commands;
     DeviceMicromaps &micromaps;
     FallbackStructure fallback{};
-    std::unique_ptr<Backend> backend{}; // set while the device is made, if micromaps are the layer's business
+    std::unique_ptr<Backend>
+        backend{}; // set when the device is created; null on devices whose micromaps the layer leaves to the driver
 };
 
 } // namespace vellum::layer

@@ -3,10 +3,15 @@
 #include <algorithm>
 
 #include "core/curve.h"
-#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_build.h"
+#include "layer/micromaps/micromap_copy.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
+#include "layer/structures/structure_build.h"
+#include "layer/structures/structure_copy.h"
 #include "layer/structures/structure_layout.h"
+#include "layer/structures/structure_serialize.h"
+#include "layer/structures/structure_size.h"
 
 namespace vellum::layer
 {
@@ -44,8 +49,8 @@ void EmulatedBackend::created(const std::shared_ptr<AccelerationStructure> &stru
 
 void EmulatedBackend::addressTaken(AccelerationStructure &structure)
 {
-    // Whoever names a structure to an instance asks for its address: from now on copies of top-level structures know
-    // that it exists.
+    // Instances can only reference a structure whose address was queried: from now on copies of top-level structures
+    // find it.
     descriptorOf(device_.objects, structure);
 }
 
@@ -62,9 +67,14 @@ void EmulatedBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, Structu
     } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, primitives)) {
         sizes.accelerationStructureSize = alignUp(sizes.accelerationStructureSize, kPartAlignment) + tail;
     } else if (driver.clearsWholeHandles) {
-        // The layer's copies count in units.
+        // The layer copies such structures in units of 16 bytes.
         sizes.accelerationStructureSize = alignUp(sizes.accelerationStructureSize, 16);
     }
+}
+
+void EmulatedBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds)
+{
+    recordStructureBuilds(device_, commandBuffer, command, std::move(builds));
 }
 
 VkAccelerationStructureKHR EmulatedBackend::driverHandle(AccelerationStructure &structure)
@@ -72,10 +82,48 @@ VkAccelerationStructureKHR EmulatedBackend::driverHandle(AccelerationStructure &
     return exactSizeHandle(device_, structure);
 }
 
-uint64_t copyInvocations(VkDeviceSize bytes)
+void EmulatedBackend::recordCorrection(InjectedWork &work, const Property &property)
 {
-    constexpr VkDeviceSize kBytesPerInvocation = 256;
-    return std::clamp<uint64_t>(bytes / kBytesPerInvocation, 64, 16384);
+    if (!property.micromap)
+        return recordStructureProperty(work, device_, property.structure, property.type, property.address);
+    switch (property.type) {
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR:
+        return recordMicromapProperty(work, device_.driver, micromapIn(property.structure), kQueryMicromapSerialized,
+                                      property.address);
+    // The size is that of a clone: VUID-VkCopyAccelerationStructureInfoKHR-mode-12418.
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR:
+    case VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR:
+        return recordMicromapProperty(work, device_.driver, micromapIn(property.structure),
+                                      kQueryMicromapCompacted | kQueryMarked, property.address);
+    default: // the bottom-level pointers of a top-level structure: the query was reset to none
+        return;
+    }
+}
+
+VkDeviceSize EmulatedBackend::cloneBytes(const StructureCopy &copy)
+{
+    return layer::cloneBytes(device_, copy);
+}
+
+void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy)
+{
+    recordStructureCopy(device_, commandBuffer, copy);
+}
+
+void EmulatedBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
+{
+    recordStructureSave(device_, commandBuffer, copy);
+}
+
+void EmulatedBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCopy &copy)
+{
+    recordStructureRestore(device_, commandBuffer, copy);
+}
+
+VkAccelerationStructureCompatibilityKHR
+EmulatedBackend::compatibility(const VkAccelerationStructureVersionInfoKHR &info)
+{
+    return structureCompatibility(device_, info);
 }
 
 } // namespace vellum::layer

@@ -28,13 +28,12 @@ VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, Acceleratio
     info.offset = structure.offset;
     info.size = bytes;
     info.type = structure.type;
-    structure.exactSizeHandles.reserve(structure.exactSizeHandles.size() + 1); // before the driver has made one
-    VkAccelerationStructureKHR exactSizeHandles = VK_NULL_HANDLE;
-    if (device.driver.next.CreateAccelerationStructureKHR(device.driver.handle, &info, nullptr, &exactSizeHandles) !=
-        VK_SUCCESS)
+    structure.exactSizeHandles.reserve(structure.exactSizeHandles.size() + 1); // allocate before the driver creates one
+    VkAccelerationStructureKHR exact = VK_NULL_HANDLE;
+    if (device.driver.next.CreateAccelerationStructureKHR(device.driver.handle, &info, nullptr, &exact) != VK_SUCCESS)
         return structure.handle;
-    structure.exactSizeHandles.push_back({bytes, exactSizeHandles});
-    return exactSizeHandles;
+    structure.exactSizeHandles.push_back({bytes, exact});
+    return exact;
 }
 
 VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, AccelerationStructure &structure)
@@ -45,8 +44,8 @@ VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, Acceleratio
 
 void destroyExactSizeHandles(DeviceStructures &device, AccelerationStructure &structure)
 {
-    for (const AccelerationStructure::ExactSizeHandle &exactSizeHandles : structure.exactSizeHandles)
-        device.driver.next.DestroyAccelerationStructureKHR(device.driver.handle, exactSizeHandles.handle, nullptr);
+    for (const AccelerationStructure::ExactSizeHandle &exact : structure.exactSizeHandles)
+        device.driver.next.DestroyAccelerationStructureKHR(device.driver.handle, exact.handle, nullptr);
     structure.exactSizeHandles.clear();
 }
 

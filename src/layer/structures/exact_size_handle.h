@@ -1,5 +1,5 @@
-// Handles for a driver that writes all of the handle that it builds into, whatever the build needs
-// (Driver::clearsWholeHandles). An application's handle may reach over what lies behind the structure.
+// Handles for a driver that writes the whole range of the handle that it builds into, whatever the build needs
+// (Driver::clearsWholeHandles). The range of an application's handle may include data after the structure.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -10,16 +10,16 @@ namespace vellum::layer
 struct AccelerationStructure;
 struct DeviceStructures;
 
-// Whether the driver is such a one, and the handle may reach over what is not the structure's: a GENERIC one does, and
-// one that another begins in.
+// Whether the driver is one of these, and the handle's range may include other data: it is GENERIC, or another
+// structure begins in it.
 bool reachesOver(const DeviceStructures &device, const AccelerationStructure &structure);
 
-// The handle that the driver is to build `bytes` bytes into: the application's own, or, where that one is larger and
-// reaches over something else, one at the same location of just that size, which lives as long as the structure.
+// The handle for the driver's build of `bytes` bytes: the application's, or, if that is larger and includes other data,
+// a handle of exactly that size at the same location, which lives as long as the structure.
 VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, AccelerationStructure &structure,
                                            VkDeviceSize bytes);
-// The handle that was built or copied to last at a structure's location, as far as the host knows: for what the driver
-// is to read of it.
+// The handle that was built or copied to last at a structure's location, as far as the host knows: the driver reads
+// from this one.
 VkAccelerationStructureKHR exactSizeHandle(DeviceStructures &device, AccelerationStructure &structure);
 void destroyExactSizeHandles(DeviceStructures &device, AccelerationStructure &structure);
 

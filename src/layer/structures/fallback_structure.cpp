@@ -4,7 +4,6 @@
 
 #include "core/records.h"
 #include "layer/structures/device_structures.h"
-#include "layer/structures/probe_structure.h"
 #include "layer/structures/structure_layout.h"
 
 namespace vellum::layer
@@ -14,7 +13,101 @@ namespace
 
 constexpr VkDeviceSize kSpareBytes = 4096;
 
-// One triangle, in a structure that is larger than it needs: does the driver copy all of it?
+// The smallest acceleration structure that there is, with the memory that its build needs. Nothing of the layer is in
+// it.
+class TriangleStructure
+{
+public:
+    explicit TriangleStructure(const GpuContext &context) : context_(context) {}
+    ~TriangleStructure();
+    TriangleStructure(const TriangleStructure &) = delete;
+    TriangleStructure &operator=(const TriangleStructure &) = delete;
+
+    // Records the build of a bottom-level structure of one triangle, (0,0,0) (1,0,0) (0,1,0); the structure is made
+    // larger by `spareBytes` than the driver asks for. Commands after it may use the structure. False where the driver
+    // could not make what is needed.
+    bool buildTriangle(VkCommandBuffer commands, VkDeviceSize spareBytes);
+
+    [[nodiscard]] VkAccelerationStructureKHR handle() const { return handle_; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+
+private:
+    bool makeInput(const void *data, size_t bytes);
+    bool build(VkCommandBuffer commands, const VkAccelerationStructureGeometryKHR &geometry, VkDeviceSize spareBytes);
+
+    const GpuContext &context_;
+    GpuBuffer input_, memory_, scratch_;
+    VkDeviceSize size_ = 0;
+    VkAccelerationStructureKHR handle_ = VK_NULL_HANDLE;
+};
+
+TriangleStructure::~TriangleStructure()
+{
+    if (handle_)
+        context_.next->DestroyAccelerationStructureKHR(context_.device, handle_, nullptr);
+}
+
+bool TriangleStructure::makeInput(const void *data, size_t bytes)
+{
+    if (input_.create(context_, bytes, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR) !=
+        VK_SUCCESS)
+        return false;
+    std::memcpy(input_.words(), data, bytes);
+    return true;
+}
+
+bool TriangleStructure::buildTriangle(VkCommandBuffer commands, VkDeviceSize spareBytes)
+{
+    constexpr float kVertices[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    if (!makeInput(kVertices, sizeof kVertices))
+        return false;
+    VkAccelerationStructureGeometryKHR geometry{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_KHR};
+    geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
+    VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
+    triangles = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_TRIANGLES_DATA_KHR};
+    triangles.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+    triangles.vertexData.deviceAddress = input_.address();
+    triangles.vertexStride = 3 * sizeof(float);
+    triangles.maxVertex = 2;
+    triangles.indexType = VK_INDEX_TYPE_NONE_KHR;
+    return build(commands, geometry, spareBytes);
+}
+
+bool TriangleStructure::build(VkCommandBuffer commands, const VkAccelerationStructureGeometryKHR &geometry,
+                              VkDeviceSize spareBytes)
+{
+    const DeviceTable &next = *context_.next;
+    VkAccelerationStructureBuildGeometryInfoKHR info{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_GEOMETRY_INFO_KHR};
+    info.type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
+    info.geometryCount = 1;
+    info.pGeometries = &geometry;
+    const uint32_t one = 1;
+    VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+    next.GetAccelerationStructureBuildSizesKHR(context_.device, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info,
+                                               &one, &sizes);
+    size_ = sizes.accelerationStructureSize + spareBytes;
+    if (memory_.create(context_, size_, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR) != VK_SUCCESS ||
+        scratch_.create(context_, sizes.buildScratchSize + kPartAlignment) != VK_SUCCESS)
+        return false;
+    VkAccelerationStructureCreateInfoKHR create{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_CREATE_INFO_KHR};
+    create.buffer = memory_.buffer();
+    create.size = size_;
+    create.type = info.type;
+    if (next.CreateAccelerationStructureKHR(context_.device, &create, nullptr, &handle_) != VK_SUCCESS)
+        return false;
+    info.dstAccelerationStructure = handle_;
+    info.scratchData.deviceAddress = alignUp(scratch_.address(), kPartAlignment);
+    const VkAccelerationStructureBuildRangeInfoKHR range{1, 0, 0, 0};
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
+    next.CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_MEMORY_WRITE_BIT,
+                                 VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT};
+    next.CmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1,
+                            &memory, 0, nullptr, 0, nullptr);
+    return true;
+}
+
+// Serializes one triangle, in a structure that is larger than it needs: does the driver copy all of it?
 class SerializationProbe : public Probe
 {
 public:
@@ -22,9 +115,9 @@ public:
 
     bool record(VkCommandBuffer commands) override
     {
-        if (!triangle_.buildTriangle(commands, 0, kSpareBytes) ||
+        if (!triangle_.buildTriangle(commands, kSpareBytes) ||
             serialized_.create(device_.buffers.gpu, triangle_.size() + 2 * kSpareBytes) != VK_SUCCESS ||
-            // Now, while there may be another trial.
+            // Made here, where a failure leads to another probe.
             device_.fallback.memory.create(device_.buffers.gpu, alignUp(triangle_.size() + kSpareBytes, 16)) !=
                 VK_SUCCESS)
             return false;
@@ -41,7 +134,7 @@ public:
     {
         const VkDeviceSize skipped = alignUp(serialized_.address(), kPartAlignment) - serialized_.address();
         const uint32_t *words = serialized_.words() + skipped / 4;
-        // The header that the specification gives.
+        // The sizes in the header that the specification defines.
         uint64_t bytes = words[8] | uint64_t{words[9]} << 32;
         uint64_t size = words[10] | uint64_t{words[11]} << 32;
         FallbackStructure &fallback = device_.fallback;
@@ -62,7 +155,7 @@ public:
 
 private:
     DeviceStructures &device_;
-    ProbeStructure triangle_;
+    TriangleStructure triangle_;
     GpuBuffer serialized_;
 };
 
@@ -72,10 +165,10 @@ FallbackFacts fallbackStructure(DeviceStructures &device)
 {
     FallbackStructure &fallback = device.fallback;
     std::lock_guard lock(fallback.mutex);
-    // After a trial that was not carried out, the next one who asks tries again.
-    if (!fallback.tried)
-        fallback.tried = !device.driver.enabled.structures || !device.commands.probes.exists() ||
-                         device.commands.probes.run(std::make_unique<SerializationProbe>(device));
+    // A probe that was not carried out is repeated by the next call.
+    if (!fallback.probed)
+        fallback.probed = !device.driver.enabled.structures || !device.commands.probes.exists() ||
+                          device.commands.probes.run(std::make_unique<SerializationProbe>(device));
     if (fallback.units == 0)
         return {.wholeCopies = fallback.wholeCopies};
     return {fallback.memory.address(), fallback.memory.words(), fallback.units, fallback.structureBytes,

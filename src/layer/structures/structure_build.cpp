@@ -1,4 +1,5 @@
-// Builds and updates of acceleration structures: the patched instances and the records around the driver's build.
+#include "layer/structures/structure_build.h"
+
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -9,7 +10,6 @@
 #include "layer/micromaps/micromap.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/driver_builds.h"
-#include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
 
@@ -24,7 +24,7 @@ using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 constexpr VkDeviceSize kGeometryRecordBytes = kGeometryRecordWords * 4;
 constexpr VkDeviceSize kTriangleRecordBytes = kTriangleRecordWords * 4;
 
-// An intersection shader cannot know whether its geometry is opaque: the descriptor says it.
+// Intersection shaders cannot find out whether their geometry is opaque, so the descriptor states it.
 void setBoxes(std::array<uint32_t, kDescriptorWords> &descriptor, const StructureBuild &build)
 {
     bool alike = true;
@@ -59,7 +59,7 @@ public:
             prepare(part);
         InjectedWork work(device_.commands, commandBuffer_);
         patchInstances(work);
-        letDescriptorsWait();
+        orderDescriptorsAfterBuilds();
         runDriver();
         writeDescriptors();
         writeTails(work);
@@ -77,9 +77,10 @@ private:
         explicit Part(StructureBuild &&given) : build(std::move(given)) {}
         StructureBuild build;
         VkDeviceAddress sourceDescriptor = 0;
-        VkDeviceAddress tail = 0; // where the records go; 0: there are none
+        VkDeviceAddress tail = 0; // of the records of a bottom-level structure; 0: it has none
         VkDeviceSize tailBytes = 0;
-        VkDeviceSize driverBytes = 0; // that the driver needs; of a build without records, where that matters only
+        // That the driver needs; only set for builds without records, if the driver clears whole handles.
+        VkDeviceSize driverBytes = 0;
         StructureDescriptor descriptor;
         RangeInfo instanceRange{}; // of the patched instances
         TlasInstancesPush instances{};
@@ -107,7 +108,7 @@ private:
             prepareBottomLevel(part);
     }
 
-    void refuseSmall(Part &part)
+    void rejectTooSmall(Part &part)
     {
         reject(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
                "dstAccelerationStructure has " + std::to_string(part.target().size) +
@@ -139,21 +140,21 @@ private:
         VkDeviceSize offset = alignUp(needed, kPartAlignment);
         const VkDeviceSize bytes = offset + part.tailBytes;
         if (part.tailBytes > target.size || (offset + part.tailBytes > target.size && !part.build.source)) {
-            refuseSmall(part);
+            rejectTooSmall(part);
             return;
         }
-        // An update of a compacted structure: the records lie where it has them, which the device knows; if it has
-        // none, last.
+        // An update of a compacted structure: the device knows the location of its records; if it has none, they come
+        // last.
         if (offset + part.tailBytes > target.size)
             offset = (target.size - part.tailBytes) / kPartAlignment * kPartAlignment;
         part.tail = beginOf(device_.driver, target) + offset;
         fitBottomLevel(part, bytes);
     }
 
-    // No more than the build needs is the driver's to write.
+    // Limits the range that the driver may write to what the build needs.
     void fitBottomLevel(Part &part, VkDeviceSize bytes)
     {
-        // What is updated may be a compacted structure, of fewer bytes.
+        // The source of an update may be compacted, and have fewer bytes.
         const bool known = !part.build.source || device_.driver.clearsWholeHandles;
         becomes(part.target(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
                 known ? std::min(bytes, part.target().size) : 0);
@@ -162,10 +163,10 @@ private:
     void fit(Part &part, VkDeviceSize bytes)
     {
         VkAccelerationStructureBuildGeometryInfoKHR &info = part.build.info;
-        const VkAccelerationStructureKHR exactSizeHandles = exactSizeHandle(device_, part.target(), bytes);
+        const VkAccelerationStructureKHR exact = exactSizeHandle(device_, part.target(), bytes);
         if (info.srcAccelerationStructure == info.dstAccelerationStructure)
-            info.srcAccelerationStructure = exactSizeHandles;
-        info.dstAccelerationStructure = exactSizeHandles;
+            info.srcAccelerationStructure = exact;
+        info.dstAccelerationStructure = exact;
     }
 
     // False: the part is skipped.
@@ -176,7 +177,7 @@ private:
         const uint32_t count = build.ranges.primitives(0);
         const TopLevelLayout layout(device_.driver, build.info.flags, count);
         if (layout.bytes() > target.size) {
-            refuseSmall(part);
+            rejectTooSmall(part);
             return false;
         }
         const auto slots = slotsFor(device_.objects, target, count);
@@ -194,7 +195,7 @@ private:
         if (build.ranges.direct)
             push.source += build.ranges.direct[0].primitiveOffset;
         push.range = build.ranges.address(0);
-        // Behind what the driver itself needs of the scratch memory.
+        // After the scratch memory that the driver needs.
         push.target = alignUp(build.info.scratchData.deviceAddress + layout.driverScratch, kPatchedAlignment);
         push.root = device_.objects.root.address();
         push.tail = beginOf(device_.driver, target) + layout.tailOffset;
@@ -266,13 +267,12 @@ private:
         return !part.skipped && !part.build.topLevel && !part.tail;
     }
 
-    // A queue that waits for another one's build of a structure, by a semaphore, does so in the stage of builds: the
-    // transfer to the structure's descriptor must come after it, too. Semaphores are waited for before the command
-    // buffer begins, so one barrier in each will do, and builds of one command buffer do not wait for each other; in
-    // front of the first build, so that none waits for that. (Barriers of one queue are ordered by writeDescriptors.
-    // What is waited for in another stage, and then by a later barrier of the application's in the stage of builds, is
-    // not.)
-    void letDescriptorsWait()
+    // A queue that waits by a semaphore for another queue's build of a structure does so in the build stage. The
+    // transfer to the structure's descriptor must also wait for it. Semaphores are waited for before the command buffer
+    // begins, so one barrier per command buffer is enough. It is recorded before the first build, so that builds do not
+    // wait for each other. (writeDescriptors() orders barriers of one queue. Not ordered: a wait in another stage,
+    // followed by a barrier of the application that leads to the build stage.)
+    void orderDescriptorsAfterBuilds()
     {
         const auto state = device_.commands.states.get(commandBuffer_);
         if (!state || state->descriptorsWait || std::none_of(parts_.begin(), parts_.end(), writesPlainDescriptor))
@@ -290,7 +290,7 @@ private:
     {
         DriverBuilds builds;
         for (Part &part : parts_) {
-            // A top-level structure is built for as many instances as there may be; the rest are inactive.
+            // A top-level structure is built for the greatest possible number of instances; the rest are inactive.
             if (!part.skipped)
                 builds.add(part.build.driverInfo(),
                            part.build.topLevel ? BuildRanges{.direct = &part.instanceRange} : part.build.ranges);
@@ -310,11 +310,10 @@ private:
         return words;
     }
 
-    // Descriptors of structures without records: what an earlier build put there must not be found any more. Whoever
-    // reads or writes a descriptor in a shader waits for everything before it, and lets everything after it wait. But
-    // before it in another command buffer may only be the stage of builds, after a semaphore or an event: the barrier
-    // puts the descriptors before what comes in that stage. Descriptors that are next to each other, as those of
-    // structures that were made one after the other, are written at once.
+    // Writes the descriptors of structures without records: the descriptor of an earlier build must not be found. A
+    // shader that accesses a descriptor has full barriers before and after it. In another command buffer only the build
+    // stage may follow, by a semaphore or an event, so the barrier orders the descriptors before that stage. Adjacent
+    // descriptors, as those of structures that were made one after the other, are written at once.
     void writeDescriptors()
     {
         constexpr size_t kMostUpdatedBytes = 65536; // of vkCmdUpdateBuffer
@@ -427,9 +426,10 @@ private:
 
 } // namespace
 
-void EmulatedBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<StructureBuild> builds)
+void recordStructureBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command,
+                           std::vector<StructureBuild> builds)
 {
-    Build(device_, commandBuffer, command, std::move(builds)).record();
+    Build(device, commandBuffer, command, std::move(builds)).record();
 }
 
 } // namespace vellum::layer

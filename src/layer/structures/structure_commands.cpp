@@ -25,7 +25,7 @@ void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
 {
     leaveLocation(device.objects, structure);
     destroyExactSizeHandles(device, structure);
-    // Another thread may be asking for the address of the buffer, which names the micromaps in it: bufferHasAddress().
+    // Another thread may be querying the buffer's address, and so be in bufferHasAddress().
     std::lock_guard lock(device.objects.unboundMutex);
     std::erase_if(device.objects.unboundMicromaps, [&](const std::weak_ptr<AccelerationStructure> &unbound) {
         const auto other = unbound.lock();
@@ -35,7 +35,7 @@ void forgetStructure(DeviceStructures &device, AccelerationStructure &structure)
         device.objects.root.releaseDescriptor(structure.micromapKey);
 }
 
-// A new structure has its handle, and is known from now on; not if this throws.
+// Registers a new structure under its handle. If this throws, nothing is registered.
 void addStructure(DeviceStructures &device, const std::shared_ptr<AccelerationStructure> &structure,
                   VkAccelerationStructureKHR handle)
 {
@@ -44,12 +44,12 @@ void addStructure(DeviceStructures &device, const std::shared_ptr<AccelerationSt
     Undo undo([&] { forgetStructure(device, *structure); });
     device.backend->created(structure);
     if (isLayerObject(*structure) && !device.backend->createMicromap(*structure))
-        throw std::bad_alloc(); // the one error that vkCreateMicromapEXT has
+        throw std::bad_alloc(); // the only error of vkCreateMicromapEXT
     device.objects.accelerationStructures.set(handle, structure);
     undo.keep();
 }
 
-// The same of a structure that the driver has made.
+// The same for a structure that the driver has created; if this throws, it is destroyed.
 void addDriversStructure(DeviceStructures &device, const std::shared_ptr<AccelerationStructure> &structure,
                          VkAccelerationStructureKHR handle, const VkAllocationCallbacks *allocator)
 {
@@ -72,7 +72,7 @@ VkResult addMicromap(DeviceStructures &device, const InputCheck &check, const Bu
 
 // --- builds ---
 
-// The builds of one command, `ranges(i)` being those of its element i.
+// Records the builds of one command. `ranges(i)`: the ranges of element i.
 template <typename Ranges>
 void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
                   const BuildInfo *infos, bool indirect, Ranges ranges)
@@ -87,7 +87,7 @@ void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const
             continue;
         built.insert(infos[i].dstAccelerationStructure);
         const InputCheck check = inputCheck(device.driver, command, infos[i].dstAccelerationStructure, i);
-        // It has no ranges that could be indirect.
+        // Tolerated: a micromap has no ranges.
         if (indirect && !check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
                                         "a micromap is not built indirectly"))
             continue;
@@ -122,7 +122,7 @@ VkResult rejectOnHost(const DeviceStructures &device, const std::string &what)
     return VK_ERROR_FEATURE_NOT_PRESENT;
 }
 
-// Whether the driver may carry a host command out: only where micromaps are its own, on other structures.
+// Whether the driver may execute a host command: only if micromaps are the driver's, and only on other structures.
 bool isDrivers(const DeviceStructures &device, VkAccelerationStructureKHR handle)
 {
     const auto structure = device.objects.accelerationStructures.get(handle);
@@ -204,7 +204,7 @@ VkResult getAccelerationStructureCaptureData(DeviceStructures &device, VkDevice 
     const auto structure = device.objects.accelerationStructures.get(info->accelerationStructure);
     if (!structure || !isLayerObject(*structure))
         return device.driver.next.GetAccelerationStructureOpaqueCaptureDescriptorDataEXT(handle, info, data);
-    // The driver knows nothing of it that it could replay.
+    // The driver has no object of it that it could replay.
     VkPhysicalDeviceDescriptorBufferPropertiesEXT sizes{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DESCRIPTOR_BUFFER_PROPERTIES_EXT};
     VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &sizes, {}};
@@ -234,7 +234,7 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice, VkAc
         sizes->accelerationStructureSize = markedMicromapSize(needed.micromap);
         sizes->buildScratchSize = needed.scratch;
     } else if (auto build = parseStructureBuild(device.driver, check, *info)) {
-        // Ignored, and may be handles of the layer.
+        // They are ignored, and may be handles of micromaps.
         build->info.srcAccelerationStructure = build->info.dstAccelerationStructure = VK_NULL_HANDLE;
         device.backend->getSizes(type, *build, maxPrimitives, *sizes);
     }
@@ -301,7 +301,7 @@ VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, 
     constexpr const char *kCommand = "vkBuildAccelerationStructuresKHR";
     if (device.driver.emulated())
         return rejectOnHost(device, kCommand);
-    // A deferred build reads its input later: the driver gets the application's, unless there are micromaps.
+    // A deferred build reads its input later, so the driver gets the application's structures.
     std::vector<VkAccelerationStructureTypeKHR> types;
     for (uint32_t i = 0; i < count; ++i) {
         if (isMicromapBuild(infos[i]))

@@ -1,5 +1,6 @@
-// The commands of acceleration structures, micromaps of VK_KHR_opacity_micromap among them, on every device that the
-// layer gives micromaps to: each is parsed and checked here, and carried out by the device's back end.
+// The commands of acceleration structures, including micromaps of VK_KHR_opacity_micromap. The layer intercepts them on
+// every device whose micromaps it emulates or translates. Each is parsed and checked here, and then recorded by the
+// device's back end.
 #pragma once
 
 #include <cstdint>
@@ -42,7 +43,7 @@ void cmdCopyAccelerationStructureToMemory(DeviceStructures &, VkCommandBuffer,
 void cmdCopyMemoryToAccelerationStructure(DeviceStructures &, VkCommandBuffer,
                                           const VkCopyMemoryToAccelerationStructureInfoKHR *);
 
-// On the host. The driver alone would lose the records of emulated micromaps, and the host cannot build or copy
+// Host commands. The driver alone would lose the records of emulated micromaps, and the host cannot build or copy
 // micromaps of VK_KHR_opacity_micromap: these commands report that they are not available.
 VkResult buildAccelerationStructures(DeviceStructures &, VkDevice, VkDeferredOperationKHR, uint32_t,
                                      const VkAccelerationStructureBuildGeometryInfoKHR *,

@@ -1,11 +1,11 @@
-// Clones and compacted copies of acceleration structures.
+#include "layer/structures/structure_copy.h"
+
 #include <algorithm>
 #include <string>
 
 #include "core/records.h"
-#include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_copy.h"
 #include "layer/structures/device_structures.h"
-#include "layer/structures/emulated_backend.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
 
@@ -18,9 +18,9 @@ using namespace shared;
 
 constexpr const char *kCommand = "vkCmdCopyAccelerationStructureKHR";
 
-// What a source without any recorded build may hold can only be told from its size; one of which more is known, and
-// that is much larger than its instances need, holds at most so many times the instances that were recorded. Of GENERIC
-// structures the size says nothing: they hold what was recorded last, and so many instances.
+// Limits on the number of instances that a copy is recorded for. A source without a recorded build may hold as many
+// as its size allows. A source with recorded builds, if it is much larger than these need, holds at most kMostGrowth
+// times as many, or kFewInstances. The size of a GENERIC structure states nothing: it holds what was recorded last.
 constexpr uint32_t kMostGrowth = 4;
 constexpr uint32_t kFewInstances = 4096;
 
@@ -40,7 +40,7 @@ uint32_t mostInstances(const DeviceStructures &device, const AccelerationStructu
     return static_cast<uint32_t>(std::min<uint64_t>(fits, likely));
 }
 
-// A copy may be built for more instances than there are.
+// A copy may be built for more instances than its source has.
 void keepCount(const AccelerationStructure &source, AccelerationStructure &target)
 {
     uint32_t instances;
@@ -62,7 +62,7 @@ void recordBottomLevelCopy(InjectedWork &work, DeviceStructures &device, VkComma
     const VkDeviceSize bytes = copy.compact && !device.driver.clearsWholeHandles ? 0 : lastBytes(source);
     becomes(target, VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR, bytes);
     StructureCopyPush push{};
-    // Of a content that only the device knows, such a driver would copy all that the handle reaches over.
+    // If only the device knows the content, such a driver would copy the whole range of the handle.
     push.whole = bytes == 0 && (reachesOver(device, source) || reachesOver(device, target));
     if (!push.whole) {
         VkCopyAccelerationStructureInfoKHR info{VK_STRUCTURE_TYPE_COPY_ACCELERATION_STRUCTURE_INFO_KHR};
@@ -128,43 +128,49 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     return true;
 }
 
-VkDeviceSize EmulatedBackend::cloneBytes(const StructureCopy &copy)
+uint64_t copyInvocations(VkDeviceSize bytes)
 {
-    // What is in use of a micromap, only the device knows.
+    constexpr VkDeviceSize kBytesPerInvocation = 256;
+    return std::clamp<uint64_t>(bytes / kBytesPerInvocation, 64, 16384);
+}
+
+VkDeviceSize cloneBytes(const DeviceStructures &device, const StructureCopy &copy)
+{
+    // Only the device knows how many bytes of a micromap are in use.
     if (copy.isMicromap())
         return 0;
-    // With VK_KHR_ray_tracing_maintenance1 it is what a query has reported, and of a GENERIC structure the size of the
-    // handle says nothing.
+    // With VK_KHR_ray_tracing_maintenance1 the size is the one that a query reports; the size of a GENERIC structure's
+    // handle states nothing.
     const bool unknown =
-        device_.driver.queriesStructureSize || copy.source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        device.driver.queriesStructureSize || copy.source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     return unknown ? std::min(copy.source->size, lastBytes(*copy.source)) : copy.source->size;
 }
 
-void EmulatedBackend::record(VkCommandBuffer commandBuffer, const StructureCopy &copy)
+void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer, const StructureCopy &copy)
 {
     AccelerationStructure &source = *copy.source, &target = *copy.target;
     if (copy.isMicromap()) {
-        becomeMicromap(device_.objects, target);
-        return recordMicromapCopy(device_.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target));
+        becomeMicromap(device.objects, target);
+        return recordMicromapCopy(device.micromaps, commandBuffer, kCommand, micromapIn(source), micromapIn(target));
     }
-    const StructureDescriptor sourceDescriptor = descriptorOf(device_.objects, source);
-    const StructureDescriptor targetDescriptor = descriptorOf(device_.objects, target);
+    const StructureDescriptor sourceDescriptor = descriptorOf(device.objects, source);
+    const StructureDescriptor targetDescriptor = descriptorOf(device.objects, target);
     if (!sourceDescriptor.address || !targetDescriptor.address) {
-        inputCheck(device_.driver, kCommand, target.handle)
+        inputCheck(device.driver, kCommand, target.handle)
             .reject("VELLUM-out-of-memory", "no memory for the layer's tables");
         return;
     }
-    if (const auto state = device_.commands.states.get(commandBuffer))
+    if (const auto state = device.commands.states.get(commandBuffer))
         state->scratch.restart();
-    InjectedWork work(device_.commands, commandBuffer);
+    InjectedWork work(device.commands, commandBuffer);
     work.barrier();
     if (copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
-        const TopLevelLayout layout(device_.driver, 0, mostInstances(device_, source, target));
-        recordTopLevelCopy(work, device_, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
+        const TopLevelLayout layout(device.driver, 0, mostInstances(device, source, target));
+        recordTopLevelCopy(work, device, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
                            kFromStructure);
         keepCount(source, target);
     } else {
-        recordBottomLevelCopy(work, device_, commandBuffer, copy, sourceDescriptor.address, targetDescriptor.address);
+        recordBottomLevelCopy(work, device, commandBuffer, copy, sourceDescriptor.address, targetDescriptor.address);
     }
 }
 

@@ -12,7 +12,7 @@ using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
 constexpr VkStructureType kAttachmentEXT = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT;
 constexpr VkStructureType kAttachmentKHR = VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR;
 
-// Where micromaps are the driver's, it knows VkAccelerationStructureTrianglesOpacityMicromapEXT.
+// A driver with micromaps knows VkAccelerationStructureTrianglesOpacityMicromapEXT.
 std::optional<MicromapAttachment> attachmentIn(const Driver &driver, const void *chain)
 {
     if (const auto *khr = findInChain<VkAccelerationStructureTrianglesOpacityMicromapKHR>(chain, kAttachmentKHR))
@@ -42,7 +42,7 @@ void parseTriangles(const Driver &driver, VkAccelerationStructureGeometryTriangl
     chain.remove(kAttachmentKHR);
     if (driver.emulated()) {
         chain.remove(kAttachmentEXT);
-        // Carries a VkMicromapEXT, and was rejected with its extension.
+        // It contains a VkMicromapEXT. The layer hides its extension.
         chain.remove(newer::kTrianglesDisplacementMicromap);
     }
     triangles.pNext = chain.head();
@@ -76,7 +76,7 @@ std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const In
 {
     StructureBuild build;
     build.info = info;
-    // Ignored, and may be a micromap.
+    // It is ignored, and may be the handle of a micromap.
     if (info.mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR)
         build.info.srcAccelerationStructure = VK_NULL_HANDLE;
     for (uint32_t i = 0; i < info.geometryCount; ++i) {
@@ -88,7 +88,7 @@ std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const In
                          "geometryCount is not 0, but a geometry is a null pointer");
             return std::nullopt;
         }
-        // The driver does not know the type.
+        // The driver does not know this type.
         if (given->geometryType == VK_GEOMETRY_TYPE_MICROMAP_KHR) {
             check.reject("VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
                          "a geometry of type VK_GEOMETRY_TYPE_MICROMAP_KHR in a build of another type than micromap");
@@ -97,7 +97,7 @@ std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const In
         VkAccelerationStructureGeometryKHR &geometry = build.geometries.emplace_back(*given);
         GeometryInput &input = build.inputs.emplace_back();
         input.opaque = (geometry.flags & VK_GEOMETRY_OPAQUE_BIT_KHR) != 0;
-        // The type of a GENERIC structure is known from what is built into it.
+        // The geometries determine the type of a GENERIC structure.
         build.topLevel = build.topLevel || geometry.geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR;
         build.hasBoxes = build.hasBoxes || geometry.geometryType == VK_GEOMETRY_TYPE_AABBS_KHR;
         if (geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR)
@@ -123,7 +123,7 @@ bool checkAttachment(const DeviceState &objects, const InputCheck &check, const 
         return check.reject("VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
                             where + "micromap is not a micromap of this device");
     attachment.micromap = micromapIn(*attachment.structure);
-    // They are built first, with a barrier.
+    // Tolerated: micromaps are built first, with a barrier.
     return !built.contains(attachment.khr) ||
            check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548",
                           where + "micromap is built by the same command");
@@ -135,16 +135,16 @@ bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, co
                          StructureBuild &build)
 {
     build.target = objects.accelerationStructures.get(build.info.dstAccelerationStructure);
-    // A micromap's handle means nothing to the driver.
+    // The driver does not know the handles of micromaps.
     if (!build.target || isLayerObject(*build.target))
         return check.reject(
             "VELLUM-VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter",
             "dstAccelerationStructure is not an acceleration structure of this device");
-    // Only builds of micromaps have none.
+    // Only builds of micromaps have no ranges.
     if (!build.ranges.direct && !build.ranges.most) {
         if (build.geometryCount() > 0)
             return check.reject("VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
-                                "a null pointer in place of the geometries' numbers of primitives");
+                                "the numbers of primitives of the geometries are a null pointer");
         static constexpr VkAccelerationStructureBuildRangeInfoKHR kNone{};
         build.ranges.direct = &kNone;
     }
@@ -196,7 +196,7 @@ std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, cons
                                  : reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791",
                                           "src and dst are the same memory");
     copy.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
-    // Other modes are clones, as drivers do it.
+    // Tolerated: other modes are clones, as in drivers.
     if (!copy.compact &&
         !checkMode(check, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR,
                    "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-03410", "mode is neither CLONE nor COMPACT"))
@@ -250,6 +250,7 @@ std::optional<SerializedCopy> parseRestore(const DeviceState &objects, const cha
         return std::nullopt;
     }
     const bool micromap = objects.driver.enabled.khr && canHoldMicromap(*copy.structure);
+    // The specification names 11700, a rule of this command, after the other one.
     if (!checkMode(check, info.mode, VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR,
                    "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", "mode is not DESERIALIZE") ||
         !check.checkSerializedAddress(

@@ -1,5 +1,5 @@
-// Builds and copies of acceleration structures, parsed from the application's structures and checked. Past this nothing
-// looks at those structures again.
+// Builds and copies of acceleration structures, parsed from the application's structures and checked. Nothing after
+// this reads those structures.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 namespace vellum::layer
 {
 
-// A geometry's micromap, whichever structure of the application named it.
+// A geometry's micromap, parsed from the structure of either extension.
 struct MicromapAttachment {
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
     VkDeviceAddress indexBuffer = 0;
@@ -24,12 +24,12 @@ struct MicromapAttachment {
     uint32_t baseTriangle = 0;
     VkMicromapEXT ext = VK_NULL_HANDLE;              // of VkAccelerationStructureTrianglesOpacityMicromapEXT
     VkAccelerationStructureKHR khr = VK_NULL_HANDLE; // of VkAccelerationStructureTrianglesOpacityMicromapKHR
-    // Once checked; none for a null handle.
+    // Set by the check; null for a null handle.
     Micromap micromap;
     std::shared_ptr<AccelerationStructure> structure; // of `khr`
 };
 
-// What a build has of a geometry besides what the driver gets.
+// The properties of a geometry that the driver does not get.
 struct GeometryInput {
     bool opaque = false;
     std::optional<MicromapAttachment> micromap;
@@ -39,17 +39,17 @@ struct GeometryInput {
 // The ranges of one build, direct or indirect.
 struct BuildRanges {
     const VkAccelerationStructureBuildRangeInfoKHR *direct = nullptr; // of each geometry
-    VkDeviceAddress indirect = 0; // of the first geometry's; the next ones are `stride` bytes apart
+    VkDeviceAddress indirect = 0; // of the first geometry's range; the others follow, `stride` bytes apart
     uint32_t stride = 0;
-    const uint32_t *most = nullptr; // primitives of each geometry, of an indirect build
+    const uint32_t *most = nullptr; // maximum of primitives of each geometry, for an indirect build
 
-    // The most primitives that geometry g may have.
+    // The maximum of primitives of geometry g.
     [[nodiscard]] uint32_t primitives(uint32_t g) const { return direct ? direct[g].primitiveCount : most[g]; }
-    // Where the device finds geometry g's range; 0 where the host knows it.
+    // Address of geometry g's range; 0 for a direct build.
     [[nodiscard]] VkDeviceAddress address(uint32_t g) const { return direct ? 0 : indirect + uint64_t{g} * stride; }
 };
 
-// The build of anything but a micromap.
+// The build of a structure that is not a micromap.
 struct StructureBuild {
     uint32_t element = 0;                                       // of pInfos
     std::vector<VkAccelerationStructureGeometryKHR> geometries; // the driver's: without micromaps
@@ -58,7 +58,7 @@ struct StructureBuild {
     bool hasMicromaps = false;
     bool hasBoxes = false;
     BuildRanges ranges;
-    // Once checked. The source: of an update.
+    // Set by the check. `source`: of an update.
     std::shared_ptr<AccelerationStructure> target, source;
 
     [[nodiscard]] VkAccelerationStructureTypeKHR type() const
@@ -67,15 +67,15 @@ struct StructureBuild {
                         : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
     }
     [[nodiscard]] uint32_t geometryCount() const { return static_cast<uint32_t>(geometries.size()); }
-    // The most primitives of each geometry.
+    // The maximum of primitives of each geometry.
     [[nodiscard]] std::vector<uint32_t> primitives() const;
-    // What the driver gets; points into this object.
+    // The build for the driver; it points into this object.
     [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &driverInfo();
 
     VkAccelerationStructureBuildGeometryInfoKHR info{}; // with the driver's handles, flags and mode
 };
 
-// Nothing, after a message, if there is something that no driver may see.
+// nullopt, after a message, if the build contains something that no driver may get.
 std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const InputCheck &check,
                                                   const VkAccelerationStructureBuildGeometryInfoKHR &info);
 // Finds the structures that a build names, and checks them. `built`: micromaps that the same command builds.
@@ -86,7 +86,7 @@ bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, co
 struct StructureCopy {
     std::shared_ptr<AccelerationStructure> source, target;
     bool compact = false; // otherwise a clone
-    // Of the copy: never GENERIC. Where micromaps are the driver's, it may be, of other structures.
+    // Of the copied content. GENERIC only if micromaps are the driver's, and the content is not a micromap.
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     [[nodiscard]] bool isMicromap() const { return type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; }
 };
@@ -104,7 +104,7 @@ std::optional<SerializedCopy> parseSave(const DeviceState &objects, const char *
 std::optional<SerializedCopy> parseRestore(const DeviceState &objects, const char *command,
                                            const VkCopyMemoryToAccelerationStructureInfoKHR &info);
 
-// What is wrong with a command that is about a structure.
+// The check of a command's input, whose messages name a structure.
 inline InputCheck inputCheck(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
                              std::optional<uint32_t> element = std::nullopt)
 {

@@ -12,7 +12,7 @@ using namespace shared;
 namespace
 {
 
-// What is left of the flags of a top-level build: the driver neither updates nor copies what it builds.
+// The flags of a top-level build for the driver, which neither updates nor copies the structure.
 VkBuildAccelerationStructureFlagsKHR topLevelFlags(VkBuildAccelerationStructureFlagsKHR application)
 {
     return application & (VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
@@ -36,8 +36,8 @@ void hideMicromaps(StructureBuild &build)
     }
     if (!build.topLevel)
         return;
-    // An update is carried out as a build, since a copy may have more instances, inactive ones, than the application
-    // knows of. Copies of top-level structures are builds too.
+    // An update is carried out as a build, since a copy may have additional, inactive instances that the application
+    // does not know. Copies of top-level structures are also builds.
     build.info.flags = topLevelFlags(build.info.flags);
     build.info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR;
     build.info.srcAccelerationStructure = VK_NULL_HANDLE;
@@ -90,7 +90,7 @@ TopLevelLayout::TopLevelLayout(const Driver &driver, VkBuildAccelerationStructur
 uint32_t topLevelCapacity(const Driver &driver, VkDeviceSize size)
 {
     uint32_t fits = 0;
-    // VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03801 and the slots bound it too.
+    // VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03801 and the number of slots are further limits.
     auto tooMany = static_cast<uint32_t>(std::min<VkDeviceSize>(size / sizeof(VkAccelerationStructureInstanceKHR) + 1,
                                                                 VkDeviceSize{kDirectoryPages} << kSlotsPerPageLog2));
     while (tooMany - fits > 1) {

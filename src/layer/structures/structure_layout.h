@@ -1,6 +1,6 @@
-// Where the layer's part of an acceleration structure lies: behind the driver's, in the application's memory. What a
-// build needs is behind what the driver says that it needs for the same build; where a copy puts it is decided on the
-// GPU.
+// The layout of an acceleration structure with emulated micromaps: the tail, which is the layer's part, follows the
+// driver's part in the application's memory. A build has it after the size that the driver returns for the same build;
+// for a copy the GPU decides.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -13,25 +13,26 @@ namespace vellum::layer
 
 inline constexpr VkDeviceSize kPartAlignment = 256; // of parts within acceleration structures and scratch memory
 
-// Makes the build what the driver gets: without micromaps, and with every geometry that has one non-opaque, so that
-// each hit on it is handed to a shader; of a top-level structure never an update.
+// Changes the build to the one for the driver: without micromaps, and with every geometry that has one non-opaque, so
+// that each hit on it reaches a shader. An update of a top-level structure becomes a build.
 void hideMicromaps(StructureBuild &build);
 
-// Bytes of the records of a bottom-level structure; 0: it needs none. `primitives`: of each geometry.
+// Bytes of the tail of a bottom-level structure; 0: it needs no records. `primitives`: of each geometry.
 VkDeviceSize bottomLevelTailBytes(const StructureBuild &build, const uint32_t *primitives);
 
 // --- top level ---
-// The instances that the driver builds from lie behind its scratch memory.
+// Alignment of the instances that the driver builds from, which follow its scratch memory.
 inline constexpr VkDeviceSize kPatchedAlignment = 64;
 
-// The parts of a top-level structure for builds of up to `count` instances with some flags, and for copies, which are
-// builds without flags: never less for more instances. Asks the driver for sizes, twice at most.
+// The layout of a top-level structure for builds of up to `count` instances with some flags, and for copies, which are
+// builds without flags. Sizes do not decrease with more instances. The constructor asks the driver for sizes, at most
+// twice.
 struct TopLevelLayout {
     TopLevelLayout(const Driver &driver, VkBuildAccelerationStructureFlagsKHR flags, uint32_t count);
 
     uint32_t count;
-    VkDeviceSize driverScratch = 0; // that the driver needs, in front of the instances it builds from
-    VkDeviceSize tailOffset = 0;    // of the instances that are kept, behind the driver's part
+    VkDeviceSize driverScratch = 0; // that the driver needs, before the instances that it builds from
+    VkDeviceSize tailOffset = 0;    // of the instances that are kept, after the driver's part
     [[nodiscard]] VkDeviceSize bytes() const
     {
         return tailOffset + VkDeviceSize{count} * sizeof(VkAccelerationStructureInstanceKHR);

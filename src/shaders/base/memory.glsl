@@ -4,9 +4,9 @@
 
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Words { uint w[]; };
 
-// An address to load from that may be null where nothing is loaded, with one that can be read to stand in for it.
-// Lavapipe 26 loads what is at the same address for all invocations even if none is active: in a branch that is not
-// taken, and once more when a loop has ended.
+// `other`, an address that can be read, in place of a null address that no active invocation loads from. Lavapipe 26 loads
+// from an address that is the same for all invocations even if none is active: in a branch that is not taken, and once more
+// when a loop has ended.
 uvec2 readable(uvec2 address, uvec2 other)
 {
     return (address.x | address.y) == 0u ? other : address;
@@ -28,7 +28,7 @@ uvec2 elementAddress(uvec2 address, uint index, uint stride)
     return uvec2(sum.x, sum.y + high);
 }
 
-// Reads `bytes` (1..4) bytes at any address; the rest of the result is 0. Touches only words that hold one of them, so
+// Reads `bytes` (1..4) bytes at any address; the rest of the result is 0. Reads only words that hold one of these bytes, so
 // that the last byte of a buffer can be read.
 uint loadBytes(uvec2 address, uint bytes)
 {

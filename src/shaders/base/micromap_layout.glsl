@@ -1,4 +1,4 @@
-// Where the parts of a micromap lie (core/records.h). Needs records.h and memory.glsl.
+// Addresses of the parts of a micromap (core/records.h). Needs records.h and memory.glsl.
 
 // Record of a micromap triangle.
 Words micromapRecord(uvec2 micromap, uint triangle)
@@ -6,7 +6,7 @@ Words micromapRecord(uvec2 micromap, uint triangle)
     return Words(elementAddress(addressPlus(micromap, kMicromapHeaderWords * 4u), triangle, kTriangleRecordWords * 4u));
 }
 
-// Address of the data units of a micromap with that many triangles: behind the records, padded to 16 bytes.
+// Address of the data units of a micromap with that many triangles: after the records, which are padded to 16 bytes.
 uvec2 micromapUnits(uvec2 micromap, uint triangles)
 {
     return elementAddress(addressPlus(micromap, kMicromapHeaderWords * 4u), triangles + 1u >> 1u, 2u * kTriangleRecordWords * 4u);
@@ -27,8 +27,8 @@ uvec2 marked(uvec2 bytes)
     return uvec2((above.x & ~255u) + kMicromapSizeMark, above.y);
 }
 
-// Whether a micromap was built in memory of so many units of 16 bytes. Where none was, the memory holds what it holds: that
-// can be a larger micromap's header.
+// Whether memory of so many units of 16 bytes holds a micromap. Other memory may hold anything, such as the header of a larger
+// micromap.
 bool holdsMicromap(uvec2 micromap, uint size)
 {
     if (size < kMicromapHeaderWords / 4u)

@@ -1,6 +1,6 @@
 // Descriptors (core/records.h), and 64-bit addresses counted in units of 16 bytes. Needs records.h and memory.glsl.
 
-struct Cell {
+struct Descriptor {
     uvec2 tail;
     uint kind;
     uint units;
@@ -11,13 +11,13 @@ struct Cell {
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Units { uvec4 at[]; };
 
-Cell loadDescriptor(uvec2 address)
+Descriptor loadDescriptor(uvec2 address)
 {
     Words c = Words(address);
-    return Cell(uvec2(c.w[0], c.w[1]), c.w[2], c.w[3], c.w[4], c.w[5], uvec2(c.w[6], c.w[7]));
+    return Descriptor(uvec2(c.w[0], c.w[1]), c.w[2], c.w[3], c.w[4], c.w[5], uvec2(c.w[6], c.w[7]));
 }
 
-void storeDescriptor(uvec2 address, Cell descriptor)
+void storeDescriptor(uvec2 address, Descriptor descriptor)
 {
     Words c = Words(address);
     c.w[0] = descriptor.tail.x;
@@ -30,11 +30,11 @@ void storeDescriptor(uvec2 address, Cell descriptor)
     c.w[7] = descriptor.extra.y;
 }
 
-// Words that the host changes while shaders read them, two at a time.
+// Words that the host may change, two at a time, while shaders read them.
 layout(buffer_reference, std430, buffer_reference_align = 4) readonly volatile buffer ChangingWords { uint w[]; };
 
-// Two words of which the host writes both at once. They are read one after the other, until nothing has changed between
-// them: no value that they had comes back.
+// Two words that the host writes at once. The shader reads one after the other, and repeats this until it reads the same
+// pair twice: the pair never returns to an earlier value.
 uvec2 changingPair(uvec2 words, uint at)
 {
     ChangingWords c = ChangingWords(words);
@@ -47,19 +47,19 @@ uvec2 changingPair(uvec2 words, uint at)
     }
 }
 
-// The descriptor of a key in the hash table (core/records.h) that the root table leads to; 0: there is none.
+// Address of the descriptor of a key in the hash table (core/records.h) that the root table leads to; 0: not found.
 uvec2 findDescriptor(uvec2 root, uvec2 key)
 {
     if ((key.x | key.y) == 0u || (key.x & key.y) == ~0u) // empty and deleted entries
         return uvec2(0);
-    const uvec2 address = changingPair(root, kRootHashTable); // another one once the table has grown
+    const uvec2 address = changingPair(root, kRootHashTable); // changes when the table grows
     Words table = Words(address);
     const uint mask = table.w[0];
     uint bucket = hashReference(key.x, key.y) & mask;
     for (uint probes = 0u; probes <= mask; ++probes) {
         const uint at = kHashHeaderWords + bucket * kHashBucketWords;
         const uvec2 found = uvec2(table.w[at], table.w[at + 1u]);
-        // Halves of two other keys, of which one took the place of the other, may look like this one.
+        // The halves of two other keys, of which one has replaced the other, may look like this key.
         if (found == key && changingPair(address, at) == key)
             return uvec2(table.w[at + 2u], table.w[at + 3u]);
         if ((found.x | found.y) == 0u)
@@ -96,7 +96,7 @@ uvec2 bytesOfUnits(uint units)
     return uvec2(units << 4u, units >> 28u);
 }
 
-// Units from `begin` to `address`; ~0 where address comes before it or far behind.
+// Units from `begin` to `address`; ~0 where `address` is below it, or too far above.
 uint unitsBetween(uvec2 begin, uvec2 address)
 {
     const uvec2 bytes = addressMinus(address, begin);

@@ -1,7 +1,7 @@
-// A log of wrong input that only the device sees, read by the host (layer/command_buffer/gpu_validation_log.h). Needs records.h, memory.glsl and
-// push.log.
+// The log of wrong input that only the device sees, which the host reads (layer/command_buffer/gpu_validation_log.h). Needs
+// records.h, memory.glsl and push.log.
 
-// Appends an entry while there is room; what does not fit is counted.
+// Appends an entry; entries that do not fit are only counted.
 void reportFinding(uint what, uvec2 object, uint triangle, uint value0, uint value1)
 {
     if ((push.log.x | push.log.y) == 0u)
@@ -17,5 +17,5 @@ void reportFinding(uint what, uvec2 object, uint triangle, uint value0, uint val
     log.w[at + 4u] = object.x;
     log.w[at + 5u] = object.y;
     memoryBarrierBuffer();
-    atomicExchange(log.w[at], what); // last: the entry is whole now
+    atomicExchange(log.w[at], what); // last, since it makes the entry valid
 }

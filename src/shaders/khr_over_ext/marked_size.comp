@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Corrects a size that the driver returned. That of a micromap is rounded up to the next one that applications see
-// (markedMicromapSize in layer/micromaps/micromap_input.h); that of serialized data grows by the layer's trailer.
+// Corrects a size that the driver returned. The size of a micromap is rounded up to a marked size (markedMicromapSize in
+// layer/micromaps/micromap_input.h); the size of serialized data grows by the layer's trailer.
 #include "shared.h"
 #include "records.h"
 #include "push.h"

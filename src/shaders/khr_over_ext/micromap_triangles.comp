@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Copies the triangles of a micromap build to where a driver with VK_EXT_opacity_micromap takes them: packed, and with
-// offsets from an address of the data that is a bit lower. One invocation a triangle.
+// Copies the triangles of a micromap build in the form that VK_EXT_opacity_micromap requires: packed, and with offsets from
+// an aligned address of the data, which is `shift` bytes lower. One invocation per triangle.
 #include "push.h"
 #include "base/memory.glsl"
 

@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// The header of a serialized micromap. The driver writes sizes of its own into it and wants to find them there; applications
-// create a structure of the size that they read there, which has to be one by which the layer knows structures for micromaps
-// (kMicromapSizeMark). The driver's size is kept in a trailer. Data without one stays as it is.
+// Converts the header of a serialized micromap between the driver's form and the application's. The driver expects the size
+// that it has written; applications create a structure of the size that they read, which must be marked for micromaps
+// (kMicromapSizeMark). The driver's size is kept in a trailer. Data without a trailer is not changed.
 #include "shared.h"
 #include "records.h"
 #include "push.h"
@@ -16,12 +16,12 @@ layout(push_constant, std430) uniform Push
     SerializedHeaderPush push;
 };
 
-// Words of the header, behind two UUIDs: 64-bit sizes.
+// Words of the header, after two UUIDs: 64-bit sizes.
 const uint kTotal = 8u;
 const uint kDeserialized = 10u;
 const uint kHeaderBytes = 48u;
 
-// The driver's data ends at `bytes`, and a trailer would lie in the buffer.
+// Whether `bytes` can be the end of the driver's data, and the buffer can hold a trailer there.
 bool fits(Words header, uint bytes)
 {
     return header.w[kTotal + 1u] == 0u && bytes >= kHeaderBytes && bytes % 4u == 0u &&

@@ -1,6 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Makes 32-bit micromap indices of 8-bit ones, which VK_EXT_opacity_micromap does not have. One invocation an index.
+// Widens 8-bit micromap indices, which VK_EXT_opacity_micromap does not have, to 32 bits. One invocation per index.
 #include "push.h"
 #include "base/memory.glsl"
 

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build that shares identical data, first pass, an invocation a triangle: finds coarse mask and hash. Triangles
-// with many units are left to micromap_parts.comp.
+// Micromap build that shares identical data, first pass, one invocation per triangle: computes coarse mask and hash.
+// micromap_parts.comp does this for triangles with many units.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -25,7 +25,7 @@ void main()
     } else {
         word0 = kKindData + kindOf(s);
         if (units > kPartUnits) {
-            // Which one finds the list full depends on the run: micromap_share.comp then rejects all of them.
+            // Which triangle finds the list full differs from run to run: micromap_share.comp then rejects all of them.
             if (!listParts(triangle, units))
                 Words(push.scratch).w[kScratchPartsFull] = 1u;
         } else {

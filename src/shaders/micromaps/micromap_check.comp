@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build: can the data be used as it lies, because each triangle's begins at a data unit and ends within as much as
-// there is room for?
+// Micromap build: determines whether the data can be used in place: the data of each triangle begins at a data unit, and
+// ends within the capacity of the micromap.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"

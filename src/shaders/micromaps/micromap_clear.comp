@@ -1,6 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build: empties what the other passes add to.
+// Micromap build: clears the counters and tables that the other passes add to.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"

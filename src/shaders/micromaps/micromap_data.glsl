@@ -1,19 +1,19 @@
-// What the micromap build finds out about a triangle's data: the state of each sub-triangle of level 2, and a hash.
+// Analysis of a triangle's data in a micromap build: the state of each sub-triangle of level 2, and a hash.
 // Needs micromap_source.glsl.
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
 
-// Two words that lie together are declared as an address: a driver for the CPU loads and stores each member of a vector
-// lane by lane, and an address in one go. What it would be the address of is aligned to 8 bytes: glslang takes that for the
-// alignment of the access, too, which may not be less than 8 (VUID-StandaloneSpirv-PhysicalStorageBuffer64-06314). In a
-// structure: of an array of addresses without a size glslang declares RuntimeDescriptorArray, which a device need not have.
+// Two adjacent words are declared as an address: a CPU driver loads and stores each member of a vector lane by lane, and an
+// address at once. The type that it points to is aligned to 8 bytes because glslang uses that as the alignment of the access,
+// which must not be less than 8 (VUID-StandaloneSpirv-PhysicalStorageBuffer64-06314). The address is in a structure because
+// glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need not support that.
 layout(buffer_reference, std430, buffer_reference_align = 8) buffer Eight { uint w[]; };
 struct Pair {
     Eight words;
 };
 layout(buffer_reference, std430, buffer_reference_align = 8) buffer Pairs { Pair at[]; };
 
-// A data unit of a source at an address that is a multiple of 4; `bytes` is 8 or 16.
+// A data unit of the input at an address that is a multiple of 4; `bytes` is 8 or 16.
 uvec4 loadAlignedUnit(uvec2 address, uint bytes)
 {
     Words words = Words(address);
@@ -23,7 +23,7 @@ uvec4 loadAlignedUnit(uvec2 address, uint bytes)
     return v;
 }
 
-// The same at any other address. Touches only words that hold one of the bytes.
+// The same at any other address. Reads only words that hold one of the bytes.
 uvec4 loadShiftedUnit(uvec2 address, uint bytes)
 {
     const uint shift = (address.x & 3u) * 8u;
@@ -40,7 +40,8 @@ uvec4 loadUnit(uvec2 address, uint bytes)
     return (address.x & 3u) == 0u ? loadAlignedUnit(address, bytes) : loadShiftedUnit(address, bytes);
 }
 
-// Any change of order changes it, and it is a sum over the units, so that several invocations can share the work.
+// The hash of a triangle is the sum of this over its units, so that several invocations can share the work. It depends on
+// the order of the units.
 uint hashUnit(uvec4 v, uint unit)
 {
     uint h = unit * 0x9e3779b1u + 0x7f4a7c15u;
@@ -91,8 +92,8 @@ uint groupsWithBits(uint x, uint subBits)
     return (x & 1u) | (x >> 14u & 4u);
 }
 
-// Sub-triangles of level 2 are gathered as two bits each: 1: not all of it is transparent, 2: not all of it is opaque.
-// This makes the coarse mask of them: 0 transparent, 1 opaque, 2 look.
+// The coarse mask (0 transparent, 1 opaque, 2 look at the data) of gathered bits, which are two for each sub-triangle of
+// level 2: 1: not entirely transparent, 2: not entirely opaque.
 uint coarseMask(uint gathered)
 {
     const uint a = gathered & 0x55555555u;
@@ -110,7 +111,7 @@ struct Walk {
     uint hash;
 };
 
-// What units of less than a sub-triangle of level 2, or of several, say about them.
+// The gathered bits of a unit that holds a part of a sub-triangle of level 2, or several.
 uint gatherUnit(uvec4 v, uvec4 w, uint i, uint subBits, uint bytes)
 {
     if (subBits == 64u) {
@@ -145,7 +146,7 @@ Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
     const bool hash = (push.flags & kBuildAnalysing) != 0u;
     Quads to = Quads(target);
     if (subBits >= 128u && (source.x & 3u) == 0u) {
-        // Most of the data of large micromaps.
+        // Fast path: most of the data of large micromaps.
         const uint subShift = findMSB(subBits) - 7u;
         for (uint i = first; i < last; ++i) {
             const uvec4 v = loadAlignedUnit(addressPlus(source, i * 16u), 16u);
@@ -176,7 +177,7 @@ Walk walkUnits(Source s, uint first, uint last, bool store, uvec2 target)
     return walk;
 }
 
-// Everything about a triangle of at most kPartUnits units.
+// All units of a triangle that has at most kPartUnits.
 Walk walkAll(Source s, bool store, uvec2 target)
 {
     return walkUnits(s, 0u, unitsOf(s), store, target);

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build without sharing, after the parts: turns what was gathered of the triangles on the list into their masks.
+// Micromap build without sharing, after micromap_parts.comp: turns the gathered bits of the triangles on the list of parts
+// into coarse masks.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Lossy micromap build, first pass, an invocation a triangle: finds its level and coarsens its data. Triangles with many
-// units are left to micromap_lossy_parts.comp.
+// Lossy micromap build, first pass, one invocation per triangle: chooses its level and coarsens its data.
+// micromap_lossy_parts.comp does this for triangles with many units.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -12,7 +12,7 @@ uint levelFor(Source s, uvec2 data)
 {
     if (s.bitsPerState == 1u)
         return s.level;
-    const Found found = findOut(data, 0u, sourceBytes(s.level, 2u) >> 2u);
+    const Measured found = measure(data, 0u, sourceBytes(s.level, 2u) >> 2u);
     uint best = 0u;
     uint least = ~0u;
     for (uint k = 0u; k <= s.level - kCoarseLevel; ++k) {
@@ -35,7 +35,7 @@ void main()
     if (units > kPartUnits) {
         if (!listParts(triangle, units))
             s.problem = kFindingNoCapacity;
-        // Those of 4 states get their entry once their parts are known.
+        // 4-state triangles get their entry once their parts are known.
         if (s.problem != 0u || s.bitsPerState == 1u)
             writeEntry(triangle, s, s.level);
         else

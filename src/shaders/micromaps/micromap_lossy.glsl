@@ -1,12 +1,12 @@
 // Lossy micromap builds (core/lossy.h): triangles are coarsened into scratch memory, from which the ordinary build then
-// reads. Needs micromap_source.glsl; in these passes push.micromap is where the coarsened micromap goes:
-//   entries    3 words a triangle: a VkMicromapTriangleEXT with offsets from here, and the states of up to level 2
-//   units      coarsened data, in any order: the ordinary build finds it a place
-//   parts      4 words for each entry of the list of parts: what is found out about it
+// reads. Needs micromap_source.glsl; in these passes push.micromap is the address of the coarsened micromap:
+//   entries    3 words per triangle: a VkMicromapTriangleEXT with offsets from here, and the states of up to level 2
+//   units      coarsened data, in any order: the ordinary build places it
+//   parts      4 words for each entry of the list of parts: a Measured, packed
 
 const uint kPartLevels = 6u; // a part of 4-state data is a sub-triangle of that many levels
 
-// Nodes of the curve's tree are described by: 1: not all transparent, 2: not all opaque.
+// Codes of the nodes of the curve's tree. Bit 0: not all transparent, bit 1: not all opaque.
 const uint kCodeTransparent = 2u;
 const uint kCodeOpaque = 1u;
 const uint kCodeMixed = 3u;
@@ -47,7 +47,7 @@ uint stateOf(uint code, uint low, uint n)
     return 2u * low >= n ? kStateUnknownOpaque : kStateUnknownTransparent;
 }
 
-// How many nodes are known, on four levels above a row of nodes that come in the curve's order.
+// Counts of known nodes on the four levels above a row of nodes, which are visited in the curve's order.
 struct Climb {
     uvec4 known;
     uvec4 open; // codes of the nodes that are not complete
@@ -62,12 +62,11 @@ void climb(inout Climb c, uint i, uint code)
     c.open &= ends - 1u;
 }
 
-// What is found out about some words of 4-state data: how many nodes are known, by how many levels they are above the
-// micro-triangles, how many micro-triangles are opaque or unknown-opaque, and the code of all.
-struct Found {
-    uint known[6];
-    uint low;
-    uint code;
+// Measurements of some words of 4-state data.
+struct Measured {
+    uint known[6]; // known nodes, by the number of levels that they are above the micro-triangles
+    uint low;      // micro-triangles that are opaque or unknown-opaque
+    uint code;     // of all of them together
 };
 
 uint bytesWithBits(uint x)
@@ -77,7 +76,7 @@ uint bytesWithBits(uint x)
     return (x | x >> 4u) & 0x01010101u;
 }
 
-Found findOut(uvec2 data, uint first, uint words)
+Measured measure(uvec2 data, uint first, uint words)
 {
     uvec3 known = uvec3(0u);
     uint low = 0u;
@@ -93,11 +92,11 @@ Found findOut(uvec2 data, uint first, uint words)
         code |= own;
         climb(above, i, own);
     }
-    return Found(uint[6](known.x, known.y, known.z, above.known.x, above.known.y, above.known.z), low, code);
+    return Measured(uint[6](known.x, known.y, known.z, above.known.x, above.known.y, above.known.z), low, code);
 }
 
-// What a level costs that is k levels lower: its states, and those that become unknown. `micros`, `nodes`: how many of the
-// triangle's micro-triangles and of those of that level are known.
+// The cost of a level that is k levels lower: the number of its states, and the price of those that become unknown.
+// `micros`, `nodes`: how many of the triangle's micro-triangles, and of the micro-triangles of that level, are known.
 uint costOf(uint level, uint k, uint micros, uint nodes)
 {
     const uint states = level - k > kCoarseLevel ? 1u << (2u * (level - k)) : 0u;
@@ -133,8 +132,8 @@ uint coarsenedWord(uvec2 data, uint i, uint k)
     return states;
 }
 
-// Gives a triangle its entry, and room for its data. What is wrong with it is told of, and the ordinary build finds an
-// entry without a format.
+// Writes a triangle's entry and allocates units for its data. An invalid triangle is reported, and its entry has no format:
+// the ordinary build rejects it.
 bool writeEntry(uint triangle, Source s, uint level)
 {
     Source lower = s;

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Lossy micromap build, after the parts were looked at: finds the level of each triangle on the list, and writes the states
-// of those that are coarser than a part. The first invocation compares the usage counts with what there was.
+// Lossy micromap build, after the parts were measured: chooses the level of each triangle on the list, and writes the states
+// of those that are coarser than a part. The first invocation compares the usage counts with what was found.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"

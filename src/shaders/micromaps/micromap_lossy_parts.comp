@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Lossy micromap build: an invocation for each part of the triangles on the list. Finds out what their level depends on
-// (kBuildAnalysing), or writes their coarsened data.
+// Lossy micromap build, one invocation for each part of the triangles on the list: measures the part (kBuildAnalysing), or
+// writes its coarsened data.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -25,7 +25,7 @@ void main()
     if ((push.flags & kBuildAnalysing) != 0u) {
         if (s.bitsPerState == 1u)
             return;
-        const Found found = findOut(data, part * kWords, kWords);
+        const Measured found = measure(data, part * kWords, kWords);
         Words result = partOf(i);
         result.w[0] = found.known[0] | found.known[1] << 16u;
         result.w[1] = found.known[2] | found.known[3] << 16u;
@@ -36,7 +36,7 @@ void main()
     const uint k = s.level - (entry.w[1] & 0xffffu);
     if (k >= kPartLevels)
         return; // written by micromap_lossy_choose.comp
-    // A part of less than a word is written together with its neighbours.
+    // Parts of less than a word are written together, by the first of them.
     const uint words = max(kWords >> (2u * k), 1u);
     if (kWords >> (2u * k) == 0u && (part & 3u) != 0u)
         return;

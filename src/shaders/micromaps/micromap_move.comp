@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Serializes a micromap, deserializes one, or copies one. core/records.h has the layouts. Only what is in use is read and
-// written: a handle may be far larger than what was built there, and other things may lie behind it.
+// Serializes, deserializes or copies a micromap (layouts: core/records.h). Only bytes in use are read and written: a handle
+// may be far larger than what was built there, and other data may follow it.
 #include "shared.h"
 #include "curve.h"
 #include "records.h"
@@ -36,8 +36,8 @@ uint headerFinding(uvec2 header, out uvec2 bytes)
     return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kFindingNotBuilt : 0u;
 }
 
-// With the log, the micromap's name is told, too.
-void tell(uint problem, uvec2 bytes)
+// The log, where there is one, also names the micromap.
+void report(uint problem, uvec2 bytes)
 {
     if ((push.log.x | push.log.y) != 0u)
         reportFinding(problem, push.object, 0u, bytes.x, bytes.y);
@@ -48,7 +48,7 @@ void tell(uint problem, uvec2 bytes)
                                                           : kGpuErrorMicromapData);
 }
 
-// Lookup trusts the records: what a file says is looked at first. Wrong ones become unknown.
+// A record that lookup can trust: itself, or unknown-opaque where it names data outside the micromap.
 uvec2 trusted(uvec2 record, uint units)
 {
     const uint kind = record.x & kKindMask;
@@ -93,7 +93,7 @@ bool holdsMicromapData()
            words.w[kSerializedLayoutUuid + 2u] == kMicromapLayoutUuid2;
 }
 
-// What is wrong with the micromap that is copied; 0: nothing. `bytes`: of it that are in use.
+// The finding about the micromap that is copied; 0: it is valid. `bytes`: its bytes in use.
 uint problemOfSource(uvec2 header, out uvec2 bytes)
 {
     bytes = uvec2(0u);
@@ -112,13 +112,14 @@ uint problemOfSource(uvec2 header, out uvec2 bytes)
     return 0u;
 }
 
-// What is wrong with the target of so many bytes.
+// The finding about the target of a copy of so many bytes; 0: it is valid.
 uint problemOfTarget(uvec2 bytes)
 {
     if (mode == kMoveSerialize)
         return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)) ? kFindingTooLarge
                                                                                                    : 0u;
-    // Before the size is looked at: a target that is too small is written to, and must not be part of the source. VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
+    // This comes before the check of the size: the header of a target that is too small is written, and must not be part of
+    // the source. VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
     const bool tooSmall = less(push.micromapBytes, bytes);
     if (mode == kMoveCopy && (less(addressMinus(push.micromap, push.serialized), bytes) ||
                               less(addressMinus(push.serialized, push.micromap), tooSmall ? push.micromapBytes : bytes)))
@@ -135,7 +136,7 @@ void main()
                                                   : push.micromap;
     if ((push.mode & kMoveOnlyMicromaps) != 0u && !holdsMicromapData())
         return;
-    // A micromap that is too small for a header holds none, and may end before the magic number does.
+    // Memory that is too small for a header holds no micromap, and may end before the magic number does.
     const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
     uvec2 bytes;
     uint problem = problemOfSource(header, bytes);
@@ -143,8 +144,8 @@ void main()
         problem = problemOfTarget(bytes);
     if (problem != 0u) {
         if (me == 0u) {
-            tell(problem, bytes);
-            // A target that overlaps the source is left as it is: it may be the source.
+            report(problem, bytes);
+            // A target that overlaps the source is not changed: it may be the source.
             if (mode != kMoveSerialize && problem != kFindingOverlap && !tiny)
                 Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
         }

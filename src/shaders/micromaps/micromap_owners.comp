@@ -1,6 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build that shares identical data, last pass: triangles that share another one's data get its record.
+// Micromap build that shares identical data, last pass: triangles that share the data of another get its record.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"

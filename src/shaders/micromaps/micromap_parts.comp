@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build: an invocation for each part of the triangles on the list. Analyses it, or copies it to its place.
+// Micromap build, one invocation for each part of the triangles on the list: analyses the part, or copies it to its data
+// units.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"

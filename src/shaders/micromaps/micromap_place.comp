@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build, a workgroup for each block of kPlaceBlock triangles: gives every triangle its place, in the order of
-// the triangles, writes its record and copies its data; triangles with many units are left to micromap_parts.comp.
+// Micromap build, one workgroup for each block of kPlaceBlock triangles: assigns data units to every triangle, in the order
+// of the triangles, writes its record and copies its data; micromap_parts.comp copies that of triangles with many units.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -9,7 +9,7 @@ layout(local_size_x = 64) in;
 
 shared uint sums[64];
 
-// Units of this triangle's own.
+// Data units that the triangle does not share with a lower one.
 uint ownUnits(uint triangle, Source s)
 {
     if ((push.flags & kBuildShare) != 0u &&
@@ -23,7 +23,7 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
     const bool share = (push.flags & kBuildShare) != 0u;
     Words record = recordOf(triangle);
     if (units == 0u) {
-        // With sharing, inline records are there already, and those of sharers are copied later.
+        // With sharing, inline records have been written, and micromap_owners.comp copies those of triangles that share.
         if (!share) {
             reportFindingAbout(triangle, s);
             record.w[0] = s.problem != 0u ? kRejected : kKindInline;
@@ -40,11 +40,11 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
     }
     uint mask = share ? record.w[1] : 0u;
     bool fold = false;
-    const bool stays = verbatim();
-    if (stays) {
+    const bool inPlace = verbatim();
+    if (inPlace) {
         mask = kLookEverywhere; // its data need not be read
     } else if (units > kPartUnits) {
-        listParts(triangle, units); // without sharing, the mask is gathered there
+        listParts(triangle, units); // without sharing, micromap_parts.comp gathers the mask
     } else {
         const uvec2 target = elementAddress(micromapUnits(push.micromap, push.triangleCount), unit, kDataUnitBytes);
         const Walk walk = walkAll(s, true, target);
@@ -54,7 +54,7 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
         }
     }
     const bool near = unit <= kMaxNearUnit;
-    const uint kind = stays ? kindInPlace(s) : kindOf(s);
+    const uint kind = inPlace ? kindInPlace(s) : kindOf(s);
     record.w[0] = fold ? kKindInline : near ? (kKindData + kind) | unit << kUnitShift : kKindFar | kind << kUnitShift;
     record.w[1] = fold || near ? mask : unit;
 }

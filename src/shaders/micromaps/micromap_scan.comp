@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build, one workgroup: turns the sums of the blocks into those of all blocks before each, and writes the
-// micromap's header. Sums saturate beyond the capacity: what lies there is rejected, however far beyond it is.
+// Micromap build, one workgroup: turns the sums of the blocks into exclusive prefix sums, and writes the micromap's header.
+// Sums saturate beyond the capacity: data there is rejected, however far beyond it is.
 const uint kThreads = 128u; // the least maxComputeWorkGroupInvocations
 layout(local_size_x = kThreads) in;
 
@@ -37,8 +37,7 @@ void main()
     }
     if (me != kThreads - 1u)
         return;
-    const bool stays = verbatim();
-    const uint units = stays ? Words(push.scratch).w[kScratchLastUnit] : min(sums[kThreads - 1u], push.capacityUnits);
+    const uint units = verbatim() ? Words(push.scratch).w[kScratchLastUnit] : min(sums[kThreads - 1u], push.capacityUnits);
     Words header = Words(push.micromap);
     header.w[kMicromapHeaderMagic] = kMicromapMagic;
     header.w[kMicromapHeaderTriangles] = push.triangleCount;

@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build that shares identical data, an invocation a triangle: folds triangles that their coarse mask describes,
-// and finds the others a slot of the hash table, one for all triangles of the same format, level and data. A slot's
-// triangles are never other ones than those of its first, so the lowest of them is the same in every run.
+// Micromap build that shares identical data, one invocation per triangle: folds triangles that their coarse mask describes,
+// and assigns the others a slot of the hash table, one for all triangles of the same format, level and data. All triangles
+// of a slot equal its first, so the lowest of them is the same in every run.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -60,7 +60,7 @@ void main()
     Words hashes = Words(hashesAddress());
     Words table = Words(tableAddress());
     const uint hash = hashes.w[triangle];
-    // A full neighbourhood can only be made on purpose; the triangle then has its data to itself.
+    // Only crafted data fills all slots that are probed; the triangle then does not share its data.
     for (uint probe = 0u; probe < kMaxProbes; ++probe) {
         const uint slot = (hash + probe) & push.tableMask;
         const uint held = atomicCompSwap(table.w[slot], 0u, triangle + 1u);

@@ -1,4 +1,4 @@
-// The application's input of a micromap build, and where its triangles go. Included by all passes of the build.
+// The application's input of a micromap build, and the locations of its triangles. Included by all passes of the build.
 #include "shared.h"
 #include "curve.h"
 #include "records.h"
@@ -13,11 +13,11 @@ layout(push_constant, std430) uniform Push
 
 #include "base/validation_log.glsl"
 
-// A record that no pass may change any more: its input was wrong, and unknown is the one safe answer.
+// Word 0 of the record of an invalid triangle, which is unknown-opaque. No later pass changes it.
 const uint kRejected = kKindInline | ~kKindMask;
 
 struct Source {
-    uint problem; // kComplaint*, 0: none
+    uint problem; // kFinding*; 0: the triangle is valid
     uint dataOffset;
     uint level;
     uint bitsPerState; // 1 or 2
@@ -28,7 +28,7 @@ uint sourceBytes(uint level, uint bitsPerState)
     return (bitsPerState << (2u * level)) + 7u >> 3u;
 }
 
-// What is wrong with the triangle is only found here; what is wrong with all of them together, in micromap_place.comp.
+// Reads and validates one triangle. micromap_place.comp validates all of them together.
 Source readSource(uint triangle)
 {
     Source s;
@@ -71,7 +71,7 @@ void reportFindingAbout(uint triangle, Source s)
         reportFinding(s.problem, push.object, triangle, s.dataOffset, s.level | s.bitsPerState << 16u);
 }
 
-// Counts what a triangle has, to be compared with the usage counts; a wrong triangle is told of by itself.
+// Adds to the totals that are compared with the usage counts. Not if a triangle is wrong: that has its own entry in the log.
 void countForLog(uint units, bool wrong)
 {
     if ((push.log.x | push.log.y) == 0u)
@@ -88,7 +88,7 @@ uint unitsOf(Source s)
     return (sourceBytes(s.level, s.bitsPerState) + kDataUnitBytes - 1u) / kDataUnitBytes;
 }
 
-// Where in kind and unit a triangle's data are: the low bits of word 0 of its record.
+// The kind of a triangle's data, less kKindData: the low bits of word 0 of its record.
 uint kindOf(Source s)
 {
     return (s.level - kCoarseLevel - 1u) * 2u + (s.bitsPerState - 1u);
@@ -99,13 +99,13 @@ Words recordOf(uint triangle)
     return micromapRecord(push.micromap, triangle);
 }
 
-// Where data in place may begin: those of level 3 of the 2-state format can be either half of a data unit.
+// The alignment of data in place: the data of level 3 of the 2-state format can be either half of a data unit.
 uint alignmentInPlace(uint level, uint bitsPerState)
 {
     return level == kCoarseLevel + 1u && bitsPerState == 1u ? kDataUnitBytes / 2u : kDataUnitBytes;
 }
 
-// Whether a triangle can use its data where it was copied to.
+// Whether a triangle can use its data in place.
 bool fitsInPlace(Source s)
 {
     const uint units = unitsOf(s);
@@ -113,19 +113,19 @@ bool fitsInPlace(Source s)
                            (s.dataOffset >> 4u) + units <= push.capacityUnits);
 }
 
-// The same as kindOf(), where the data lie at dataOffset.
+// kindOf() of data in place.
 uint kindInPlace(Source s)
 {
     return kindOf(s) + ((s.dataOffset & 15u) != 0u ? kKindUpperHalf : 0u);
 }
 
-// Whether every triangle uses its data where it lies in the input; known after micromap_check.comp.
+// Whether every triangle uses its data in place; known after micromap_check.comp.
 bool verbatim()
 {
     return (push.flags & kBuildVerbatim) != 0u && Words(push.scratch).w[kScratchElsewhere] == 0u;
 }
 
-// Every sub-triangle of level 2 has to be looked up: data need not be read for it.
+// The coarse mask by which lookup reads the data of every sub-triangle of level 2; the build need not read the data for it.
 const uint kLookEverywhere = 0xaaaaaaaau;
 
 // Tables of the scratch memory.
@@ -154,7 +154,7 @@ uvec2 tableAddress()
     return elementAddress(slotsAddress(), push.triangleCount, 4u);
 }
 
-// The triangle whose data a triangle uses: the lowest of those with the same data. Itself, unless data is shared and the
+// The triangle whose data a triangle uses: the lowest of those with the same data; itself, unless data is shared and the
 // tables are filled.
 uint ownerOf(uint triangle)
 {
@@ -164,8 +164,8 @@ uint ownerOf(uint triangle)
     return slot == kNoSlot ? triangle : Words(tableAddress()).w[slot] - 1u;
 }
 
-// Puts a triangle with so many units on the list of parts, which other invocations work on. False where the list is
-// full: then there is more data than the usage counts.
+// Puts a triangle with so many units on the list of parts, which other invocations process. False if the list is full:
+// then there is more data than the usage counts declare.
 bool listParts(uint triangle, uint units)
 {
     const uint parts = (units + kPartUnits - 1u) / kPartUnits;
@@ -178,8 +178,8 @@ bool listParts(uint triangle, uint units)
     return first <= push.partCapacity && parts <= push.partCapacity - first;
 }
 
-// The size of the workgroup has to be declared before this file is included: gl_WorkGroupSize is a constant that would
-// silently be 1.
+// The workgroup size must be declared before this file is included: otherwise the constant gl_WorkGroupSize is 1, without an
+// error.
 uint globalInvocation()
 {
     const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;

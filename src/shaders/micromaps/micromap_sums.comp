@@ -1,6 +1,6 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build: the data units of each block of kPlaceBlock triangles.
+// Micromap build: counts the data units of each block of kPlaceBlock triangles.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"

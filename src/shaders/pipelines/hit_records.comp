@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Copies the hit records of a shader binding table, with the record of the layer's group in the place of null handles,
-// and behind the table's end as far as instances may reach: a hit without shaders still has to look up micromaps. The
-// table is given, or that of a VkTraceRaysIndirectCommand2KHR in memory, which is copied too and then names the copy.
+// Copies the hit records of a shader binding table, with the record of the layer's group in place of null handles, and
+// after the table's end as far as instances may reach: a hit without shaders still has to look up micromaps. The table is
+// named by the push constants, or by a VkTraceRaysIndirectCommand2KHR in memory; the copy of that names the copied table.
 #include "shared.h"
 #include "push.h"
 #include "base/memory.glsl"
@@ -36,7 +36,7 @@ void writeStandIn(uvec2 to)
         Words(to).w[w] = Words(push.standIn).w[w];
 }
 
-// How many records hold a whole handle.
+// Number of records that hold a whole handle.
 uint recordsOf(uint size, uint stride)
 {
     if (size < kHandleBytes)
@@ -61,7 +61,7 @@ void main()
         const bool none = all(equal(source, uvec2(0))) || (!large && size < kHandleBytes);
         if (!large && push.oneForAll != 0u && recordsOf(size, stride) == 1u)
             stride = 0u;
-        // Too many for the room there is, and records that overlap, stay where they are.
+        // Tables that exceed the capacity, and records that overlap, are not copied.
         const bool copied = !none && !large && size <= push.capacity && (stride == 0u || stride >= kHandleBytes);
         if (thread == 0u) {
             Words copy = Words(push.commandCopy);

@@ -1,5 +1,5 @@
 // From a slot to an opacity state: the functions that are linked into the application's shaders (src/spirv/module/link.h).
-// main() and everything the linked functions do not reach are left behind.
+// main() and everything that the linked functions do not reach are not linked.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
@@ -21,10 +21,10 @@ layout(constant_id = 3) const uint kFirstSlotsHigh = 0u;
 // but addressed by unit.
 layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Quads { uvec4 at[]; };
 
-// Two words that lie together are declared as an address, whether they are one or not: a driver for the CPU loads each
-// member lane by lane, and an address in one load. What it would be the address of has the alignment that glslang takes for
-// that of the load. glslang takes an array of addresses without a size for one of descriptors, and declares
-// RuntimeDescriptorArray, which a device need not have; an array of structures is none.
+// Two adjacent words are declared as an address, whether they are one or not: a CPU driver loads each member lane by lane,
+// and an address by one load. glslang uses the alignment of the type that it points to as that of the load. The address is
+// in a structure because glslang declares RuntimeDescriptorArray for a runtime array of addresses, and devices need not
+// support that.
 layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Eight { uint w[]; };
 struct Pair {
     Eight words;
@@ -46,9 +46,9 @@ layout(buffer_reference, std430, buffer_reference_align = 16) readonly buffer Ge
 };
 layout(buffer_reference, std430, buffer_reference_align = 4) readonly buffer Word { uint w; };
 
-// Where the instance record of a slot is. Most devices never have more than the first slots, which no load leads to. The
-// root and pages cross no multiple of 2^32, and what the root says of a page is where it would begin if it had the records
-// of all slots before its own.
+// Address of a slot's instance record. Most devices never use more than the first slots, whose address is a constant.
+// Neither the root nor a page crosses a multiple of 2^32. The address of a page in the root is that of slot 0, as if the page
+// began with the records of all slots before its own.
 uvec2 vellumRecord(const in uint slot)
 {
     const uint number = slot & kCustomIndexMask;
@@ -63,8 +63,8 @@ uvec2 vellumRecord(const in uint slot)
     return uvec2(low + (number << kInstanceRecordLog2), high);
 }
 
-// An address and what fits a word. Compilers for GPUs make less of it than of an index, which they extend to 64 bits with its
-// sign.
+// An address plus a 32-bit offset. GPU compilers generate less code for it than for an index, which they sign-extend to 64
+// bits.
 uvec2 vellumPlus(const in uvec2 address, const in uint low)
 {
     const uint sum = address.x + low;
@@ -80,24 +80,24 @@ const uint kKindFinest4 = kKindData + 2u * (kMaxSubdivisionLevel - kCoarseLevel)
 //   geometry    address of the geometry's record
 uint vellumState(const in uvec2 geometries, const in uint triangle, const in uvec2 geometry, const in vec2 uv)
 {
-    // Not where it is needed: so it does not wait for the triangle's record.
+    // Loaded early, so that it does not wait for the triangle's record.
     const uvec2 units = uvec2(Geometry(geometry).units);
     const uvec2 record = uvec2(Pairs(geometries).at[triangle].words);
-    // It needs nothing of the record, and is computed while that is on its way. Its leading digits are the index at every
-    // level, the coarse one and the micromap's.
+    // The index does not depend on the record, and is computed while that is loaded. Its leading digits are the index at every
+    // level: the coarse level and the micromap's.
     const uint index = finestCurveIndex(uv.x, uv.y);
     const uint coarse = (record.y >> ((index >> (2u * (kMaxSubdivisionLevel - kCoarseLevel) - 1u)) & kCoarseBits)) & 3u;
     const uint kind = record.x & kKindMask;
     const bool far = kind == kKindFar;
     uint state = coarse;
-    // One way out, for LLVM 21 behind lavapipe 26: with a return here, and loops in the body of the query's loop
-    // (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, brings it back only on the
-    // way past the load, and the traversal runs off.
+    // A single return, because of LLVM 21 in lavapipe 26: with a return here, and loops in the body of the query's loop
+    // (Shapes.*/16), it zeroes the register of a -1 that the driver's traversal compares with, restores it only on the path
+    // that skips the load, and the traversal does not end.
     if (far || (kind != kKindInline && coarse >= kCoarseLook)) {
         const uint n = far ? ((record.x >> kUnitShift) & kKindMask) + kKindData : kind;
         const bool upperHalf = n == kKindUpperHalf + kKindData;
         const uint fourState = (n & 1u) ^ 1u;
-        // Of the digits below the level, one bit stays in 4-state data, where the lower bit of the state is.
+        // In 4-state data one bit below the level remains, where the lower bit of the state is.
         const uint digits = (index << 1u) >> (kKindFinest4 - (upperHalf ? kKindData : n));
         const uint bit = (digits & ~fourState) + (upperHalf ? kDataUnitBytes * 4u : 0u);
         const uint unit = (far ? record.y : record.x >> kUnitShift) + (bit >> 7u);
@@ -114,12 +114,12 @@ uvec4 vellumInstance(const in uint slot)
     return uvec4(uvec2(Instance(record).words), uvec2(Instance(record).geometries));
 }
 
-// kHit* of a triangle candidate that the driver holds for non-opaque. rayFlags are the application's.
+// kHit* of a triangle candidate that is non-opaque for the driver. rayFlags are the application's.
 uint vellumResolve(const in uvec4 instance, const in uint geometry, const in uint primitive, const in vec2 uv,
                    const in uint rayFlags)
 {
     const uvec2 geometries = instance.zw;
-    // Of the only one, too. 2^28 of them would take 4 GiB.
+    // Also for the only geometry. The shift does not overflow: 2^28 records would take 4 GiB.
     const uvec2 ofGeometry = vellumPlus(geometries, geometry << 4u);
     uint word = instance.y;
     if ((word & kManyGeometries) != 0u)
@@ -145,9 +145,8 @@ uint vellumCustomIndex(const in uint slot)
     return InstanceWords(vellumRecord(slot)).w[0] & kCustomIndexMask;
 }
 
-// True if a box is to be culled by the CullNoOpaque flag, the one of those hidden from the driver that culls boxes.
-// Where the build of the boxes was not seen nobody can tell here; the any-hit shader, which runs for boxes that are not
-// opaque, will.
+// Whether CullNoOpaque culls a box; of the flags that are hidden from the driver, only this one culls boxes. False if the
+// layer does not know the build of the boxes; then the any-hit shader, which runs for non-opaque boxes, decides.
 bool vellumCullsBox(const in uint slot, const in uint geometry, const in uint rayFlags)
 {
     if ((rayFlags & kRayCullNoOpaque) == 0u)

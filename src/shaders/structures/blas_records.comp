@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Writes the records of one geometry of a bottom-level acceleration structure: one record a triangle, resolved through
-// the geometry's micromap indices, and the geometry record itself. VkAccelerationStructureTrianglesOpacityMicromapEXT.
+// Writes the records of one geometry of a bottom-level acceleration structure: one record per triangle, found through the
+// geometry's micromap indices, and the geometry record itself. VkAccelerationStructureTrianglesOpacityMicromapEXT.
 #include "shared.h"
 #include "records.h"
 #include "push.h"
@@ -49,13 +49,13 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
     return uvec2(record.w[0], record.w[1]);
 }
 
-// An update keeps what it updates in its shape, which may be a compacted one: the records lie where they lie there. The descriptor
-// that is read may be the one that another invocation writes: what is compared is the same before and after.
-uvec2 tailPlace()
+// Address of the tail. An update keeps the layout of its source, which may be compacted, so the offset of the tail is the
+// same. Another invocation may write the descriptor that is read here; the compared values are the same before and after.
+uvec2 tailAddress()
 {
     if (all(equal(push.source, uvec2(0))))
         return push.tail;
-    const Cell source = loadDescriptor(push.source);
+    const Descriptor source = loadDescriptor(push.source);
     const uint at = unitsBetween(push.sourceBegin, source.tail);
     return source.kind == kDescriptorBottom && source.count == push.geometryCount && source.recordUnits == push.tailUnits &&
                    fits(at, push.tailUnits, push.commonUnits)
@@ -79,7 +79,7 @@ void main()
     uint triangles = push.triangleCount;
     if (any(notEqual(push.range, uvec2(0))))
         triangles = min(triangles, Words(readable(push.range, push.tail)).w[0]);
-    const uvec2 tail = tailPlace();
+    const uvec2 tail = tailAddress();
     const uint firstTriangle = push.geometryWord >> kGeometryTrianglesShift;
     if (triangle < triangles && firstTriangle != 0u) {
         const uvec2 value = recordOf(triangle, micromapTriangles);
@@ -103,5 +103,5 @@ void main()
     name.w[2] = named ? unitsBetween(push.micromap, units) : 0u;
     name.w[3] = 0u;
     if (any(notEqual(push.descriptor, uvec2(0))))
-        storeDescriptor(push.descriptor, Cell(tail, kDescriptorBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
+        storeDescriptor(push.descriptor, Descriptor(tail, kDescriptorBottom, push.tailUnits, push.geometryCount, push.tailUnits, uvec2(0)));
 }

@@ -1,4 +1,4 @@
-// Serialized acceleration structures (core/records.h). Needs descriptor.glsl.
+// Serialized acceleration structures (core/records.h). Needs structure_descriptor.glsl.
 
 const uint kSerializedHeaderUnits = 4u; // the header of a BLAS without blocks: 56 bytes, padded
 
@@ -8,20 +8,20 @@ const uint kBlockType = 14u;
 const uint kBlockAddressCount = 16u; // and 17
 const uint kBlockAddresses = 18u;
 
-// Units of the header of a BLAS that names so many micromaps, in one block.
+// Units of the header of a BLAS that names so many micromaps; all are in one block.
 uint headerUnits(uint named)
 {
     return named == 0u ? kSerializedHeaderUnits : (kBlockAddresses * 4u + named * 8u + 15u) / 16u;
 }
 
-// The geometry records and names in the tail of a descriptor, for loops over them.
-Units recordsOf(Cell descriptor, uvec2 other)
+// The geometry records and micromap names in the tail of a descriptor, for loops over them.
+Units recordsOf(Descriptor descriptor, uvec2 other)
 {
     return Units(readable(descriptor.tail, other));
 }
 
-// The name of geometry g's micromap; 0: none.
-uvec4 micromapName(Units records, Cell descriptor, uint g)
+// The name of geometry g's micromap; 0: it has no name.
+uvec4 micromapName(Units records, Descriptor descriptor, uint g)
 {
     return records.at[descriptor.count + g];
 }
@@ -31,7 +31,7 @@ bool isNamed(uvec4 name)
     return (name.x | name.y) != 0u;
 }
 
-// What the passes of a shader that serializes or deserializes tell each other: words at the beginning of staging memory.
+// The plan: words at the beginning of staging memory, by which one pass of (de)serialization informs the next ones.
 const uint kPlanUnits = 16u; // keeps what follows aligned to 256 bytes
 const uint kPlanOk = 0u;
 const uint kPlanDriverUnits = 1u;
@@ -47,7 +47,7 @@ uint saturatingAdd(uint a, uint b)
     return a > ~b ? ~0u : a + b;
 }
 
-// Units of the driver's serialized data by the total that it tells. lavapipe tells 0 of an empty structure, and copies all
+// Units of the driver's serialized data, by the total in its header. For an empty structure lavapipe writes 0, and copies all
 // of it.
 uint driverUnitsOf(uvec2 total, uint structureUnits)
 {
@@ -55,10 +55,10 @@ uint driverUnitsOf(uvec2 total, uint structureUnits)
     return units < kSerializedHeaderUnits ? kSerializedHeaderUnits + structureUnits : units;
 }
 
-// Adds up to the checksum, in any order.
-uint checkOf(uvec4 value, uint place)
+// The checksum is the sum of this over all units, in any order.
+uint checkOf(uvec4 value, uint index)
 {
-    uint h = place * 0x9e3779b1u;
+    uint h = index * 0x9e3779b1u;
     for (uint i = 0u; i < 4u; ++i)
         h = (h ^ value[i]) * 0x85ebca6bu + 0x1b873593u;
     return h ^ (h >> 15u);

@@ -1,12 +1,12 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Deserializes an acceleration structure. Nothing of the data is believed: what is not exactly what this version of the
-// layer and this driver have serialized is replaced by a blank structure, which the driver can be given.
-// Passes: one invocation checks the headers; all add up the checksum; one invocation decides; all copy the driver's data to
+// Deserializes an acceleration structure. The data is not trusted: unless it is exactly what this version of the layer and
+// this driver have serialized, the driver gets the fallback structure in its place.
+// Passes: one invocation checks the headers; all compute the checksum; one invocation decides; all copy the driver's data to
 // staging memory, from where the driver deserializes; then all copy the tail.
 //
-// Where only the data tells what it holds, everything is recorded that it can need: the build of a top-level structure, and
-// the deserialization of a bottom-level one. What the one that is not meant overwrites is kept, and given back.
+// If only the data states what it holds, everything is recorded that it can need: the build of a top-level structure, and
+// the deserialization of a bottom-level one. Memory that the wrong one of the two overwrites is kept, and restored.
 #include "shared.h"
 #include "records.h"
 #include "base/memory.glsl"
@@ -21,14 +21,14 @@ layout(push_constant, std430) uniform Push
     StructureRestorePush push;
 };
 
-uint kind; // what the data holds, or is taken for
+uint kind; // of the data: kDescriptorBottom, kDescriptorTop or kDescriptorMicromap
 
 uint kindOfData()
 {
     if (push.kind != kDescriptorUnbuilt)
         return push.kind;
     if (push.capacity < 2u * kSerializedHeaderUnits)
-        return kDescriptorBottom; // fault() tells
+        return kDescriptorBottom; // fault() rejects it
     Words header = Words(push.blob);
     const uint at = kSerializedLayoutUuid;
     if (header.w[at] == kMicromapLayoutUuid0 && header.w[at + 1u] == kMicromapLayoutUuid1 && header.w[at + 2u] == kMicromapLayoutUuid2)
@@ -36,7 +36,7 @@ uint kindOfData()
     return (header.w[10] & 255u) == kTopLevelSizeMark ? kDescriptorTop : kDescriptorBottom;
 }
 
-// Micromaps that the header of a BLAS names; ~0: the header is not one. Without blocks it has one of two forms.
+// Number of micromaps that the header of a BLAS names; ~0: the header is invalid. Without blocks it has one of two forms.
 uint namedMicromaps()
 {
     Words header = Words(push.blob);
@@ -48,7 +48,7 @@ uint namedMicromaps()
     return header.w[kBlockAddressCount + 1u] != 0u || count == 0u || count > kMaxBlockAddresses ? ~0u : count;
 }
 
-// Units before the block; ~0: the header is not one.
+// Units before the block; ~0: the header is invalid.
 uint blockStart()
 {
     Words header = Words(push.blob);
@@ -62,7 +62,7 @@ uint blockStart()
     return header.w[13] != 0u || header.w[12] > 0x0fffffffu ? ~0u : (header.w[12] + 1u) / 2u + kSerializedHeaderUnits;
 }
 
-// The notice for what is wrong with the headers; kGpuErrors: nothing.
+// The error in the headers, kGpuError*; kGpuErrors: they are valid.
 uint fault()
 {
     if (push.capacity < 2u * kSerializedHeaderUnits)
@@ -110,7 +110,7 @@ void check()
 {
     Words p = Words(push.staging);
     p.w[kPlanKind] = kind;
-    if (kind == kDescriptorMicromap) { // not the driver's, and not looked at here
+    if (kind == kDescriptorMicromap) { // micromap_move.comp deserializes it
         p.w[kPlanOk] = 0u;
         p.w[kPlanHeaderUnits] = 0u;
         p.w[kPlanDriverUnits] = push.fallbackUnits;
@@ -139,7 +139,7 @@ void addUp(uint me, uint all)
     const uint block = header + driverUnits;
     Units blob = Units(push.blob);
     uint sum = 0u;
-    // Of a TLAS that place holds the handles, which the application may have changed.
+    // A TLAS has the handles there, which the application may have changed.
     for (uint i = me; kind == kDescriptorBottom && i < driverUnits; i += all)
         sum += checkOf(blob.at[header + i], i);
     const uint first = kind == kDescriptorBottom ? driverUnits : 0u;
@@ -153,7 +153,7 @@ void addUp(uint me, uint all)
 void decide()
 {
     Words p = Words(push.staging);
-    Cell instances = Cell(uvec2(0), kDescriptorUnbuilt, 0u, 0u, 0u, uvec2(0));
+    Descriptor instances = Descriptor(uvec2(0), kDescriptorUnbuilt, 0u, 0u, 0u, uvec2(0));
     if (p.w[kPlanOk] != 0u) {
         const uint block = p.w[kPlanHeaderUnits] + p.w[kPlanDriverUnits];
         Words b = Words(unitAddress(push.blob, block));
@@ -163,7 +163,7 @@ void decide()
             p.w[kPlanDriverUnits] = push.fallbackUnits;
         } else if (kind == kDescriptorTop) {
             const uint count = b.w[kBlockHeaderCount];
-            instances = Cell(unitAddress(push.blob, block + kBlockUnits), kDescriptorTop, count * kInstanceUnits, count,
+            instances = Descriptor(unitAddress(push.blob, block + kBlockUnits), kDescriptorTop, count * kInstanceUnits, count,
                              count * kInstanceUnits, addressPlus(push.blob, kSerializedHeaderWords * 4u));
         }
     }
@@ -182,8 +182,8 @@ void stage(uint me, uint all)
         to.at[i] = from.at[i];
 }
 
-// Where the header says that the micromap of that number is, in place of the one that was serialized; 0, with a notice,
-// where there is none at that address that data of `units` units fits in, `offset` units behind it.
+// The address in the header for the micromap of that number, which replaces the one that was serialized. 0, with an error,
+// if there is no micromap at that address that can hold `units` data units, `offset` units after it.
 uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
 {
     if (number < named) {
@@ -197,7 +197,7 @@ uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
     return uvec2(0);
 }
 
-// Says in the descriptor that the data has been looked at (core/records.h).
+// Marks the descriptor as written by this deserialization (core/records.h).
 void sign()
 {
     Words descriptor = Words(push.descriptor);
@@ -209,7 +209,7 @@ void finish(uint me, uint all)
     Words p = Words(push.staging);
     if (p.w[kPlanOk] == 0u) {
         if (me == 0u)
-            storeDescriptor(push.descriptor, Cell(uvec2(0), kind == kDescriptorMicromap ? kDescriptorMicromap : kDescriptorBroken, 0u, 0u, 0u, uvec2(0, push.serial)));
+            storeDescriptor(push.descriptor, Descriptor(uvec2(0), kind == kDescriptorMicromap ? kDescriptorMicromap : kDescriptorBroken, 0u, 0u, 0u, uvec2(0, push.serial)));
         return;
     }
     if (kind == kDescriptorTop) { // the build has written its descriptor
@@ -223,23 +223,23 @@ void finish(uint me, uint all)
     const uint count = b.w[kBlockHeaderCount];
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
     if (me == 0u && b.w[kBlockHeaderKind] == kDescriptorBottom)
-        storeDescriptor(push.descriptor, Cell(tail, kDescriptorBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0, push.serial)));
+        storeDescriptor(push.descriptor, Descriptor(tail, kDescriptorBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0, push.serial)));
     else if (me == 0u) {
         Words driver = Words(unitAddress(push.staging, kPlanUnits));
         const uvec2 end = unitAddress(push.begin, unitsOfBytes(uvec2(driver.w[10], driver.w[11])));
         const bool boxes = b.w[kBlockHeaderKind] == kDescriptorBoxes;
-        storeDescriptor(push.descriptor, Cell(end, boxes ? kDescriptorBoxes : kDescriptorPlain, 0u, 0u, 0u,
+        storeDescriptor(push.descriptor, Descriptor(end, boxes ? kDescriptorBoxes : kDescriptorPlain, 0u, 0u, 0u,
                                   boxes ? uvec2(push.serial, b.w[kBlockHeaderOpaqueBoxes]) : uvec2(0u, push.serial)));
     }
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));
     Units to = Units(tail);
     for (uint i = me; i < tailUnits; i += all) {
         uvec4 value = from.at[i];
-        if (i < count && value.z == kPlaceNamed) {
+        if (i < count && value.z == kDataNamed) {
             const uint offset = from.at[count + i].z;
             const uvec2 micromap = micromapInHeader(value.w, p.w[kPlanNamed], offset, value.y);
             value.zw = unitAddress(micromap, offset);
-            // Without its micromap the geometry has none.
+            // The micromap is missing: the geometry becomes one without a micromap.
             if ((micromap.x | micromap.y) == 0u)
                 value = uvec4(value.x & kGeometryRecordOpaque, uvec3(0));
         } else if (i < count) {
@@ -282,13 +282,13 @@ void main()
         if (!isBuiltTop())
             copyUnits(push.begin, push.kept, push.keptUnits, me, all);
         break;
-    case kPassGiveBack:
+    case kPassRestoreKept:
         if (isBuiltTop())
             copyUnits(push.begin, push.kept, push.fallbackBuiltUnits, me, all);
         else
             copyUnits(push.kept, push.begin, push.keptUnits, me, all);
         break;
-    case kPassGiveBackLast:
+    case kPassRestoreKeptLast:
         if (isBuiltTop() || kind == kDescriptorMicromap)
             copyUnits(push.kept, push.begin, push.fallbackBuiltUnits, me, all);
         break;

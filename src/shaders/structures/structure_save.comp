@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 // Serializes a bottom-level acceleration structure: the driver's serialized data, and the tail. Micromaps of
 // VK_KHR_opacity_micromap are named in the header; the data units of others are copied into the tail, since
-// VK_EXT_opacity_micromap has no means to name a micromap to a deserialized structure.
+// VK_EXT_opacity_micromap has no way to name a micromap for a deserialized structure.
 // Two passes: one invocation plans, then all copy.
 #include "shared.h"
 #include "records.h"
@@ -18,8 +18,8 @@ layout(push_constant, std430) uniform Push
     StructureSavePush push;
 };
 
-// Writes the addresses of the named micromaps where `target` is not 0; returns how many there are.
-uint placeNames(Cell descriptor, uvec2 target)
+// The number of named micromaps; writes their addresses to `target`, unless that is 0.
+uint writeNames(Descriptor descriptor, uvec2 target)
 {
     Units records = recordsOf(descriptor, push.descriptor);
     uint named = 0u;
@@ -37,31 +37,31 @@ uint placeNames(Cell descriptor, uvec2 target)
     return named;
 }
 
-// Units of the geometries' data; where `target` is not 0, writes their records there.
-uint placeData(Cell descriptor, uvec2 target)
+// Data units of the geometries; writes the geometries' records to `target`, unless that is 0.
+uint writeData(Descriptor descriptor, uvec2 target)
 {
     Units records = recordsOf(descriptor, push.descriptor);
     uint units = 0u;
     uvec4 before = uvec4(0);
-    uint beforePlace = 0u;
+    uint beforeOffset = 0u;
     uint named = 0u;
     for (uint g = 0u; g < descriptor.count; ++g) {
         const uvec4 record = records.at[g];
         if (isNamed(micromapName(records, descriptor, g))) {
             if (any(notEqual(target, uvec2(0))))
-                Units(target).at[g] = uvec4(record.xy, kPlaceNamed, named);
+                Units(target).at[g] = uvec4(record.xy, kDataNamed, named);
             ++named;
             continue;
         }
-        uint place = descriptor.recordUnits + units;
+        uint offset = descriptor.recordUnits + units;
         if (g > 0u && record.yzw == before.yzw)
-            place = beforePlace;
+            offset = beforeOffset;
         else
             units = saturatingAdd(units, record.y);
         if (any(notEqual(target, uvec2(0))))
-            Units(target).at[g] = uvec4(record.xy, place, 0u);
+            Units(target).at[g] = uvec4(record.xy, offset, 0u);
         before = record;
-        beforePlace = place;
+        beforeOffset = offset;
     }
     return units;
 }
@@ -69,16 +69,16 @@ uint placeData(Cell descriptor, uvec2 target)
 void plan()
 {
     Words driver = Words(unitAddress(push.staging, kPlanUnits));
-    Cell descriptor = loadDescriptor(push.descriptor);
+    Descriptor descriptor = loadDescriptor(push.descriptor);
     const uint offset = unitsBetween(push.begin, descriptor.tail);
     if (descriptor.kind != kDescriptorBoxes && (descriptor.kind != kDescriptorBottom || !fits(offset, descriptor.units, push.structureUnits)))
-        descriptor = Cell(descriptor.kind == kDescriptorPlain ? descriptor.tail : uvec2(0), kDescriptorPlain, 0u, 0u, 0u, uvec2(0));
+        descriptor = Descriptor(descriptor.kind == kDescriptorPlain ? descriptor.tail : uvec2(0), kDescriptorPlain, 0u, 0u, 0u, uvec2(0));
 
     uint driverUnits = driverUnitsOf(uvec2(driver.w[8], driver.w[9]), push.structureUnits);
     uint tailOffset = unitsOfBytes(uvec2(driver.w[10], driver.w[11]));
     const bool ends = any(notEqual(descriptor.tail, uvec2(0))) && offset <= push.structureUnits;
     if (ends && push.wholeCopies != 0u) {
-        // The driver takes the tail, and what lies behind the structure, for its own: it is cut off.
+        // The driver also serialized the tail and the memory after the structure: they are cut off.
         driverUnits = min(driverUnits, offset + kSerializedHeaderUnits);
         tailOffset = min(tailOffset, offset);
         const uvec2 size = bytesOfUnits(tailOffset);
@@ -91,9 +91,9 @@ void plan()
         driver.w[9] = total.y;
     }
     tailOffset = tailOffset + 15u & ~15u; // 256 bytes
-    const uint dataUnits = placeData(descriptor, uvec2(0));
+    const uint dataUnits = writeData(descriptor, uvec2(0));
     const uint tailUnits = saturatingAdd(descriptor.recordUnits, dataUnits);
-    const uint named = placeNames(descriptor, uvec2(0));
+    const uint named = writeNames(descriptor, uvec2(0));
     const uint block = headerUnits(named) + driverUnits;
     const uint total = saturatingAdd(block + kBlockUnits, tailUnits);
 
@@ -125,7 +125,7 @@ void plan()
         header.w[12] = 1u;
         header.w[kBlockType] = 0u; // VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR
         header.w[kBlockAddressCount] = named;
-        placeNames(descriptor, addressPlus(push.blob, kBlockAddresses * 4u));
+        writeNames(descriptor, addressPlus(push.blob, kBlockAddresses * 4u));
     }
     Words b = Words(unitAddress(push.blob, block));
     for (uint w = 8u; w < 16u; ++w)
@@ -139,7 +139,7 @@ void plan()
     b.w[kBlockHeaderTailOffset] = tailOffset;
     b.w[kBlockHeaderChecksum] = 0u;
     b.w[kBlockHeaderOpaqueBoxes] = descriptor.kind == kDescriptorBoxes ? descriptor.extra.y : 0u;
-    placeData(descriptor, unitAddress(push.blob, block + kBlockUnits));
+    writeData(descriptor, unitAddress(push.blob, block + kBlockUnits));
 }
 
 void copy(uint me, uint all)
@@ -161,7 +161,7 @@ void copy(uint me, uint all)
     // The first units are the geometry records, which the plan has written.
     const uvec2 tail = unitAddress(push.blob, block + kBlockUnits);
     Words b = Words(unitAddress(push.blob, block));
-    const Cell descriptor = loadDescriptor(push.descriptor);
+    const Descriptor descriptor = loadDescriptor(push.descriptor);
     const uint count = b.w[kBlockHeaderCount];
     const uint recordUnits = b.w[kBlockHeaderRecordUnits];
     for (uint i = me; i < recordUnits; i += all) {
@@ -174,7 +174,7 @@ void copy(uint me, uint all)
     for (uint g = 0u; g < count; ++g) {
         const uvec4 saved = Units(tail).at[g];
         if (saved.z != next)
-            continue; // the data of the geometry before
+            continue; // shares the data of the geometry before it
         const uvec4 record = recordsOf(descriptor, push.descriptor).at[g];
         for (uint i = me; i < record.y; i += all) {
             const uvec4 value = Units(record.zw).at[i];

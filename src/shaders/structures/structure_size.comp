@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Turns the driver's answer to a property query of an acceleration structure into the application's: with the layer's
-// part. In place, on a 64-bit number.
+// Corrects the driver's answer to a property query of an acceleration structure: adds the layer's part to the 64-bit number
+// at push.value.
 #include "shared.h"
 #include "records.h"
 #include "base/memory.glsl"
@@ -19,11 +19,11 @@ layout(push_constant, std430) uniform Push
 void main()
 {
     Words value = Words(push.value);
-    Cell descriptor = loadDescriptor(push.descriptor);
+    Descriptor descriptor = loadDescriptor(push.descriptor);
     const uint offset = unitsBetween(push.begin, descriptor.tail);
     if (!fits(offset, descriptor.units, push.structureUnits))
         descriptor.kind = kDescriptorPlain;
-    // The driver's part of a structure without records ends here, where that is known.
+    // Whether the end of the driver's part is known, for a structure without records.
     const bool ends = (descriptor.kind == kDescriptorPlain || descriptor.kind == kDescriptorBoxes) && any(notEqual(descriptor.tail, uvec2(0))) &&
                       offset <= push.structureUnits;
     const uvec2 driver = uvec2(value.w[0], value.w[1]);
@@ -65,7 +65,7 @@ void main()
     } else if (descriptor.kind == kDescriptorBottom) {
         const uint part = min(unitsOfBytes(driver) + 15u & ~15u, offset);
         result = bytesOfUnits(part + descriptor.units);
-        // A compacted copy finds its place for the tail here.
+        // A compacted copy reads the offset of its tail from here.
         if (push.property == kPropertyCompactedSize)
             Words(push.descriptor).w[6] = part;
     } else if (ends) {

@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Copies the application's instances for the driver to build from, with the slot in place of the custom index and without
-// the flags that would keep hits from the shader, and writes the instance records. VkAccelerationStructureInstanceKHR.
+// Writes the instances (VkAccelerationStructureInstanceKHR) that the driver builds from: those of the application, with the
+// slot in place of the custom index, and without the flags that would keep hits from the shader. Writes the instance records.
 #include "shared.h"
 #include "opacity.h"
 #include "records.h"
@@ -28,22 +28,22 @@ uvec2 loadAddress(uvec2 at)
 }
 
 struct Referenced {
-    bool known;    // there is such a structure
+    bool known;       // the structure exists
     bool built;
-    bool broken;   // it must not be traced
-    bool boxes;    // it is known which geometries of boxes are opaque
-    uint opaqueBoxes;
-    uvec2 records; // its geometry records; zero where it has none
-    uint geometries; // how many those are
+    bool broken;      // it must not be traced
+    bool boxes;       // `opaqueBoxes` is valid
+    uint opaqueBoxes; // word 7 of the descriptor
+    uvec2 records;    // address of the geometry records; 0: it has none
+    uint geometries;  // number of geometry records
 };
 
 Referenced findReferenced(uvec2 reference)
 {
     Referenced found = Referenced(false, false, false, false, 0u, uvec2(0), 0u);
-    const uvec2 place = findDescriptor(push.root, reference);
-    if ((place.x | place.y) == 0u)
+    const uvec2 address = findDescriptor(push.root, reference);
+    if ((address.x | address.y) == 0u)
         return found;
-    Words descriptor = Words(place);
+    Words descriptor = Words(address);
     found.known = true;
     found.built = descriptor.w[2] != kDescriptorUnbuilt && descriptor.w[2] != kDescriptorMicromap;
     found.broken = descriptor.w[2] == kDescriptorBroken;
@@ -82,7 +82,7 @@ void writeRecord(uint slot, uint customIndex, uint flags, Referenced found)
     record.w[1] = (only & kManyGeometries) != 0u ? kManyGeometries | mask : only & mask;
 }
 
-// The driver reads hit records of all instances: tables of the layer reach as far (hit_records.comp).
+// The driver reads hit records of all instances, so the layer's copies of hit tables must be large enough (hit_records.comp).
 void noteRecordOffset(uint offset)
 {
     if (offset == 0u)
@@ -93,7 +93,7 @@ void noteRecordOffset(uint offset)
         atomicMax(counters.w[kGreatestRecordOffset], offset);
 }
 
-// The VkAccelerationStructureBuildRangeInfoKHR of an indirect build: primitiveCount, primitiveOffset.
+// Whether push.range is the address of a VkAccelerationStructureBuildRangeInfoKHR: primitiveCount, primitiveOffset.
 bool isIndirect()
 {
     return (push.range.x | push.range.y) != 0u;
@@ -105,8 +105,8 @@ bool isCopy()
     return push.from == kFromStructure || push.from == kFromSerialized;
 }
 
-// Where instance i is read from.
-uvec2 sourceOf(uint i, Cell copied)
+// Address of the application's instance i.
+uvec2 sourceOf(uint i, Descriptor copied)
 {
     const uvec2 array = isIndirect() ? addressPlus(push.source, Words(readable(push.range, push.root)).w[1]) : push.source;
     if (push.from == kFromPointers)
@@ -114,14 +114,14 @@ uvec2 sourceOf(uint i, Cell copied)
     return elementAddress(isCopy() ? copied.tail : array, i, kInstanceBytes);
 }
 
-uvec2 referenceOf(uint i, Words source, Cell copied)
+uvec2 referenceOf(uint i, Words source, Descriptor copied)
 {
     return push.from == kFromSerialized ? loadAddress(elementAddress(copied.extra, i, 8u))
                                         : uvec2(source.w[kReferenceWord], source.w[kReferenceWord + 1u]);
 }
 
-// The application's instance, for copies of the structure.
-void keep(uint i, Cell copied)
+// Keeps the application's instance in the tail, for copies of the structure.
+void keep(uint i, Descriptor copied)
 {
     Words source = Words(sourceOf(i, copied));
     Words kept = Words(elementAddress(push.tail, i, kInstanceBytes));
@@ -136,7 +136,7 @@ void main()
 {
     const uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
     const bool copying = isCopy();
-    Cell copied = Cell(uvec2(0), kDescriptorTop, 0u, push.count, 0u, uvec2(0));
+    Descriptor copied = Descriptor(uvec2(0), kDescriptorTop, 0u, push.count, 0u, uvec2(0));
     if (copying) {
         copied = loadDescriptor(push.source);
         if (copied.kind == kDescriptorTop && copied.count > push.count) {
@@ -147,7 +147,7 @@ void main()
         if (copied.kind != kDescriptorTop)
             copied.count = 0u;
     }
-    // More than the application said that there would be at most are left out: VUID-...-ppMaxPrimitiveCounts-03653.
+    // Instances beyond the application's maximum are excluded: VUID-...-ppMaxPrimitiveCounts-03653.
     if (isIndirect())
         copied.count = min(Words(readable(push.range, push.root)).w[0], push.count);
     if (push.pass != 0u) {
@@ -157,14 +157,14 @@ void main()
     }
     if (i == 0u) {
         const uint units = copied.count * kInstanceUnits;
-        storeDescriptor(push.descriptor, Cell(push.tail, kDescriptorTop, units, copied.count, units, uvec2(0)));
+        storeDescriptor(push.descriptor, Descriptor(push.tail, kDescriptorTop, units, copied.count, units, uvec2(0)));
     }
     if (i >= push.count)
         return;
     const uint slot = push.firstSlot + i;
     Words target = Words(elementAddress(push.target, i, kInstanceBytes));
     if (i >= copied.count) {
-        // Inactive: the driver builds for as many instances as there may be.
+        // Inactive: the driver builds for the greatest possible number of instances.
         for (uint w = 0u; w < kInstanceBytes / 4u; ++w)
             target.w[w] = 0u;
         writeRecord(slot, 0u, 0u, findReferenced(uvec2(0)));
@@ -180,8 +180,8 @@ void main()
     const uint offsetAndFlags = source.w[kFlagsWord];
     const uvec2 reference = referenceOf(i, source, copied);
     const Referenced found = findReferenced(reference);
-    // The driver follows references when it builds. Those of an application's build are the application's; those of a
-    // copy may have been destroyed since, or come from another process.
+    // The driver follows references when it builds. The application is responsible for those of its own builds; those of a
+    // copy may name structures that have been destroyed, or come from another process.
     const bool dead = found.broken || (copying && !found.built);
     if (dead && !found.built && any(notEqual(reference, uvec2(0))))
         gpuError(push.root, found.known ? kGpuErrorUnbuiltReference : kGpuErrorUnknownReference);

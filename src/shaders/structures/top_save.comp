@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Serializes a top-level acceleration structure: its instances as the application gave them, one handle an instance. The
-// driver's own data would hold slots of this device.
+// Serializes a top-level acceleration structure: its instances as the application wrote them, and one handle per instance.
+// The driver's serialized data would hold slots of this device.
 #include "shared.h"
 #include "records.h"
 #include "base/memory.glsl"
@@ -20,7 +20,7 @@ void main()
 {
     const uint me = gl_WorkGroupID.x * gl_WorkGroupSize.x + gl_LocalInvocationIndex;
     const uint all = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
-    Cell descriptor = loadDescriptor(push.descriptor);
+    Descriptor descriptor = loadDescriptor(push.descriptor);
     uint offset = unitsBetween(push.begin, descriptor.tail);
     if (descriptor.kind != kDescriptorTop || !fits(offset, descriptor.units, push.structureUnits)) {
         descriptor.count = 0u;

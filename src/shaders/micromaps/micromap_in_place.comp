@@ -1,26 +1,26 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Micromap build whose data was copied as it lies: writes the records of triangles that use it there, which is what most
-// micromaps have and all that there is to do then. One that cannot starts the other passes, which write all records anew.
-//
+// Micromap build in place: the data was copied as it is, and this pass writes the records of triangles that use it there.
+// For most micromaps nothing else is needed. A triangle that cannot use its data in place starts the other passes, which
+// write all records again.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
 #include "micromap_data.glsl"
 
-// So many invocations take triangles that follow each other, 64 bytes of them, and then the next ones: memory is walked
-// through in its order by a CPU, whose vectors are that short, and in whole sectors by a GPU.
+// So many invocations process adjacent triangles, 64 bytes of them, and then the next ones: a CPU, whose vectors are that
+// short, reads memory in its order, and a GPU reads whole sectors.
 const uint kTogether = 8u;
 const uint kAtOnce = 4u;
 
-struct Stay {
-    bool fails;
+struct InPlace {
+    bool fails; // for some triangle
     uint end; // of the data in use, in data units
 };
 
-// All triangles are to have this level and format. Several are loaded at once: a CPU's driver gathers and scatters, which
-// keeps the processor from seeing ahead what memory comes next.
-Stay stayAlike(uint first, uint last)
+// Writes records of triangles that should all have the level and format push.alike. Several are loaded at once: a CPU driver
+// gathers and scatters, so that the processor cannot prefetch.
+InPlace writeAlike(uint first, uint last)
 {
     const uint bitsPerState = push.alike >> 16u;
     const uint level = push.alike & 0xffffu;
@@ -40,23 +40,23 @@ Stay stayAlike(uint first, uint last)
             const uint offset = triangles[i].x;
             wrong |= (triangles[i].y ^ push.alike) | (offset & misaligned) | (uint(offset > push.lastOffset));
             furthest = max(furthest, offset);
-            // 16-byte units, so the offset is the shifted index of the unit but for one bit.
+            // Units have 16 bytes, so the offset is the index of the unit, shifted, except for one bit.
             const uint word0 = (offset & ~15u) << (kUnitShift - 4u) | (kind + (offset >> 3u & 1u) * kKindUpperHalf);
             if (t + i * kTogether < last)
                 records.at[t + i * kTogether].words = Eight(uvec2(word0, kLookEverywhere));
         }
     }
-    Stay stay;
-    stay.fails = wrong != 0u;
-    stay.end = first < last ? (furthest + sourceBytes(level, bitsPerState) + kDataUnitBytes - 1u) / kDataUnitBytes : 0u;
-    return stay;
+    InPlace result;
+    result.fails = wrong != 0u;
+    result.end = first < last ? (furthest + sourceBytes(level, bitsPerState) + kDataUnitBytes - 1u) / kDataUnitBytes : 0u;
+    return result;
 }
 
-Stay stayMixed(uint first, uint last)
+InPlace writeMixed(uint first, uint last)
 {
-    Stay stay;
-    stay.fails = false;
-    stay.end = 0u;
+    InPlace result;
+    result.fails = false;
+    result.end = 0u;
     for (uint t = first; t < last; t += kTogether) {
         const Source s = readSource(t);
         const uint unit = s.dataOffset >> 4u;
@@ -65,13 +65,13 @@ Stay stayMixed(uint first, uint last)
         if (units == 0u && s.problem == 0u)
             record = uvec2(kKindInline, coarseStates(s));
         else
-            stay.end = max(stay.end, unit + units);
-        stay.fails = stay.fails || s.problem != 0u || unit > kMaxNearUnit || !fitsInPlace(s);
+            result.end = max(result.end, unit + units);
+        result.fails = result.fails || s.problem != 0u || unit > kMaxNearUnit || !fitsInPlace(s);
         Words to = recordOf(t);
         to.w[0] = record.x;
         to.w[1] = record.y;
     }
-    return stay;
+    return result;
 }
 
 void startOtherPasses()
@@ -84,21 +84,21 @@ void startOtherPasses()
 void main()
 {
     const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    const uint run = gl_WorkGroupSize.x * push.staysPerInvocation;
+    const uint run = gl_WorkGroupSize.x * push.trianglesPerInvocation;
     if (group > push.triangleCount / run)
         return;
-    const uint own = kTogether * push.staysPerInvocation;
+    const uint own = kTogether * push.trianglesPerInvocation;
     const uint begin = group * run + gl_LocalInvocationIndex / kTogether * own;
     const uint first = begin + gl_LocalInvocationIndex % kTogether;
     const uint last = min(begin + own, push.triangleCount);
-    Stay stay;
+    InPlace result;
     if (push.alike != 0u)
-        stay = stayAlike(first, last);
+        result = writeAlike(first, last);
     else
-        stay = stayMixed(first, last);
-    if (stay.fails)
+        result = writeMixed(first, last);
+    if (result.fails)
         startOtherPasses();
     Words header = Words(push.micromap);
-    if (stay.end != 0u)
-        atomicMax(header.w[kMicromapHeaderUnits], stay.end);
+    if (result.end != 0u)
+        atomicMax(header.w[kMicromapHeaderUnits], result.end);
 }

@@ -1,0 +1,41 @@
+// Copies of micromaps on the device, queries of their properties, and the commands of VK_EXT_opacity_micromap for them;
+// those of VK_KHR_opacity_micromap are in structures/structure_commands.h.
+//
+// A micromap is self-contained, and nothing in it depends on its location, so clone and compact copy bytes. Only the
+// device knows how many are in use: a handle may be larger than what was built there, and other data may follow it.
+#pragma once
+
+#include <cstdint>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/state/micromap_object.h"
+
+namespace vellum::layer
+{
+
+struct DeviceMicromaps;
+class InjectedWork;
+
+// --- copies that have been checked, whichever extension they came by ---
+// Clone or compact. Rejects, with a message under `command`, a copy of a micromap onto itself.
+void recordMicromapCopy(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command,
+                        const Micromap &source, const Micromap &target);
+void recordMicromapSave(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &source,
+                        VkDeviceAddress target);
+// What data that is not a serialized micromap does: it leaves the target empty, with a message, or unchanged.
+enum class InvalidData { ClearsTarget, KeepsTarget };
+void recordMicromapRestore(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const Micromap &target,
+                           VkDeviceAddress source, InvalidData invalid = InvalidData::ClearsTarget);
+
+// Writes a property of a micromap, kQueryMicromap* of core/records.h, to the 64-bit number at `value`.
+void recordMicromapProperty(InjectedWork &work, const Driver &driver, const Micromap &micromap, uint32_t kind,
+                            VkDeviceAddress value);
+
+void getDeviceMicromapCompatibility(DeviceMicromaps &, VkDevice, const VkMicromapVersionInfoEXT *,
+                                    VkAccelerationStructureCompatibilityKHR *);
+void cmdCopyMicromap(DeviceMicromaps &, VkCommandBuffer, const VkCopyMicromapInfoEXT *);
+void cmdCopyMicromapToMemory(DeviceMicromaps &, VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT *);
+void cmdCopyMemoryToMicromap(DeviceMicromaps &, VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT *);
+
+} // namespace vellum::layer
