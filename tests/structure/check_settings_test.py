@@ -46,7 +46,8 @@ class CheckSettings(unittest.TestCase):
     def test_row_that_is_not_understood(self):
         code, out = run(check_settings.CODE, "X(strict, strict, bool, false,", "X(strict, strict, bool, 1 + 1,")
         self.assertEqual(code, 1)
-        self.assertIn("8 settings, of which settings.py understands 7", out)
+        count = len(check_settings.settings.read())
+        self.assertIn(f"{count} settings, of which settings.py understands {count - 1}", out)
 
     def test_manifest_of_its_own(self):
         code, out = run(check_settings.MANIFEST, "@VELLUM_SETTINGS@", '[{"key": "strict"}]')
