@@ -18,7 +18,7 @@ namespace
 
 constexpr const char *kDetails = R"(
 vellum help SUBCOMMAND, vellum SUBCOMMAND --help and the manual page vellum-SUBCOMMAND explain each. Wherever a glTF file
-is read, - is stdin.
+is read, - is stdin. vellum run returns the exit code of the program that it runs.
 )";
 
 std::vector<std::string> subcommandNames(const CLI::App &app)

@@ -9,6 +9,8 @@
 #include "cli/base/error.h"
 #include "cli/commands.h"
 #include "cli/info/manifests.h"
+#include "cli/options/checks.h"
+#include "cli/options/help.h"
 #include "cli/run/message_summary.h"
 #include "cli/run/program.h"
 #include "cli/vulkan/layer_path.h"
@@ -24,15 +26,16 @@ constexpr int kNotRun = 125;
 constexpr const char *kRunDetails = R"(
 Runs a program with the layer on, in it and in the processes that it starts, and prints how many errors and warnings the
 layer reported, with the first message of each kind. What the program does with its output and its input is unchanged;
-the summary is on stderr. Options come before the program; put -- between them.
+the summary is on stderr. Options come before the program, separated by --.
 
 Messages: an error is input that the layer rejected, a warning one that it tolerated, or that probably has no effect.
 
-Exit codes:
+Exit status:
   0 to 255  that of the program; 128 + n if signal n ended it
   122       the program succeeded, but there were messages of the severity of --fail-on
   125       the program was not run: the layer is not found
   126, 127  the program cannot be executed; there is no such program
+  2         usage error
 
 Environment:
   VELLUM_FAIL_ON
@@ -40,7 +43,7 @@ Environment:
 
 Examples:
   vellum run -- ./viewer scene.glb
-      fails where the program fails, or the layer rejects something
+      fails if the program fails or the layer rejects something
   vellum run --fail-on warning --validate -- ./tests --gtest_filter='Rays.*'
       for continuous integration)";
 
@@ -164,12 +167,17 @@ std::function<int()> declareRunCommand(CLI::App &app)
     CLI::App &command =
         *app.add_subcommand("run", "Runs a program with the layer on, and fails if the layer reports errors");
     command.footer(kRunDetails);
-    command.add_option("program", options->program, "The program and its arguments")->type_name("PROGRAM")->required();
+    command.add_option("PROGRAM", options->program, "The program and its arguments")
+        ->type_name("-- PROGRAM [ARGUMENT]...")
+        ->group(kInput)
+        ->required();
     options->failOn = "error";
-    command.add_option("--fail-on", options->failOn, "Least severity of messages that fail a program that succeeds")
-        ->type_name("error|warning|never")
-        ->check(CLI::IsMember({"error", "warning", "never"}).description(""))
-        ->envname("VELLUM_FAIL_ON");
+    CLI::Option &failOn = *command.add_option(
+        "--fail-on", options->failOn,
+        "Least severity of messages that fail a program that succeeds [VELLUM_FAIL_ON, or else error]");
+    takesWords(failOn, {"error", "warning", "never"});
+    failOn.envname("VELLUM_FAIL_ON")->group(kOutput);
+    command.option_defaults()->group("Layer");
     command.add_flag("--strict", options->strict, "Reject what breaks a rule even where it does no harm");
     command.add_flag("--validate", options->validate, "Check the input of builds on the GPU");
     command.add_flag("--force-emulation", options->forceEmulation, "Emulate even where the driver has micromaps");
@@ -177,7 +185,7 @@ std::function<int()> declareRunCommand(CLI::App &app)
                      "Use micromaps in pipelines and ray queries that do not ask for them");
     command
         .add_option("--layer-path", options->layerFolder,
-                    "Folder of the layer's manifest, instead of the one beside this program")
+                    "Folder of the layer's manifest, instead of the one installed with this program")
         ->type_name("FOLDER");
     return [options] { return run(*options); };
 }

@@ -10,7 +10,7 @@ using namespace vellum::test;
 namespace
 {
 
-const std::vector<std::string> kSubcommands = {"bake", "help", "info", "inspect", "render", "verify"};
+const std::vector<std::string> kSubcommands = {"bake", "help", "info", "inspect", "render", "run", "verify"};
 
 bool has(const std::string &text, const std::string &part)
 {
