@@ -163,7 +163,7 @@ void declareTolerances(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw
     add("--barycentric-tolerance", bake.barycentricTolerance, between(0, 1), "DISTANCE",
         "How far outside of a micro-triangle a hit of it may be, in barycentrics [1e-5]");
     add("--interpolation-tolerance", bake.interpolationTolerance, between(0, 0x1p-10), "RATIO",
-        "Largest error of interpolated texture coordinates, relative to the largest of a triangle [1e-6]");
+        "Largest error of interpolated texture coordinates, relative to the largest of a triangle [2^-20]");
 }
 
 void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)

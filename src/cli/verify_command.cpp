@@ -80,7 +80,7 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
     add("--subtexel-tolerance", tolerances.subtexel, "TEXELS", "Of a sample's position [1/16]");
     add("--barycentric-tolerance", tolerances.barycentric, "DISTANCE", "Of a hit's position, in barycentrics [1e-5]");
     add("--interpolation-tolerance", tolerances.interpolation, "RATIO",
-        "Of texture coordinates, relative to the largest of a triangle [1e-6]");
+        "Of texture coordinates, relative to the largest of a triangle [2^-20]");
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
     command.add_option("-j,--threads", options.file.threads, "Number of threads [one for each processor]")
