@@ -86,11 +86,8 @@ BuiltIns::Restored BuiltIns::pointedTo(Id pointer) const
 
 void BuiltIns::readKnownIndex(Instruction in, Code &out)
 {
-    const Id uint = types_.uint32();
     if (knownIndex_ == 0) {
-        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, uint});
-        knownIndex_ = module_.newId();
-        module_.append(Section::Globals, spv::OpVariable, {pointer, knownIndex_, spv::StorageClassPrivate});
+        knownIndex_ = addPrivateVariable(module_, types_, types_.uint32());
         std::vector<uint32_t> name = stringWords("vellumKnownIndex");
         name.insert(name.begin(), knownIndex_);
         module_.append(Section::Names, spv::OpName, name);
@@ -100,7 +97,7 @@ void BuiltIns::readKnownIndex(Instruction in, Code &out)
 
 bool BuiltIns::restore(Instruction in, Restored what, Code &out)
 {
-    if (what == Restored::CustomIndex && stage_ && stage_->decides == Decides::TriangleHits) {
+    if (what == Restored::CustomIndex && stage_ && stage_->prologue == Prologue::TriangleHits) {
         readKnownIndex(in, out);
         return true;
     }

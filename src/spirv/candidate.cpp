@@ -1,6 +1,7 @@
 #include "spirv/candidate.h"
 
 #include "core/opacity.h"
+#include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
@@ -213,9 +214,7 @@ Id CandidateFunctions::decide(const QueryAccess &access)
     if (!mode_.hidden || (*mode_.hidden & shared::kRayCullNoOpaque) != 0) {
         const Id opaque = code_.value(spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR, boolean, {query});
         const Id notOpaque = code_.value(spv::OpLogicalNot, boolean, {opaque});
-        const Id bit = code_.value(spv::OpBitwiseAnd, uint,
-                                   {opacityFlags(code_, reached), types_.uintConstant(shared::kRayCullNoOpaque)});
-        const Id cull = code_.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
+        const Id cull = hasBits(types_, opacityFlags(code_, reached), shared::kRayCullNoOpaque, code_);
         dropped = code_.value(spv::OpLogicalAnd, boolean, {cull, notOpaque});
     }
     code_.put(spv::OpBranch, {end});

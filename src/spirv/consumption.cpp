@@ -123,11 +123,8 @@ Id Consumption::condition(const Consumes &consumes, Code &out)
     if (consumes.when == When::If)
         return consumes.condition;
     const Id boolean = types_.boolean();
-    if (variable_ == 0) {
-        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, boolean});
-        variable_ = module_.newId();
-        module_.append(Section::Globals, spv::OpVariable, {pointer, variable_, spv::StorageClassPrivate});
-    }
+    if (variable_ == 0)
+        variable_ = addPrivateVariable(module_, types_, boolean);
     return out.value(spv::OpLoad, boolean, {variable_});
 }
 

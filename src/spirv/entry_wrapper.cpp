@@ -59,11 +59,11 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
         return false;
     hidden_ = stage.hidden;
     receivesPayload_ = receivesPayload(stage.executionModel);
-    Decides decides = stage.decides;
+    Prologue prologue = stage.prologue;
     // Where CullNoOpaque may be in the payload, the any-hit shader of the box, which sees it, decides instead.
-    if (decides == Decides::BoxCulling && hidden_.inPayload() && (hidden_.constant & shared::kRayCullNoOpaque) == 0)
-        decides = Decides::Nothing;
-    if (decides == Decides::Nothing && prefix_.keptFlagsIfRequested() == 0)
+    if (prologue == Prologue::BoxCulling && hidden_.inPayload() && (hidden_.constant & shared::kRayCullNoOpaque) == 0)
+        prologue = Prologue::None;
+    if (prologue == Prologue::None && prefix_.keptFlagsIfRequested() == 0)
         return true;
     const Id wrapper = module_.newId();
     for (Instruction &in : module_.section(Section::ExecutionModes)) {
@@ -78,10 +78,10 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     code_.put(spv::OpFunction, {none, wrapper, spv::FunctionControlMaskNone, types_.function(none, {})});
     code_.put(spv::OpLabel, {module_.newId()});
     keepFlags();
-    switch (decides) {
-    case Decides::Nothing: code_.value(spv::OpFunctionCall, none, {application_}); break;
-    case Decides::TriangleHits: decideTriangle(); break;
-    case Decides::BoxHits: decideBox(); break;
+    switch (prologue) {
+    case Prologue::None: code_.value(spv::OpFunctionCall, none, {application_}); break;
+    case Prologue::TriangleHits: decideTriangle(); break;
+    case Prologue::BoxHits: decideBox(); break;
     default: cullBox(); break;
     }
     code_.put(spv::OpReturn, {});
@@ -121,8 +121,8 @@ void EntryWrapper::decideTriangle()
 void EntryWrapper::decideBox()
 {
     const Id flags = applicationFlags();
-    ignoreIf(isSet(flags, shared::kRayCullNoOpaque));
-    callIf(code_.value(spv::OpLogicalNot, types_.boolean(), {isSet(flags, shared::kRayOpaque)}));
+    ignoreIf(hasBits(types_, flags, shared::kRayCullNoOpaque, code_));
+    callIf(code_.value(spv::OpLogicalNot, types_.boolean(), {hasBits(types_, flags, shared::kRayOpaque, code_)}));
 }
 
 // A box that is culled does not run its intersection shader (Vulkan, "Ray Opacity Culling").
@@ -188,12 +188,6 @@ void EntryWrapper::keepFlags()
     if (module_.version() >= kVersion14)
         entry_.push_back(kept);
     code_.put(spv::OpStore, {kept, code_.value(spv::OpLoad, types_.uint32(), {incomingPrefix()})});
-}
-
-Id EntryWrapper::isSet(Id flags, uint32_t flag)
-{
-    const Id bit = code_.value(spv::OpBitwiseAnd, types_.uint32(), {flags, types_.uintConstant(flag)});
-    return code_.value(spv::OpINotEqual, types_.boolean(), {bit, types_.uintConstant(0)});
 }
 
 bool EntryWrapper::inInterface(Id variable) const

@@ -45,7 +45,6 @@ private:
     // Where the prefix of the payload that the shader was called with is.
     Id incomingPrefix();
     void keepFlags();
-    Id isSet(Id flags, uint32_t flag);
     // The barycentrics of the hit: the first two scalars of its attributes.
     Id readBarycentrics();
     struct Scalar {

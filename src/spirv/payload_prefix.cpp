@@ -43,11 +43,8 @@ Id PayloadPrefix::ownPayload(std::span<const uint32_t> payload)
 
 Id PayloadPrefix::keptFlags()
 {
-    if (kept_ == 0) {
-        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, types_.uint32()});
-        kept_ = module_.newId();
-        module_.append(Section::Globals, spv::OpVariable, {pointer, kept_, spv::StorageClassPrivate});
-    }
+    if (kept_ == 0)
+        kept_ = addPrivateVariable(module_, types_, types_.uint32());
     return kept_;
 }
 

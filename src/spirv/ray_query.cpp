@@ -206,7 +206,8 @@ void RayQueries::keepInHitObject(Instruction in, Code &out)
     Id hidden = types_.uintConstant(never ? 0 : mode_.hidden.value_or(0));
     if (queryFlags_.inUse()) {
         const Id flags = queryFlags_.pointer(module_.word(in, 2), out);
-        hidden = flags == 0 ? 0 : hiddenBits(types_, out.value(spv::OpLoad, types_.uint32(), {flags}), out);
+        hidden =
+            flags == 0 ? 0 : maskBits(types_, out.value(spv::OpLoad, types_.uint32(), {flags}), kHiddenRayFlags, out);
     }
     if (object != 0 && hidden != 0)
         out.put(spv::OpStore, {object, hidden});
@@ -296,17 +297,13 @@ bool RayQueries::getAabbOpaque(Instruction in, Code &out)
     const Id byDriver = out.value(in.opcode, boolean, {query});
     Id byFlags = types_.constantTrue();
     if (!mode_.hidden) {
-        const Id uint = types_.uint32();
         const Id flags = queryFlags_.inUse() ? queryFlags_.pointer(query, out) : 0;
         if (queryFlags_.inUse() && flags == 0) {
             error_ = "OpRayQueryGetIntersectionCandidateAABBOpaqueKHR on a ray query that is not reached through a "
                      "variable or parameter";
             return false;
         }
-        const Id bit =
-            out.value(spv::OpBitwiseAnd, uint,
-                      {candidates_.opacityFlags(out, {query, flags}), types_.uintConstant(shared::kRayOpaque)});
-        byFlags = out.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
+        byFlags = hasBits(types_, candidates_.opacityFlags(out, {query, flags}), shared::kRayOpaque, out);
     }
     if (consumes_.isConditional())
         byFlags = out.value(spv::OpLogicalAnd, boolean, {byFlags, consumption_.condition(consumes_, out)});

@@ -1,5 +1,6 @@
 #include "spirv/trace_ray.h"
 
+#include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
@@ -15,16 +16,8 @@ Id removeFlags(const Module &module, Types &types, Id flags, uint32_t removed, C
         const Id type = module.resultType(module.definition(flags));
         return (*value & removed) == 0 ? flags : types.get(spv::OpConstant, {type, *value & ~removed});
     }
-    const Id uint = types.uint32(); // of flags of either signedness
-    const Id bits = out.value(spv::OpBitwiseAnd, uint, {flags, types.uintConstant(removed)});
-    return out.value(spv::OpBitwiseXor, uint, {flags, bits});
-}
-
-Id hiddenBits(Types &types, Id flags, Code &out)
-{
-    if (const auto value = types.valueOf(flags))
-        return types.uintConstant(*value & shared::kHiddenRayFlags);
-    return out.value(spv::OpBitwiseAnd, types.uint32(), {flags, types.uintConstant(shared::kHiddenRayFlags)});
+    const Id bits = maskBits(types, flags, removed, out);
+    return out.value(spv::OpBitwiseXor, types.uint32(), {flags, bits});
 }
 
 // In a pipeline without micromaps, the one that the driver does not know, which does nothing there.
@@ -52,7 +45,7 @@ bool TraceRays::keepFlags(Instruction in, const RayInstruction &ray, Code &out)
     if (ray.onlyExecutes())
         kept = out.value(spv::OpLoad, uint, {object});
     else if (ray.flags != 0)
-        kept = hiddenBits(types_, module_.word(in, ray.flags), out);
+        kept = maskBits(types_, module_.word(in, ray.flags), shared::kHiddenRayFlags, out);
     if (object != 0 && !ray.onlyExecutes())
         out.put(spv::OpStore, {object, kept});
     if (!hasPayload)

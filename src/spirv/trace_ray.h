@@ -16,9 +16,6 @@ namespace vellum::spirv
 // The flags without some, as the driver gets them. Constants stay constants; what is computed becomes a uint.
 Id removeFlags(const Module &module, Types &types, Id flags, uint32_t removed, Code &out);
 
-// The flags that are hidden from the driver, of flags of either signedness. A uint.
-Id hiddenBits(Types &types, Id flags, Code &out);
-
 class TraceRays
 {
 public:

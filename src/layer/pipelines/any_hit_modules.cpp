@@ -7,7 +7,7 @@
 namespace vellum::layer
 {
 
-using spirv::Decides;
+using spirv::Prologue;
 
 AnyHitModules::~AnyHitModules()
 {
@@ -15,9 +15,9 @@ AnyHitModules::~AnyHitModules()
         context_.next->DestroyShaderModule(context_.device, module, nullptr);
 }
 
-VkShaderModule AnyHitModules::get(Decides decides, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options)
+VkShaderModule AnyHitModules::get(Prologue prologue, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options)
 {
-    const std::pair key(decides, hidden);
+    const std::pair key(prologue, hidden);
     {
         std::lock_guard lock(mutex_);
         if (const auto known = modules_.find(key); known != modules_.end())
@@ -25,7 +25,7 @@ VkShaderModule AnyHitModules::get(Decides decides, spirv::HiddenFlags hidden, co
     }
     // Without the lock: rewriting may depend on a trial, which waits for the device.
     spirv::RewriteOptions forStage = options;
-    forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, decides, hidden};
+    forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, prologue, hidden};
     const spirv::RewriteResult result = spirv::rewrite(any_hit, forStage);
     VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     info.codeSize = result.words.size() * 4;

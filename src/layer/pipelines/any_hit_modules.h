@@ -17,12 +17,12 @@ public:
     void create(const GpuContext &context) { context_ = context; }
     ~AnyHitModules();
     // VK_NULL_HANDLE where the driver could not make it.
-    VkShaderModule get(spirv::Decides decides, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options);
+    VkShaderModule get(spirv::Prologue prologue, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options);
 
 private:
     GpuContext context_;
     std::mutex mutex_;
-    std::map<std::pair<spirv::Decides, spirv::HiddenFlags>, VkShaderModule> modules_;
+    std::map<std::pair<spirv::Prologue, spirv::HiddenFlags>, VkShaderModule> modules_;
 };
 
 } // namespace vellum::layer

@@ -39,9 +39,17 @@ const Mask &untouchedMask()
     return mask;
 }
 
+// A driver with VK_EXT_opacity_micromap gets shaders that hold nothing of one device or process.
+bool mixesIdentifiers(const DevicePipelines &device)
+{
+    return !device.driver.translated();
+}
+
 // Gives the application an identifier that is the driver's.
 void give(DevicePipelines &device, VkShaderModuleIdentifierEXT &identifier, bool tracing)
 {
+    if (!mixesIdentifiers(device))
+        return;
     mix(identifier.identifier, identifier.identifierSize, tracing ? tracingMask(device) : layerMask());
     if (tracing)
         device.givenIdentifiers.add(
@@ -110,7 +118,7 @@ bool GivenIdentifiers::contains(const VkPipelineShaderStageModuleIdentifierCreat
 void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool tracing)
 {
     constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT;
-    for (uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; mixesIdentifiers(device_) && i < count; ++i) {
         const auto *identifier = findInChain<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(stages[i].pNext, type);
         if (stages[i].module || !identifier || identifier->identifierSize == 0)
             continue;
@@ -167,8 +175,7 @@ void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handl
 {
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
-    const bool known =
-        !device.driver.emulated() || rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
+    const bool known = rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
     device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
     if (known)
         give(device, *identifier, spirv::scan({info->pCode, info->codeSize / 4}).tracesRays);

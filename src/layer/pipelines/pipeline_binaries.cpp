@@ -93,32 +93,27 @@ using Use = std::function<VkResult(const newer::PipelineCreateInfo &, const Hidd
 VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo &info, const Use &use)
 {
     const auto *const structure = static_cast<const VkBaseInStructure *>(info.pNext);
-    DriverStages stages(device);
-    DriverIdentifiers identifiers(device);
-    std::deque<Chain> chains;
-    const auto useOwn = [&](auto &own) {
+    const auto useChanged = [&](auto own) {
+        DriverPipelineInfo changed(device);
+        if (const VkResult result = changed.change(own); result != VK_SUCCESS)
+            return result;
         const newer::PipelineCreateInfo driverInfo{info.sType, &own};
-        return identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
+        return changed.identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
     };
-    if (structure && structure->sType == VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO) {
-        auto own = *reinterpret_cast<const VkComputePipelineCreateInfo *>(structure);
-        const VkResult result = translate(device, own, stages, identifiers, chains);
-        return result == VK_SUCCESS ? useOwn(own) : result;
-    }
-    if (structure && structure->sType == VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO) {
-        auto own = *reinterpret_cast<const VkGraphicsPipelineCreateInfo *>(structure);
-        const VkResult result = translate(device, own, stages, identifiers, chains);
-        return result == VK_SUCCESS ? useOwn(own) : result;
-    }
-    if (structure && structure->sType == VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR) {
+    switch (structure ? structure->sType : VK_STRUCTURE_TYPE_MAX_ENUM) {
+    case VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO:
+        return useChanged(*reinterpret_cast<const VkComputePipelineCreateInfo *>(structure));
+    case VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO:
+        return useChanged(*reinterpret_cast<const VkGraphicsPipelineCreateInfo *>(structure));
+    case VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR:
         return withDriverInfo(device, *reinterpret_cast<const VkRayTracingPipelineCreateInfoKHR *>(structure),
                               [&](const VkRayTracingPipelineCreateInfoKHR &own, const HiddenInBinary &hidden) {
                                   const newer::PipelineCreateInfo driverInfo{
                                       info.sType, const_cast<VkRayTracingPipelineCreateInfoKHR *>(&own)};
                                   return use(driverInfo, hidden);
                               });
+    default: return use(info, {});
     }
-    return use(info, {});
 }
 
 // The results that a command may have. What the layer reports of shaders is known already.

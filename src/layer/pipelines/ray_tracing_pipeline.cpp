@@ -26,24 +26,8 @@ spirv::TracedFlags tracedBy(const DevicePipelines &device, const VkPipelineShade
     return module ? module->traced : spirv::scan(stageCode(device, stage)).traced;
 }
 
-void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                    RayTracingPipeline &record)
-{
-    for (uint32_t i = 0; i < info.groupCount; ++i)
-        record.hasBoxes =
-            record.hasBoxes || info.pGroups[i].type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
-    for (uint32_t i = 0; i < info.stageCount; ++i)
-        record.mostStride = std::max(record.mostStride, tracedBy(device, info.pStages[i]).mostStride);
-    for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
-        if (const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i])) {
-            record.hasBoxes = record.hasBoxes || library->hasBoxes;
-            record.mostStride = std::max(record.mostStride, library->mostStride);
-        }
-    }
-}
-
-bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                      const spirv::HiddenFlags &hidden)
+bool checkFlagTransport(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                        const spirv::HiddenFlags &hidden)
 {
     const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
     if (libraries == 0 && (pipelineFlags(info.pNext, info.flags) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)

@@ -16,6 +16,21 @@ inline Id toUint(Types &types, Id type, Id value, Code &out)
     return type == uint ? value : out.value(spv::OpBitcast, uint, {value});
 }
 
+// The bits of a value of either signedness that are in `mask`, as a uint: a constant if the value is one.
+inline Id maskBits(Types &types, Id value, uint32_t mask, Code &out)
+{
+    if (const auto constant = types.valueOf(value))
+        return types.uintConstant(*constant & mask);
+    return out.value(spv::OpBitwiseAnd, types.uint32(), {value, types.uintConstant(mask)});
+}
+
+// Whether a uint has any of these bits.
+inline Id hasBits(Types &types, Id value, uint32_t bits, Code &out)
+{
+    const Id masked = out.value(spv::OpBitwiseAnd, types.uint32(), {value, types.uintConstant(bits)});
+    return out.value(spv::OpINotEqual, types.boolean(), {masked, types.uintConstant(0)});
+}
+
 // An instruction that makes a uint, for the result of one that makes an integer of the given type.
 inline void putUint(Types &types, Id type, Id result, uint32_t opcode, std::vector<uint32_t> operands, Code &out)
 {
