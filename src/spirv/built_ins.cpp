@@ -10,7 +10,7 @@ namespace vellum::spirv
 namespace
 {
 
-// The last of a chain of copies longer than this is not looked for: the module is malformed.
+// Longest chain of copies. Only malformed modules have longer ones.
 constexpr int kMaxCopies = 64;
 
 // Words of the memory operands that begin at word i of an instruction (SPIR-V specification, 3.26).
@@ -69,7 +69,7 @@ bool BuiltIns::lacksHiddenFlags() const
 
 BuiltIns::Restored BuiltIns::pointedTo(Id pointer) const
 {
-    // An access chain without indices is a copy too.
+    // An access chain without indices is also a copy.
     const auto isCopy = [](Instruction in) {
         return in.opcode == spv::OpCopyObject ||
                ((in.opcode == spv::OpAccessChain || in.opcode == spv::OpInBoundsAccessChain) && in.count == 4);
@@ -163,7 +163,7 @@ bool BuiltIns::copy(Instruction in, Restored what, Code &out)
     if (!restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), what, out))
         return false;
     std::vector<uint32_t> store{module_.word(in, 1), value};
-    // The first operands are the target's.
+    // The first memory operands are those of the target.
     for (uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)
         store.push_back(module_.word(in, i));
     out.put(spv::OpStore, std::move(store));

@@ -207,8 +207,8 @@ Id CandidateFunctions::decide(const QueryAccess &access)
     const Id handled = code_.value(spv::OpINotEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)});
     code_.put(spv::OpBranch, {end});
 
-    // Boxes have no micromap: whether one is opaque, only the driver knows, and with the CullNoOpaque flag hidden from
-    // it, dropping those that are not is left to us.
+    // Boxes have no micromap. The driver knows which are opaque, but does not get the CullNoOpaque flag, so that those
+    // that are not opaque are culled here.
     code_.put(spv::OpLabel, {aabb});
     Id dropped = types_.get(spv::OpConstantFalse, {boolean});
     if (!mode_.hidden || (*mode_.hidden & shared::kRayCullNoOpaque) != 0) {
@@ -231,7 +231,7 @@ Id CandidateFunctions::proceed(const QueryAccess &access, const Consumes &consum
     const std::vector<uint32_t> key = keyOf(access, consumes);
     if (const auto it = proceeds_.find(key); it != proceeds_.end())
         return it->second;
-    const Id callee = candidate(access, consumes); // may append to code_: before this function begins
+    const Id callee = candidate(access, consumes); // before this function begins, because it may append to code_
     const Id function = module_.newId();
     proceeds_[key] = function;
 

@@ -23,7 +23,7 @@ VkShaderModule AnyHitModules::get(Prologue prologue, spirv::HiddenFlags hidden, 
         if (const auto known = modules_.find(key); known != modules_.end())
             return known->second;
     }
-    // Without the lock: rewriting may depend on a trial, which waits for the device.
+    // Without the lock, so that threads can rewrite different shaders at the same time.
     spirv::RewriteOptions forStage = options;
     forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, prologue, hidden};
     const spirv::RewriteResult result = spirv::rewrite(any_hit, forStage);
@@ -37,7 +37,7 @@ VkShaderModule AnyHitModules::get(Prologue prologue, spirv::HiddenFlags hidden, 
     Undo undo([&] { context_.next->DestroyShaderModule(context_.device, module, nullptr); });
     std::lock_guard lock(mutex_);
     const auto [entry, isNew] = modules_.emplace(key, module);
-    if (isNew) // and no other thread was faster
+    if (isNew) // not if another thread has added it meanwhile
         undo.keep();
     return entry->second;
 }

@@ -54,7 +54,7 @@ struct DevicePipelines {
     HandleMap<VkShaderModule, std::shared_ptr<const RayTracingModule>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
     HandleMap<VkShaderModule, bool> tracingModules{};                                 // true: shaders that trace rays
-    GivenIdentifiers givenIdentifiers{};
+    TracingIdentifiers tracingIdentifiers{};
     HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};
     ShaderWarnings shaderWarnings{};

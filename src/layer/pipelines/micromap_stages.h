@@ -67,8 +67,8 @@ public:
     std::vector<uint32_t> ownAnyHitGroups; // groups whose any-hit shader is the layer's
 
 private:
-    // What a driver's stage is made from: the application's stage, the code before it, and the payload type that it is
-    // given if it declares none.
+    // The source of a driver's stage: the application's stage, the code before it, and the payload type that it gets if
+    // it declares none.
     using Key = std::tuple<uint32_t, spirv::Prologue, spirv::TypeWords>;
 
     [[nodiscard]] spirv::TypeWords payloadOf(const VkRayTracingShaderGroupCreateInfoKHR &group) const;

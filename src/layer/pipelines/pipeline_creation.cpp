@@ -60,7 +60,7 @@ public:
         ownAnyHitGroups_.emplace_back();
         const Driver &driver = device_.driver;
         if (driver.mode == Mode::Identifiers)
-            return takeIdentifiers(own);
+            return replaceIdentifiers(own);
         bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0 ||
                              (driver.enabled.anyFeature() && driver.settings->assumeMicromaps);
         if (!checkFlags(info, usesMicromaps))
@@ -78,7 +78,7 @@ public:
             return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
             return VK_ERROR_UNKNOWN;
-        return takeIdentifiers(own);
+        return replaceIdentifiers(own);
     }
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
@@ -206,14 +206,14 @@ private:
     }
 
     // Replaces module identifiers of stages without code by the driver's.
-    VkResult takeIdentifiers(VkRayTracingPipelineCreateInfoKHR &info)
+    VkResult replaceIdentifiers(VkRayTracingPipelineCreateInfoKHR &info)
     {
         if (binariesOf(info.pNext))
             return VK_SUCCESS;
         DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
-        identifiers.take(info.pStages, info.stageCount, true);
+        identifiers.replace(info.pStages, info.stageCount, true);
         changed_ = changed_ || identifiers.any();
-        return identifiers.ways() == 0 ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS;
+        return identifiers.variants() == 0 ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS;
     }
 
     // The driver writes feedback for each of its stages (VUID-...-pipelineStageCreationFeedbackCount-06652), of which

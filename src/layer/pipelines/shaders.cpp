@@ -83,7 +83,7 @@ VkResult DriverPipelineInfo::change(Info &info, const VkPipelineShaderStageCreat
         return VK_SUCCESS;
     if (!stages_.rewrite(stages, count))
         return VK_ERROR_INVALID_SHADER_NV;
-    identifiers.take(stages, count);
+    identifiers.replace(stages, count);
     return VK_SUCCESS;
 }
 

@@ -8,8 +8,7 @@
 namespace vellum::spirv
 {
 
-// A value as a uint. The type of what an unknown instruction made is unknown, too (0); a cast to the same type does no
-// harm.
+// A value as a uint. The type of an unknown instruction's result is unknown (0); a cast to the same type is harmless.
 inline Id toUint(Types &types, Id type, Id value, Code &out)
 {
     const Id uint = types.uint32();
