@@ -10,7 +10,7 @@ namespace vellum::spirv
 namespace
 {
 
-// The last of a chain of copies longer than this is not looked for: the module is malformed.
+// Longest chain of copies. Only malformed modules have longer ones.
 constexpr int kMaxCopies = 64;
 
 // Words of the memory operands that begin at word i of an instruction (SPIR-V specification, 3.26).
@@ -69,7 +69,7 @@ bool BuiltIns::lacksHiddenFlags() const
 
 BuiltIns::Restored BuiltIns::pointedTo(Id pointer) const
 {
-    // An access chain without indices is a copy too.
+    // An access chain without indices is also a copy.
     const auto isCopy = [](Instruction in) {
         return in.opcode == spv::OpCopyObject ||
                ((in.opcode == spv::OpAccessChain || in.opcode == spv::OpInBoundsAccessChain) && in.count == 4);
@@ -86,11 +86,8 @@ BuiltIns::Restored BuiltIns::pointedTo(Id pointer) const
 
 void BuiltIns::readKnownIndex(Instruction in, Code &out)
 {
-    const Id uint = types_.uint32();
     if (knownIndex_ == 0) {
-        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, uint});
-        knownIndex_ = module_.newId();
-        module_.append(Section::Globals, spv::OpVariable, {pointer, knownIndex_, spv::StorageClassPrivate});
+        knownIndex_ = addPrivateVariable(module_, types_, types_.uint32());
         std::vector<uint32_t> name = stringWords("vellumKnownIndex");
         name.insert(name.begin(), knownIndex_);
         module_.append(Section::Names, spv::OpName, name);
@@ -100,7 +97,7 @@ void BuiltIns::readKnownIndex(Instruction in, Code &out)
 
 bool BuiltIns::restore(Instruction in, Restored what, Code &out)
 {
-    if (what == Restored::CustomIndex && stage_ && stage_->decides == Decides::TriangleHits) {
+    if (what == Restored::CustomIndex && stage_ && stage_->prologue == Prologue::TriangleHits) {
         readKnownIndex(in, out);
         return true;
     }
@@ -166,7 +163,7 @@ bool BuiltIns::copy(Instruction in, Restored what, Code &out)
     if (!restore(module_.make(spv::OpLoad, {type, value, module_.word(in, 2)}), what, out))
         return false;
     std::vector<uint32_t> store{module_.word(in, 1), value};
-    // The first operands are the target's.
+    // The first memory operands are those of the target.
     for (uint32_t i = 3; i < 3 + memoryOperandWords(module_, in, 3); ++i)
         store.push_back(module_.word(in, i));
     out.put(spv::OpStore, std::move(store));

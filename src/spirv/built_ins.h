@@ -1,4 +1,4 @@
-// What the driver returns is not always what the application is to see: restores it.
+// Restores values that the driver returns and that differ from the application's.
 #pragma once
 
 #include <optional>
@@ -13,39 +13,39 @@
 namespace vellum::spirv
 {
 
-// A load of a 32-bit integer from a pointer to a uint in place of an instruction with a result of either signedness.
+// Replaces an instruction, whose result is a 32-bit integer of either signedness, by a load from a pointer to a uint.
 void loadUint(const Module &module, Types &types, Id pointer, Instruction in, Code &out);
 
-// An instruction whose result, a 32-bit integer, goes through `function`, which takes and returns a uint.
+// Passes the result of an instruction, a 32-bit integer, through `function`, which takes and returns a uint.
 void restoreResult(Module &module, Types &types, Id function, Instruction in, Code &out);
 
-// Reads of built-in variables: InstanceCustomIndex, which is a slot, and IncomingRayFlags, which lacks
-// hidden flags. Also the same of hit objects.
+// Reads of the built-in variables InstanceCustomIndex, where the driver has a slot, and IncomingRayFlags, where it has
+// no hidden flags; and of the same properties of hit objects.
 class BuiltIns
 {
 public:
     BuiltIns(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, SideVariables &hitObjects,
              const std::optional<PipelineStage> &stage);
-    // Writes what replaces an instruction to `out`. False if it stays as it is.
+    // Writes the replacement of an instruction to `out`. False if it is unchanged.
     bool replace(Instruction in, Code &out);
-    // An intersection shader reads ray flags, and their hidden bits are where it cannot see them. After its entry point
-    // was selected.
+    // Whether an intersection shader reads ray flags whose hidden bits are in the payload, which it cannot read. Call
+    // once other entry points are removed.
     [[nodiscard]] bool lacksHiddenFlags() const;
 
-    // A Private variable with the application's custom index, which the code in front of an any-hit shader of triangles
-    // finds when it looks the hit up; 0 where nothing reads it.
+    // The Private variable for the application's custom index, which the prologue of an any-hit shader of triangles
+    // gets from the lookup; 0 if nothing reads it.
     [[nodiscard]] Id knownIndex() const { return knownIndex_; }
 
 private:
     enum class Restored { Nothing, CustomIndex, RayFlags };
-    // What `pointer` points to.
+    // The built-in that `pointer` points to.
     [[nodiscard]] Restored pointedTo(Id pointer) const;
-    // An instruction whose result is restored. False if it stays as it is.
+    // Restores the result of an instruction. False if it is unchanged.
     bool restore(Instruction in, Restored what, Code &out);
     void readKnownIndex(Instruction in, Code &out);
     bool copy(Instruction in, Restored what, Code &out);
     bool restoreHitObjectFlags(Instruction in, Code &out);
-    // The flags with the hidden ones, which are a uint.
+    // Adds hidden flags, which are a uint, to the result.
     void addBits(Instruction in, Id bits, Code &out);
 
     Module &module_;

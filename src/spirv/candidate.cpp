@@ -1,6 +1,7 @@
 #include "spirv/candidate.h"
 
 #include "core/opacity.h"
+#include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
@@ -206,16 +207,14 @@ Id CandidateFunctions::decide(const QueryAccess &access)
     const Id handled = code_.value(spv::OpINotEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)});
     code_.put(spv::OpBranch, {end});
 
-    // Boxes have no micromap: whether one is opaque, only the driver knows, and with the CullNoOpaque flag hidden from
-    // it, dropping those that are not is left to us.
+    // Boxes have no micromap. The driver knows which are opaque, but does not get the CullNoOpaque flag, so that those
+    // that are not opaque are culled here.
     code_.put(spv::OpLabel, {aabb});
     Id dropped = types_.get(spv::OpConstantFalse, {boolean});
     if (!mode_.hidden || (*mode_.hidden & shared::kRayCullNoOpaque) != 0) {
         const Id opaque = code_.value(spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR, boolean, {query});
         const Id notOpaque = code_.value(spv::OpLogicalNot, boolean, {opaque});
-        const Id bit = code_.value(spv::OpBitwiseAnd, uint,
-                                   {opacityFlags(code_, reached), types_.uintConstant(shared::kRayCullNoOpaque)});
-        const Id cull = code_.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
+        const Id cull = hasBits(types_, opacityFlags(code_, reached), shared::kRayCullNoOpaque, code_);
         dropped = code_.value(spv::OpLogicalAnd, boolean, {cull, notOpaque});
     }
     code_.put(spv::OpBranch, {end});
@@ -232,7 +231,7 @@ Id CandidateFunctions::proceed(const QueryAccess &access, const Consumes &consum
     const std::vector<uint32_t> key = keyOf(access, consumes);
     if (const auto it = proceeds_.find(key); it != proceeds_.end())
         return it->second;
-    const Id callee = candidate(access, consumes); // may append to code_: before this function begins
+    const Id callee = candidate(access, consumes); // before this function begins, because it may append to code_
     const Id function = module_.newId();
     proceeds_[key] = function;
 

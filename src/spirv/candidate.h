@@ -1,5 +1,4 @@
-// The functions that decide a ray query's candidate in the application's place, made for each way in which the
-// application reaches a query.
+// Functions that decide a ray query's candidate before the application sees it, one for each access path to a query.
 #pragma once
 
 #include <cstdint>
@@ -13,25 +12,25 @@
 namespace vellum::spirv
 {
 
-// What is known at compile time of the ray flags of all queries in a module.
+// Ray flags that are constant in all queries of a module.
 struct RayFlagMode {
     // The bits hidden from the driver (Opaque, CullNoOpaque, ForceOpacityMicromap2State) that all queries have;
-    // nothing if they differ or are computed. Then the flags lie in a variable beside each query (side_variables.h).
+    // nothing if they differ or are computed. The flags are then in a variable beside each query (side_variables.h).
     std::optional<uint32_t> hidden;
-    // All bits that matter to opacity, if all queries have the same.
+    // All bits that concern opacity, if they are the same for all queries.
     std::optional<uint32_t> all;
 };
 
 // How an instruction reaches its ray query: a variable or parameter, and indices into it. Ray queries can only be used
-// through such pointers (logical addressing), but only the variable itself may be an argument of a function: the
-// functions made here take the variable and the indices, and index inside.
+// through such pointers (logical addressing), but only the variable itself may be an argument of a function. The
+// generated functions therefore take the variable and the indices.
 struct QueryAccess {
     std::vector<uint32_t> shape; // equal shapes share their functions
-    std::vector<Id> arguments;   // what the function is called with
+    std::vector<Id> arguments;   // of the call
     std::vector<Id> parameterTypes;
     Id base = 0;                   // module-scope variable, or 0: the first argument
-    SideVariables::Variable flags; // what lies beside the variable or argument; an argument's is the next one
-    SideVariables::Variable index; // where the candidate's custom index is kept, likewise; of no id: nowhere
+    SideVariables::Variable flags; // side variable for flags; that of an argument is the next argument
+    SideVariables::Variable index; // side variable for the candidate's custom index, likewise; id 0: there is none
     std::vector<Id> indices;       // ids that are valid everywhere, or 0: the next argument
     Id pointerType = 0;            // type of the pointer to the query
 };
@@ -46,21 +45,21 @@ public:
     {
     }
 
-    // Nothing if the pointer is no chain of indices into a variable or parameter.
+    // Nothing if the pointer is not a chain of indices into a variable or parameter.
     std::optional<QueryAccess> access(Id query) const;
 
     // bool vellumCandidate(query): true if the candidate was decided (ignored or committed), false if the
-    // application must see it. Where the query may not consume micromaps, bool vellumIfConsumed(query): the same if it
-    // does, false if not.
+    // application must see it. If only some queries consume micromaps, bool vellumIfConsumed(query): the same for those
+    // that do, false for others.
     Id candidate(const QueryAccess &access, const Consumes &consumes);
     // bool vellumProceed(query): OpRayQueryProceedKHR up to a candidate that the application must see.
     Id proceed(const QueryAccess &access, const Consumes &consumes);
 
-    // Pointers to a query and, where there are such things, to its flags and its candidate's index beside it.
+    // Pointers to a query and to its side variables for flags and the candidate's index; 0: there is none.
     struct Reached {
         Id query = 0, flags = 0, index = 0;
     };
-    // Ray flags as the application wrote them, or at least those that matter to opacity.
+    // The application's ray flags, or at least those that concern opacity.
     Id opacityFlags(Code &code, Reached reached);
 
     // Adds the functions to the module.
@@ -71,7 +70,7 @@ private:
 
     // Begins a function. Returns its block.
     Id begin(const std::vector<Id> &parameterTypes, Id function, const char *name, std::vector<Id> &parameters);
-    // In a function with the access's parameters.
+    // The query and its side variables in a function with the access's parameters.
     Reached reach(const QueryAccess &access, const std::vector<Id> &parameters);
 
     Module &module_;
@@ -82,7 +81,7 @@ private:
     const CandidateIndices &indices_;
     RayFlagMode mode_;
     std::map<std::vector<uint32_t>, Id> candidates_;
-    std::map<std::vector<uint32_t>, Id> conditional_; // by shape, with what Consumes holds before it
+    std::map<std::vector<uint32_t>, Id> conditional_; // by Consumes and shape
     std::map<std::vector<uint32_t>, Id> proceeds_;    // likewise
     Code code_{module_};
 };

@@ -10,7 +10,7 @@ namespace
 
 constexpr uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
 
-// The word in which an instruction on ray queries has its query; 0: it is no such instruction.
+// The word of an instruction that holds its ray query; 0 if it has none.
 uint32_t queryWord(Instruction in)
 {
     switch (in.opcode) {
@@ -50,10 +50,10 @@ bool CandidateIndices::getsCandidate(Instruction in) const
            types_.valueOf(module_.word(in, 4)) == kCandidate;
 }
 
-// The variables that there is to be one beside.
+// The variables that get a side variable.
 std::set<Id> CandidateIndices::find() const
 {
-    std::set<Id> found, asked;
+    std::set<Id> found, queried;
     for (const Section section : {Section::Globals, Section::Functions})
         for (const Instruction in : module_.section(section))
             if (in.opcode == spv::OpVariable) {
@@ -71,13 +71,13 @@ std::set<Id> CandidateIndices::find() const
             continue;
         const uint32_t own = queryWord(in);
         if (own != 0 && getsCandidate(in))
-            asked.insert(module_.word(in, own));
-        // Any other use, be it a literal of the same value, makes it a variable of which too little is known.
+            queried.insert(module_.word(in, own));
+        // Any other use, even a literal of the same value, excludes the variable.
         for (uint32_t i = 1; i < in.count; ++i)
             if (i != own || !always)
                 found.erase(module_.word(in, i));
     }
-    std::erase_if(found, [&](Id variable) { return !asked.contains(variable); });
+    std::erase_if(found, [&](Id variable) { return !queried.contains(variable); });
     return found;
 }
 

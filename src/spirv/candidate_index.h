@@ -1,6 +1,6 @@
-// The custom index of a ray query's candidate, where it is known already: who decides a candidate has read its instance
-// record, and keeps the application's index that lies there for the application. Else each instruction that gets the
-// index reads the record again.
+// The custom index of a ray query's candidate. The function that decides a candidate reads its instance record, and
+// stores the application's index from it in a side variable. Without one, each instruction that gets the index reads
+// the record.
 #pragma once
 
 #include <set>
@@ -22,15 +22,14 @@ public:
     {
     }
 
-    // Puts a variable beside each ray query of which the application gets the index of a candidate and of which all
-    // candidates are decided by our code: it is a variable of its own that no function is passed and that is used in
-    // functions only that always consume micromaps. False with error() set on failure.
+    // Adds a variable beside each ray query whose candidates' index the application gets and whose candidates are all
+    // decided by generated functions: it is a variable that is not passed to functions and is used only in functions
+    // that always consume micromaps. False with error() set on failure.
     bool declare();
     [[nodiscard]] const std::string &error() const { return beside_.error(); }
 
     [[nodiscard]] SideVariables::Variable beside(Id variable) const { return beside_.beside(variable); }
-    // The variable that has what the instruction, an OpRayQueryGetIntersectionInstanceCustomIndexKHR, gets; 0: none
-    // has.
+    // The variable with the result of an OpRayQueryGetIntersectionInstanceCustomIndexKHR; 0: there is none.
     [[nodiscard]] Id of(Instruction in) const;
 
 private:

@@ -26,7 +26,7 @@ bool isConstant(uint32_t opcode)
 
 } // namespace
 
-// What one OpExecutionModeId declares.
+// The declaration of one OpExecutionModeId.
 std::optional<Consumes> Consumption::declared(Instruction mode)
 {
     if (mode.opcode != spv::OpExecutionModeId || mode.count < 4) {
@@ -85,8 +85,8 @@ bool Consumption::read(const RewriteOptions &options)
     return true;
 }
 
-// From callers to callees. What is known of a function changes at most twice: from nothing to what one entry point
-// declares, and to Mixed.
+// From callers to callees. The value of a function changes at most twice: from nothing to that of one entry point, and
+// to Mixed.
 void Consumption::spread()
 {
     std::map<Id, std::set<Id>> callees;
@@ -123,11 +123,8 @@ Id Consumption::condition(const Consumes &consumes, Code &out)
     if (consumes.when == When::If)
         return consumes.condition;
     const Id boolean = types_.boolean();
-    if (variable_ == 0) {
-        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, boolean});
-        variable_ = module_.newId();
-        module_.append(Section::Globals, spv::OpVariable, {pointer, variable_, spv::StorageClassPrivate});
-    }
+    if (variable_ == 0)
+        variable_ = addPrivateVariable(module_, types_, boolean);
     return out.value(spv::OpLoad, boolean, {variable_});
 }
 

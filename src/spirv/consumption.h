@@ -1,5 +1,5 @@
-// Which ray queries consume micromaps: what the entry points declare by the OpacityMicromapIdKHR execution mode
-// (SPV_KHR_opacity_micromap), seen from the functions that they reach.
+// Which ray queries consume micromaps. Entry points declare it by the execution mode OpacityMicromapIdKHR
+// (SPV_KHR_opacity_micromap), for all functions that they reach.
 #pragma once
 
 #include <map>
@@ -13,13 +13,13 @@
 namespace vellum::spirv
 {
 
-// Of the ray queries of a function.
+// Whether the ray queries of a function consume micromaps.
 struct Consumes {
     enum class When {
         Never,
         Always,
         If,   // the constant `condition` is true; specialization may still change it
-        Mixed // entry points that reach the function declare different things
+        Mixed // the entry points that reach the function differ
     };
     When when = When::Never;
     Id condition = 0;
@@ -35,13 +35,13 @@ public:
     // Reads the execution modes, which may be removed afterwards. False with error() set if one is malformed.
     bool read(const RewriteOptions &options);
     [[nodiscard]] const std::string &error() const { return error_; }
-    // Whether any entry point declares something, be it that its queries consume none.
+    // Whether any entry point has the execution mode, even with a false operand.
     [[nodiscard]] bool anyDeclared() const { return anyDeclared_; }
 
     [[nodiscard]] Consumes in(Id function) const;
-    // The condition of a function that is not Never or Always.
+    // The condition in a function that is neither Never nor Always.
     Id condition(const Consumes &consumes, Code &out);
-    // Call when all functions are rewritten: has entry points say what they declare to the functions that they share
+    // Call when all functions are rewritten. Entry points store their declaration for the functions that they share
     // with others. False with error() set on failure.
     bool finish();
 
@@ -51,11 +51,11 @@ private:
 
     Module &module_;
     Types &types_;
-    Consumes otherwise_{Consumes::When::Always}; // of functions that no entry point is known to reach
+    Consumes otherwise_{Consumes::When::Always}; // of functions that no entry point reaches
     std::map<Id, Consumes> entries_;             // by the entry point's function
     std::map<Id, Consumes> functions_;           // of those that entry points reach
     bool anyDeclared_ = false;
-    Id variable_ = 0; // Private: what the running entry point declares; 0: nobody asked
+    Id variable_ = 0; // Private: the declaration of the running entry point; 0 until it is needed
     std::string error_;
 };
 

@@ -14,7 +14,7 @@ namespace vellum::spirv
 namespace
 {
 
-// Bounds on what is looked at and made: hit attributes have a few dozen bytes, and an instruction 65535 words.
+// Bounds for malformed modules: hit attributes have a few dozen bytes.
 constexpr size_t kMaxTypes = 256;
 constexpr size_t kMaxEntryOperands = 65000;
 
@@ -59,11 +59,11 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
         return false;
     hidden_ = stage.hidden;
     receivesPayload_ = receivesPayload(stage.executionModel);
-    Decides decides = stage.decides;
-    // Where CullNoOpaque may be in the payload, the any-hit shader of the box, which sees it, decides instead.
-    if (decides == Decides::BoxCulling && hidden_.inPayload() && (hidden_.constant & shared::kRayCullNoOpaque) == 0)
-        decides = Decides::Nothing;
-    if (decides == Decides::Nothing && prefix_.keptFlagsIfRequested() == 0)
+    Prologue prologue = stage.prologue;
+    // If CullNoOpaque may be in the payload, which only the any-hit shader of the box can read, that shader decides.
+    if (prologue == Prologue::BoxCulling && hidden_.inPayload() && (hidden_.constant & shared::kRayCullNoOpaque) == 0)
+        prologue = Prologue::None;
+    if (prologue == Prologue::None && prefix_.keptFlagsIfRequested() == 0)
         return true;
     const Id wrapper = module_.newId();
     for (Instruction &in : module_.section(Section::ExecutionModes)) {
@@ -78,10 +78,10 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     code_.put(spv::OpFunction, {none, wrapper, spv::FunctionControlMaskNone, types_.function(none, {})});
     code_.put(spv::OpLabel, {module_.newId()});
     keepFlags();
-    switch (decides) {
-    case Decides::Nothing: code_.value(spv::OpFunctionCall, none, {application_}); break;
-    case Decides::TriangleHits: decideTriangle(); break;
-    case Decides::BoxHits: decideBox(); break;
+    switch (prologue) {
+    case Prologue::None: code_.value(spv::OpFunctionCall, none, {application_}); break;
+    case Prologue::TriangleHits: decideTriangle(); break;
+    case Prologue::BoxHits: decideBox(); break;
     default: cullBox(); break;
     }
     code_.put(spv::OpReturn, {});
@@ -93,7 +93,7 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     return error_.empty();
 }
 
-// Ignored: as if there were no hit. Opaque: committed without the application's shader. Else its shader decides.
+// Ignored hits are rejected, and opaque ones accepted without the application's shader. Others run it.
 void EntryWrapper::decideTriangle()
 {
     const Id uint = types_.uint32();
@@ -117,12 +117,12 @@ void EntryWrapper::decideTriangle()
     callIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)}));
 }
 
-// The driver runs an any-hit shader for boxes that are not opaque; of the hidden flags, Opaque makes them so.
+// The driver runs an any-hit shader for boxes that are not opaque. The hidden flag Opaque makes them opaque.
 void EntryWrapper::decideBox()
 {
     const Id flags = applicationFlags();
-    ignoreIf(isSet(flags, shared::kRayCullNoOpaque));
-    callIf(code_.value(spv::OpLogicalNot, types_.boolean(), {isSet(flags, shared::kRayOpaque)}));
+    ignoreIf(hasBits(types_, flags, shared::kRayCullNoOpaque, code_));
+    callIf(code_.value(spv::OpLogicalNot, types_.boolean(), {hasBits(types_, flags, shared::kRayOpaque, code_)}));
 }
 
 // A box that is culled does not run its intersection shader (Vulkan, "Ray Opacity Culling").
@@ -179,7 +179,7 @@ Id EntryWrapper::incomingPrefix()
     return incomingPrefix_;
 }
 
-// For code of the application that reads them later.
+// Stores the hidden flags for code of the application that reads them later.
 void EntryWrapper::keepFlags()
 {
     const Id kept = prefix_.keptFlagsIfRequested();
@@ -190,19 +190,13 @@ void EntryWrapper::keepFlags()
     code_.put(spv::OpStore, {kept, code_.value(spv::OpLoad, types_.uint32(), {incomingPrefix()})});
 }
 
-Id EntryWrapper::isSet(Id flags, uint32_t flag)
-{
-    const Id bit = code_.value(spv::OpBitwiseAnd, types_.uint32(), {flags, types_.uintConstant(flag)});
-    return code_.value(spv::OpINotEqual, types_.boolean(), {bit, types_.uintConstant(0)});
-}
-
 bool EntryWrapper::inInterface(Id variable) const
 {
     return std::find(entry_.begin() + static_cast<ptrdiff_t>(interface_), entry_.end(), variable) != entry_.end();
 }
 
-// A built-in may be there twice in a module, but not in one interface (VUID-StandaloneSpirv-OpEntryPoint-09658): the
-// application's variable is used where there is one.
+// A module may declare a built-in twice, but an interface may not (VUID-StandaloneSpirv-OpEntryPoint-09658), so the
+// application's variable is used if there is one.
 Id EntryWrapper::readBuiltIn(uint32_t builtIn)
 {
     const Id uint = types_.uint32();
@@ -234,7 +228,7 @@ Id EntryWrapper::makeInput(uint32_t storageClass, Id type)
 }
 
 // An interface has at most one variable of this class (VUID-StandaloneSpirv-HitAttributeKHR-04702), and for triangles
-// it begins with the barycentrics, whatever its type calls them.
+// it begins with the barycentrics, whatever its type.
 Id EntryWrapper::readBarycentrics()
 {
     const Id vec2 = types_.float32x2();
@@ -273,7 +267,7 @@ Id EntryWrapper::readBarycentrics()
     return code_.value(spv::OpCompositeConstruct, vec2, floats);
 }
 
-// Of an array of specialized length, the length that it has without specialization.
+// The length of an array; if it is a specialization constant, its default.
 uint32_t EntryWrapper::arrayLength(Instruction array) const
 {
     const Instruction length = module_.definition(module_.word(array, 3));
@@ -282,7 +276,7 @@ uint32_t EntryWrapper::arrayLength(Instruction array) const
     return types_.valueOf(module_.word(array, 3)).value_or(0);
 }
 
-// Appends the scalars of a type to `found`, up to the second; false where one has not 32 bits.
+// Appends the first two scalars of a type to `found`; false if one does not have 32 bits.
 bool EntryWrapper::findScalars(Id type, std::vector<uint32_t> &path, std::vector<Scalar> &found, size_t &budget) const
 {
     --budget;

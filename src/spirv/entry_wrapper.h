@@ -1,6 +1,6 @@
-// Puts code of ours before the entry point of an any-hit or intersection shader: a function that decides what is ours
-// to decide, and else calls the application's. Where ray flags travel in payloads, before those of closest-hit and miss
-// shaders that read them, too.
+// Wraps the entry point of an any-hit or intersection shader in a function that decides the hit or calls the
+// application's function (Prologue). If ray flags travel in payloads, closest-hit and miss shaders that read them are
+// also wrapped.
 #pragma once
 
 #include <string>
@@ -19,15 +19,15 @@ bool isEntryPoint(const Module &module, Instruction in, const PipelineStage &sta
 class EntryWrapper
 {
 public:
-    // `knownIndex`: where the application finds its custom index once a hit of triangles is looked up; 0: it does not
-    // look.
+    // `knownIndex`: the variable for the application's custom index, which the lookup of a triangle hit returns; 0 if
+    // nothing reads it.
     EntryWrapper(Module &module, Types &types, Linker &linker, PayloadPrefix &prefix, Id knownIndex)
         : module_(module), types_(types), linker_(linker), prefix_(prefix), knownIndex_(knownIndex)
     {
     }
 
-    // Leaves `stage`'s entry point as the only one, and wraps it if the stage decides anything. Called last: what is
-    // added here must not be rewritten. False with error() set on failure.
+    // Removes all entry points but `stage`'s, and wraps that if needed. Call last, because the added code must not be
+    // rewritten. False with error() set on failure.
     bool wrap(const PipelineStage &stage);
     [[nodiscard]] const std::string &error() const { return error_; }
 
@@ -37,20 +37,19 @@ private:
     void decideBox();
     void cullBox();
     void ignoreIf(Id condition);
-    // The application's function runs if the condition is true, and ours returns.
+    // Calls the application's function if the condition is true, and returns.
     void callIf(Id condition);
 
     Id readBuiltIn(uint32_t builtIn);
     Id applicationFlags();
-    // Where the prefix of the payload that the shader was called with is.
+    // Pointer to the prefix of the incoming payload.
     Id incomingPrefix();
     void keepFlags();
-    Id isSet(Id flags, uint32_t flag);
     // The barycentrics of the hit: the first two scalars of its attributes.
     Id readBarycentrics();
     struct Scalar {
         Id type = 0;
-        std::vector<uint32_t> path; // indices that lead to it
+        std::vector<uint32_t> path; // its indices
     };
     bool findScalars(Id type, std::vector<uint32_t> &path, std::vector<Scalar> &found, size_t &budget) const;
     [[nodiscard]] uint32_t arrayLength(Instruction array) const;
@@ -65,10 +64,10 @@ private:
     HiddenFlags hidden_;
     bool receivesPayload_ = false;
     std::vector<uint32_t> entry_; // operands of OpEntryPoint
-    size_t interface_ = 0;        // where in them the interface begins
+    size_t interface_ = 0;        // first operand of the interface
     Id application_ = 0;          // the application's function
-    Id declaredPayload_ = 0;      // what the application is called with
-    Id incomingPrefix_ = 0;       // once it was needed
+    Id declaredPayload_ = 0;      // incoming payload that the application declares
+    Id incomingPrefix_ = 0;       // 0 until it is needed
     Code code_{module_};
     std::string error_;
 };

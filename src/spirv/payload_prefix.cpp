@@ -11,7 +11,7 @@ namespace vellum::spirv
 namespace
 {
 
-// In struct {uint, T}.
+// Members of struct {uint, T}.
 constexpr uint32_t kPrefix = 0;
 constexpr uint32_t kPayload = 1;
 
@@ -43,11 +43,8 @@ Id PayloadPrefix::ownPayload(std::span<const uint32_t> payload)
 
 Id PayloadPrefix::keptFlags()
 {
-    if (kept_ == 0) {
-        const Id pointer = types_.get(spv::OpTypePointer, {spv::StorageClassPrivate, types_.uint32()});
-        kept_ = module_.newId();
-        module_.append(Section::Globals, spv::OpVariable, {pointer, kept_, spv::StorageClassPrivate});
-    }
+    if (kept_ == 0)
+        kept_ = addPrivateVariable(module_, types_, types_.uint32());
     return kept_;
 }
 
@@ -61,7 +58,7 @@ Id PayloadPrefix::pointer(Id variable, Code &out) const
                      {variable, types_.uintConstant(kPrefix)});
 }
 
-// The pointer to the widened payload in the place of one to the application's; 0 for other types. New types go to
+// The type of a pointer to the widened payload for one to the application's; 0 for other types. Appends new types to
 // `globals`.
 Id PayloadPrefix::widened(Id pointerType, std::vector<Instruction> &globals)
 {
@@ -88,12 +85,12 @@ bool PayloadPrefix::widen()
     return error_.empty();
 }
 
-// Where they stand: debug information may follow that names them.
+// Widens variables in place, because debug information that names them may follow.
 void PayloadPrefix::widenVariables()
 {
     const Id uint = types_.uint32();
     auto &globals = module_.section(Section::Globals);
-    // Needed before all payloads, and needs nothing itself.
+    // First, because all payloads need it.
     const auto declared = std::ranges::find_if(globals, [&](Instruction in) { return module_.result(in) == uint; });
     std::rotate(globals.begin(), declared, declared + 1);
     std::vector<Instruction> out;
@@ -142,17 +139,17 @@ Instruction PayloadPrefix::widenedFunction(Instruction function)
     return changed ? module_.with(function, 4, types_.function(module_.word(type, 2), parameters)) : function;
 }
 
-// What is wrong in functions that the stage does not reach does not matter.
+// Errors in functions that the stage does not reach are ignored.
 void PayloadPrefix::fail(const char *error)
 {
     if (reached_.contains(function_))
         error_ = error;
 }
 
-// An instruction of the application, which means its own part of a payload.
+// Makes an instruction of the application access its part of payloads.
 Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
 {
-    // With the application's part in the place of whole payloads among the words from `first` to `last`.
+    // The instruction with the application's part in place of payloads among the words from `first` to `last`.
     const auto withParts = [&](uint32_t first, uint32_t last) {
         const Words words = module_.words(in);
         std::vector<uint32_t> operands(words.begin() + 1, words.end());
@@ -187,8 +184,7 @@ Instruction PayloadPrefix::throughPayload(Instruction in, Code &out)
         return module_.make(spv::OpAccessChain, {module_.word(in, 1), module_.word(in, 2), module_.word(in, 3),
                                                  types_.uintConstant(kPayload)});
     case spv::OpExtInst: return isDebug(module_, in) ? in : withParts(5, in.count);
-    // Functions get whole payloads (SPIR-V, 2.16.1: a pointer argument is a memory object declaration), and so pass the
-    // prefix on.
+    // Functions get whole payloads with the prefix (SPIR-V, 2.16.1: a pointer argument is a memory object declaration).
     case spv::OpFunctionCall:
         for (uint32_t i = 4; i < in.count; ++i) {
             const Id argument = module_.word(in, i);

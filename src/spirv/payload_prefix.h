@@ -1,7 +1,6 @@
-// For drivers that do not give unused ray flag bits back: the flags that are hidden from the driver travel with the
-// ray, before the application's payload. Every payload variable of type T becomes one of struct {uint, T}, in all
-// modules of all pipelines that work together, and so the specification's rule is kept that all shaders of a ray
-// declare the same payload (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
+// Hidden ray flags in a prefix of the payload. Every payload variable of type T becomes one of struct {uint, T}, in all
+// modules of a pipeline and its libraries, so that all shaders of a ray still declare the same payload
+// (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
 #pragma once
 
 #include <map>
@@ -27,20 +26,18 @@ public:
     {
     }
 
-    // Widens all payloads of the module, and has the application's code reach its part. False with error() set on
+    // Widens all payloads of the module, and makes the application's code access its part. False with error() set on
     // failure.
     bool widen();
     [[nodiscard]] const std::string &error() const { return error_; }
 
-    // Pointer to the prefix of a payload variable; 0 if `variable` is none.
+    // Pointer to the prefix of a payload variable; 0 if `variable` is not a payload.
     Id pointer(Id variable, Code &out) const;
-    // A payload for entry points that declare none: a prefix, and after it `payload` (payload_types.h), where that is
-    // known. A type.
+    // The payload type for entry points that declare none: a prefix, followed by `payload` (payload_types.h) if known.
     Id ownPayload(std::span<const uint32_t> payload);
 
-    // A Private variable for the hidden flags of the ray that a shader was called for. A payload may be handed on to
-    // the next ray, and its prefix with it, so the first thing an entry point does is to fill this, if it was asked
-    // for.
+    // The Private variable for the hidden flags of the ray that called the shader. The shader may pass its payload and
+    // the prefix to another ray, so the entry point begins by storing the flags here, if this was called.
     Id keptFlags();
     [[nodiscard]] Id keptFlagsIfRequested() const { return kept_; }
 
@@ -57,8 +54,8 @@ private:
     Module &module_;
     Types &types_;
     const std::set<Id> &reached_;
-    Id function_ = 0;           // that is being rewritten
-    std::map<Id, Id> payloads_; // variables and parameters: the type of pointer that they had
+    Id function_ = 0;           // the function that is being rewritten
+    std::map<Id, Id> payloads_; // variables and parameters, with the application's pointer type
     std::map<Id, Id> structs_;  // by the application's type
     std::map<Id, Id> pointers_; // by the application's pointer type
     Id own_ = 0;

@@ -14,11 +14,11 @@ namespace vellum::spirv
 namespace
 {
 
-// Bounds on what is looked at and made: a payload has a few dozen bytes.
+// Bounds for malformed modules: a payload has a few dozen bytes.
 constexpr size_t kMaxTypeWords = 4096;
 constexpr int kMaxNesting = 64;
 
-// What a module must declare to use a number of other than 32 bits, wherever that is.
+// The capability that numbers of another size than 32 bits need.
 std::optional<uint32_t> capabilityOf(uint32_t opcode, uint32_t bits)
 {
     const bool isFloat = opcode == spv::OpTypeFloat;
@@ -30,7 +30,7 @@ std::optional<uint32_t> capabilityOf(uint32_t opcode, uint32_t bits)
     }
 }
 
-// Appends what a type is. False where that is not known.
+// Appends the words of a type. False if it is unknown.
 bool describe(const Module &module, const Types &types, Id type, int depth, TypeWords &out)
 {
     const Instruction in = module.definition(type);
@@ -47,7 +47,7 @@ bool describe(const Module &module, const Types &types, Id type, int depth, Type
         out.push_back(bits);
         if (in.opcode == spv::OpTypeInt)
             out.push_back(module.word(in, 3));
-        // A float with one word more has an encoding of its own.
+        // A float type with one more word has another encoding.
         return in.count == (in.opcode == spv::OpTypeInt ? 4 : 3) &&
                (bits == 32 || (capability && module.hasCapability(*capability)));
     }
@@ -76,7 +76,8 @@ bool isInInterface(const Module &module, Instruction entry, Id variable)
            words.end();
 }
 
-// All payloads of an entry point. Before SPIR-V 1.4 no interface says whose those are that nothing uses.
+// All payloads of an entry point. Before SPIR-V 1.4, interfaces do not list payloads, so unused ones cannot be
+// assigned.
 std::vector<Id> payloadsOf(const Module &module, Instruction entry)
 {
     std::vector<Id> payloads;
@@ -101,7 +102,7 @@ public:
     {
     }
 
-    // The next type; 0 where the words are not one's.
+    // The next type; 0 if the words are not a type's.
     Id make(int depth)
     {
         if (depth > kMaxNesting)
@@ -146,7 +147,7 @@ public:
 private:
     uint32_t next() { return at_ < words_.size() ? words_[at_++] : 0; }
 
-    // The bits of a number, for which the module declares what it must.
+    // The size of a number. Adds the capability that it needs.
     uint32_t number(uint32_t opcode)
     {
         const uint32_t bits = next();
@@ -230,7 +231,7 @@ void PayloadTypes::add(const PayloadTypes &other)
         add(*other.first_);
 }
 
-// An interface has at most one payload that comes in ("Ray Tracing Pipeline Interface").
+// An interface has at most one incoming payload ("Ray Tracing Pipeline Interface").
 Id incomingPayload(const Module &module, Instruction entry)
 {
     const bool hasInterface = module.version() >= kVersion14;
@@ -245,8 +246,8 @@ Id incomingPayload(const Module &module, Instruction entry)
             return variable;
         declared.push_back(variable);
     }
-    // Before SPIR-V 1.4 no interface says whose a payload is that this stage does not use. The only one of a module is
-    // the one that the application declares for the ray, if it is not another stage's.
+    // Before SPIR-V 1.4, interfaces do not list payloads. The only incoming payload of a module is this stage's, if no
+    // other stage uses it.
     if (hasInterface || declared.size() != 1)
         return 0;
     std::vector<Id> all;

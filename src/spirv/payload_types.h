@@ -1,6 +1,5 @@
-// What the payloads of rays are made of, as the shaders of a pipeline declare them. Where flags travel before the
-// payload (payload_prefix.h), shaders that declare none get one, and all of a ray must be alike
-// (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
+// Payload types that the shaders of a pipeline declare. If flags travel before the payload (payload_prefix.h), shaders
+// without a payload get one, and all shaders of a ray must declare the same (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
 #pragma once
 
 #include <cstdint>
@@ -14,19 +13,19 @@
 namespace vellum::spirv
 {
 
-// A type in words without ids: equal words, equal types. Empty: not known.
+// A type in words without ids: types are equal if their words are. Empty: unknown.
 using TypeWords = std::vector<uint32_t>;
 
 class PayloadTypes
 {
 public:
-    // Adds the payloads that an entry point declares: the one that it is called with, and those of rays that it traces.
-    // Of what is no SPIR-V, and of types that specialization may change, nothing is known. Returns the type of the
-    // payload that the entry point is called with; nothing where it declares none.
+    // Adds the payloads that an entry point declares: the incoming one, and those of rays that it traces. The types of
+    // words that are not SPIR-V, and types that specialization may change, are unknown. Returns the type of the
+    // incoming payload; nothing if it declares none.
     std::optional<TypeWords> add(std::span<const uint32_t> words, std::string_view entryPoint, uint32_t executionModel);
     void add(const PayloadTypes &other);
 
-    // The type of all; empty where no payload was added, or where they differ or are not known.
+    // The common type; empty if no payload was added, or if they differ or are unknown.
     [[nodiscard]] TypeWords common() const;
 
 private:
@@ -36,11 +35,10 @@ private:
     bool differ_ = false;
 };
 
-// The variable with the payload that an entry point is called with; 0 where it declares none. Other entry points must
-// still be there.
+// The incoming payload variable of an entry point; 0 if it declares none. Call before other entry points are removed.
 Id incomingPayload(const Module &module, Instruction entry);
 
-// Such a type in a module. 0 where the words are not a type's.
+// Adds the type to a module. 0 if the words are not a type's.
 Id makeType(Module &module, Types &types, std::span<const uint32_t> words);
 
 } // namespace vellum::spirv

@@ -12,10 +12,10 @@ namespace
 
 constexpr uint32_t kFirstPair = 3; // word of OpPhi's first value; its block follows
 
-// Phis of a header, and edges into a continue target: more of them are not worth the time it takes.
+// Limit of a header's phis and of edges into a continue target, to bound the time.
 constexpr size_t kMaxEdges = 1000;
 
-// Adds the labels a terminator branches to. False if we do not know it.
+// Adds the labels that a terminator branches to. False if it is unknown.
 bool successors(const Module &module, Instruction in, std::vector<Id> &out)
 {
     switch (in.opcode) {
@@ -46,7 +46,7 @@ bool successors(const Module &module, Instruction in, std::vector<Id> &out)
     }
 }
 
-// Doing it again without the application's code in between changes nothing and is not seen.
+// Whether an instruction may run again, without the application's code in between, and change nothing.
 bool isRepeatable(const Module &module, Instruction in)
 {
     switch (in.opcode) {
@@ -66,7 +66,7 @@ bool isRepeatable(const Module &module, Instruction in)
            within(spv::OpShiftRightLogical, spv::OpBitCount);
 }
 
-// All of a block but the label, up to `end`.
+// Whether this holds for all instructions of a block after the label, up to `end`.
 bool allRepeatable(const Module &module, const Block &block, size_t end)
 {
     return std::all_of(block.code.begin() + 1, block.code.begin() + static_cast<ptrdiff_t>(end),
@@ -82,7 +82,7 @@ Id valueFrom(const Module &module, Instruction phi, Id label)
     return 0;
 }
 
-// The header's phis and those of the continue target are such that insertDecision() can give the new edge its values.
+// Whether insertDecision() can find values of the header's and continue target's phis for the new edge.
 bool phisAllowEdge(const Module &module, const Block &header, const Block &next, bool bodyIsNext)
 {
     std::vector<Id> carried;
@@ -93,15 +93,15 @@ bool phisAllowEdge(const Module &module, const Block &header, const Block &next,
         if (carried.back() == 0 || carried.size() > kMaxEdges)
             return false;
     }
-    // A phi of the continue target gets one value more: two of the header's phis cannot both have theirs in it.
+    // A phi of the continue target gets one more value, so two phis of the header cannot share it.
     return bodyIsNext || std::ranges::all_of(next.code, [&](Instruction in) {
                return in.opcode != spv::OpPhi ||
                       (in.count < 2 * kMaxEdges && std::ranges::count(carried, module.result(in)) == 1);
            });
 }
 
-// What a decided candidate must not run: anything in the continue target but the way back to the header. Where the
-// loop's body is the continue target (optimizers merge them), a new continue target will be put behind it.
+// A decided candidate must run nothing in the continue target except the branch to the header. If the loop's body is
+// the continue target (optimizers merge them), a new continue target is added after it.
 bool nextAllowsEdge(const Module &module, const Function &function, const ProceedLoop &loop)
 {
     const Block &next = function.blocks[loop.next];
@@ -168,7 +168,7 @@ std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function 
     const Instruction merge = header.code[header.code.size() - 2];
     if (merge.opcode != spv::OpLoopMerge)
         return {};
-    // The rest of the loop controls are promises about the number of iterations, or of what lies between them.
+    // Other loop controls are promises about the number of iterations or about dependencies.
     const uint32_t harmless = spv::LoopControlUnrollMask | spv::LoopControlDontUnrollMask;
     if ((module.word(merge, 3) & ~harmless) != 0)
         return {};
@@ -186,7 +186,7 @@ std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function 
     if (!nextAllowsEdge(module, function, loop) || !phisAllowEdge(module, header, next, loop.body == next.label))
         return {};
 
-    // Between the call and the branch, only the merge instruction may stand.
+    // Only the merge instruction may be between the call and the branch.
     const size_t end = check.code.size() - (merged ? 2 : 1);
     if (!std::all_of(check.code.begin() + static_cast<ptrdiff_t>(call) + 1,
                      check.code.begin() + static_cast<ptrdiff_t>(end),
@@ -206,7 +206,7 @@ void insertDecision(Module &module, Function &function, const ProceedLoop &loop,
     const bool bodyIsNext = loop.body == next.label;
     const Id target = bodyIsNext ? module.newId() : next.label; // the continue target from now on
 
-    // On the new edge nothing has happened: the header's phis get the values they have.
+    // The new edge changes nothing: the header's phis keep their values.
     std::vector<Id> edges{next.label};
     if (!bodyIsNext)
         edges = function.predecessors[next.label];

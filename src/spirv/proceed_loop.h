@@ -1,5 +1,5 @@
-// The usual loop around OpRayQueryProceedKHR, `while (proceed(q)) body`. In it, candidates that we decide go straight
-// to the loop's continue target: a loop of their own inside the call would make SIMD lanes wait for each other.
+// The usual loop around OpRayQueryProceedKHR, `while (proceed(q)) body`. Candidates that the rewritten module decides
+// branch to the loop's continue target: with a loop inside the call, SIMD lanes would wait for each other.
 #pragma once
 
 #include "spirv/module/code.h"
@@ -12,16 +12,16 @@ namespace vellum::spirv
 struct Block {
     Id label = 0;
     std::vector<Instruction> code;   // from OpLabel to the terminator
-    std::vector<Instruction> behind; // blocks of ours that come next
+    std::vector<Instruction> behind; // generated blocks that follow
 };
 
 struct Function {
-    std::vector<Instruction> head; // OpFunction, parameters, and all else before the first block
+    std::vector<Instruction> head; // all instructions before the first block
     std::vector<Block> blocks;
     std::vector<Instruction> tail;              // OpFunctionEnd
     std::map<Id, size_t> indices;               // of blocks, by label
     std::map<Id, std::vector<Id>> predecessors; // labels by label
-    bool flowKnown = true;                      // false: a terminator we do not know, predecessors are incomplete
+    bool flowKnown = true;                      // false if a terminator is unknown and predecessors are incomplete
 };
 
 // Splits the instructions of one function, OpFunction to OpFunctionEnd, into blocks.
@@ -31,13 +31,12 @@ Function splitFunction(const Module &module, std::span<const Instruction> code);
 struct ProceedLoop {
     size_t header = 0;
     size_t check = 0; // ends with the call and the branch on it; may be the header
-    size_t next = 0;  // continue target: does nothing but branch back, unless it is the body
-    Id body = 0;      // label of the branch target that sees a candidate
+    size_t next = 0;  // continue target: only branches back, unless it is the body
+    Id body = 0;      // label of the branch target for a candidate
 };
 
-// The loop whose condition is the proceed call at `call` in block `check`. Nothing if the loop has another shape, or
-// does between its continue target and the call what must not be done again for a candidate that the application never
-// sees.
+// The loop whose condition is the proceed call at `call` in block `check`. Nothing if the loop has another shape, or if
+// code between its continue target and the call must not run for a candidate that the application does not see.
 std::optional<ProceedLoop> findProceedLoop(const Module &module, const Function &function, size_t check, size_t call);
 
 // Puts a block between the call and the loop's body: runs `decision`, then branches to the continue target if its value

@@ -18,8 +18,8 @@ constexpr uint32_t kOpacityFlags = kHiddenRayFlags | shared::kRayNoOpaque | shar
 
 } // namespace
 
-// Most modules pass literal flags, the same everywhere. Then nothing has to travel in the driver's flags, and the
-// resolution of a hit shrinks to what those flags leave of it.
+// Most modules pass the same literal flags everywhere. These need no side variables, and simplify the resolution of
+// hits.
 RayFlagMode RayQueries::findMode() const
 {
     RayFlagMode mode;
@@ -177,7 +177,7 @@ Id RayQueries::consumingFlags(Id flags, Code &out)
     return removeFlags(module_, types_, flags, kHiddenRayFlags, out);
 }
 
-// ForceOpacityMicromap2State, which the driver does not know, does nothing here: it only comes back to the application.
+// ForceOpacityMicromap2State, which the driver does not know, has no effect here, but the application may read it.
 Id RayQueries::idleFlags(Id flags, Code &out)
 {
     return options_.force2State ? removeFlags(module_, types_, flags, shared::kRayForce2State, out) : flags;
@@ -195,8 +195,7 @@ bool RayQueries::keepFlags(Instruction in, Code &out)
     return true;
 }
 
-// Beside the hit object, the flags that the driver does not know of the query. Those that it does know do no harm
-// there.
+// Stores the query's flags that the driver does not have beside the hit object. Others are harmless there.
 void RayQueries::keepInHitObject(Instruction in, Code &out)
 {
     if (!hitObjects_.inUse())
@@ -206,7 +205,8 @@ void RayQueries::keepInHitObject(Instruction in, Code &out)
     Id hidden = types_.uintConstant(never ? 0 : mode_.hidden.value_or(0));
     if (queryFlags_.inUse()) {
         const Id flags = queryFlags_.pointer(module_.word(in, 2), out);
-        hidden = flags == 0 ? 0 : hiddenBits(types_, out.value(spv::OpLoad, types_.uint32(), {flags}), out);
+        hidden =
+            flags == 0 ? 0 : maskBits(types_, out.value(spv::OpLoad, types_.uint32(), {flags}), kHiddenRayFlags, out);
     }
     if (object != 0 && hidden != 0)
         out.put(spv::OpStore, {object, hidden});
@@ -227,7 +227,7 @@ bool RayQueries::initialize(Instruction in, Code &out)
     if (consuming == flags && idle == flags && !kept)
         return false;
     Id type = module_.resultType(module_.definition(flags));
-    if (consumes_.isConditional() && !types_.valueOf(flags)) { // what is computed is uint
+    if (consumes_.isConditional() && !types_.valueOf(flags)) { // computed flags are uint
         for (Id *one : {&consuming, &idle})
             if (*one == flags)
                 *one = toUint(types_, type, flags, out);
@@ -286,7 +286,7 @@ void RayQueries::getCustomIndex(Instruction in, Code &out)
         loadUint(module_, types_, known, in, out);
 }
 
-// With the Opaque flag, which the driver does not see, every box is opaque.
+// With the Opaque flag, which is hidden from the driver, every box is opaque.
 bool RayQueries::getAabbOpaque(Instruction in, Code &out)
 {
     if (consumes_.when == Consumes::When::Never || (mode_.hidden && (*mode_.hidden & shared::kRayOpaque) == 0))
@@ -296,17 +296,13 @@ bool RayQueries::getAabbOpaque(Instruction in, Code &out)
     const Id byDriver = out.value(in.opcode, boolean, {query});
     Id byFlags = types_.constantTrue();
     if (!mode_.hidden) {
-        const Id uint = types_.uint32();
         const Id flags = queryFlags_.inUse() ? queryFlags_.pointer(query, out) : 0;
         if (queryFlags_.inUse() && flags == 0) {
             error_ = "OpRayQueryGetIntersectionCandidateAABBOpaqueKHR on a ray query that is not reached through a "
                      "variable or parameter";
             return false;
         }
-        const Id bit =
-            out.value(spv::OpBitwiseAnd, uint,
-                      {candidates_.opacityFlags(out, {query, flags}), types_.uintConstant(shared::kRayOpaque)});
-        byFlags = out.value(spv::OpINotEqual, boolean, {bit, types_.uintConstant(0)});
+        byFlags = hasBits(types_, candidates_.opacityFlags(out, {query, flags}), shared::kRayOpaque, out);
     }
     if (consumes_.isConditional())
         byFlags = out.value(spv::OpLogicalAnd, boolean, {byFlags, consumption_.condition(consumes_, out)});

@@ -11,7 +11,7 @@ namespace vellum::spirv
 {
 
 struct RayQueryOptions {
-    const std::set<Id> &reached; // the functions of the entry points that the result is good for
+    const std::set<Id> &reached; // the functions of the entry points that are kept
     bool constantFlags = true;   // flags that are the same everywhere become constants
     bool force2State = true;     // the module declares the capability of the ray flag ForceOpacityMicromap2State
 };
@@ -19,7 +19,7 @@ struct RayQueryOptions {
 class RayQueries
 {
 public:
-    // `hitObjects`: their hidden flags, if they are kept.
+    // `hitObjects`: the side variables for their hidden flags, if any.
     RayQueries(Module &module, Types &types, Linker &linker, Consumption &consumption, SideVariables &hitObjects,
                RayQueryOptions options);
 
@@ -31,10 +31,10 @@ private:
     [[nodiscard]] RayFlagMode findMode() const;
     bool rewriteFunction(std::span<const Instruction> code, std::vector<Instruction> &out);
     bool decideInLoop(Function &function, size_t block, size_t call);
-    // Writes what replaces an instruction to `out`. False if it stays as it is.
+    // Writes the replacement of an instruction to `out`. False if it is unchanged.
     bool replace(Instruction in, Code &out);
     bool initialize(Instruction in, Code &out);
-    // Where flags lie beside the queries: stores and loads the application's.
+    // Store and load the application's flags in the side variable of a query.
     bool keepFlags(Instruction in, Code &out);
     void keepInHitObject(Instruction in, Code &out);
     bool getKeptFlags(Instruction in, Code &out);
@@ -42,12 +42,12 @@ private:
     bool getRayFlags(Instruction in, Code &out);
     void getCustomIndex(Instruction in, Code &out);
     bool getAabbOpaque(Instruction in, Code &out);
-    // Whether some flags cannot be told at compile time, and have to travel with the query.
+    // Whether some flags are not constant, and need side variables.
     [[nodiscard]] bool travel() const;
-    // Ray flags as the driver gets them where the query consumes micromaps, and where it does not.
+    // The driver's ray flags if the query consumes micromaps, and if it does not.
     Id consumingFlags(Id flags, Code &out);
     Id idleFlags(Id flags, Code &out);
-    // One of two values of a type: in functions that may or may not consume micromaps, by the condition.
+    // Selects a value by whether the function consumes micromaps, which may be a condition.
     Id choose(Id type, Id consuming, Id idle, Code &out);
 
     Module &module_;
@@ -60,10 +60,10 @@ private:
     RayFlagMode mode_;
     SideVariables queryFlags_;
     CandidateIndices indices_;
-    Id function_ = 0;   // that is being rewritten
-    Consumes consumes_; // of the function that is being rewritten
+    Id function_ = 0;   // the function that is being rewritten
+    Consumes consumes_; // of that function
     CandidateFunctions candidates_;
-    std::set<Id> decidedInLoops_; // results of proceed calls that stay
+    std::set<Id> decidedInLoops_; // results of proceed calls that are unchanged
     std::string error_;
 };
 

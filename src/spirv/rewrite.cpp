@@ -20,7 +20,7 @@ namespace vellum::spirv
 namespace
 {
 
-// Removes what declares the use of opacity micromaps: the driver knows none of it. Returns whether there was anything.
+// Removes declarations of opacity micromaps, which the driver does not know. Returns whether there were any.
 bool removeDeclarations(Module &module)
 {
     size_t removed = 0;
@@ -41,8 +41,7 @@ bool removeDeclarations(Module &module)
     return removed != 0;
 }
 
-// What the driver returns to a module is restored, and ray flags of pipelines are hidden from it.
-// Returns whether anything changed.
+// Restores values that the driver returns, and hides ray flags of pipelines from it. Returns whether anything changed.
 bool replaceInstructions(Module &module, BuiltIns &builtIns, TraceRays &traces)
 {
     bool changed = false;
@@ -58,7 +57,7 @@ bool replaceInstructions(Module &module, BuiltIns &builtIns, TraceRays &traces)
     return changed;
 }
 
-// The functions that a stage consists of; where none is asked for, those of all.
+// The functions of a stage; without one, those of all entry points.
 std::set<Id> stageFunctions(const Module &module, const std::optional<PipelineStage> &stage)
 {
     std::vector<Id> functions;
@@ -68,8 +67,8 @@ std::set<Id> stageFunctions(const Module &module, const std::optional<PipelineSt
     return reachedFrom(module, std::move(functions));
 }
 
-// Whether hidden flags of hit objects lie beside these. In pipelines without micromaps these are the flags of ray
-// queries, and the one that the driver does not know.
+// Whether hit objects need side variables for hidden flags. In pipelines without micromaps these are the flags of ray
+// queries, and the flag that the driver does not know.
 bool keepsHitObjectFlags(const Module &module, const std::optional<PipelineStage> &stage, bool force2State)
 {
     const auto isHitObject = [](Instruction in) {

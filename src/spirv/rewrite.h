@@ -1,20 +1,19 @@
 // Rewrites an application's SPIR-V so that it resolves opacity micromaps itself, on a driver that has none.
 //
-// What the rewritten module relies on (the layer's side of it):
+// What the rewritten module requires of the layer:
 //   - hits on geometry with a micromap reach the shader as non-opaque triangle candidates;
 //   - the driver's instanceCustomIndex is a slot of the root table (core/records.h), for every instance;
-//   - instances without geometry records keep their flags; of the others, the instance record holds the true ones.
+//   - instances without geometry records keep their flags; the instance record of others holds the application's flags.
 //
-// What changes for the driver: the module needs physical storage buffer addresses (bufferDeviceAddress); opacity
-// micromap extensions, capabilities and execution modes are gone.
+// The rewritten module needs physical storage buffer addresses (bufferDeviceAddress). It has no extension, capability
+// or execution mode of opacity micromaps.
 //
-// Stages of ray tracing pipelines are rewritten per pipeline: those of pipelines that do not use micromaps only get
-// their custom index back and hide the ray flag that the driver does not know, the others hide all ray flags that
-// matter from the driver, and hits are decided before the application's shader.
+// Stages of ray tracing pipelines are rewritten once for modules and once per pipeline that uses micromaps. The former
+// only restore the custom index and hide the ray flag that the driver does not know. The latter hide all ray flags that
+// concern opacity, and decide hits before the application's shader.
 //
-// Extension strings, capabilities and execution modes of micromaps are removed. Which ray queries consume micromaps is
-// QueriesConsume. Of those that do not, traversal is the driver's: VUID-vkCmdDispatch-micromap-11636 keeps them away
-// from geometry with micromaps (where they meet it all the same, its hits are non-opaque).
+// QueriesConsume selects the ray queries that consume micromaps. The driver traverses for the others, which must not
+// meet geometry with micromaps (VUID-vkCmdDispatch-micromap-11636); if they do, its hits are non-opaque.
 #pragma once
 
 #include <cstdint>
@@ -29,29 +28,28 @@
 namespace vellum::spirv
 {
 
-// What code of ours at the head of a stage decides.
-enum class Decides {
-    Nothing,
-    TriangleHits, // an any-hit shader of triangle hit groups
-    BoxHits,      // an any-hit shader of procedural hit groups
-    BoxCulling    // an intersection shader
+// What the code decides that the rewriter puts before a stage's own.
+enum class Prologue {
+    None,
+    TriangleHits, // any-hit shader of triangle hit groups
+    BoxHits,      // any-hit shader of procedural hit groups
+    BoxCulling    // intersection shader
 };
 
 // Which ray queries consume micromaps.
 enum class QueriesConsume {
-    Always,       // all: VK_EXT_opacity_micromap is enabled. The execution mode does not matter, nor does its operand.
+    Always,       // all, as with VK_EXT_opacity_micromap; the execution mode is ignored
     WhereDeclared // those of entry points with the execution mode OpacityMicromapIdKHR and a true operand
 };
 
-// The ray flags that are hidden from the driver (core/ray_flags.h), and how they reach the shaders that a ray calls, in
-// a pipeline that uses micromaps. The same for all stages of all pipelines that work together.
+// How hidden ray flags (core/ray_flags.h) reach the shaders of a ray, in a pipeline that uses micromaps. All stages of
+// a pipeline and its libraries have the same.
 struct HiddenFlags {
-    // Those that all rays have alike are constants of the rewritten shaders. Where there are others, all lie before the
-    // application's payload (payload_prefix.h), which intersection shaders cannot see.
+    // Flags in which all rays agree; they are constants of the rewritten shaders. If there are others, all flags are in
+    // a prefix of the payload (payload_prefix.h), which intersection shaders cannot read.
     uint32_t fixed = shared::kHiddenRayFlags;
-    uint32_t constant = 0; // the fixed ones that all rays have
-    // The type of the ray's payload (payload_types.h), for a shader that declares none. Empty where it is not known: it
-    // gets the prefix alone.
+    uint32_t constant = 0; // the fixed flags that are set
+    // Payload type (payload_types.h) for a shader that declares no payload. Empty if unknown: it gets the prefix alone.
     std::vector<uint32_t> payload{};
     auto operator<=>(const HiddenFlags &) const = default;
     [[nodiscard]] bool inPayload() const { return fixed != shared::kHiddenRayFlags; }
@@ -61,7 +59,7 @@ struct HiddenFlags {
 struct PipelineStage {
     std::string_view entryPoint;
     uint32_t executionModel = 0; // SPIR-V's
-    Decides decides = Decides::Nothing;
+    Prologue prologue = Prologue::None;
     HiddenFlags hidden;
 };
 
@@ -69,33 +67,33 @@ struct RewriteOptions {
     uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
     uint64_t firstSlots = 0;  // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
-    // Whether flags that all ray queries of a module pass as constants become constants of the rewritten module. Else
-    // they travel like those that are computed.
+    // Whether flags that all ray queries of a module pass as constants become constants of the rewritten module. If
+    // not, they travel as computed ones do.
     bool constantQueryFlags = true;
-    // The result is good for this stage only: other entry points are gone.
+    // Rewrites for this stage only, and removes all other entry points.
     std::optional<PipelineStage> pipelineStage;
 };
 
 struct RewriteResult {
     enum class Status {
-        Unchanged, // nothing to do: give the driver the words it was going to get
+        Unchanged, // the driver can use the application's words
         Rewritten, // `words` replaces the module
-        Failed     // malformed, or of a shape that cannot be rewritten: `error` says why, for a person
+        Failed     // the module is malformed or has an unsupported form, which `error` describes
     };
     Status status = Status::Unchanged;
     std::vector<uint32_t> words; // only when Rewritten
     std::string error;           // only when Failed
-    // It has ray queries, and only declarations could let them consume micromaps, but no entry point declares anything.
+    // It has ray queries that need the execution mode to consume micromaps, and no entry point has it.
     bool queriesForget = false;
-    // It is an intersection shader that reads the ray's flags and does not see those that are hidden.
+    // It is an intersection shader that reads the ray flags and does not get the hidden ones.
     bool lacksHiddenFlags = false;
 };
 
-// Tells apart what is linked into rewritten modules: modules with the same hash read tables of the same layout.
+// Hash of the code that is linked into rewritten modules: with the same hash they read tables of the same layout.
 uint64_t linkedCodeHash();
 
-// Modules that scan() (module/scan.h) finds to trace no rays are Unchanged, whatever they hold, but for pipeline
-// stages. Reads nothing outside `words` and throws nothing but std::bad_alloc.
+// Without a pipeline stage, a module that traces no rays by scan() (module/scan.h) is Unchanged, even if it is
+// malformed. Reads nothing outside `words` and throws nothing but std::bad_alloc.
 RewriteResult rewrite(std::span<const uint32_t> words, const RewriteOptions &options);
 
 } // namespace vellum::spirv

@@ -40,8 +40,8 @@ bool SideVariables::isObject(uint32_t type) const
                                           : type == kOpTypeHitObjectNV || type == kOpTypeHitObjectEXT;
 }
 
-// The type with a uint in the place of each object; 0 if it has none. Whatever else it has becomes a uint, too, so that
-// the same indices lead through both.
+// The type with a uint in place of each object; 0 if it has none. Other members also become a uint, so that the same
+// indices are valid in both.
 Id SideVariables::shapeOf(Id type, int depth)
 {
     const Instruction in = module_.definition(type);
@@ -76,13 +76,13 @@ Id SideVariables::shapeOf(Id type, int depth)
     return shape;
 }
 
-// Of what a pointer of the type points to; 0 for other types.
+// The shape of the type that a pointer type points to; 0 for other types.
 Id SideVariables::shapeOfPointee(Instruction pointerType)
 {
     return pointerType.opcode == spv::OpTypePointer ? shapeOf(module_.word(pointerType, 3), 0) : 0;
 }
 
-// A new id for what lies beside a variable or parameter; nothing if nothing is to lie there.
+// Makes the side variable of a variable or parameter, if it needs one.
 std::optional<SideVariables::Variable> SideVariables::make(Instruction variable, const std::set<Id> *only)
 {
     const Instruction pointer = module_.definition(module_.word(variable, 1));

@@ -1,5 +1,5 @@
-// Variables of the rewriter beside the application's opaque objects: a ray query or hit object cannot hold what the
-// rewritten module has to know of it, so a uint lies beside each.
+// Side variables: a uint beside each ray query or hit object of the application, for what the rewritten module must
+// know about the object.
 #pragma once
 
 #include <map>
@@ -29,11 +29,10 @@ class SideVariables
 public:
     SideVariables(Module &module, Types &types, Beside objects) : module_(module), types_(types), objects_(objects) {}
 
-    // Puts a variable beside each variable, and a parameter beside each parameter, that is such an object or contains
-    // some: of the same shape, with a uint in the place of each object. Calls pass both. False with error() set on
-    // failure.
+    // Adds a variable beside each variable, and a parameter beside each parameter, that is such an object or contains
+    // some: of the same shape, with a uint in place of each object. Calls pass both. False with error() set on failure.
     bool declare();
-    // The same for some variables only, which no function is passed.
+    // The same for some variables only, which are not passed to functions.
     bool declare(const std::set<Id> &variables);
     [[nodiscard]] const std::string &error() const { return error_; }
     [[nodiscard]] bool inUse() const { return inUse_; }
@@ -42,10 +41,10 @@ public:
         Id id = 0;   // 0: there is none
         Id type = 0; // of the pointer
     };
-    // What lies beside a variable or parameter.
+    // The side variable of a variable or parameter.
     [[nodiscard]] Variable beside(Id variable) const;
-    // Pointer to what lies beside the object, or the array or structure of objects, that `object` points to; 0 if that
-    // is not reached through a variable or parameter.
+    // Pointer to the side variable of the object, or of the array or structure of objects, that `object` points to; 0
+    // if that is not reached through a variable or parameter.
     Id pointer(Id object, Code &out);
     // Whether a type is such an object, or contains some.
     [[nodiscard]] bool holds(Id type) { return shapeOf(type, 0) != 0; }

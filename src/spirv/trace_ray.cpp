@@ -1,5 +1,6 @@
 #include "spirv/trace_ray.h"
 
+#include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
 
 namespace vellum::spirv
@@ -15,19 +16,11 @@ Id removeFlags(const Module &module, Types &types, Id flags, uint32_t removed, C
         const Id type = module.resultType(module.definition(flags));
         return (*value & removed) == 0 ? flags : types.get(spv::OpConstant, {type, *value & ~removed});
     }
-    const Id uint = types.uint32(); // of flags of either signedness
-    const Id bits = out.value(spv::OpBitwiseAnd, uint, {flags, types.uintConstant(removed)});
-    return out.value(spv::OpBitwiseXor, uint, {flags, bits});
+    const Id bits = maskBits(types, flags, removed, out);
+    return out.value(spv::OpBitwiseXor, types.uint32(), {flags, bits});
 }
 
-Id hiddenBits(Types &types, Id flags, Code &out)
-{
-    if (const auto value = types.valueOf(flags))
-        return types.uintConstant(*value & shared::kHiddenRayFlags);
-    return out.value(spv::OpBitwiseAnd, types.uint32(), {flags, types.uintConstant(shared::kHiddenRayFlags)});
-}
-
-// In a pipeline without micromaps, the one that the driver does not know, which does nothing there.
+// In pipelines without micromaps, only the flag that the driver does not know, which has no effect there.
 uint32_t TraceRays::hidden() const
 {
     if (options_.pipelineStage)
@@ -35,8 +28,8 @@ uint32_t TraceRays::hidden() const
     return force2State_ ? shared::kRayForce2State : 0;
 }
 
-// Stores the hidden flags of a ray beside its hit object and before its payload, from where the shaders that it calls
-// read them. False if one of these is not known.
+// Stores the hidden flags of a ray beside its hit object and in the prefix of its payload, where the shaders that it
+// calls read them. False if the hit object or payload is not reached through a variable.
 bool TraceRays::keepFlags(Instruction in, const RayInstruction &ray, Code &out)
 {
     const bool hasPayload = ray.payload != 0 && inPayload();
@@ -52,7 +45,7 @@ bool TraceRays::keepFlags(Instruction in, const RayInstruction &ray, Code &out)
     if (ray.onlyExecutes())
         kept = out.value(spv::OpLoad, uint, {object});
     else if (ray.flags != 0)
-        kept = hiddenBits(types_, module_.word(in, ray.flags), out);
+        kept = maskBits(types_, module_.word(in, ray.flags), shared::kHiddenRayFlags, out);
     if (object != 0 && !ray.onlyExecutes())
         out.put(spv::OpStore, {object, kept});
     if (!hasPayload)
@@ -64,7 +57,7 @@ bool TraceRays::keepFlags(Instruction in, const RayInstruction &ray, Code &out)
     return true;
 }
 
-// What lies beside it would stay behind.
+// A copy would not include the side variable.
 bool TraceRays::copiesHitObject(Instruction in)
 {
     if (in.opcode == spv::OpLoad)
@@ -73,7 +66,7 @@ bool TraceRays::copiesHitObject(Instruction in)
     return in.opcode == spv::OpCopyMemory && hitObjects_.holds(module_.word(pointer, 3));
 }
 
-// What is wrong in functions that the stage does not reach does not matter.
+// Errors in functions that the stage does not reach are ignored.
 bool TraceRays::fail(const char *error)
 {
     if (reached_.contains(function_))
@@ -93,7 +86,7 @@ bool TraceRays::replace(Instruction in, Code &out)
     if (hitObjects_.inUse() && copiesHitObject(in))
         return fail("it copies a hit object");
     const auto ray = rayInstruction(in.opcode);
-    // RayQueries keeps the flags of those that are made from a query.
+    // RayQueries stores the flags of hit objects that are made from a query.
     if (!ray || (ray->query == 0 && !keepFlags(in, *ray, out)) || ray->flags == 0)
         return false;
     const Id flags = module_.word(in, ray->flags);

@@ -1,4 +1,5 @@
-// The ray flags of OpTraceRayKHR and its kin, on their way to the driver (core/ray_flags.h).
+// The ray flags of OpTraceRayKHR and similar instructions: removes those that are hidden from the driver
+// (core/ray_flags.h).
 #pragma once
 
 #include <set>
@@ -13,16 +14,13 @@
 namespace vellum::spirv
 {
 
-// The flags without some, as the driver gets them. Constants stay constants; what is computed becomes a uint.
+// The flags without `removed`. Constants remain constants; computed flags become a uint.
 Id removeFlags(const Module &module, Types &types, Id flags, uint32_t removed, Code &out);
-
-// The flags that are hidden from the driver, of flags of either signedness. A uint.
-Id hiddenBits(Types &types, Id flags, Code &out);
 
 class TraceRays
 {
 public:
-    // `hitObjects`: their hidden flags, if they are kept. `reached`: the functions of the stage, if it is one.
+    // `hitObjects`: the side variables for their hidden flags, if any. `reached`: the functions of the stage.
     // `force2State`: the module declares the capability of the ray flag ForceOpacityMicromap2State.
     TraceRays(Module &module, Types &types, const PayloadPrefix &prefix, SideVariables &hitObjects,
               const RewriteOptions &options, const std::set<Id> &reached, bool force2State)
@@ -30,9 +28,9 @@ public:
           reached_(reached), force2State_(force2State)
     {
     }
-    // Writes what replaces an instruction to `out`. False if it stays as it is.
+    // Writes the replacement of an instruction to `out`. False if it is unchanged.
     bool replace(Instruction in, Code &out);
-    // Not empty once an instruction was met that cannot be replaced.
+    // Not empty if an instruction cannot be replaced.
     [[nodiscard]] const std::string &error() const { return error_; }
 
 private:
@@ -50,7 +48,7 @@ private:
     const RewriteOptions &options_;
     const std::set<Id> &reached_;
     bool force2State_;
-    Id function_ = 0; // that is being rewritten
+    Id function_ = 0; // the function that is being rewritten
     std::string error_;
 };
 

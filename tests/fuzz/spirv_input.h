@@ -21,7 +21,7 @@ inline constexpr size_t kOptionsWord = 2;
 inline constexpr uint32_t kQueriesKeepConstants = 1; // constant ray flags like others
 inline constexpr uint32_t kInPayload = 2;            // hidden flags lie in the payload
 inline constexpr uint32_t kInPipeline = 4;           // for a stage of a pipeline
-inline constexpr uint32_t kDecidesShift = 3;         // two bits, Decides
+inline constexpr uint32_t kPrologueShift = 3;        // two bits, Prologue
 inline constexpr uint32_t kEntryPointShift = 5;      // two bits, which one
 inline constexpr uint32_t kOtherStage = 0x80;        // whose entry point has another execution model
 inline constexpr uint32_t kNoEntryPoint = 0x100;     // of a name that the module does not have
@@ -67,7 +67,7 @@ inline void readOptions(std::span<const uint32_t> words, SpirvInput &input)
     const uint32_t constant = (bits & kConstantFlags) != 0 ? 0x481 : 0;
     const uint32_t fixed = (bits & kInPayload) != 0 ? 0x80 : 0x481;
     const spirv::HiddenFlags hidden{fixed, constant & fixed};
-    input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Decides>(bits >> kDecidesShift & 3),
+    input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Prologue>(bits >> kPrologueShift & 3),
                                    hidden};
 }
 

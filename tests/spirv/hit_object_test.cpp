@@ -22,7 +22,7 @@ spirv::RewriteResult rewriteAs(const Module &words, const spirv::HiddenFlags &hi
 {
     spirv::RewriteOptions options{.rootAddress = 0x1000,
                                   .pipelineStage = spirv::PipelineStage{entryPoint, spv::ExecutionModelRayGenerationKHR,
-                                                                        spirv::Decides::Nothing, hidden}};
+                                                                        spirv::Prologue::None, hidden}};
     return spirv::rewrite(words, options);
 }
 

@@ -15,12 +15,12 @@ namespace
 
 using Status = spirv::RewriteResult::Status;
 
-spirv::RewriteResult rewriteAs(const Module &words, spv::ExecutionModel model, spirv::Decides decides,
+spirv::RewriteResult rewriteAs(const Module &words, spv::ExecutionModel model, spirv::Prologue prologue,
                                const spirv::HiddenFlags &hidden, const char *entryPoint = "main")
 {
     return spirv::rewrite(
         words, {.rootAddress = 0x1000,
-                .pipelineStage = spirv::PipelineStage{entryPoint, static_cast<uint32_t>(model), decides, hidden}});
+                .pipelineStage = spirv::PipelineStage{entryPoint, static_cast<uint32_t>(model), prologue, hidden}});
 }
 
 spirv::TypeWords payloadOf(const Module &words, spv::ExecutionModel model)
@@ -66,11 +66,11 @@ TEST(Payloads, GivesShadersWithoutOneTheSameTypeAsTheOthers)
         const spirv::HiddenFlags hidden{kNoneFixed, 0, payloadOf(application, spv::ExecutionModelClosestHitKHR)};
         ASSERT_FALSE(hidden.payload.empty()) << c.types;
         const auto widened =
-            rewriteAs(application, spv::ExecutionModelClosestHitKHR, spirv::Decides::Nothing, hidden).words;
+            rewriteAs(application, spv::ExecutionModelClosestHitKHR, spirv::Prologue::None, hidden).words;
         for (const char *variant : {"v15", "v14", "v16"}) {
-            for (const auto decides : {spirv::Decides::TriangleHits, spirv::Decides::BoxHits}) {
+            for (const auto prologue : {spirv::Prologue::TriangleHits, spirv::Prologue::BoxHits}) {
                 const auto own =
-                    rewriteAs(loadShader("empty.rahit", variant), spv::ExecutionModelAnyHitKHR, decides, hidden).words;
+                    rewriteAs(loadShader("empty.rahit", variant), spv::ExecutionModelAnyHitKHR, prologue, hidden).words;
                 EXPECT_EQ(validate(own), "") << c.types << disassemble(own);
                 const spirv::TypeWords type = payloadOf(own, spv::ExecutionModelAnyHitKHR);
                 EXPECT_FALSE(type.empty());
@@ -113,7 +113,7 @@ TEST(Payloads, AreUnknownIfOfSeveralTypesOrSpecialized)
                     .empty());
     // Where it is not known, the prefix is alone.
     const auto own = rewriteAs(loadShader("empty.rahit", "v15"), spv::ExecutionModelAnyHitKHR,
-                               spirv::Decides::TriangleHits, {kNoneFixed, 0});
+                               spirv::Prologue::TriangleHits, {kNoneFixed, 0});
     EXPECT_EQ(payloadOf(own.words, spv::ExecutionModelAnyHitKHR),
               (spirv::TypeWords{spv::OpTypeStruct, 1, spv::OpTypeInt, 32, 0}));
 }
@@ -125,7 +125,7 @@ TEST(Payloads, FindsUnusedOnesBeforeSpirv14)
     Module anyHit = words;
     const auto entry = std::ranges::find(anyHit, static_cast<uint32_t>(spv::ExecutionModelClosestHitKHR));
     *entry = spv::ExecutionModelAnyHitKHR;
-    const auto result = rewriteAs(anyHit, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0});
+    const auto result = rewriteAs(anyHit, spv::ExecutionModelAnyHitKHR, spirv::Prologue::TriangleHits, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "");
     EXPECT_EQ(count(disassemble(result.words), "OpVariable %_ptr_IncomingRayPayload"), 1u) << disassemble(result.words);
@@ -164,7 +164,7 @@ TEST(Payloads, IgnoresThoseOfOtherStages)
 
     const auto rewritten = [&](const Module &words, const spirv::TypeWords &payload) {
         const auto result =
-            rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0, payload});
+            rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Prologue::TriangleHits, {kNoneFixed, 0, payload});
         EXPECT_EQ(result.status, Status::Rewritten) << result.error;
         EXPECT_EQ(validate(result.words), "");
         return result.words;
@@ -215,7 +215,7 @@ TEST(Payloads, AreNotMistakenForLiterals)
     module.replace(module.find("Logical"), 7, "PhysicalStorageBuffer64");
     Module words = assemble(module);
     words[1] = 0x00010300;
-    const auto result = rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {kNoneFixed, 0});
+    const auto result = rewriteAs(words, spv::ExecutionModelAnyHitKHR, spirv::Prologue::TriangleHits, {kNoneFixed, 0});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
     EXPECT_EQ(validate(result.words), "");
     const std::string text = disassemble(result.words);

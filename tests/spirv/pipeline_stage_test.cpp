@@ -10,19 +10,19 @@ namespace vellum::test
 namespace
 {
 
-using spirv::Decides;
+using spirv::Prologue;
 using Status = spirv::RewriteResult::Status;
 
 struct Stage {
     const char *shader;
     spv::ExecutionModel model;
-    Decides decides;
+    Prologue prologue;
 };
 
 spirv::RewriteOptions optionsOf(const Stage &stage)
 {
     return {.rootAddress = 0x1000,
-            .pipelineStage = spirv::PipelineStage{"main", static_cast<uint32_t>(stage.model), stage.decides}};
+            .pipelineStage = spirv::PipelineStage{"main", static_cast<uint32_t>(stage.model), stage.prologue}};
 }
 
 std::string rewriteStage(const Stage &stage, const char *variant = "v15")
@@ -35,23 +35,23 @@ std::string rewriteStage(const Stage &stage, const char *variant = "v15")
     return disassemble(result.words);
 }
 
-constexpr Stage kTriangles{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits};
-constexpr Stage kBoxes{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Decides::BoxHits};
-constexpr Stage kEmpty{"empty.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits};
-constexpr Stage kCulling{"box.rint", spv::ExecutionModelIntersectionKHR, Decides::BoxCulling};
-constexpr Stage kTrace{"trace.rgen", spv::ExecutionModelRayGenerationKHR, Decides::Nothing};
+constexpr Stage kTriangles{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits};
+constexpr Stage kBoxes{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Prologue::BoxHits};
+constexpr Stage kEmpty{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits};
+constexpr Stage kCulling{"box.rint", spv::ExecutionModelIntersectionKHR, Prologue::BoxCulling};
+constexpr Stage kTrace{"trace.rgen", spv::ExecutionModelRayGenerationKHR, Prologue::None};
 
 TEST(PipelineStages, AreValidInEveryVersion)
 {
     for (const char *variant : {"v15", "v14", "v16"})
         for (const Stage &stage :
              {kTriangles, kBoxes, kEmpty, kCulling, kTrace,
-              Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Decides::BoxHits},
-              Stage{"matrix_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
-              Stage{"integer_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
-              Stage{"struct_attributes.rahit", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits},
-              Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
-              Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}})
+              Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::BoxHits},
+              Stage{"matrix_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits},
+              Stage{"integer_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits},
+              Stage{"struct_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits},
+              Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Prologue::None},
+              Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Prologue::None}})
             rewriteStage(stage, variant);
 }
 
@@ -138,11 +138,11 @@ TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {
         for (const Stage &stage : {kTriangles, kBoxes, kEmpty, kCulling, kTrace,
-                                   Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Decides::BoxHits},
-                                   Stage{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Decides::Nothing},
-                                   Stage{"forward.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
-                                   Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing},
-                                   Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}}) {
+                                   Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::BoxHits},
+                                   Stage{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Prologue::None},
+                                   Stage{"forward.rchit", spv::ExecutionModelClosestHitKHR, Prologue::None},
+                                   Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Prologue::None},
+                                   Stage{"miss.rmiss", spv::ExecutionModelMissKHR, Prologue::None}}) {
             rewriteHiding(stage, kInPayload, variant);
             for (const uint32_t constant : {0u, 0x81u})
                 rewriteHiding(stage, {kAllFixed, constant}, variant);
@@ -163,13 +163,13 @@ TEST(PipelineStages, FlagsTravelInPayloads)
     EXPECT_EQ(count(rewriteHiding(kEmpty, kInPayload), "OpVariable %_ptr_IncomingRayPayload"), 1u);
     // What is in the payload when it comes in is kept, and is what the application reads before and after.
     const std::string forward =
-        rewriteHiding({"forward.rchit", spv::ExecutionModelClosestHitKHR, Decides::Nothing}, kInPayload);
+        rewriteHiding({"forward.rchit", spv::ExecutionModelClosestHitKHR, Prologue::None}, kInPayload);
     EXPECT_EQ(count(forward, "OpVariable %_ptr_Private_uint Private"), 1u);
     EXPECT_EQ(count(forward, "OpFunctionCall %void %main"), 1u);
     EXPECT_EQ(count(forward, "OpBitwiseOr %uint"), 2u);
     // A shader that reads no flags needs nothing before it.
     EXPECT_EQ(
-        count(rewriteHiding({"miss.rmiss", spv::ExecutionModelMissKHR, Decides::Nothing}, kInPayload), "%vellumEntry"),
+        count(rewriteHiding({"miss.rmiss", spv::ExecutionModelMissKHR, Prologue::None}, kInPayload), "%vellumEntry"),
         0u);
 }
 
@@ -243,8 +243,8 @@ TEST(PipelineStages, ConstantFlagsOfAllRaysAreKnown)
         EXPECT_EQ(cut.constant & ~0x81u, 0u);
         EXPECT_EQ(~cut.fixed & cut.constant, 0u);
     }
-    const std::string text = rewriteHiding(
-        {"constant_trace.rgen", spv::ExecutionModelRayGenerationKHR, Decides::Nothing}, {kAllFixed, 0x81});
+    const std::string text =
+        rewriteHiding({"constant_trace.rgen", spv::ExecutionModelRayGenerationKHR, Prologue::None}, {kAllFixed, 0x81});
     EXPECT_EQ(count(text, "OpTraceRayKHR %"), 2u);
     EXPECT_EQ(count(text, "%uint_4 %uint_255"), 1u);
     EXPECT_EQ(count(text, "%uint_16 %uint_255"), 1u);
@@ -293,14 +293,14 @@ std::string twoEntryPoints()
 TEST(PipelineStages, RemovesOtherEntryPoints)
 {
     const Module words = assemble(twoEntryPoints());
-    for (const auto &[name, model, decides] :
-         {std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::TriangleHits),
-          std::tuple("first", spv::ExecutionModelAnyHitKHR, Decides::BoxHits),
-          std::tuple("second", spv::ExecutionModelClosestHitKHR, Decides::Nothing)}) {
+    for (const auto &[name, model, prologue] :
+         {std::tuple("first", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits),
+          std::tuple("first", spv::ExecutionModelAnyHitKHR, Prologue::BoxHits),
+          std::tuple("second", spv::ExecutionModelClosestHitKHR, Prologue::None)}) {
         const auto result = spirv::rewrite(
             words,
             {.rootAddress = 0x1000,
-             .pipelineStage = spirv::PipelineStage{name, static_cast<uint32_t>(model), decides, {kAllFixed, 0x80}}});
+             .pipelineStage = spirv::PipelineStage{name, static_cast<uint32_t>(model), prologue, {kAllFixed, 0x80}}});
         ASSERT_EQ(result.status, Status::Rewritten) << result.error;
         EXPECT_EQ(validate(result.words), "") << disassemble(result.words);
         const std::string text = disassemble(result.words);
@@ -308,7 +308,7 @@ TEST(PipelineStages, RemovesOtherEntryPoints)
         EXPECT_EQ(count(text, std::string("\"") + name + "\""), 1u);
         EXPECT_EQ(count(text, "OpCopyMemory"), 0u);
         // Where the hit is looked up first, that finds the custom index.
-        const bool known = decides == Decides::TriangleHits;
+        const bool known = prologue == Prologue::TriangleHits;
         EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), known ? 0u : 1u) << text;
         EXPECT_EQ(count(text, "OpStore %vellumKnownIndex"), known ? 1u : 0u) << text;
         EXPECT_EQ(count(text, "OpLoad %uint %vellumKnownIndex"), known ? 1u : 0u) << text;

@@ -17,12 +17,12 @@ namespace
 using namespace vellum;
 
 const std::map<std::string, spirv::PipelineStage> kStages = {
-    {"raygen", {"main", spv::ExecutionModelRayGenerationKHR, spirv::Decides::Nothing, {}}},
-    {"any-hit", {"main", spv::ExecutionModelAnyHitKHR, spirv::Decides::TriangleHits, {}}},
-    {"any-hit-box", {"main", spv::ExecutionModelAnyHitKHR, spirv::Decides::BoxHits, {}}},
-    {"intersection", {"main", spv::ExecutionModelIntersectionKHR, spirv::Decides::BoxCulling, {}}},
-    {"closest-hit", {"main", spv::ExecutionModelClosestHitKHR, spirv::Decides::Nothing, {}}},
-    {"miss", {"main", spv::ExecutionModelMissKHR, spirv::Decides::Nothing, {}}},
+    {"raygen", {"main", spv::ExecutionModelRayGenerationKHR, spirv::Prologue::None, {}}},
+    {"any-hit", {"main", spv::ExecutionModelAnyHitKHR, spirv::Prologue::TriangleHits, {}}},
+    {"any-hit-box", {"main", spv::ExecutionModelAnyHitKHR, spirv::Prologue::BoxHits, {}}},
+    {"intersection", {"main", spv::ExecutionModelIntersectionKHR, spirv::Prologue::BoxCulling, {}}},
+    {"closest-hit", {"main", spv::ExecutionModelClosestHitKHR, spirv::Prologue::None, {}}},
+    {"miss", {"main", spv::ExecutionModelMissKHR, spirv::Prologue::None, {}}},
 };
 
 void rewriteFile(const char *input, const char *output, const char *stage)

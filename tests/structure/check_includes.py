@@ -44,7 +44,7 @@ SUBSYSTEMS = {
         "structures": LOW + ("micromaps",),
         "query_pool": LOW + ("micromaps", "structures"),
         "pipelines": LOW,
-        "khr_over_ext": LOW + ("micromaps", "structures", "query_pool", "pipelines"),
+        "khr_over_ext": LOW + ("micromaps", "structures", "query_pool"),
         "device_address": LOW + ("micromaps", "structures", "query_pool"),
         "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address"),
     },

@@ -7,15 +7,15 @@ namespace vellum::layer
 namespace
 {
 
-// A range barrier is about accesses to memory, by whatever buffer or address: the memory barrier holds for those and
-// more, and is allowed wherever a range barrier is.
+// A range barrier covers accesses to memory by any buffer or address. A memory barrier covers these and more, and is
+// allowed wherever a range barrier is.
 void addMemoryBarrier(const VkMemoryRangeBarrierKHR &range, std::vector<VkMemoryBarrier2> &memory)
 {
     memory.push_back({VK_STRUCTURE_TYPE_MEMORY_BARRIER_2, nullptr, range.srcStageMask, range.srcAccessMask,
                       range.dstStageMask, range.dstAccessMask});
 }
 
-// Memory goes to another queue family buffer by buffer: what each has of the range.
+// Memory is transferred to another queue family buffer by buffer: each buffer's part of the range.
 bool addTransfers(const DeviceBuffers &device, const VkMemoryRangeBarrierKHR &range,
                   std::vector<VkBufferMemoryBarrier2> &buffers)
 {
@@ -41,8 +41,8 @@ void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersIn
         if (transfer)
             device.driver.report().error(
                 "VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
-                "VkMemoryRangeBarrierKHR: addressRange lies in no buffer; it goes to no other queue "
-                "family");
+                "VkMemoryRangeBarrierKHR: addressRange is in no buffer; it is not transferred to the "
+                "other queue family");
     }
 }
 

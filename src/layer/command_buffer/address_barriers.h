@@ -10,7 +10,7 @@ namespace vellum::layer
 
 struct DeviceBuffers;
 
-// Appends the range barriers of a dependency info, as barriers that every driver knows.
+// Appends the range barriers of a dependency info as memory and buffer barriers, which every driver knows.
 void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersInfoKHR &info,
                       std::vector<VkMemoryBarrier2> &memory, std::vector<VkBufferMemoryBarrier2> &buffers);
 

@@ -22,7 +22,7 @@ void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFla
                   uint32_t size, const void *values)
 {
     CommandState::PushedConstants push{layout, stages, offset, {}};
-    // Mostly the same is pushed again: then its memory is used again.
+    // The usual push replaces an earlier one; its memory is reused.
     std::erase_if(state.pushes, [&](auto &earlier) {
         const bool gone = covers(stages, offset, size, earlier);
         if (gone && push.bytes.capacity() < earlier.bytes.capacity())
@@ -34,8 +34,8 @@ void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFla
     state.pushes.push_back(std::move(push));
 }
 
-// What each thread looked up last is right for as long as no command buffer of this process was allocated or freed
-// since.
+// Changed whenever a command buffer of this process is allocated or freed, which invalidates the last lookup of each
+// thread.
 std::atomic<uint64_t> changes{1};
 
 struct LastState {
@@ -87,8 +87,8 @@ void CommandStates::removePool(VkCommandPool pool)
         states_.take(commandBuffer);
 }
 
-// Freeing a command buffer and using its handle again are ordered by the application, so whoever uses the new one sees
-// the count that the free left behind, or a later one.
+// The application orders freeing a command buffer before reusing its handle, so a thread that uses the new command
+// buffer sees the changed count.
 CommandState *CommandStates::get(VkCommandBuffer commandBuffer) const
 {
     const uint64_t now = changes.load(std::memory_order_relaxed);
@@ -151,7 +151,7 @@ VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer comman
         state->forgetBindings();
         state->scratch.reset();
         state->conditionalRendering.reset();
-        state->refusedTransformFeedback = false;
+        state->rejectedTransformFeedback = false;
         state->descriptorsWait = false;
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
@@ -203,8 +203,8 @@ void cmdPushConstants2(DeviceCommandBuffers &device, VkCommandBuffer commandBuff
                        const newer::PushConstantsInfo *info)
 {
     // With a null layout the structure carries a VkPipelineLayoutCreateInfo, which cannot be kept for a later
-    // vkCmdPushConstants; no driver that Vellum knows has that feature (dynamicPipelineLayout of
-    // VK_NV_per_stage_descriptor_set) beside ray tracing.
+    // vkCmdPushConstants. No known driver has both that feature (dynamicPipelineLayout of
+    // VK_NV_per_stage_descriptor_set) and ray tracing.
     if (const auto state = device.states.get(commandBuffer); state && info->layout)
         rememberPush(*state, info->layout, info->stageFlags, info->offset, info->size, info->pValues);
     device.driver.next.CmdPushConstants2(commandBuffer, info);
@@ -232,7 +232,7 @@ void cmdBeginConditionalRendering(DeviceCommandBuffers &device, VkCommandBuffer 
 void cmdEndConditionalRendering(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
 {
     if (const auto state = device.states.get(commandBuffer)) {
-        // It was begun in this command buffer; where it was not, vkCmdBeginConditionalRendering2EXT was refused.
+        // Without one, vkCmdBeginConditionalRendering2EXT was rejected.
         if (!state->conditionalRendering)
             return;
         state->conditionalRendering.reset();

@@ -1,4 +1,4 @@
-// What the layer keeps of a command buffer: what the application has set that injected work disturbs or depends on.
+// The state of a command buffer that injected work disturbs or depends on.
 #pragma once
 
 #include <cstddef>
@@ -35,19 +35,20 @@ struct CommandState {
     VkPipeline computePipeline = VK_NULL_HANDLE;
     VkPipeline rayTracingPipeline = VK_NULL_HANDLE;
     std::optional<newer::ShaderEXT> computeShader; // bound last instead of a pipeline; may be null
-    std::vector<PushedConstants> pushes;           // in the order they were made, without overwritten ones
+    std::vector<PushedConstants> pushes;           // in the order of the commands, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
-    bool refusedTransformFeedback = false; // by vkCmdBeginTransformFeedback2EXT: its end is to be refused too
-    bool descriptorsWait =
-        false; // transfers to descriptors wait for what came before in the stage of builds; since it was begun
-    ScratchMemory scratch; // of injected work; lives as long as what is recorded
+    // vkCmdBeginTransformFeedback2EXT was rejected; the next vkCmdEndTransformFeedback2EXT must be, too.
+    bool rejectedTransformFeedback = false;
+    // A barrier from builds to transfers to structure descriptors was recorded.
+    bool descriptorsWait = false;
+    ScratchMemory scratch; // of injected work; lives as long as the recorded commands
 
     void forgetBindings();
 };
 
-// The states of all command buffers of a device. Every recorded command looks one up, mostly that of the command buffer
-// that its thread recorded into before.
+// The states of all command buffers of a device. Every recorded command looks one up, mostly the same as the command
+// before it in its thread.
 class CommandStates
 {
 public:
@@ -59,8 +60,7 @@ public:
     void add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandState> state);
     void remove(VkCommandPool pool, VkCommandBuffer commandBuffer);
     void removePool(VkCommandPool pool); // with all command buffers in it
-    // Null of one that the application did not allocate. It is there until the command buffer is freed, which is not
-    // while something is recorded into it.
+    // Null for a command buffer that the application did not allocate. Valid until the command buffer is freed.
     [[nodiscard]] CommandState *get(VkCommandBuffer commandBuffer) const;
 
 private:

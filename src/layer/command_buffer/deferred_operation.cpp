@@ -24,7 +24,7 @@ VkResult deferredOperationJoin(DeviceCommandBuffers &device, VkDevice handle, Vk
 {
     const VkResult result = device.driver.next.DeferredOperationJoinKHR(handle, operation);
     if (result == VK_SUCCESS) {
-        // Validation layers below learn of what was made only when the result is asked for.
+        // Validation layers below register the new objects only when the result is queried.
         device.driver.next.GetDeferredOperationResultKHR(handle, operation);
         finish(device, operation);
     }

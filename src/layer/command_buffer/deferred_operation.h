@@ -1,4 +1,5 @@
-// Deferred operations (VK_KHR_deferred_host_operations): what the driver still reads of ours lives until it is done.
+// Deferred operations (VK_KHR_deferred_host_operations). The layer's structures that a driver reads live until the
+// operation is complete.
 #pragma once
 
 #include <memory>
@@ -11,7 +12,7 @@ namespace vellum::layer
 
 struct DeviceCommandBuffers;
 
-// Something to be done, once, when an operation is complete.
+// Work of the layer that runs once, when an operation is complete.
 class DeferredWork
 {
 public:
@@ -19,11 +20,11 @@ public:
     virtual void finish() noexcept = 0;
 };
 
-// An operation that the driver has deferred. Several threads may find it complete at the same time; none may go on
-// before the work is done.
+// An operation that the driver has deferred. Several threads may find it complete at the same time; all of them wait
+// for the work.
 struct DeferredOperation {
     std::mutex mutex;
-    std::unique_ptr<DeferredWork> work; // null where there is none, or it is done
+    std::unique_ptr<DeferredWork> work; // null before the driver defers, and when finished
 };
 
 VkResult deferredOperationJoin(DeviceCommandBuffers &, VkDevice, VkDeferredOperationKHR);

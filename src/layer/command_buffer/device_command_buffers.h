@@ -1,5 +1,5 @@
-// The room of command buffers: what the application has set in them, GPU work that the layer adds, synchronization as
-// the driver knows it, trials of the driver, deferred operations, and what shaders found wrong.
+// The subsystem of command buffers: their state, GPU work that the layer adds, synchronization, probes of the driver,
+// deferred operations, and the log of GPU validation.
 #pragma once
 
 #include <memory>
@@ -22,7 +22,7 @@ struct DeviceCommandBuffers {
     GpuValidationLog validationLog{};
     CommandStates states{};
     HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations{};
-    ProbeQueue probes{}; // the last one: what is still running may use the others
+    ProbeQueue probes{}; // destroyed first: unfinished probes may use the other members
 };
 
 } // namespace vellum::layer

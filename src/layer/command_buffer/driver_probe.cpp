@@ -7,11 +7,11 @@ namespace vellum::layer
 namespace
 {
 
-// Longer than any frame. Whoever waits so long is most likely waited for.
-constexpr std::chrono::seconds kPatience{10};
-constexpr std::chrono::seconds kPatienceWithCpu{60};
+// Longer than any frame. After this time the queue most likely waits for the thread that waits for the probe.
+constexpr std::chrono::seconds kTimeout{10};
+constexpr std::chrono::seconds kTimeoutOfCpu{60};
 
-// By the other clock std::timed_mutex waits in pthread_mutex_clocklock, which ThreadSanitizer (GCC 12) does not know.
+// With steady_clock, std::timed_mutex calls pthread_mutex_clocklock, which ThreadSanitizer (GCC 12) does not know.
 #if defined(__SANITIZE_THREAD__)
 using Clock = std::chrono::system_clock;
 #else
@@ -20,17 +20,17 @@ using Clock = std::chrono::steady_clock;
 
 } // namespace
 
-// One submission, with all that belongs to it.
-class ProbeQueue::Attempt
+// A submitted probe with its command buffer and fence.
+class ProbeQueue::Submission
 {
 public:
-    Attempt(const GpuContext &context, std::unique_ptr<Probe> probe) : context_(context), probe_(std::move(probe)) {}
-    ~Attempt()
+    Submission(const GpuContext &context, std::unique_ptr<Probe> probe) : context_(context), probe_(std::move(probe)) {}
+    ~Submission()
     {
-        // Carried out, but for one that was given up: then the device is being destroyed, and idle, as it must be. Of
-        // one that is not, or where waiting fails, what the GPU may still use is left to it.
+        // Only after a timeout the probe may be incomplete here. The device is then being destroyed, and must be idle.
+        // If it is not, the objects that the GPU may still use are leaked.
         if (submitted_ && !done_)
-            wait(kPatience);
+            wait(kTimeout);
         if (submitted_ && !done_) {
             static_cast<void>(probe_.release());
             return;
@@ -41,8 +41,8 @@ public:
         if (pool_)
             next_.DestroyCommandPool(context_.device, pool_, nullptr);
     }
-    Attempt(const Attempt &) = delete;
-    Attempt &operator=(const Attempt &) = delete;
+    Submission(const Submission &) = delete;
+    Submission &operator=(const Submission &) = delete;
 
     bool record(uint32_t family, PFN_vkSetDeviceLoaderData setLoaderData)
     {
@@ -53,7 +53,7 @@ public:
                                                VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
         if (next_.AllocateCommandBuffers(context_.device, &info, &commands_) != VK_SUCCESS)
             return false;
-        // Dispatchable objects that a layer makes for itself need the loader's table, which layers below read.
+        // Dispatchable objects that a layer creates for itself need the loader's table, which layers below read.
         setLoaderData(context_.device, commands_);
         VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
         begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
@@ -82,7 +82,7 @@ public:
     {
         const VkResult result =
             next_.WaitForFences(context_.device, 1, &fence_, VK_TRUE, static_cast<uint64_t>(time.count()));
-        // After the loss of the device everything may be destroyed (Lost Device).
+        // Objects of a lost device may be destroyed (Vulkan, "Lost Device").
         done_ = result == VK_SUCCESS || result == VK_ERROR_DEVICE_LOST;
         return result;
     }
@@ -97,7 +97,7 @@ private:
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
     VkFence fence_ = VK_NULL_HANDLE;
     bool submitted_ = false;
-    bool done_ = false; // carried out, or lost
+    bool done_ = false; // complete, or the device is lost
 };
 
 ProbeQueue::ProbeQueue() = default;
@@ -109,7 +109,7 @@ void ProbeQueue::choose(const GpuContext &context, Reporter &report, bool slow,
 {
     context_ = context;
     report_ = &report;
-    patience_ = slow ? kPatienceWithCpu : kPatience;
+    timeout_ = slow ? kTimeoutOfCpu : kTimeout;
     setLoaderData_ = setLoaderData;
     if (!setLoaderData)
         return;
@@ -123,7 +123,7 @@ void ProbeQueue::choose(const GpuContext &context, Reporter &report, bool slow,
         const VkDeviceQueueInfo2 queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_INFO_2, nullptr, queues.flags, family_, 0};
         context.next->GetDeviceQueue2(context.device, &queueInfo, &queue_);
     }
-    // Now, that no other thread has it.
+    // Here, because no other thread has the queue yet.
     if (queue_)
         setLoaderData(context.device, queue_);
 }
@@ -132,22 +132,22 @@ bool ProbeQueue::run(std::unique_ptr<Probe> probe)
 {
     if (!exists())
         return false;
-    auto attempt = std::make_unique<Attempt>(context_, std::move(probe));
-    if (!attempt->record(family_, setLoaderData_))
+    auto submission = std::make_unique<Submission>(context_, std::move(probe));
+    if (!submission->record(family_, setLoaderData_))
         return false;
     VkResult result = VK_TIMEOUT;
-    if (const Lock lock(mutex_, Clock::now() + patience_); lock)
-        result = attempt->submit(queue_) ? VK_SUCCESS : VK_ERROR_UNKNOWN;
+    if (const Lock lock(mutex_, Clock::now() + timeout_); lock)
+        result = submission->submit(queue_) ? VK_SUCCESS : VK_ERROR_UNKNOWN;
     if (result == VK_SUCCESS)
-        result = attempt->wait(patience_);
+        result = submission->wait(timeout_);
     if (result == VK_SUCCESS)
-        attempt->read();
+        submission->read();
     if (result != VK_TIMEOUT)
         return result == VK_SUCCESS;
-    report_->warning("VELLUM-busy-queue", "the driver could not be tried: the queue has been busy for " +
-                                              std::to_string(patience_.count()) + " seconds");
+    report_->warning("VELLUM-busy-queue", "the driver could not be probed: the queue has been busy for " +
+                                              std::to_string(timeout_.count()) + " seconds");
     std::lock_guard lock(unfinishedMutex_);
-    unfinished_.push_back(std::move(attempt));
+    unfinished_.push_back(std::move(submission));
     return false;
 }
 

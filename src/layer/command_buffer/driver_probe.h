@@ -1,10 +1,9 @@
-// What can only be found out about a driver by trying is tried on the device when something first depends on it: a
-// device that never asks pays nothing.
+// Probes of the driver: GPU work whose result shows how the driver behaves. A probe runs when its result is first
+// needed.
 //
-// A trial runs on a queue of the application's, which may be using it meanwhile. So the application's own queue
-// commands take ProbeQueue::lock(), and a trial only has the queue to itself while it is submitted. It does not wait
-// for ever: the queue may be waiting for a semaphore that the application would signal next, in the very thread that
-// asked.
+// It runs on one of the application's queues. Queue commands of the application therefore hold ProbeQueue::lock(); a
+// probe holds it while it is submitted. Waiting for a probe has a timeout, because the queue may be waiting for a
+// semaphore that the application would signal next in the same thread.
 #pragma once
 
 #include <chrono>
@@ -21,14 +20,14 @@
 namespace vellum::layer
 {
 
-// One thing to be tried. It keeps what the commands use until they have been carried out.
+// One probe. Owns what its commands use until they are complete.
 class Probe
 {
 public:
     virtual ~Probe() = default;
-    // Returns false where the driver could not make what is needed: then nothing is submitted.
+    // Returns false if the driver could not create what is needed; nothing is submitted then.
     virtual bool record(VkCommandBuffer commands) = 0;
-    // After the commands were carried out.
+    // Reads the result. Called when the commands are complete.
     virtual void read() = 0;
 };
 
@@ -40,36 +39,35 @@ public:
     ProbeQueue(const ProbeQueue &) = delete;
     ProbeQueue &operator=(const ProbeQueue &) = delete;
 
-    // Chooses one that can run compute shaders, while the device is being made. `info` as the application passed it to
-    // vkCreateDevice.
-    // `slow`: the device is a CPU, whose work may take long.
+    // Chooses a queue that can run compute shaders. Called while the device is created. `info` is the application's.
+    // `slow`: the device is a CPU, which gets a longer timeout.
     void choose(const GpuContext &context, Reporter &report, bool slow,
                 const std::vector<VkQueueFamilyProperties> &families, const VkDeviceCreateInfo &info,
                 PFN_vkSetDeviceLoaderData setLoaderData);
-    // False where the application asked for no such queue.
+    // False if the application created no such queue.
     [[nodiscard]] bool exists() const { return queue_ != VK_NULL_HANDLE; }
 
-    // Returns whether everything was carried out. Any thread may call it, in any command but those of queues.
+    // Returns whether the probe is complete. May be called by any thread, except in queue commands.
     bool run(std::unique_ptr<Probe> probe);
 
     using Lock = std::unique_lock<std::timed_mutex>;
-    // To be held while the application has the queue; nothing is locked for a queue that trials do not use.
+    // Held by queue commands of the application. Empty for a queue that probes do not use.
     [[nodiscard]] Lock lock(VkQueue queue) { return queue == queue_ ? Lock(mutex_) : Lock(); }
-    // Of vkDeviceWaitIdle, which takes all queues.
+    // Locks every queue (vkDeviceWaitIdle).
     [[nodiscard]] Lock lock() { return Lock(mutex_); }
 
 private:
-    class Attempt;
+    class Submission;
 
     GpuContext context_;
     Reporter *report_ = nullptr;
     PFN_vkSetDeviceLoaderData setLoaderData_ = nullptr;
-    std::chrono::seconds patience_{};
+    std::chrono::seconds timeout_{};
     uint32_t family_ = 0;
     VkQueue queue_ = VK_NULL_HANDLE;
-    std::timed_mutex mutex_; // the queue's
+    std::timed_mutex mutex_; // guards queue_
     std::mutex unfinishedMutex_;
-    std::vector<std::unique_ptr<Attempt>> unfinished_; // the GPU may still come to them
+    std::vector<std::unique_ptr<Submission>> unfinished_; // may still be in use by the GPU
 };
 
 } // namespace vellum::layer

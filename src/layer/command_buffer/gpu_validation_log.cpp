@@ -124,8 +124,8 @@ void GpuValidationLog::drain(Reporter &report)
         reportedOverflow_ |= overflows;
     }
     if (overflows)
-        report.error("VELLUM-validation-log", "more wrong input than the " + std::to_string(kLogCapacity) +
-                                                  " reported; the rest is told of after vkDeviceWaitIdle");
+        report.error("VELLUM-validation-log", "there are more findings than the " + std::to_string(kLogCapacity) +
+                                                  " reported; further ones are reported after vkDeviceWaitIdle");
 }
 
 void GpuValidationLog::drainIdle(Reporter &report)

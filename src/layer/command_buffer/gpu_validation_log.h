@@ -1,5 +1,5 @@
-// Wrong input that only the device sees: with the setting `validate`, the layer's shaders log it in host-visible
-// memory, and the host tells of it where it learns that work is done, or hands in more work.
+// GPU validation: with the setting `validate`, the layer's shaders log findings about their input in host-visible
+// memory. Commands that submit work or learn that work is complete report them.
 #pragma once
 
 #include <atomic>
@@ -16,18 +16,19 @@ namespace vellum::layer
 
 struct DeviceCommandBuffers;
 
-// What the log names a micromap by: its handle, which is a pointer, and this bit where it is an acceleration structure.
+// Bit of a logged object: it is an acceleration structure, not a VkMicromapEXT. Handles are pointers, so the bit is
+// free.
 inline constexpr uint64_t kStructureObject = 1;
 constexpr uint64_t findingObject(VkObjectType type, uint64_t handle)
 {
     return type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR ? handle | kStructureObject : handle;
 }
 
-// Tells of one wrong input; what: kComplaint* of core/records.h, which say what the values are.
+// Reports one finding. `what`: kFinding* of core/records.h, which document the values.
 void reportFinding(Reporter &report, uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1,
                    uint64_t object);
 
-// One wrong input, as the device has logged it.
+// One finding, as logged by the device.
 struct LogEntry {
     uint32_t what, triangle, value0, value1;
     uint64_t object;
@@ -37,24 +38,24 @@ class GpuValidationLog
 {
 public:
     VkResult create(const GpuContext &context);
-    // Of the log, for push constants; 0 where nothing is validated.
+    // Address of the log, for push constants; 0 without GPU validation.
     [[nodiscard]] VkDeviceAddress address() const { return log_.address(); }
-    // Reports what the device has logged since the last call, each entry once.
+    // Reports the findings since the last call.
     void drain(Reporter &report);
-    // The same while the device does nothing, and cannot begin to: then the log can begin anew. vkDeviceWaitIdle has
-    // all queues to itself until it returns ("externally synchronized"), and the layer's own trials do not log.
+    // Reports them and clears the log. The device must be idle until the call returns: in vkDeviceWaitIdle all queues
+    // are externally synchronized, and probes do not log.
     void drainIdle(Reporter &report);
 
 private:
-    // Whether the log has grown. Every poll of a fence asks, so no lock is taken.
+    // Whether the log has grown. Takes no lock, because every poll of a fence calls it.
     [[nodiscard]] bool hasNew() const;
-    // The next entry to be reported; none, where there are no more yet.
+    // The next entry to report, if it is complete.
     std::optional<LogEntry> take();
 
     GpuBuffer log_;
-    std::mutex mutex_;              // guards what is below; not held while messages are sent
+    std::mutex mutex_;              // guards the members below; not held while messages are sent
     uint32_t reported_ = 0;         // entries
-    std::atomic<uint32_t> seen_{0}; // of all that were logged, also beyond the log's end; read without the mutex
+    std::atomic<uint32_t> seen_{0}; // logged findings, including those beyond the capacity; read without the mutex
     bool reportedOverflow_ = false;
 };
 

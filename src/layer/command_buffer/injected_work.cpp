@@ -11,7 +11,7 @@ namespace vellum::layer
 namespace
 {
 
-constexpr uint32_t kMaxGroups = 65535; // the least maxComputeWorkGroupCount
+constexpr uint32_t kMaxGroups = 65535; // required minimum of maxComputeWorkGroupCount
 
 } // namespace
 
@@ -87,14 +87,14 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
     const VkPipeline pipeline = device_.injected.get(shader);
     if (!pipeline) {
         device_.driver.report().error("VELLUM-injected-pipeline",
-                                      "the driver could not make a pipeline of the layer's own shaders");
+                                      "the driver could not create the pipeline of a shader of the layer");
         return false;
     }
     const DeviceTable &next = device_.driver.next;
     if (!disturbed_ && state_ && device_.driver.keepsOldPushConstants)
-        pushed_ = pushedConstants(); // now, since the end must not fail
+        pushed_ = pushedConstants(); // here, since the destructor must not allocate
     if (!disturbed_ && state_ && state_->conditionalRendering) {
-        // The application's condition is about its own draws and dispatches, not about builds.
+        // Conditional rendering affects the application's draws and dispatches, but no builds.
         next.CmdEndConditionalRenderingEXT(commandBuffer_);
     }
     disturbed_ = true;
@@ -105,7 +105,7 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
 
 VkDispatchIndirectCommand InjectedWork::groupsOf(uint64_t invocations, uint32_t groupSize)
 {
-    // The shaders number their workgroups through x and y, and skip what is beyond their count.
+    // The shaders number their workgroups in x, then y, and ignore those beyond their count.
     const uint64_t groups = (invocations + groupSize - 1) / groupSize;
     const uint64_t rows = (groups + kMaxGroups - 1) / kMaxGroups;
     return {static_cast<uint32_t>(rows > 1 ? kMaxGroups : groups), static_cast<uint32_t>(rows), 1};
@@ -156,7 +156,7 @@ InjectedWork::~InjectedWork()
     if (!disturbed_ || !state_)
         return;
     const DeviceTable &next = device_.driver.next;
-    if (!pushed_.empty()) { // a dispatch of nothing lets the driver take them over
+    if (!pushed_.empty()) { // the driver keeps those of the last dispatch, even if it is empty
         next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0,
                               static_cast<uint32_t>(pushed_.size()), pushed_.data());
         next.CmdDispatch(commandBuffer_, 0, 1, 1);

@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <mutex>
 #include <vector>
 
@@ -20,16 +19,16 @@ namespace vellum::layer
 
 struct DeviceCommandBuffers;
 
-inline constexpr uint32_t kPushBytes = 128; // the least that every device has
+inline constexpr uint32_t kPushBytes = 128; // required minimum of maxPushConstantsSize
 
-// The compute pipelines of the injected work; each is made when it is needed first.
+// The compute pipelines of the injected work. Each is created when it is first needed.
 class InjectedPipelines
 {
 public:
     ~InjectedPipelines();
-    // `pushBytes`: of the layout, kPushBytes or more.
+    // `pushBytes`: size of the layout's push constants, at least kPushBytes.
     VkResult create(const GpuContext &context, uint32_t pushBytes);
-    // VK_NULL_HANDLE where the driver could not make it.
+    // VK_NULL_HANDLE if the driver could not create it.
     VkPipeline get(InjectedShader shader);
     [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
     [[nodiscard]] uint32_t pushBytes() const { return pushBytes_; }
@@ -42,11 +41,11 @@ private:
     std::array<VkPipeline, kInjectedShaders> pipelines_{};
 };
 
-// One stretch of injected work. At its end the command buffer's compute pipeline or shader, push constants and
-// conditional rendering are as the application set them.
+// A sequence of injected commands. The destructor restores the application's compute pipeline or shader, push constants
+// and conditional rendering.
 //
-// Barriers are full ones (all commands before -> compute -> all commands after): what the application ordered against
-// acceleration structure or micromap builds is ordered against the injected dispatches too.
+// Barriers are full ones (all commands before -> compute -> all commands after): the application orders its commands
+// against builds of acceleration structures and micromaps, and that must hold for the injected dispatches.
 class InjectedWork
 {
 public:
@@ -55,12 +54,12 @@ public:
     InjectedWork(const InjectedWork &) = delete;
     InjectedWork &operator=(const InjectedWork &) = delete;
 
-    // True, with a message, where `command` cannot be carried out because a secondary command buffer inherits
-    // conditional rendering: it cannot be suspended there, and would discard the layer's dispatches but not the
+    // Reports an error and returns true if `command` is not available because a secondary command buffer inherits
+    // conditional rendering. It cannot be suspended there, and would discard the layer's dispatches but not the
     // driver's builds.
     static bool refusedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command);
 
-    // Runs at least `invocations` invocations of a shader. Returns false, and reports, where it has no pipeline.
+    // Runs at least `invocations` invocations of a shader. Returns false and reports an error if it has no pipeline.
     template <typename Push>
     bool dispatch(InjectedShader shader, const Push &push, uint64_t invocations, uint32_t groupSize)
     {
@@ -73,31 +72,30 @@ public:
         static_assert(sizeof(Push) <= kPushBytes);
         return run(shader, &push, sizeof(Push), groups);
     }
-    // The same with a number of groups that a VkDispatchIndirectCommand says.
+    // The same with the number of groups in a VkDispatchIndirectCommand.
     template <typename Push>
     bool dispatchIndirect(InjectedShader shader, const Push &push, VkBuffer buffer, VkDeviceSize offset)
     {
         static_assert(sizeof(Push) <= kPushBytes);
         return runIndirect(shader, &push, sizeof(Push), buffer, offset);
     }
-    // How the invocations of a dispatch are laid out, in groups.
+    // The groups of a dispatch with this number of invocations.
     static VkDispatchIndirectCommand groupsOf(uint64_t invocations, uint32_t groupSize);
-    // Orders what came before in the command buffer, ours and the application's, before what comes after; and before
-    // what the host reads.
+    // Orders all earlier commands of the command buffer before all later ones, and before reads of the host.
     void barrier(bool forHost = false);
 
 private:
     bool run(InjectedShader shader, const void *push, uint32_t pushBytes, const VkDispatchIndirectCommand &groups);
     bool runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer, VkDeviceSize offset);
-    // What the application has pushed; zeros, as in a new command buffer, where it has not.
+    // The application's push constants; zero where it has pushed none.
     [[nodiscard]] std::vector<std::byte> pushedConstants() const;
-    // Makes ready for a dispatch of the shader.
+    // Binds the pipeline of a shader and its push constants.
     bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
 
     DeviceCommandBuffers &device_;
     VkCommandBuffer commandBuffer_;
-    CommandState *state_;           // null of a command buffer that is not the application's
-    std::vector<std::byte> pushed_; // for Driver::keepsOldPushConstants, once disturbed
+    CommandState *state_;           // null for a command buffer of the layer
+    std::vector<std::byte> pushed_; // application's push constants, with Driver::keepsOldPushConstants
     bool disturbed_ = false;
 };
 

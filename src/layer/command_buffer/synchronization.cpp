@@ -12,7 +12,7 @@ namespace vellum::layer
 namespace
 {
 
-// Micromaps are built by compute shaders, and copied by transfers.
+// Micromaps are built by compute shaders and copied by transfers.
 VkPipelineStageFlags2 driverStages(VkPipelineStageFlags2 stages)
 {
     if ((stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) == 0)
@@ -21,14 +21,14 @@ VkPipelineStageFlags2 driverStages(VkPipelineStageFlags2 stages)
            VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
 }
 
-// MEMORY_READ and MEMORY_WRITE go with every stage: a micromap access may come with the micromap build stage, or with
-// that of acceleration structure builds, whose micromaps the layer's shaders read.
+// Micromap accesses are allowed with the stages of micromap builds and of acceleration structure builds. MEMORY_READ
+// and MEMORY_WRITE are allowed with every stage.
 VkAccessFlags2 driverAccess(VkAccessFlags2 access)
 {
-    const VkAccessFlags2 ours = VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT;
-    if ((access & ours) == 0)
+    const VkAccessFlags2 micromaps = VK_ACCESS_2_MICROMAP_READ_BIT_EXT | VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT;
+    if ((access & micromaps) == 0)
         return access;
-    VkAccessFlags2 result = access & ~ours;
+    VkAccessFlags2 result = access & ~micromaps;
     if (access & VK_ACCESS_2_MICROMAP_READ_BIT_EXT)
         result |= VK_ACCESS_2_MEMORY_READ_BIT;
     if (access & VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT)
@@ -47,7 +47,7 @@ void translate(const Driver &driver, Barrier &barrier)
     barrier.dstStageMask = driverStages(barrier.dstStageMask);
 }
 
-// Warns where the driver gets a barrier with stages and accesses that it does not know.
+// Warns if the driver gets a barrier with stages and accesses that it does not know.
 template <typename Barrier>
 void warnOfUntranslated(const Driver &driver, const Barrier &barrier)
 {
@@ -56,12 +56,12 @@ void warnOfUntranslated(const Driver &driver, const Barrier &barrier)
     if (own.srcAccessMask != barrier.srcAccessMask || own.dstAccessMask != barrier.dstAccessMask ||
         own.srcStageMask != barrier.srcStageMask || own.dstStageMask != barrier.dstStageMask)
         driver.report().warning("VELLUM-unknown-structure",
-                                "a barrier of micromaps lies behind a structure of unknown size: the driver gets its "
+                                "a barrier of micromaps is behind a structure of unknown size: the driver gets its "
                                 "stages and accesses as they are");
 }
 
-// A copy of a dependency info with every barrier translated. Where micromaps are the driver's, so are their stages and
-// accesses: only ranges are changed.
+// A copy of a dependency info with every barrier translated. On a driver with micromaps, which knows the stages and
+// accesses, only address ranges are replaced.
 class DriverDependency
 {
 public:
@@ -128,7 +128,7 @@ std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo 
     return own;
 }
 
-// Of commands that take exactly one stage.
+// The stage for commands that take exactly one.
 VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
 {
     return stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT ? VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT : stage;

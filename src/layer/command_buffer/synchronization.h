@@ -1,5 +1,5 @@
-// Pipeline stages and accesses of micromap builds, which the driver does not know, wherever they can be passed. They
-// exist only as 64-bit flags: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, VK_ACCESS_2_MICROMAP_READ/WRITE_BIT_EXT.
+// Commands that take pipeline stages and accesses, of which the driver does not know those of micromap builds:
+// VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, VK_ACCESS_2_MICROMAP_READ/WRITE_BIT_EXT. They exist as 64-bit flags only.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -17,7 +17,7 @@ void cmdWriteTimestamp2(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineStage
 void cmdWriteBufferMarker2(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineStageFlags2, VkBuffer, VkDeviceSize,
                            uint32_t);
 VkResult queueSubmit2(DeviceCommandBuffers &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
-// The layer may want the same queue (command_buffer/driver_probe.h).
+// Queue commands, which may use the queue of probes (driver_probe.h).
 VkResult queueBindSparse(DeviceCommandBuffers &, VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);
 void queueBeginDebugUtilsLabel(DeviceCommandBuffers &, VkQueue, const VkDebugUtilsLabelEXT *);
 void queueEndDebugUtilsLabel(DeviceCommandBuffers &, VkQueue);

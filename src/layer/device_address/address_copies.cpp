@@ -1,5 +1,5 @@
-// Copies, fills and updates of VK_KHR_device_address_commands. The regions of one command are not ordered among each
-// other, and neither are commands without a barrier between them: a command may become one for each pair of buffers.
+// Copies, fills and updates of VK_KHR_device_address_commands. Neither the regions of a command nor commands without a
+// barrier between them are ordered, so a command may become one for each pair of buffers.
 #include <map>
 #include <utility>
 #include <vector>
@@ -15,10 +15,10 @@ namespace vellum::layer
 namespace
 {
 
-// Regions by the buffer that they copy to or from, and by the layout of the image: the older commands take one.
+// Regions by the buffer and image layout that they copy to or from: the older commands take one of each.
 using ImageRegions = std::map<std::pair<VkBuffer, VkImageLayout>, std::vector<VkBufferImageCopy2>>;
 
-// Empty where a region has no buffer, or there is none.
+// Empty if there are no regions, or one is in no buffer.
 ImageRegions imageRegions(const AddressLookup &lookup, const VkCopyDeviceMemoryImageInfoKHR &info,
                           VkBufferUsageFlags usage, const char *usageId)
 {
@@ -48,7 +48,7 @@ void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const
         if (region.dstRange.size < region.srcRange.size)
             return lookup.reject("VELLUM-VUID-VkDeviceMemoryCopyKHR-size-13016",
                                  "a destination is smaller than its source");
-        if (region.srcRange.size == 0) // which VkBufferCopy cannot say
+        if (region.srcRange.size == 0) // not allowed in VkBufferCopy
             continue;
         const auto source = lookup.find(region.srcRange, {.member = "srcRange of pRegions",
                                                           .usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
@@ -112,7 +112,7 @@ void cmdUpdateMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, con
 void cmdFillMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
                    VkAddressCommandFlagsKHR, uint32_t data)
 {
-    if (range->size == 0) // which vkCmdFillBuffer cannot say
+    if (range->size == 0) // not allowed in vkCmdFillBuffer
         return;
     const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdFillMemoryKHR");
     const auto target = lookup.find(*range, {.member = "pDstRange",
@@ -129,7 +129,7 @@ void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer co
     if (count == 0)
         return;
     const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyQueryPoolResultsToMemoryKHR");
-    // Of a result only the least is known: a pool's type decides how many values it has.
+    // Minimum size: the number of values of a result depends on the type of the pool.
     const VkDeviceSize value = (flags & VK_QUERY_RESULT_64_BIT) != 0 ? 8 : 4;
     const bool both = (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0;
     const bool tooMany =

@@ -29,14 +29,14 @@ bool isNull(VkDeviceAddress address, VkDeviceSize size)
 // A kind of indirect draw.
 struct Kind {
     const char *command;
-    VkDeviceSize commandBytes; // of what the device reads for each draw
-    const char *leastId;       // message where a range has too few of them
-    // Messages about the stride: of several draws it is 0, smaller than what is read, or no multiple of 4.
+    VkDeviceSize commandBytes; // that the device reads for each draw
+    const char *leastId;       // message id if the range is too small
+    // Message ids for a stride that is 0 for several draws, is smaller than commandBytes, or is not a multiple of 4.
     const char *noStrideId, *smallStrideId, *unalignedStrideId;
 };
 
-// The stride as the older commands take it; nothing, with a message, where it is wrong and there is a second draw.
-// Where there is none it may be 0, and they want a true one all the same (VUID-vkCmdDrawIndirectCount-stride-03110).
+// The stride for the older commands. Reports an error and returns nothing if it is wrong and there are several draws.
+// For a single draw it may be 0, which the older commands do not allow (VUID-vkCmdDrawIndirectCount-stride-03110).
 std::optional<uint32_t> strideOf(const AddressLookup &lookup, const Kind &kind, VkDeviceSize stride, uint32_t draws)
 {
     const bool several = draws > 1;
@@ -62,7 +62,7 @@ struct Draws {
     uint32_t stride;
 };
 
-// Where the commands of `draws` draws lie.
+// The buffer range of the commands of `draws` draws.
 std::optional<Draws> findDraws(const AddressLookup &lookup, const Kind &kind,
                                const VkStridedDeviceAddressRangeKHR &range, uint32_t draws, const char *usageId)
 {
@@ -164,7 +164,7 @@ void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffe
         const VkStridedDeviceAddressRangeKHR &range = infos[i].addressRange;
         strides[i] = range.stride;
         if (isNull(range.address, range.size))
-            continue; // stays VK_NULL_HANDLE
+            continue; // VK_NULL_HANDLE
         const auto found = lookup.find(range, {.member = "addressRange of pBindingInfos",
                                                .usage = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
                                                .usageId = "VELLUM-VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074",
@@ -178,9 +178,9 @@ void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffe
         offsets[i] = found->offset;
         sizes[i] = found->size;
     }
-    if (!device.driver.next.CmdBindVertexBuffers2) // no dynamic strides either
+    if (!device.driver.next.CmdBindVertexBuffers2) // the device has no dynamic strides
         return device.driver.next.CmdBindVertexBuffers(commandBuffer, first, count, buffers.data(), offsets.data());
-    // Each stretch of bindings whose stride is set, or is not.
+    // Each run of bindings that all set a stride, or all do not.
     for (uint32_t begin = 0, end = 0; begin < count; begin = end) {
         while (end < count && infos[end].setStride == infos[begin].setStride)
             ++end;
@@ -285,7 +285,7 @@ void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer comm
                                     .part = AddressLookup::Part::Least});
     if (!found)
         return;
-    // The layer's own, which remembers it for injected work.
+    // The layer's function, which records it in the CommandState.
     const VkConditionalRenderingBeginInfoEXT begin{VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT, nullptr,
                                                    found->buffer, found->offset, info->flags};
     cmdBeginConditionalRendering(device.commands, commandBuffer, &begin);

@@ -27,32 +27,32 @@ bool AddressLookup::tolerateIf(bool harmless, const char *id, const std::string 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,
                                                         const Rules &rules) const
 {
-    const auto mayGoOn = [&](bool harmless, const char *id, const char *what) {
+    const auto tolerate = [&](bool harmless, const char *id, const char *what) {
         char text[256];
         std::snprintf(text, sizeof text, "%s (element %" PRIu32 "), %" PRIu64 " bytes at address 0x%" PRIx64 ", %s",
                       need.member, need.index, range.size, range.address, what);
         return tolerateIf(harmless, id, text);
     };
     if (range.address == 0) {
-        mayGoOn(false, rules.null, "is a null range");
+        tolerate(false, rules.null, "is a null range");
         return std::nullopt;
     }
     const AddressMap &addresses = device_.addresses;
-    const VkDeviceSize wanted = std::max(range.size, need.least);
-    if (range.size < need.least && !mayGoOn(range.size > 0 && addresses.covering(range.address, need.least, 0).buffer,
-                                            need.leastId, "is smaller than what the command accesses"))
+    const VkDeviceSize size = std::max(range.size, need.least);
+    if (range.size < need.least && !tolerate(range.size > 0 && addresses.covering(range.address, need.least, 0).buffer,
+                                             need.leastId, "is smaller than what the command accesses"))
         return std::nullopt;
-    AddressMap::Location location = addresses.covering(range.address, wanted, need.usage);
+    AddressMap::Location location = addresses.covering(range.address, size, need.usage);
     if (location.buffer)
         return Found{location.buffer, location.offset, range.size};
-    location = addresses.covering(range.address, wanted, 0);
+    location = addresses.covering(range.address, size, 0);
     if (location.buffer)
-        return mayGoOn(true, need.usageId, "lies in no buffer with the usage that the command needs")
+        return tolerate(true, need.usageId, "lies in no buffer with the usage that the command needs")
                    ? std::optional(Found{location.buffer, location.offset, range.size})
                    : std::nullopt;
     if (need.part != Part::All)
         location = addresses.covering(range.address, std::max(need.least, VkDeviceSize{1}), need.usage);
-    return mayGoOn(location.buffer, rules.buffer, "does not lie in one buffer")
+    return tolerate(location.buffer, rules.buffer, "does not lie in one buffer")
                ? std::optional(Found{location.buffer, location.offset, location.bytes})
                : std::nullopt;
 }

@@ -1,4 +1,4 @@
-// From the address ranges of VK_KHR_device_address_commands to buffers.
+// Finds the buffers of the address ranges of VK_KHR_device_address_commands.
 #pragma once
 
 #include <optional>
@@ -11,45 +11,46 @@ namespace vellum::layer
 
 struct DeviceBuffers;
 
-// Finds the buffers of one command's ranges, and tells what is wrong with a range that has none: the command must then
-// record nothing. Drivers read and write addresses, whatever the size of the range and the usage of the buffer are:
-// what is wrong with these is told, and the command recorded, as long as all that it accesses lies in one buffer.
+// Finds the buffers of one command's ranges. Reports an error for a range that is in no buffer; nothing may be recorded
+// then. A wrong size of the range or usage of the buffer is harmless to drivers, if everything that the command
+// accesses is in one buffer; it is reported and tolerated.
 class AddressLookup
 {
 public:
-    // `otherwise`: for messages, what happens to the command then.
+    // `otherwise`: what a message says about the command that is rejected.
     AddressLookup(const DeviceBuffers &device, VkCommandBuffer commandBuffer, const char *command,
                   const char *otherwise = "nothing is recorded")
         : device_(device), commandBuffer_(commandBuffer), command_(command), otherwise_(otherwise)
     {
     }
 
-    // What a command accesses of a range.
+    // The part of a range that a command accesses.
     enum class Part {
         All,
-        Least,   // the bytes that it needs at least
-        UpToEnd, // what shaders ask for, and nothing behind the range
+        Least,   // Need::least
+        UpToEnd, // any bytes, but none beyond the range
     };
-    // What a command needs of a range.
+    // What a command requires of a range.
     struct Need {
-        const char *member;  // for messages: the parameter or member that the range is
-        VkFlags64 usage;     // of the buffer
-        const char *usageId; // message where buffers there lack it
-        VkDeviceSize least = 0;
-        const char *leastId = nullptr; // message where the range is smaller
-        uint32_t index = 0;            // for messages: the element of an array that the range is in
+        const char *member;            // parameter or member, for messages
+        VkFlags64 usage;               // of the buffer
+        const char *usageId;           // message id if no buffer has the usage
+        VkDeviceSize least = 0;        // minimum size
+        const char *leastId = nullptr; // message id if the range is smaller
+        uint32_t index = 0;            // array element, for messages
         Part part = Part::All;
     };
     struct Found {
         VkBuffer buffer = VK_NULL_HANDLE;
         VkDeviceSize offset = 0;
-        VkDeviceSize size = 0; // of the range, as far as the buffer goes
+        VkDeviceSize size = 0; // of the range, limited by the buffer
     };
     [[nodiscard]] std::optional<Found> find(const VkDeviceAddressRangeKHR &range, const Need &need) const;
     [[nodiscard]] std::optional<Found> find(const VkStridedDeviceAddressRangeKHR &range, const Need &need) const;
 
     void reject(const char *id, const std::string &text) const;
-    // Whether the command is recorded all the same, as where the fault is harmless and nobody is strict.
+    // Reports a finding. Returns whether the command may be recorded: the finding is harmless, and not made an error by
+    // the setting `strict`.
     [[nodiscard]] bool tolerateIf(bool harmless, const char *id, const std::string &text) const;
 
 private:

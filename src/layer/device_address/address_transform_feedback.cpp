@@ -11,7 +11,7 @@ namespace vellum::layer
 namespace
 {
 
-// Counter buffers as the older commands take them; null where there is no array, or a range has a size of 0.
+// Counter buffers for the older commands; null if there is no array, or for a range of size 0.
 struct Counters {
     std::vector<VkBuffer> buffers;
     std::vector<VkDeviceSize> offsets;
@@ -80,7 +80,7 @@ void cmdBeginTransformFeedback2(DeviceAddresses &device, VkCommandBuffer command
         findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094",
                      "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13093");
     if (const auto state = device.commands.states.get(commandBuffer))
-        state->refusedTransformFeedback = !counters;
+        state->rejectedTransformFeedback = !counters;
     if (counters)
         device.driver.next.CmdBeginTransformFeedbackEXT(commandBuffer, first, count, counters->bufferData(),
                                                         counters->offsetData());
@@ -89,11 +89,11 @@ void cmdBeginTransformFeedback2(DeviceAddresses &device, VkCommandBuffer command
 void cmdEndTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                               const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    if (const auto state = device.commands.states.get(commandBuffer); state && state->refusedTransformFeedback) {
-        state->refusedTransformFeedback = false;
+    if (const auto state = device.commands.states.get(commandBuffer); state && state->rejectedTransformFeedback) {
+        state->rejectedTransformFeedback = false;
         return;
     }
-    // What was begun has to end.
+    // Transform feedback must end even if the counters are rejected.
     const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdEndTransformFeedback2EXT", "no counter is written");
     const auto counters =
         findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13096",

@@ -1,5 +1,5 @@
-// VK_KHR_device_address_commands: commands that take address ranges where older ones take buffers, carried out with the
-// older ones (layer/address_lookup.h). What the addressFlags tell, every driver finds out from the buffer.
+// VK_KHR_device_address_commands: commands that take address ranges, recorded as older commands that take buffers
+// (address_lookup.h). The addressFlags are ignored: older commands get that information from the buffer.
 #pragma once
 
 #include <mutex>
@@ -12,17 +12,17 @@ namespace vellum::layer
 
 struct DeviceAddresses;
 
-// Stands for a null index buffer where the driver cannot be given one (VK_KHR_maintenance6 is not enabled).
+// Replaces a null index buffer on devices without VK_KHR_maintenance6, where none may be bound.
 class ZeroIndices
 {
 public:
-    VkBuffer get(const GpuContext &context); // VK_NULL_HANDLE where there is no memory for it
+    VkBuffer get(const GpuContext &context); // VK_NULL_HANDLE if out of memory
 
 private:
     std::mutex mutex_;
     GpuBuffer buffer_;
 };
-// Whether VK_NULL_HANDLE may be bound as index buffer on a device made like this.
+// Whether VK_NULL_HANDLE may be bound as index buffer on a device with this create info.
 bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info);
 
 // address_copies.cpp

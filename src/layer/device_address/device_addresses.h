@@ -1,4 +1,4 @@
-// The room of VK_KHR_device_address_commands: commands that take address ranges, carried out with older ones.
+// The subsystem of VK_KHR_device_address_commands: commands that take address ranges, recorded as older commands.
 #pragma once
 
 #include "layer/device_address/device_address_commands.h"

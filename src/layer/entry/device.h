@@ -25,7 +25,7 @@ struct Device : Registered<Device> {
     DeviceStructures structures{driver, buffers, objects, commands, micromaps};
     DeviceQueryPools queries{driver, buffers, objects, commands, structures};
     DevicePipelines pipelines{driver, buffers, objects, commands};
-    DeviceKhrOverExt translation{driver, buffers, objects, commands, queries, pipelines};
+    DeviceKhrOverExt translation{driver, buffers, objects, commands, queries};
     DeviceAddresses addresses{driver, buffers, commands, queries};
 };
 

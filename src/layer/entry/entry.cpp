@@ -11,7 +11,6 @@
 #include "layer/command_buffer/synchronization.h"
 #include "layer/entry/debug_messages.h"
 #include "layer/entry/device.h"
-#include "layer/khr_over_ext/shader_translation.h"
 #include "layer/memory/buffers.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
@@ -39,8 +38,8 @@ enum class Scope {
     Device,         // every device
     Debug,          // every device, if the next layer has it; loaders call it through the chain of the instance
     Emulated,       // emulated devices, if the next layer has it
-    Identified,     // the same, and devices of Mode::Identifiers
     Provided,       // emulated and translated devices, if the next layer has it
+    Identified,     // the same, and devices of Mode::Identifiers
     Ext,            // emulated devices with VK_EXT_opacity_micromap
     Address,        // devices with the layer's VK_KHR_device_address_commands
     AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, whoever implements it
@@ -51,8 +50,7 @@ struct Row {
     const char *command;
     Scope scope;
     PFN_vkVoidFunction function;
-    PFN_vkVoidFunction translated = nullptr; // on translated devices, if the next layer has it; null: by the scope
-    const char *required = nullptr;          // the command is there only if the driver has this one
+    const char *required = nullptr; // the command is there only if the driver has this one
 };
 
 // No exception crosses the Vulkan ABI. The layer throws none; the standard library does when memory runs out.
@@ -94,21 +92,9 @@ struct Command<function> {
 };
 
 template <auto function>
-PFN_vkVoidFunction pointerTo()
-{
-    return reinterpret_cast<PFN_vkVoidFunction>(&Command<function>::call);
-}
-
-template <auto function>
 Row row(const char *name, Scope scope, const char *required = nullptr)
 {
-    return {commandOf(name), scope, pointerTo<function>(), nullptr, required};
-}
-
-template <auto function, auto translated>
-Row row(const char *name, Scope scope)
-{
-    return {commandOf(name), scope, pointerTo<function>(), pointerTo<translated>()};
+    return {commandOf(name), scope, reinterpret_cast<PFN_vkVoidFunction>(&Command<function>::call), required};
 }
 
 const Row kRows[] = {
@@ -171,19 +157,17 @@ const Row kRows[] = {
     row<debugMarkerSetObjectName>("vkDebugMarkerSetObjectNameEXT", Scope::Debug),
     row<debugMarkerSetObjectTag>("vkDebugMarkerSetObjectTagEXT", Scope::Debug),
 
-    row<createShaderModule, createTranslatedModule>("vkCreateShaderModule", Scope::Identified),
-    row<createComputePipelines, createTranslatedComputePipelines>("vkCreateComputePipelines", Scope::Identified),
-    row<createGraphicsPipelines, createTranslatedGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Identified),
-    row<destroyShaderModule, destroyTranslatedModule>("vkDestroyShaderModule", Scope::Identified),
+    row<createShaderModule>("vkCreateShaderModule", Scope::Identified),
+    row<createComputePipelines>("vkCreateComputePipelines", Scope::Identified),
+    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Identified),
+    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Identified),
     row<getShaderModuleIdentifier>("vkGetShaderModuleIdentifierEXT", Scope::Identified),
-    row<getShaderModuleCreateInfoIdentifier, getTranslatedInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT",
-                                                                          Scope::Identified),
-    row<createPipelineBinaries, createTranslatedBinaries>("vkCreatePipelineBinariesKHR", Scope::Identified),
+    row<getShaderModuleCreateInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Identified),
+    row<createPipelineBinaries>("vkCreatePipelineBinariesKHR", Scope::Identified),
     row<destroyPipelineBinary>("vkDestroyPipelineBinaryKHR", Scope::Emulated),
-    row<getPipelineKey, getTranslatedKey>("vkGetPipelineKeyKHR", Scope::Identified),
+    row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Identified),
     row<getPipelineBinaryData>("vkGetPipelineBinaryDataKHR", Scope::Emulated),
-    row<createRayTracingPipelines, createTranslatedRayTracingPipelines>("vkCreateRayTracingPipelinesKHR",
-                                                                        Scope::Identified),
+    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Identified),
     row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
     row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),
     row<getCaptureReplayShaderGroupHandles>("vkGetRayTracingCaptureReplayShaderGroupHandlesKHR", Scope::Emulated),
@@ -195,7 +179,7 @@ const Row kRows[] = {
     row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Provided),
     row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Provided),
     row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Provided),
-    row<createShaders, createTranslatedShaders>("vkCreateShadersEXT", Scope::Emulated),
+    row<createShaders>("vkCreateShadersEXT", Scope::Provided),
     row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
 
     row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Provided),
@@ -300,7 +284,7 @@ bool applies(Scope scope, const Driver &driver, PFN_vkVoidFunction next)
     case Scope::Device: return true;
     case Scope::Debug: return next;
     case Scope::Emulated: return next && driver.emulated();
-    case Scope::Identified: return next && (driver.emulated() || driver.mode == Mode::Identifiers);
+    case Scope::Identified: return next && driver.mode != Mode::PassThrough;
     case Scope::Provided: return next && provided;
     case Scope::Ext: return driver.emulated() && driver.enabled.ext;
     case Scope::Address: return provided && driver.ownAddressCommands;
@@ -347,8 +331,6 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     // On translated devices the layer has enabled VK_EXT_opacity_micromap, and not the application.
     if (row->scope == Scope::Ext && driver.translated() && !driver.enabled.ext)
         return nullptr;
-    if (row->translated && driver.translated())
-        return next ? row->translated : nullptr;
     return applies(row->scope, driver, next) ? row->function : next;
 }
 

@@ -3,7 +3,6 @@
 // this subsystem in place of emulation.
 #pragma once
 
-#include "layer/pipelines/device_pipelines.h"
 #include "layer/query_pool/device_query_pools.h"
 
 namespace vellum::layer
@@ -15,8 +14,6 @@ struct DeviceKhrOverExt {
     DeviceState &objects;
     DeviceCommandBuffers &commands;
     DeviceQueryPools &queries;
-    DevicePipelines &pipelines;
-    HandleMap<VkShaderModule, uint64_t> tracingModules{}; // codeHash of those that trace rays by pipelines
 };
 
 } // namespace vellum::layer

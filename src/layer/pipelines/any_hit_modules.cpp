@@ -7,7 +7,7 @@
 namespace vellum::layer
 {
 
-using spirv::Decides;
+using spirv::Prologue;
 
 AnyHitModules::~AnyHitModules()
 {
@@ -15,17 +15,17 @@ AnyHitModules::~AnyHitModules()
         context_.next->DestroyShaderModule(context_.device, module, nullptr);
 }
 
-VkShaderModule AnyHitModules::get(Decides decides, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options)
+VkShaderModule AnyHitModules::get(Prologue prologue, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options)
 {
-    const std::pair key(decides, hidden);
+    const std::pair key(prologue, hidden);
     {
         std::lock_guard lock(mutex_);
         if (const auto known = modules_.find(key); known != modules_.end())
             return known->second;
     }
-    // Without the lock: rewriting may depend on a trial, which waits for the device.
+    // Without the lock, so that threads can rewrite different shaders at the same time.
     spirv::RewriteOptions forStage = options;
-    forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, decides, hidden};
+    forStage.pipelineStage = spirv::PipelineStage{"main", spv::ExecutionModelAnyHitKHR, prologue, hidden};
     const spirv::RewriteResult result = spirv::rewrite(any_hit, forStage);
     VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     info.codeSize = result.words.size() * 4;
@@ -37,7 +37,7 @@ VkShaderModule AnyHitModules::get(Decides decides, spirv::HiddenFlags hidden, co
     Undo undo([&] { context_.next->DestroyShaderModule(context_.device, module, nullptr); });
     std::lock_guard lock(mutex_);
     const auto [entry, isNew] = modules_.emplace(key, module);
-    if (isNew) // and no other thread was faster
+    if (isNew) // not if another thread has added it meanwhile
         undo.keep();
     return entry->second;
 }

@@ -1,4 +1,4 @@
-// The layer's own any-hit shaders, for hit groups that have none.
+// Modules of the layer's any-hit shaders, for hit groups without one.
 #pragma once
 
 #include <map>
@@ -10,19 +10,19 @@
 namespace vellum::layer
 {
 
-// Each is made when it is needed first.
+// Each module is created when it is first needed.
 class AnyHitModules
 {
 public:
     void create(const GpuContext &context) { context_ = context; }
     ~AnyHitModules();
-    // VK_NULL_HANDLE where the driver could not make it.
-    VkShaderModule get(spirv::Decides decides, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options);
+    // VK_NULL_HANDLE if the driver could not create it.
+    VkShaderModule get(spirv::Prologue prologue, spirv::HiddenFlags hidden, const spirv::RewriteOptions &options);
 
 private:
     GpuContext context_;
     std::mutex mutex_;
-    std::map<std::pair<spirv::Decides, spirv::HiddenFlags>, VkShaderModule> modules_;
+    std::map<std::pair<spirv::Prologue, spirv::HiddenFlags>, VkShaderModule> modules_;
 };
 
 } // namespace vellum::layer

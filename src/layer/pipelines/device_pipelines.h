@@ -1,18 +1,17 @@
-// The room of pipelines: shader modules and stages on their way to the driver, ray tracing pipelines and their hit
-// records.
+// The subsystem of pipelines: shader modules, stages and pipelines as the driver gets them, and the hit records of ray
+// tracing pipelines.
 #pragma once
 
 #include <atomic>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <span>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "core/hash.h"
 #include "layer/base/vulkan_newer.h"
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/pipelines/any_hit_modules.h"
@@ -23,31 +22,28 @@
 namespace vellum::layer
 {
 
-// A module that may have stages of ray tracing pipelines.
+// A module with stages of ray tracing pipelines.
 struct RayTracingModule {
-    std::vector<uint32_t> words; // SPIR-V, as the application gave it
+    std::vector<uint32_t> words; // the application's SPIR-V
     spirv::TracedFlags traced;
 };
 
-inline uint64_t codeHash(std::span<const uint32_t> words)
-{
-    return std::hash<std::string_view>{}({reinterpret_cast<const char *>(words.data()), words.size_bytes()});
-}
-
-// Warnings about shaders, each sent once for the same code: applications make thousands of pipelines of few shaders.
+// Warnings about shaders, each sent once for the same code: applications create thousands of pipelines from few
+// shaders.
 class ShaderWarnings
 {
 public:
-    // Whether the message `id` was not asked for before about code with this hash.
-    [[nodiscard]] bool isFirst(const char *id, uint64_t code)
+    // Whether this is the first call with the message `id` and this code.
+    [[nodiscard]] bool isFirst(const char *id, std::span<const uint32_t> code)
     {
+        const uint64_t hash = hashBytes(code.data(), code.size_bytes());
         std::lock_guard lock(mutex_);
-        return sent_.emplace(id, code).second;
+        return sent_.emplace(id, hash).second;
     }
 
 private:
     std::mutex mutex_;
-    std::set<std::pair<std::string, uint64_t>> sent_;
+    std::set<std::pair<std::string, uint64_t>> sent_; // message and hash of the code
 };
 
 struct DevicePipelines {
@@ -58,11 +54,11 @@ struct DevicePipelines {
     HandleMap<VkShaderModule, std::shared_ptr<const RayTracingModule>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
     HandleMap<VkShaderModule, bool> tracingModules{};                                 // true: shaders that trace rays
-    GivenIdentifiers givenIdentifiers{};
+    TracingIdentifiers tracingIdentifiers{};
     HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};
     ShaderWarnings shaderWarnings{};
-    std::atomic<uint32_t> anyHitStack = 0; // the most bytes that one of the layer's any-hit shaders takes
+    std::atomic<uint32_t> anyHitStack = 0; // largest stack of the layer's any-hit shaders, in bytes
 };
 
 } // namespace vellum::layer

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "layer/pipelines/device_pipelines.h"
+#include "spirv/module/khr_to_ext.h"
 
 namespace vellum::layer
 {
@@ -38,28 +39,34 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
 namespace
 {
 
-// Warnings about a shader that was rewritten.
-void warnOf(DevicePipelines &device, const spirv::RewriteResult &result, std::span<const uint32_t> words)
+// Sends a warning about a shader, once for the same code.
+void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const char *id, const char *text)
 {
-    const auto warn = [&](bool applies, const char *id, const char *text) {
-        if (applies && device.shaderWarnings.isFirst(id, codeHash(words)))
-            device.driver.report().warning(id, text);
-    };
-    // Harmless where they meet no micromaps. Applications forget it all the same, like the Vulkan tutorial's engine.
-    warn(result.queriesForget && device.driver.enabled.khrFeature, "VELLUM-queries-without-micromaps",
-         "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every hit on "
-         "their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
-    warn(result.lacksHiddenFlags, "VELLUM-intersection-ray-flags",
-         "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
-         "ForceOpacityMicromap2State, which travel in ray payloads where not all rays have them alike");
+    if (device.shaderWarnings.isFirst(id, words))
+        device.driver.report().warning(id, text);
 }
 
-} // namespace
+// Ray queries of KHR without the execution mode are harmless if they meet no micromaps. Some applications forget it,
+// such as the Vulkan tutorial's engine.
+constexpr const char *kQueriesWithoutMode = "VELLUM-queries-without-micromaps";
 
-bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
-                   std::optional<spirv::PipelineStage> pipelineStage)
+// SPIR-V for a driver that has SPV_EXT_opacity_micromap only. Empty: unchanged.
+std::vector<uint32_t> translateShader(DevicePipelines &device, std::span<const uint32_t> words)
 {
-    const std::span<const uint32_t> words(code, bytes / 4);
+    spirv::TranslateResult result = spirv::translateToExt(words);
+    if (result.queriesForget && device.driver.enabled.khrFeature && !device.driver.enabled.ext)
+        warnOnce(
+            device, words, kQueriesWithoutMode,
+            "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
+            "VK_EXT_opacity_micromap, they use micromaps all the same; on others, every hit on geometry with "
+            "micromaps is non-opaque");
+    return std::move(result.words);
+}
+
+// SPIR-V that resolves micromaps itself. Empty: unchanged. Nothing if it cannot be rewritten, after a message.
+std::optional<std::vector<uint32_t>> emulateMicromaps(DevicePipelines &device, std::span<const uint32_t> words,
+                                                      const std::optional<spirv::PipelineStage> &pipelineStage)
+{
     spirv::RewriteResult result = spirv::rewrite(words, rewriteOptions(device, pipelineStage));
     if (!device.driver.settings->dumpShaders.empty() && result.status != spirv::RewriteResult::Status::Unchanged) {
         static std::atomic<uint32_t> counter{0};
@@ -71,12 +78,34 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
     if (result.status == spirv::RewriteResult::Status::Failed) {
         device.driver.report().error("VELLUM-shader-rewrite",
                                      "a shader that traces rays cannot be rewritten: " + result.error);
-        return false;
+        return {};
     }
-    warnOf(device, result, words);
-    if (result.status == spirv::RewriteResult::Status::Unchanged)
-        return true;
-    storage = std::move(result.words);
+    if (result.queriesForget && device.driver.enabled.khrFeature)
+        warnOnce(
+            device, words, kQueriesWithoutMode,
+            "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every "
+            "hit on their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
+    if (result.lacksHiddenFlags)
+        warnOnce(device, words, "VELLUM-intersection-ray-flags",
+                 "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
+                 "ForceOpacityMicromap2State, which travel in ray payloads where not all rays have them alike");
+    return std::move(result.words);
+}
+
+} // namespace
+
+bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
+                   std::optional<spirv::PipelineStage> pipelineStage)
+{
+    const std::span<const uint32_t> words(code, bytes / 4);
+    std::optional<std::vector<uint32_t>> result = std::vector<uint32_t>();
+    if (device.driver.emulated())
+        result = emulateMicromaps(device, words, pipelineStage);
+    else if (device.driver.translated())
+        result = translateShader(device, words);
+    if (!result || result->empty())
+        return result.has_value();
+    storage = std::move(*result);
     code = storage.data();
     bytes = storage.size() * 4;
     return true;
@@ -84,7 +113,7 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
 
 bool DriverStages::rewrite(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
 {
-    if (!stages)
+    if (!stages || count == 0)
         return true;
     std::vector<VkPipelineShaderStageCreateInfo> own(stages, stages + count);
     bool changed = false;
@@ -103,19 +132,25 @@ bool DriverStages::rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &c
 {
     const auto *inlined =
         findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-    if (stage.module || !inlined ||
-        (!pipelineStage && !spirv::scan({inlined->pCode, inlined->codeSize / 4}).tracesRays))
+    if (stage.module || !inlined)
         return true;
-    auto *module =
-        chains_.emplace_back(stage.pNext).edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    const uint32_t *code = inlined->pCode;
+    size_t bytes = inlined->codeSize;
+    std::vector<uint32_t> words;
+    if (!rewriteShader(device_, code, bytes, words, pipelineStage))
+        return false;
+    if (words.empty())
+        return true;
+    Chain &chain = chains_.emplace_back(stage.pNext);
+    auto *module = chain.edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
     if (!module) {
         device_.driver.report().error("VELLUM-shader-rewrite",
-                                      "an inline shader module lies behind a structure of unknown size");
+                                      "an inline shader module is behind a structure of unknown size");
         return false;
     }
-    if (!rewriteShader(device_, module->pCode, module->codeSize, words_.emplace_back(), pipelineStage))
-        return false;
-    stage.pNext = chains_.back().head();
+    module->pCode = words_.emplace_back(std::move(words)).data();
+    module->codeSize = bytes;
+    stage.pNext = chain.head();
     changed = true;
     return true;
 }

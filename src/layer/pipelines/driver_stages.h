@@ -1,4 +1,5 @@
-// Pipeline stages as the driver is to see them: shaders that trace rays are rewritten on their way to it.
+// Shaders and pipeline stages as the driver gets them: rewritten so that they resolve micromaps, or, on a driver with
+// VK_EXT_opacity_micromap only, with SPV_EXT_opacity_micromap in place of SPV_KHR_opacity_micromap.
 #pragma once
 
 #include <cstddef>
@@ -19,21 +20,21 @@ struct DevicePipelines;
 spirv::RewriteOptions rewriteOptions(DevicePipelines &device,
                                      std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
 
-// Rewrites one shader. `code` and `bytes` are replaced where it traces rays; `storage` then holds the words.
-// Returns false, and reports, where it cannot be rewritten.
+// Replaces `code` and `bytes` by what the driver gets, if that differs; `storage` then holds the words. Returns false
+// and reports an error if the shader cannot be rewritten.
 bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
                    std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
 
-// Stages with their inline shader modules rewritten (VkShaderModuleCreateInfo in a stage's pNext chain). Modules are
-// rewritten when they are created. What the driver gets lives as long as this object.
+// Stages with rewritten inline shader modules (VkShaderModuleCreateInfo in a stage's pNext chain). Other modules are
+// rewritten when they are created. The driver's structures live as long as this object.
 class DriverStages
 {
 public:
     explicit DriverStages(DevicePipelines &device) : device_(device) {}
 
-    // Replaces `stages` where one of them has an inline module that traces rays.
+    // Replaces `stages` if one of them has an inline module that changes.
     bool rewrite(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count);
-    // Rewrites one stage's inline module, and says in `changed` whether there was one to be rewritten.
+    // Rewrites one stage's inline module; sets `changed` if that changes it.
     bool rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &changed,
                        std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
     [[nodiscard]] bool changed() const { return changed_; }

@@ -12,19 +12,19 @@ namespace
 
 using Region = VkStridedDeviceAddressRegionKHR;
 
-// Room for the hit records of an indirect command, which only the GPU knows the number of.
+// Capacity for the hit records of an indirect command, whose number only the GPU knows.
 constexpr uint32_t kIndirectCapacity = 16 * 1024 * 1024;
 constexpr uint32_t kIndirectThreads = 4096;
 constexpr VkDeviceSize kCommandBytes = 256;
 static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandBytes);
 
-// Bytes for stand-ins behind a table's own records: at least, since builds that the device has not carried out yet may
-// have greater record offsets than the known ones; and at most.
+// Minimum and maximum size of the layer's records behind a table's own. There is a minimum because builds that are not
+// complete may have larger record offsets than the known ones.
 constexpr VkDeviceSize kLeastPadding = 16 * 1024;
 constexpr VkDeviceSize kMostPadding = 16 * 1024 * 1024;
-constexpr uint32_t kMostRayOffset = 15; // SBT offset of OpTraceRayKHR, of which four bits are used
+constexpr uint32_t kMostRayOffset = 15; // SBT offset of OpTraceRayKHR, which has four bits
 
-// The pipeline that a trace in this command buffer uses, if null records have to be replaced for it.
+// The bound ray tracing pipeline, if null records have to be replaced for it.
 std::shared_ptr<RayTracingPipeline> pipelineOf(const DevicePipelines &device, const CommandState *state)
 {
     auto pipeline = state ? device.rayTracingPipelines.get(state->rayTracingPipeline) : nullptr;
@@ -47,7 +47,7 @@ VkDeviceAddress allocate(const DevicePipelines &device, CommandState &state, VkD
     const VkDeviceAddress address = state.scratch.allocate(bytes);
     if (!address)
         device.driver.report().error("VELLUM-out-of-memory",
-                                     "no memory for hit records: null ones do not see opacity micromaps");
+                                     "no memory for hit records: hits through null ones ignore opacity micromaps");
     return address;
 }
 
@@ -60,7 +60,7 @@ bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const shared::H
     return copied;
 }
 
-// How many records of a table hold a whole handle.
+// The number of a table's records that hold a whole handle.
 uint64_t recordsOf(const Region &table)
 {
     if (table.deviceAddress == 0 || table.size < kGroupHandleBytes)
@@ -68,24 +68,24 @@ uint64_t recordsOf(const Region &table)
     return table.stride == 0 ? 1 : 1 + (table.size - kGroupHandleBytes) / table.stride;
 }
 
-// The application's hit table as the driver is to read it: the layer's any-hit shader runs for every triangle that rays
-// meet, and the driver reads a record for it, also where the application's ray would have needed none.
-Region driverTable(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region &given)
+// The hit table that the driver gets. The layer's any-hit shader runs for every triangle that a ray meets, and the
+// driver reads a record for it, even if the application's ray would not need one.
+Region driverTable(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region &application)
 {
     CommandState *const state = device.commands.states.get(commandBuffer);
     const auto pipeline = pipelineOf(device, state);
     if (!pipeline)
-        return given;
-    Region table = given;
-    table.size = std::min(given.size, device.buffers.addresses.bytesFrom(given.deviceAddress));
+        return application;
+    Region table = application;
+    table.size = std::min(application.size, device.buffers.addresses.bytesFrom(application.deviceAddress));
     const uint64_t records = recordsOf(table);
     if (records == 0)
         return {pipeline->standIn.address(), 0, kGroupHandleBytes};
-    // Hits through other indices have no record of the application's, so none of its shaders runs for them.
+    // Hits with another index have no record, so that no shader of the application runs for them.
     if (records == 1 && !pipeline->hasBoxes)
         table.stride = 0;
     const bool overlap = table.stride > 0 && table.stride < kGroupHandleBytes;
-    // Where conditional rendering cannot be suspended, the copy might not be made.
+    // If conditional rendering is inherited, it cannot be suspended and may discard the copy.
     if (state->inheritsConditionalRendering || overlap || table.size > UINT32_MAX - kMostPadding)
         return table;
     VkDeviceSize bytes = table.size;

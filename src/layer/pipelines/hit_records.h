@@ -1,5 +1,5 @@
-// vkCmdTraceRays*: hits without a shader of the application's, through a null hit record or through none at all, still
-// look up micromaps. Pipelines that use micromaps trace with hit tables in which a record of the layer's stands in.
+// vkCmdTraceRays*: hits through a null hit record, or beyond the end of the hit table, still look up micromaps.
+// Pipelines that use micromaps trace with a copy of the table in which a hit record of the layer replaces these.
 #pragma once
 
 #include <vulkan/vulkan.h>

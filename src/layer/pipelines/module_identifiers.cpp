@@ -19,16 +19,16 @@ const std::array<uint8_t, VK_UUID_SIZE> kIdentifierUuid{0x7e, 0x11, 0x0c, 0x5b, 
 namespace
 {
 
-constexpr size_t kMostOpen = 5; // there are no graphics pipelines with more stages
+constexpr size_t kMaxUnknown = 5; // the most stages of a graphics pipeline
 
-// Of modules that are as the application gave them: the same in every run.
+// The mask for modules that trace no rays, whose code is unchanged: the same in every run.
 const Mask &layerMask()
 {
     static const Mask mask = maskOf(std::as_bytes(std::span(kIdentifierUuid)));
     return mask;
 }
 
-// Of modules that trace rays and are as the application gave them all the same.
+// The mask for modules that trace rays and whose code is unchanged.
 const Mask &untouchedMask()
 {
     static const Mask mask = [] {
@@ -39,19 +39,28 @@ const Mask &untouchedMask()
     return mask;
 }
 
-// Gives the application an identifier that is the driver's.
-void give(DevicePipelines &device, VkShaderModuleIdentifierEXT &identifier, bool tracing)
+// Shaders for a driver with VK_EXT_opacity_micromap hold no addresses, so its identifiers are valid for the
+// application.
+bool mixesIdentifiers(const DevicePipelines &device)
 {
+    return !device.driver.translated();
+}
+
+// Changes an identifier of the driver into the application's.
+void toApplication(DevicePipelines &device, VkShaderModuleIdentifierEXT &identifier, bool tracing)
+{
+    if (!mixesIdentifiers(device))
+        return;
     mix(identifier.identifier, identifier.identifierSize, tracing ? tracingMask(device) : layerMask());
     if (tracing)
-        device.givenIdentifiers.add(
+        device.tracingIdentifiers.add(
             std::span(identifier.identifier)
                 .first(std::min<size_t>(identifier.identifierSize, sizeof identifier.identifier)));
 }
 
 } // namespace
 
-// 64 bits for each place, from the hash of the bytes and the mixing of SplitMix64.
+// A sequence of 64-bit numbers by SplitMix64, whose seed is a hash of the bytes.
 Mask maskOf(std::span<const std::byte> bytes)
 {
     uint64_t state = Hash::of(bytes);
@@ -95,22 +104,22 @@ void mix(uint8_t *bytes, uint32_t count, const Mask &mask)
         bytes[i] ^= mask[i];
 }
 
-void GivenIdentifiers::add(std::span<const uint8_t> identifier)
+void TracingIdentifiers::add(std::span<const uint8_t> identifier)
 {
     std::lock_guard lock(mutex_);
     known_.emplace(identifier.begin(), identifier.end());
 }
 
-bool GivenIdentifiers::contains(const VkPipelineShaderStageModuleIdentifierCreateInfoEXT &identifier) const
+bool TracingIdentifiers::contains(const VkPipelineShaderStageModuleIdentifierCreateInfoEXT &identifier) const
 {
     std::lock_guard lock(mutex_);
     return known_.contains(std::string(identifier.pIdentifier, identifier.pIdentifier + identifier.identifierSize));
 }
 
-void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool tracing)
+void DriverIdentifiers::replace(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool tracing)
 {
     constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_MODULE_IDENTIFIER_CREATE_INFO_EXT;
-    for (uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; mixesIdentifiers(device_) && i < count; ++i) {
         const auto *identifier = findInChain<VkPipelineShaderStageModuleIdentifierCreateInfoEXT>(stages[i].pNext, type);
         if (stages[i].module || !identifier || identifier->identifierSize == 0)
             continue;
@@ -123,9 +132,9 @@ void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uin
             continue;
         }
         std::vector<uint8_t> &bytes = bytes_.emplace_back(own->pIdentifier, own->pIdentifier + own->identifierSize);
-        const bool traces = tracing || device_.givenIdentifiers.contains(*own);
-        if (!traces && device_.driver.enabled.rayQueries && open_.size() < kMostOpen)
-            open_.push_back({&bytes, bytes});
+        const bool traces = tracing || device_.tracingIdentifiers.contains(*own);
+        if (!traces && device_.driver.enabled.rayQueries && unknown_.size() < kMaxUnknown)
+            unknown_.push_back({&bytes, bytes});
         mix(bytes.data(), own->identifierSize, traces ? tracingMask(device_) : layerMask());
         own->pIdentifier = bytes.data();
         stages_[i].pNext = chain.head();
@@ -134,24 +143,24 @@ void DriverIdentifiers::take(const VkPipelineShaderStageCreateInfo *&stages, uin
         stages = stages_.data();
 }
 
-void DriverIdentifiers::choose(uint32_t way)
+void DriverIdentifiers::choose(uint32_t variant)
 {
-    for (size_t i = 0; i < open_.size(); ++i) {
-        // In place: the driver's structures point there.
-        std::ranges::copy(open_[i].application, open_[i].bytes->begin());
-        mix(open_[i].bytes->data(), static_cast<uint32_t>(open_[i].bytes->size()),
-            (way >> i & 1) != 0 ? tracingMask(device_) : layerMask());
+    for (size_t i = 0; i < unknown_.size(); ++i) {
+        // In place, because the driver's structures point to the bytes.
+        std::ranges::copy(unknown_[i].application, unknown_[i].driver->begin());
+        mix(unknown_[i].driver->data(), static_cast<uint32_t>(unknown_[i].driver->size()),
+            (variant >> i & 1) != 0 ? tracingMask(device_) : layerMask());
     }
 }
 
-void DriverIdentifiers::remember(uint32_t way) noexcept
+void DriverIdentifiers::remember(uint32_t variant) noexcept
 {
     try {
-        for (size_t i = 0; i < open_.size(); ++i) {
-            if ((way >> i & 1) != 0)
-                device_.givenIdentifiers.add(open_[i].application);
+        for (size_t i = 0; i < unknown_.size(); ++i) {
+            if ((variant >> i & 1) != 0)
+                device_.tracingIdentifiers.add(unknown_[i].application);
         }
-    } catch (const std::bad_alloc &) { // then the next time begins with way 0 again
+    } catch (const std::bad_alloc &) { // the next pipeline begins with variant 0 again
     }
 }
 
@@ -159,7 +168,7 @@ void getShaderModuleIdentifier(DevicePipelines &device, VkDevice handle, VkShade
                                VkShaderModuleIdentifierEXT *identifier)
 {
     device.driver.next.GetShaderModuleIdentifierEXT(handle, module, identifier);
-    give(device, *identifier, device.tracingModules.get(module));
+    toApplication(device, *identifier, device.tracingModules.get(module));
 }
 
 void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
@@ -167,12 +176,11 @@ void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handl
 {
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
-    const bool known =
-        !device.driver.emulated() || rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
+    const bool known = rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
     device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
     if (known)
-        give(device, *identifier, spirv::scan({info->pCode, info->codeSize / 4}).tracesRays);
-    else // there is no such module on this device, and its identifier is mixed as none of this device's is
+        toApplication(device, *identifier, spirv::scan({info->pCode, info->codeSize / 4}).tracesRays);
+    else // there is no such module on this device; mixed with a mask that no identifier of this device has
         mix(identifier->identifier, identifier->identifierSize, untouchedMask());
 }
 

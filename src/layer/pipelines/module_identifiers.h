@@ -1,9 +1,8 @@
-// Identifiers of shader modules (VK_EXT_shader_module_identifier): names of code that a driver's cache may have, which
-// applications keep from run to run. The code of a shader that traces rays holds addresses of the layer's tables, and a
-// cache may also have pipelines that were made without the layer. So the application sees the driver's identifiers of
-// what the driver gets, mixed with a mask: that of the layer, or where the code was rewritten that of the device's
-// tables. An identifier that came from anywhere else is none that the driver knows, and the answer to it is
-// VK_PIPELINE_COMPILE_REQUIRED.
+// Identifiers of shader modules (VK_EXT_shader_module_identifier), which applications store from run to run to create
+// pipelines from the driver's cache. Rewritten code holds addresses of the layer's tables, and the cache may contain
+// pipelines that were created without the layer. The application therefore gets the driver's identifier mixed with a
+// mask: that of the layer, or, for rewritten code, that of the device's tables. The driver does not know an identifier
+// from anywhere else, and returns VK_PIPELINE_COMPILE_REQUIRED.
 #pragma once
 
 #include <array>
@@ -27,23 +26,24 @@ namespace vellum::layer
 struct DevicePipelines;
 
 using Mask = std::array<uint8_t, VK_MAX_SHADER_MODULE_IDENTIFIER_SIZE_EXT>;
-// Others for other bytes.
+// A mask that depends on all of the bytes.
 Mask maskOf(std::span<const std::byte> bytes);
-// Settings with which shaders are rewritten, or pipelines made, in another way.
+// Settings that change rewritten shaders or pipelines.
 uint64_t rewriteSettings(const DevicePipelines &device);
-// Another one where rewritten code would be other code.
+// A mask that depends on all that rewritten code depends on.
 Mask deviceMask(DevicePipelines &device);
-// What identifiers of modules that trace rays are mixed with: the mask of the device, or where the driver gets their
-// code as it is, since no micromaps are emulated there, one that is the same in every run.
+// The mask for modules that trace rays: that of the device, or, where no micromaps are emulated and the driver gets
+// their code unchanged, a constant.
 Mask tracingMask(DevicePipelines &device);
-// Twice is not at all.
+// Mixing twice restores the bytes.
 void mix(uint8_t *bytes, uint32_t count, const Mask &mask);
 
-// Tells identifiers that the layer has mixed from those of the driver: to be mixed with the driver's UUID.
+// Distinguishes the layer's identifier algorithm from the driver's: mixed with shaderModuleIdentifierAlgorithmUUID.
 extern const std::array<uint8_t, VK_UUID_SIZE> kIdentifierUuid;
 
-// Identifiers of modules that trace rays, which this device gave to the application, or which turned out to be some.
-class GivenIdentifiers
+// Identifiers of modules that are known to trace rays: those that this device returned, and those that the driver
+// accepted as such.
+class TracingIdentifiers
 {
 public:
     void add(std::span<const uint8_t> identifier);
@@ -54,9 +54,9 @@ private:
     std::set<std::string> known_;
 };
 
-// Stages of a pipeline with the driver's identifiers in the place of the application's. Of an identifier that the
-// application has kept from another run, nobody knows whether it names a rewritten module: then there are several ways
-// to read the stages, to be tried one after the other.
+// Stages of a pipeline with the driver's identifiers in place of the application's. An identifier that the application
+// has stored in another run may or may not be that of a rewritten module. With such identifiers there are several
+// variants of the stages, one for each combination.
 class DriverIdentifiers
 {
 public:
@@ -64,43 +64,44 @@ public:
     DriverIdentifiers(const DriverIdentifiers &) = delete;
     DriverIdentifiers &operator=(const DriverIdentifiers &) = delete;
 
-    // Replaces `stages` where one of them has an identifier and no code. `tracing`: all name modules that trace rays,
-    // as in ray tracing pipelines. The stages are as way 0 reads them: what is not known to trace rays does not.
-    void take(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool tracing = false);
+    // Replaces `stages` if one of them has an identifier and no code. `tracing`: all modules trace rays, as in ray
+    // tracing pipelines. The stages are those of variant 0, in which no unknown module traces rays.
+    void replace(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, bool tracing = false);
     [[nodiscard]] bool any() const { return hidden_ || !bytes_.empty(); }
-    // 0: an identifier lies where the layer cannot replace it, and the driver must not see the application's.
-    [[nodiscard]] uint32_t ways() const { return hidden_ ? 0 : 1u << open_.size(); }
-    // Calls `use` with the stages read in each way until the driver knows them in one, and returns its last result;
-    // VK_PIPELINE_COMPILE_REQUIRED where there is no way.
+    // 0 if an identifier is behind a structure of unknown size, where it cannot be replaced.
+    [[nodiscard]] uint32_t variants() const { return hidden_ ? 0 : 1u << unknown_.size(); }
+    // Calls `use` for one variant after the other until the driver knows its identifiers, and returns the last result;
+    // VK_PIPELINE_COMPILE_REQUIRED if there are no variants.
     template <typename Use>
     VkResult useUntilKnown(Use use)
     {
         VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
-        for (uint32_t way = 0;
-             way < ways() && (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
-             ++way) {
-            choose(way);
+        for (uint32_t variant = 0; variant < variants() &&
+                                   (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
+             ++variant) {
+            choose(variant);
             result = use();
             if (result == VK_SUCCESS || result == VK_INCOMPLETE)
-                remember(way);
+                remember(variant);
         }
         return result;
     }
 
 private:
-    void choose(uint32_t way);
-    // The driver knew them in this way: so it will be the next time, and so keys of such pipelines are made.
-    void remember(uint32_t way) noexcept;
-    struct Open {
-        std::vector<uint8_t> *bytes; // for the driver
+    // Writes the identifiers of a variant.
+    void choose(uint32_t variant);
+    // Adds the identifiers of a variant that the driver accepted to the known ones, for later pipelines and their keys.
+    void remember(uint32_t variant) noexcept;
+    struct Unknown {
+        std::vector<uint8_t> *driver;
         std::vector<uint8_t> application;
     };
     DevicePipelines &device_;
     std::vector<VkPipelineShaderStageCreateInfo> stages_;
     std::deque<Chain> chains_;
     std::deque<std::vector<uint8_t>> bytes_;
-    std::vector<Open> open_;
-    bool hidden_ = false; // behind a structure of unknown size
+    std::vector<Unknown> unknown_; // identifiers that may or may not be of rewritten modules
+    bool hidden_ = false;          // an identifier is behind a structure of unknown size
 };
 
 void getShaderModuleIdentifier(DevicePipelines &, VkDevice, VkShaderModule, VkShaderModuleIdentifierEXT *);

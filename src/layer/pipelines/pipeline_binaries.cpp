@@ -22,7 +22,7 @@ namespace vellum::layer
 namespace
 {
 
-// What binaries tell of their code. Others make other keys.
+// What the code of a binary depends on. It is part of the keys.
 struct BinaryFacts {
     ShaderBinaryHeader device;
     uint64_t settings;
@@ -34,33 +34,21 @@ static_assert(sizeof(BinaryFacts) == 48);
 // Before the driver's data.
 struct BinaryHeader {
     BinaryFacts facts;
-    uint64_t size, checksum; // of the driver's data; drivers need not look whether it is whole
+    uint64_t size, checksum; // of the driver's data, which drivers need not validate
 };
-static_assert(sizeof(BinaryHeader) == 64); // keeps an alignment of 16 bytes
+static_assert(sizeof(BinaryHeader) == 64); // keeps the alignment of 16 bytes
 
 BinaryFacts factsOf(DevicePipelines &device, const HiddenInBinary &hidden)
 {
     return {shaderBinaryHeader(device), rewriteSettings(device), hidden.fixed, hidden.constant};
 }
 
-// Of words of 8 bytes and the rest.
-uint64_t checksumOf(std::span<const std::byte> data)
-{
-    Hash sum;
-    for (; !data.empty(); data = data.subspan(std::min(data.size(), sizeof(uint64_t)))) {
-        uint64_t word = 0;
-        std::memcpy(&word, data.data(), std::min(data.size(), sizeof word));
-        sum.add(word);
-    }
-    return sum.value();
-}
-
-std::span<const std::byte> driversPart(const newer::PipelineBinaryData &data)
+std::span<const std::byte> driverData(const newer::PipelineBinaryData &data)
 {
     return std::span(static_cast<const std::byte *>(data.pData), data.dataSize).subspan(sizeof(BinaryHeader));
 }
 
-// Of whole data whose header fits the device; otherwise not known.
+// The ray flags of a binary; unknown if its header does not match the device, or its data is damaged.
 HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinaryData &data)
 {
     BinaryHeader header{};
@@ -68,10 +56,11 @@ HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinar
         return {};
     std::memcpy(&header, data.pData, sizeof header);
     const HiddenInBinary hidden{true, header.facts.hiddenFixed, header.facts.hiddenConstant};
-    const bool fits = header.facts == factsOf(device, hidden) && (hidden.fixed & ~shared::kHiddenRayFlags) == 0 &&
-                      (hidden.constant & ~hidden.fixed) == 0;
-    const std::span<const std::byte> driversData = driversPart(data);
-    if (!fits || header.size != driversData.size() || header.checksum != checksumOf(driversData))
+    const bool matches = header.facts == factsOf(device, hidden) && (hidden.fixed & ~shared::kHiddenRayFlags) == 0 &&
+                         (hidden.constant & ~hidden.fixed) == 0;
+    const std::span<const std::byte> driversData = driverData(data);
+    if (!matches || header.size != driversData.size() ||
+        header.checksum != hashBytes(driversData.data(), driversData.size()))
         return {};
     return hidden;
 }
@@ -81,53 +70,48 @@ void mixKey(newer::PipelineBinaryKey &key, const Mask &mask)
     mix(key.key, std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), mask);
 }
 
-// Of the key of a binary. That of its pipeline does not tell how ray flags travel.
+// The mask for keys of binaries. Unlike the key of the pipeline, these depend on how ray flags travel.
 Mask binaryMask(DevicePipelines &device, const HiddenInBinary &hidden)
 {
     const BinaryFacts facts = factsOf(device, hidden);
     return maskOf(std::as_bytes(std::span(&facts, 1)));
 }
 
-// Calls `use` with a create info as the driver gets it. VK_PIPELINE_COMPILE_REQUIRED where there is no code for it.
+// Calls `use` with the driver's create info. VK_PIPELINE_COMPILE_REQUIRED if code that must be rewritten is missing.
 using Use = std::function<VkResult(const newer::PipelineCreateInfo &, const HiddenInBinary &)>;
 VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo &info, const Use &use)
 {
     const auto *const structure = static_cast<const VkBaseInStructure *>(info.pNext);
-    DriverStages stages(device);
-    DriverIdentifiers identifiers(device);
-    std::deque<Chain> chains;
-    const auto useOwn = [&](auto &own) {
+    const auto useChanged = [&](auto own) {
+        DriverPipelineInfo changed(device);
+        if (const VkResult result = changed.change(own); result != VK_SUCCESS)
+            return result;
         const newer::PipelineCreateInfo driverInfo{info.sType, &own};
-        return identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
+        return changed.identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
     };
-    if (structure && structure->sType == VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO) {
-        auto own = *reinterpret_cast<const VkComputePipelineCreateInfo *>(structure);
-        const VkResult result = translate(device, own, stages, identifiers, chains);
-        return result == VK_SUCCESS ? useOwn(own) : result;
-    }
-    if (structure && structure->sType == VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO) {
-        auto own = *reinterpret_cast<const VkGraphicsPipelineCreateInfo *>(structure);
-        const VkResult result = translate(device, own, stages, identifiers, chains);
-        return result == VK_SUCCESS ? useOwn(own) : result;
-    }
-    if (structure && structure->sType == VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR) {
+    switch (structure ? structure->sType : VK_STRUCTURE_TYPE_MAX_ENUM) {
+    case VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO:
+        return useChanged(*reinterpret_cast<const VkComputePipelineCreateInfo *>(structure));
+    case VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO:
+        return useChanged(*reinterpret_cast<const VkGraphicsPipelineCreateInfo *>(structure));
+    case VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR:
         return withDriverInfo(device, *reinterpret_cast<const VkRayTracingPipelineCreateInfoKHR *>(structure),
                               [&](const VkRayTracingPipelineCreateInfoKHR &own, const HiddenInBinary &hidden) {
                                   const newer::PipelineCreateInfo driverInfo{
                                       info.sType, const_cast<VkRayTracingPipelineCreateInfoKHR *>(&own)};
                                   return use(driverInfo, hidden);
                               });
+    default: return use(info, {});
     }
-    return use(info, {});
 }
 
-// The results that a command may have. What the layer reports of shaders is known already.
+// Replaces VK_ERROR_INVALID_SHADER_NV, which the command must not return. The layer has already reported the shader.
 VkResult withoutShaderError(VkResult result, VkResult instead)
 {
     return result == VK_ERROR_INVALID_SHADER_NV ? instead : result;
 }
 
-// Binaries that the driver has made are known from now on; where there is no memory for that, there are none.
+// Records binaries that the driver has created. Destroys them if out of memory.
 void addBinaries(DevicePipelines &device, VkDevice handle, const VkAllocationCallbacks *allocator,
                  std::span<newer::PipelineBinary> binaries, const std::function<HiddenInBinary(size_t)> &hidden)
 {
@@ -145,30 +129,31 @@ void addBinaries(DevicePipelines &device, VkDevice handle, const VkAllocationCal
     undo.keep();
 }
 
-// The driver makes those that fit; the handles of others are null ("all pipeline binaries ... will be attempted").
+// The driver creates the binaries that match; the handles of others are null ("all pipeline binaries ... will be
+// attempted").
 VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryCreateInfo &info,
                         const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo &binaries)
 {
-    const newer::PipelineBinaryKeysAndData &given = *info.pKeysAndDataInfo;
-    const uint32_t count = std::min(given.binaryCount, binaries.pipelineBinaryCount);
-    VkResult result = count < given.binaryCount ? VK_INCOMPLETE : VK_SUCCESS;
+    const newer::PipelineBinaryKeysAndData &application = *info.pKeysAndDataInfo;
+    const uint32_t count = std::min(application.binaryCount, binaries.pipelineBinaryCount);
+    VkResult result = count < application.binaryCount ? VK_INCOMPLETE : VK_SUCCESS;
     std::vector<newer::PipelineBinaryKey> keys;
     std::vector<newer::PipelineBinaryData> data;
     std::vector<HiddenInBinary> hidden;
     std::vector<uint32_t> locations;
     for (uint32_t i = 0; i < count; ++i) {
-        const HiddenInBinary known = hiddenFlagsOf(device, given.pPipelineBinaryData[i]);
+        const HiddenInBinary known = hiddenFlagsOf(device, application.pPipelineBinaryData[i]);
         if (!known.known) {
             device.driver.report().error(
                 "VELLUM-pipeline-binary",
                 "vkCreatePipelineBinariesKHR: binary " + std::to_string(i) +
-                    " is of another version or other settings of the layer, or of a device "
-                    "that had its tables elsewhere, as the global key tells; or it is damaged");
+                    " was created by another version of the layer, with other settings, or on a device whose tables "
+                    "had other addresses, which changes the global key; or it is damaged");
             result = VK_ERROR_INITIALIZATION_FAILED;
             continue;
         }
-        mixKey(keys.emplace_back(given.pPipelineBinaryKeys[i]), binaryMask(device, known));
-        newer::PipelineBinaryData &own = data.emplace_back(given.pPipelineBinaryData[i]);
+        mixKey(keys.emplace_back(application.pPipelineBinaryKeys[i]), binaryMask(device, known));
+        newer::PipelineBinaryData &own = data.emplace_back(application.pPipelineBinaryData[i]);
         own.pData = static_cast<std::byte *>(own.pData) + sizeof(BinaryHeader);
         own.dataSize -= sizeof(BinaryHeader);
         hidden.push_back(known);
@@ -191,9 +176,9 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
     return result < 0 || drivers == VK_SUCCESS ? result : drivers;
 }
 
-// A key for a pipeline that cannot be made, as a ray tracing pipeline that uses micromaps cannot be without its code:
-// another one where what the layer sees of it is other.
-void giveStandIn(DevicePipelines &device, const newer::PipelineCreateInfo &info, newer::PipelineBinaryKey &key)
+// Writes a key for a pipeline that cannot be created, such as one with micromaps whose code is missing. It depends on
+// all that the layer knows of the create info.
+void writeSubstituteKey(DevicePipelines &device, const newer::PipelineCreateInfo &info, newer::PipelineBinaryKey &key)
 {
     std::string bytes;
     const auto add = [&bytes](const void *data, size_t size) { bytes.append(static_cast<const char *>(data), size); };
@@ -237,8 +222,8 @@ void giveStandIn(DevicePipelines &device, const newer::PipelineCreateInfo &info,
         for (uint32_t i = 0; own.pLibraryInfo && i < own.pLibraryInfo->libraryCount; ++i)
             addNumber(reinterpret_cast<uint64_t>(own.pLibraryInfo->pLibraries[i]));
     }
-    const Mask standIn = maskOf(std::as_bytes(std::span(bytes)));
-    std::copy_n(standIn.begin(), std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), key.key);
+    const Mask substitute = maskOf(std::as_bytes(std::span(bytes)));
+    std::copy_n(substitute.begin(), std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), key.key);
 }
 
 } // namespace
@@ -258,16 +243,16 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
                                 const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo *binaries)
 {
     const bool emulated = device.driver.emulated();
-    const uint32_t count = binaries->pipelineBinaryCount; // of the array, which the driver may be given again
+    const uint32_t count = binaries->pipelineBinaryCount; // of the array, for each call of the driver
     const uint32_t capacity = binaries->pPipelineBinaries ? count : 0;
     std::fill_n(binaries->pPipelineBinaries, capacity, nullptr);
     if (emulated && info->pKeysAndDataInfo && binaries->pPipelineBinaries)
         return createFromData(device, handle, *info, allocator, *binaries);
-    binaries->pipelineBinaryCount = 0; // unless the driver is asked
+    binaries->pipelineBinaryCount = 0; // unless the driver is called
     const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
         binaries->pipelineBinaryCount = count;
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
-        if (emulated) // also where some failed
+        if (emulated) // even if some failed
             addBinaries(device, handle, allocator, {binaries->pPipelineBinaries, capacity},
                         [&](size_t) { return hidden; });
         return result;
@@ -308,8 +293,8 @@ VkResult getPipelineKey(DevicePipelines &device, VkDevice handle, const newer::P
     else
         result = device.driver.next.GetPipelineKeyKHR(handle, nullptr, key);
     if (info && result == VK_PIPELINE_COMPILE_REQUIRED) {
-        result = device.driver.next.GetPipelineKeyKHR(handle, nullptr, key); // for its size
-        giveStandIn(device, *info, *key);
+        result = device.driver.next.GetPipelineKeyKHR(handle, nullptr, key); // for the key's size
+        writeSubstituteKey(device, *info, *key);
     }
     if (result == VK_SUCCESS && device.driver.emulated())
         mixKey(*key, deviceMask(device));
@@ -330,7 +315,7 @@ VkResult getPipelineBinaryData(DevicePipelines &device, VkDevice handle, const n
     const HiddenInBinary hidden = device.pipelineBinaries.get(info->pipelineBinary);
     if (result == VK_SUCCESS && data) {
         const newer::PipelineBinaryData all{driverSize + sizeof(BinaryHeader), data};
-        const BinaryHeader header{factsOf(device, hidden), driverSize, checksumOf(driversPart(all))};
+        const BinaryHeader header{factsOf(device, hidden), driverSize, hashBytes(driverData(all).data(), driverSize)};
         std::memcpy(data, &header, sizeof header);
     }
     *size = result == VK_SUCCESS && data ? driverSize + sizeof(BinaryHeader) : needed;

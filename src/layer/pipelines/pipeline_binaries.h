@@ -1,7 +1,6 @@
-// Binaries of pipelines (VK_KHR_pipeline_binary). They are made of rewritten shaders, and so hold addresses of their
-// device's tables. What the application keeps of them gets a header of ours, and is refused where it does not fit; and
-// all keys, with the one by which an application knows whether anything that it has kept is still of use, are those of
-// what the driver gets, mixed with a mask of the device's tables (module_identifiers.h).
+// Binaries of pipelines (VK_KHR_pipeline_binary). Those of rewritten shaders hold addresses of their device's tables.
+// The layer puts a header before the data of a binary, and rejects data whose header does not match the device. All
+// keys, including the global key, are the driver's, mixed with a mask of the device's tables (module_identifiers.h).
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -14,11 +13,11 @@ namespace vellum::layer
 
 struct DevicePipelines;
 
-// Whether the pipeline is made of binaries: its stages need no code, and the driver ignores what they have.
+// The binaries that a pipeline is created from, or null. The code of its stages is ignored then, and may be missing.
 const newer::PipelineBinaryInfo *binariesOf(const void *pNext);
 
-// How the ray flags travel that are hidden from the driver, in a ray tracing pipeline that was made of code: the same
-// must be so in one that is made of its binaries.
+// How hidden ray flags travel in the ray tracing pipeline that the binaries come from. They travel in the same way in
+// one that is created from the binaries.
 HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const newer::PipelineBinaryInfo &info);
 
 VkResult createPipelineBinaries(DevicePipelines &, VkDevice, const newer::PipelineBinaryCreateInfo *,

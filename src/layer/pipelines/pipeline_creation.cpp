@@ -1,11 +1,9 @@
-// The creation of ray tracing pipelines: stages rewritten for what they decide, an any-hit shader in every hit group,
-// and flags that the driver does not know.
+// Creation of ray tracing pipelines: checks, flags and structures that the driver must not get, and what is kept of
+// pipelines that use micromaps. Their stages are those of micromap_stages.h.
 
 #include <algorithm>
 #include <deque>
-#include <map>
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,118 +12,77 @@
 #include "layer/command_buffer/deferred_operation.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
+#include "layer/pipelines/micromap_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shaders.h"
-#include "spirv/module/opcodes.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-using spirv::Decides;
-
+constexpr const char *kCommand = "vkCreateRayTracingPipelinesKHR";
 constexpr VkFlags64 kMicromapPipelineFlag = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
-// The application promises that no closest-hit and no any-hit shader that would run is null. But the group that stands
-// in for null handles has no closest-hit shader, and with hidden ray flags an any-hit shader would run more often.
-constexpr VkFlags64 kHiddenPipelineFlags = kMicromapPipelineFlags |
-                                           VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR |
-                                           VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR;
-
-uint32_t executionModelOf(VkShaderStageFlagBits stage)
-{
-    switch (stage) {
-    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return spv::ExecutionModelRayGenerationKHR;
-    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return spv::ExecutionModelIntersectionKHR;
-    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return spv::ExecutionModelAnyHitKHR;
-    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return spv::ExecutionModelClosestHitKHR;
-    case VK_SHADER_STAGE_MISS_BIT_KHR: return spv::ExecutionModelMissKHR;
-    default: return spv::ExecutionModelCallableKHR;
-    }
-}
+// Promises that no null closest-hit or any-hit shader would run. They do not hold for the driver: the layer's hit group
+// for null handles has no closest-hit shader, and with hidden ray flags an any-hit shader would run more often.
+constexpr VkFlags64 kNoNullShaderFlags = VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR |
+                                         VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR;
 
 VkFlags64 flagsOf(const VkRayTracingPipelineCreateInfoKHR &info)
 {
     return pipelineFlags(info.pNext, info.flags);
 }
 
-// Everything that one vkCreateRayTracingPipelinesKHR hands to the driver, for as long as the driver may read it.
+std::span<const VkPipeline> librariesOf(const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    return info.pLibraryInfo ? std::span(info.pLibraryInfo->pLibraries, info.pLibraryInfo->libraryCount)
+                             : std::span<const VkPipeline>();
+}
+
+// The create infos of one vkCreateRayTracingPipelinesKHR as the driver gets them. Must live as long as the driver may
+// read them.
 class Creation : public DeferredWork
 {
 public:
-    Creation(DevicePipelines &device, VkPipeline *pipelines) : device_(device), stages_(device), pipelines_(pipelines)
+    // `pipelines`: the application's array, which stays valid until a deferred operation is complete; null if no
+    // pipeline is created, but its key or binaries.
+    Creation(DevicePipelines &device, VkPipeline *pipelines)
+        : device_(device), stages_(device), modules_(device), pipelines_(pipelines)
     {
     }
-    ~Creation() override
-    {
-        for (const VkShaderModule module : modules_)
-            device_.driver.next.DestroyShaderModule(device_.driver.handle, module, nullptr);
-    }
-    Creation(const Creation &) = delete;
-    Creation &operator=(const Creation &) = delete;
 
-    // Adds a pipeline. Anything but VK_SUCCESS: it cannot be made.
+    // Adds a pipeline. Returns the result of its creation if that fails before the driver is called.
     VkResult add(const VkRayTracingPipelineCreateInfoKHR &info)
     {
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
-        groupsOfOurs_.emplace_back();
-        if (!device_.driver.emulated())
-            return takeIdentifiers(own);
-        const bool available = device_.driver.enabled.anyFeature();
-        bool asked =
-            (flagsOf(info) & kMicromapPipelineFlag) != 0 || (available && device_.driver.settings->assumeMicromaps);
-        if (asked && !available &&
-            !tolerateIf(true, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
-                        "uses opacity micromaps, but the feature micromap is not enabled"))
+        ownAnyHitGroups_.emplace_back();
+        const Driver &driver = device_.driver;
+        if (driver.mode == Mode::Identifiers)
+            return replaceIdentifiers(own);
+        bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0 ||
+                             (driver.enabled.anyFeature() && driver.settings->assumeMicromaps);
+        if (!checkFlags(info, usesMicromaps))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        if ((!asked || !device_.driver.enabled.khrFeature) &&
-            (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0 &&
-            !toleratesMixedSpecialIndex(device_.driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
-                                        "vkCreateRayTracingPipelinesKHR"))
-            return VK_ERROR_VALIDATION_FAILED_EXT;
-        const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
-        std::optional<uint32_t> without;
-        uint32_t with = 0;
-        for (uint32_t i = 0; i < libraries; ++i) {
-            if (device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
-                ++with;
-            else
-                without = i;
+        if (driver.emulated()) {
+            if (const VkResult result = checkLibraries(info, usesMicromaps); result != VK_SUCCESS)
+                return result;
+            if (usesMicromaps)
+                return addMicromapPipeline(own);
         }
-        if (asked && without) {
-            // Where all were, the pipeline can be one without micromaps.
-            if (!tolerateIf(with == 0, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
-                            "uses opacity micromaps, but library " + std::to_string(*without) +
-                                " was created without the bit"))
-                return VK_ERROR_VALIDATION_FAILED_EXT;
-            asked = false;
-        }
-        if (with > 0 && without) {
-            device_.driver.report().notAvailable(
-                "a ray tracing pipeline of libraries with and without the micromap bit");
-            return VK_ERROR_UNKNOWN;
-        }
-        // A pipeline without the bit may have libraries with it, whose shaders are what they are.
-        const bool usesMicromaps = asked || with > 0;
-        if (usesMicromaps)
-            return addMicromapPipeline(own);
-        // Not for queries of pipeline keys. The code of a pipeline of binaries is ignored.
-        if (pipelines_ && available && !binariesOf(info.pNext))
+        // The code of a pipeline of binaries is ignored.
+        if (pipelines_ && !usesMicromaps && driver.enabled.anyFeature() && !binariesOf(info.pNext))
             warnOfTracing(info);
-        // Where the chain has other flags, these mean nothing; the driver does not know the bit all the same.
-        own.flags &= ~static_cast<VkPipelineCreateFlags>(kMicromapPipelineFlags);
-        changed_ = changed_ || own.flags != info.flags;
-        if (!hideMicromapFlags(device_.driver, own.pNext, chains_, "vkCreateRayTracingPipelinesKHR"))
+        if (!changeFlags(own, unknownPipelineFlags(driver), usesMicromaps ? kMicromapPipelineFlag : 0))
             return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
             return VK_ERROR_UNKNOWN;
-        return takeIdentifiers(own);
+        return replaceIdentifiers(own);
     }
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
-    // Of the last one.
+    // How the ray flags of the last pipeline travel.
     [[nodiscard]] HiddenInBinary hidden() const { return records_.back() ? records_.back()->hidden : HiddenInBinary{}; }
     [[nodiscard]] bool changed() const
     {
@@ -133,14 +90,14 @@ public:
                std::any_of(records_.begin(), records_.end(), [](const auto &r) { return !!r; });
     }
 
-    // Before the driver makes the pipelines: afterwards nothing allocates.
+    // Allocates what finish() needs, which must not fail.
     void reserve()
     {
         for (const auto &record : records_)
-            entries_.push_back(device_.rayTracingPipelines.entry(record));
+            entries_.push_back(record ? device_.rayTracingPipelines.entry(record) : Entry{});
     }
 
-    // The driver has made the pipelines, or failed to.
+    // Called once the driver has created the pipelines, or failed to.
     void finish() noexcept override
     {
         for (const Feedback &feedback : feedback_)
@@ -151,79 +108,189 @@ public:
                 continue;
             if (records_[i]->hasNullGroup)
                 writeStandIn(device_, pipelines_[i], *records_[i]);
-            measureStacks(device_, pipelines_[i], groupsOfOurs_[i]);
+            measureStacks(device_, pipelines_[i], ownAnyHitGroups_[i]);
             device_.rayTracingPipelines.set(pipelines_[i], std::move(entries_[i]));
         }
     }
 
 private:
-    // Of stages whose code only the driver has.
-    VkResult takeIdentifiers(VkRayTracingPipelineCreateInfoKHR &info)
-    {
-        if (binariesOf(info.pNext))
-            return VK_SUCCESS;
-        DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
-        identifiers.take(info.pStages, info.stageCount, true);
-        changed_ = changed_ || identifiers.any();
-        return identifiers.ways() == 0 ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS;
-    }
-
-    // Reports about the pipeline that is being added.
-    void reject(const char *id, const std::string &text)
-    {
-        device_.driver.report().error(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
-                                              std::to_string(infos_.size() - 1) + " " + text);
-    }
-
-    // Whether it may be made all the same, as where the fault is harmless and nobody is strict.
-    bool tolerateIf(bool harmless, const char *id, const std::string &text)
-    {
-        if (harmless)
-            return device_.driver.report().tolerates(id, "vkCreateRayTracingPipelinesKHR: pipeline " +
-                                                             std::to_string(infos_.size() - 1) + " " + text);
-        reject(id, text);
-        return false;
-    }
-
-    // Of a pipeline without the micromap bit, which is harmless where it meets no micromaps. Applications forget it all
-    // the same, NVRHI for one.
-    void warnOfTracing(const VkRayTracingPipelineCreateInfoKHR &info)
-    {
-        constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
-        bool isFirst = false;
-        for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
-            const std::span<const uint32_t> code = stageCode(device_, stage);
-            isFirst =
-                (tracedBy(device_, stage).traces && device_.shaderWarnings.isFirst(kId, codeHash(code))) || isFirst;
-        }
-        if (isFirst)
-            device_.driver.report().warning(
-                kId,
-                "vkCreateRayTracingPipelinesKHR: pipeline " + std::to_string(infos_.size() - 1) +
-                    " traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: where they meet micromaps, "
-                    "every hit on their geometry is non-opaque. The setting assume_micromaps creates all pipelines "
-                    "with it");
-    }
-
-    // What a driver's stage is made from: the application's stage, what it decides, and the type of the payload that it
-    // gets, if it declares none and needs one.
-    using StageKey = std::tuple<uint32_t, Decides, spirv::TypeWords>;
+    using Entry = decltype(DevicePipelines::rayTracingPipelines)::Entry;
 
     struct Feedback {
         VkPipelineCreationFeedback *application = nullptr;
         uint32_t count = 0;
         std::vector<VkPipelineCreationFeedback> own;
     };
-    struct Stages {
-        std::vector<VkPipelineShaderStageCreateInfo> infos;
-        std::map<StageKey, uint32_t> index;
-        // With the payload of rays of which no shader of a group tells more.
-        spirv::HiddenFlags hidden;
-        // Of the application's stages, the payloads that they declare that they are called with. Empty where groups
-        // must not differ by that.
-        std::vector<std::optional<spirv::TypeWords>> payloads;
-        bool needCode = true; // the pipeline is not made of binaries
-    };
+
+    // --- messages and checks ---
+
+    [[nodiscard]] std::string message(const std::string &text) const
+    {
+        return std::string(kCommand) + ": pipeline " + std::to_string(infos_.size() - 1) + " " + text;
+    }
+
+    bool checkFlags(const VkRayTracingPipelineCreateInfoKHR &info, bool usesMicromaps)
+    {
+        const Driver &driver = device_.driver;
+        if (usesMicromaps && !driver.enabled.anyFeature() &&
+            !driver.report().tolerates("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+                                       message("uses opacity micromaps, but the feature micromap is not enabled")))
+            return false;
+        return (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) == 0 ||
+               (usesMicromaps && driver.enabled.khrFeature) ||
+               tolerateMixedSpecialIndex(driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599", kCommand);
+    }
+
+    // Checks that a pipeline and its libraries agree in the micromap bit. If not, the libraries, whose shaders are
+    // already rewritten, set `usesMicromaps`.
+    VkResult checkLibraries(const VkRayTracingPipelineCreateInfoKHR &info, bool &usesMicromaps)
+    {
+        const std::span<const VkPipeline> libraries = librariesOf(info);
+        bool with = false;
+        std::optional<size_t> without;
+        for (size_t i = 0; i < libraries.size(); ++i) {
+            if (device_.rayTracingPipelines.get(libraries[i]))
+                with = true;
+            else
+                without = i;
+        }
+        if (!without) {
+            usesMicromaps = usesMicromaps || with;
+            return VK_SUCCESS;
+        }
+        if (usesMicromaps) {
+            constexpr const char *kId = "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598";
+            const std::string text = message("uses opacity micromaps, but library " + std::to_string(*without) +
+                                             " was created without the bit");
+            if (with)
+                device_.driver.report().error(kId, text);
+            // If no library has it, the pipeline can be created without micromaps.
+            if (with || !device_.driver.report().tolerates(kId, text))
+                return VK_ERROR_VALIDATION_FAILED_EXT;
+            usesMicromaps = false;
+        }
+        if (!with)
+            return VK_SUCCESS;
+        device_.driver.report().notAvailable("a ray tracing pipeline of libraries with and without the micromap bit");
+        return VK_ERROR_UNKNOWN;
+    }
+
+    // A pipeline without the micromap bit is harmless if it meets no micromaps. Some applications forget the bit, such
+    // as those that use NVRHI.
+    void warnOfTracing(const VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
+        bool isFirst = false;
+        for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
+            if (tracedBy(device_, stage).traces)
+                isFirst = device_.shaderWarnings.isFirst(kId, stageCode(device_, stage)) || isFirst;
+        }
+        if (isFirst)
+            device_.driver.report().warning(
+                kId,
+                message("traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: ") +
+                    (device_.driver.emulated() ? "where they meet micromaps, every hit on their geometry is non-opaque"
+                                               : "they must meet no micromaps") +
+                    ". The setting assume_micromaps creates all pipelines with it");
+    }
+
+    // --- structures that differ for the driver ---
+
+    bool changeFlags(VkRayTracingPipelineCreateInfoKHR &info, VkFlags64 removed, VkFlags64 added)
+    {
+        const VkPipelineCreateFlags application = info.flags;
+        const bool done =
+            changePipelineFlags(device_.driver, info.pNext, info.flags, removed, added, chains_, kCommand);
+        changed_ = changed_ || info.flags != application;
+        return done;
+    }
+
+    // Replaces module identifiers of stages without code by the driver's.
+    VkResult replaceIdentifiers(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        if (binariesOf(info.pNext))
+            return VK_SUCCESS;
+        DriverIdentifiers &identifiers = identifiers_.emplace_back(device_);
+        identifiers.replace(info.pStages, info.stageCount, true);
+        changed_ = changed_ || identifiers.any();
+        return identifiers.variants() == 0 ? VK_PIPELINE_COMPILE_REQUIRED : VK_SUCCESS;
+    }
+
+    // The driver writes feedback for each of its stages (VUID-...-pipelineStageCreationFeedbackCount-06652), of which
+    // there may be more than the application's.
+    VkResult reserveFeedback(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
+        const auto *application = findInChain<VkPipelineCreationFeedbackCreateInfo>(info.pNext, type);
+        if (!application || application->pipelineStageCreationFeedbackCount == 0)
+            return VK_SUCCESS;
+        Chain &chain = chains_.emplace_back(info.pNext);
+        auto *own = chain.edit<VkPipelineCreationFeedbackCreateInfo>(type);
+        if (!own) {
+            device_.driver.report().error(
+                "VELLUM-pipeline-feedback",
+                message("has VkPipelineCreationFeedbackCreateInfo behind a structure of unknown size"));
+            return VK_ERROR_INITIALIZATION_FAILED;
+        }
+        Feedback &feedback = feedback_.emplace_back();
+        feedback.application = application->pPipelineStageCreationFeedbacks;
+        feedback.count = application->pipelineStageCreationFeedbackCount;
+        feedback.own.resize(info.stageCount);
+        own->pipelineStageCreationFeedbackCount = info.stageCount;
+        own->pPipelineStageCreationFeedbacks = feedback.own.data();
+        info.pNext = chain.head();
+        return VK_SUCCESS;
+    }
+
+    // The layer's any-hit shaders read the barycentrics, even if no shader of the application does, and payloads may
+    // have a prefix.
+    void widenInterface(VkRayTracingPipelineCreateInfoKHR &info, const spirv::HiddenFlags &hidden)
+    {
+        constexpr uint32_t kBarycentricsBytes = 8;
+        constexpr uint32_t kPrefixBytes = 8; // with padding before the payload
+        if (!info.pLibraryInterface)
+            return;
+        VkRayTracingPipelineInterfaceCreateInfoKHR &own = interfaces_.emplace_back(*info.pLibraryInterface);
+        own.maxPipelineRayHitAttributeSize = std::max(own.maxPipelineRayHitAttributeSize, kBarycentricsBytes);
+        if (hidden.inPayload())
+            own.maxPipelineRayPayloadSize += std::min(kPrefixBytes, UINT32_MAX - own.maxPipelineRayPayloadSize);
+        info.pLibraryInterface = &own;
+    }
+
+    // --- pipelines that use emulated micromaps ---
+
+    // Notes in `record` which hit records the rays of the pipeline may read. Returns the ray flags of its own stages.
+    spirv::TracedFlags traceStages(const VkRayTracingPipelineCreateInfoKHR &info, RayTracingPipeline &record)
+    {
+        spirv::TracedFlags traced;
+        for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount))
+            traced.add(tracedBy(device_, stage));
+        record.mostStride = traced.mostStride;
+        record.hasBoxes = std::any_of(info.pGroups, info.pGroups + info.groupCount, [](const auto &group) {
+            return group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
+        });
+        for (const VkPipeline library : librariesOf(info)) {
+            if (const auto known = device_.rayTracingPipelines.get(library)) {
+                record.hasBoxes = record.hasBoxes || known->hasBoxes;
+                record.mostStride = std::max(record.mostStride, known->mostStride);
+            }
+        }
+        return traced;
+    }
+
+    // How hidden ray flags reach the shaders of a ray. They are constants where all rays have the same, as in most
+    // pipelines. The rays of libraries are not known when the shaders are rewritten.
+    spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info, const spirv::TracedFlags &traced)
+    {
+        if (const newer::PipelineBinaryInfo *binaries = binariesOf(info.pNext)) {
+            // Unknown for binaries of a pipeline without micromaps.
+            if (const HiddenInBinary kept = hiddenFlagsIn(device_, *binaries); kept.known)
+                return {kept.fixed, kept.constant};
+        }
+        const bool complete = device_.driver.settings->constantRayFlags && librariesOf(info).empty() &&
+                              (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0;
+        return complete ? spirv::HiddenFlags{traced.fixed, traced.constant} : spirv::HiddenFlags{.fixed = 0};
+    }
 
     VkResult addMicromapPipeline(VkRayTracingPipelineCreateInfoKHR &info)
     {
@@ -238,297 +305,46 @@ private:
             if (!record.standIn.address())
                 return VK_ERROR_OUT_OF_DEVICE_MEMORY;
         }
-        noteHitRecords(device_, info, record);
-        if (!hideFlags(info))
+        StageRewrite rewrite;
+        rewrite.hidden = hiddenFlags(info, traceStages(info, record));
+        rewrite.hasCode = !binariesOf(info.pNext);
+        if (!changeFlags(info, unknownPipelineFlags(device_.driver) | kNoNullShaderFlags, 0))
             return VK_ERROR_INITIALIZATION_FAILED;
-        Stages stages;
-        const newer::PipelineBinaryInfo *const binaries = binariesOf(info.pNext);
-        // Binaries that came from elsewhere are those of a pipeline without micromaps.
-        const HiddenInBinary kept = binaries ? hiddenFlagsIn(device_, *binaries) : HiddenInBinary{};
-        stages.hidden = kept.known ? spirv::HiddenFlags{kept.fixed, kept.constant} : hiddenFlags(info);
-        stages.needCode = !binaries;
-        if (stages.hidden.inPayload()) {
-            record.payloads = payloadTypes(info, stages.payloads);
-            // The rays that reach a library's groups may be others' with other payloads.
+        if (rewrite.hidden.inPayload()) {
+            record.payloads = payloadTypes(device_, info, rewrite.payloads);
+            // Other pipelines may trace rays with other payloads to the groups of a library.
             if ((flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
-                stages.hidden.payload = record.payloads.common();
+                rewrite.hidden.payload = record.payloads.common();
         }
-        record.hidden = {true, stages.hidden.fixed, stages.hidden.constant};
-        if (!flagsTravelAlike(device_, info, stages.hidden))
+        record.hidden = {true, rewrite.hidden.fixed, rewrite.hidden.constant};
+        if (!checkFlagTransport(device_, info, rewrite.hidden))
             return VK_ERROR_UNKNOWN;
-        widenInterface(info, stages.hidden);
-        if (const VkResult result = addStages(info, stages); result != VK_SUCCESS)
+        widenInterface(info, rewrite.hidden);
+        MicromapStages &own = micromapStages_.emplace_back(device_, modules_, std::move(rewrite));
+        if (const VkResult result = own.add(info, record.hasNullGroup); result != VK_SUCCESS)
             return result;
-        std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups(info.pGroups, info.pGroups + info.groupCount);
-        if (record.hasNullGroup) {
-            VkRayTracingShaderGroupCreateInfoKHR group{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR};
-            group.type = VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
-            group.generalShader = group.closestHitShader = group.intersectionShader = VK_SHADER_UNUSED_KHR;
-            group.anyHitShader = VK_SHADER_UNUSED_KHR;
-            groups.push_back(group);
-        }
-        for (uint32_t i = 0; i < groups.size(); ++i) {
-            const bool own = groups[i].type != VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR &&
-                             groups[i].anyHitShader == VK_SHADER_UNUSED_KHR;
-            if (!setHitShaders(groups[i], stages))
-                return VK_ERROR_OUT_OF_HOST_MEMORY;
-            if (own)
-                groupsOfOurs_.back().push_back(i);
-        }
-        const auto &ownStages = stageArrays_.emplace_back(std::move(stages.infos));
-        const auto &ownGroups = groupArrays_.emplace_back(std::move(groups));
-        info.stageCount = static_cast<uint32_t>(ownStages.size());
-        info.pStages = ownStages.data();
-        info.groupCount = static_cast<uint32_t>(ownGroups.size());
-        info.pGroups = ownGroups.data();
+        ownAnyHitGroups_.back() = own.ownAnyHitGroups;
+        info.stageCount = static_cast<uint32_t>(own.stages.size());
+        info.pStages = own.stages.data();
+        info.groupCount = static_cast<uint32_t>(own.groups.size());
+        info.pGroups = own.groups.data();
         return reserveFeedback(info);
     }
 
-    // The driver writes feedback for each of its stages (VUID-...-pipelineStageCreationFeedbackCount-06652), of which
-    // there may be more than the application knows.
-    VkResult reserveFeedback(VkRayTracingPipelineCreateInfoKHR &info)
-    {
-        constexpr VkStructureType type = VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO;
-        const auto *application = findInChain<VkPipelineCreationFeedbackCreateInfo>(info.pNext, type);
-        if (!application || application->pipelineStageCreationFeedbackCount == 0)
-            return VK_SUCCESS;
-        Chain &chain = chains_.emplace_back(info.pNext);
-        auto *own = chain.edit<VkPipelineCreationFeedbackCreateInfo>(type);
-        if (!own) {
-            reject("VELLUM-pipeline-feedback",
-                   "has VkPipelineCreationFeedbackCreateInfo behind a structure of unknown size");
-            return VK_ERROR_INITIALIZATION_FAILED;
-        }
-        Feedback &feedback = feedback_.emplace_back();
-        feedback.application = application->pPipelineStageCreationFeedbacks;
-        feedback.count = application->pipelineStageCreationFeedbackCount;
-        feedback.own.resize(info.stageCount);
-        own->pipelineStageCreationFeedbackCount = info.stageCount;
-        own->pPipelineStageCreationFeedbacks = feedback.own.data();
-        info.pNext = chain.head();
-        return VK_SUCCESS;
-    }
-
-    bool hideFlags(VkRayTracingPipelineCreateInfoKHR &info)
-    {
-        info.flags &= ~static_cast<VkPipelineCreateFlags>(kHiddenPipelineFlags);
-        if (!findInChain(info.pNext, newer::kPipelineCreateFlags2CreateInfo))
-            return true;
-        Chain &chain = chains_.emplace_back(info.pNext);
-        auto *flags = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
-        if (!flags) {
-            reject("VELLUM-pipeline-flags", "has VkPipelineCreateFlags2CreateInfo behind a structure of unknown size");
-            return false;
-        }
-        flags->flags &= ~kHiddenPipelineFlags;
-        info.pNext = chain.head();
-        return true;
-    }
-
-    // How ray flags that are hidden from the driver reach the shaders of a ray. Most pipelines pass constant flags that
-    // agree on the hidden ones. What libraries trace that a pipeline will be made of or linked with, nobody knows here.
-    spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info)
-    {
-        const bool complete = device_.driver.settings->constantRayFlags &&
-                              (flagsOf(info) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
-                              (!info.pLibraryInfo || info.pLibraryInfo->libraryCount == 0);
-        if (!complete)
-            return {.fixed = 0};
-        spirv::TracedFlags traced;
-        for (uint32_t i = 0; i < info.stageCount; ++i)
-            traced.add(tracedBy(device_, info.pStages[i]));
-        return {traced.fixed, traced.constant};
-    }
-
-    // Of all shaders, as far as they are known here: what a library will be linked with is not. `incoming`: those that
-    // the stages are called with.
-    spirv::PayloadTypes payloadTypes(const VkRayTracingPipelineCreateInfoKHR &info,
-                                     std::vector<std::optional<spirv::TypeWords>> &incoming) const
-    {
-        spirv::PayloadTypes types;
-        for (uint32_t i = 0; i < info.stageCount; ++i)
-            incoming.push_back(types.add(stageCode(device_, info.pStages[i]), info.pStages[i].pName,
-                                         executionModelOf(info.pStages[i].stage)));
-        // A pipeline of binaries, whose stages may come without code, must have the stages of the one of code.
-        if (device_.driver.next.CreatePipelineBinariesKHR)
-            incoming.clear();
-        for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
-            if (const auto library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
-                types.add(library->payloads);
-        }
-        return types;
-    }
-
-    // Our any-hit shaders read the barycentrics, also where none of the application's does, and payloads may have a
-    // prefix.
-    void widenInterface(VkRayTracingPipelineCreateInfoKHR &info, const spirv::HiddenFlags &hidden)
-    {
-        constexpr uint32_t kBarycentricsBytes = 8;
-        constexpr uint32_t kPrefixBytes = 8; // aligned for what comes after
-        if (!info.pLibraryInterface)
-            return;
-        VkRayTracingPipelineInterfaceCreateInfoKHR &own = interfaces_.emplace_back(*info.pLibraryInterface);
-        own.maxPipelineRayHitAttributeSize = std::max(own.maxPipelineRayHitAttributeSize, kBarycentricsBytes);
-        if (hidden.inPayload())
-            own.maxPipelineRayPayloadSize += std::min(kPrefixBytes, UINT32_MAX - own.maxPipelineRayPayloadSize);
-        info.pLibraryInterface = &own;
-    }
-
-    // Of the rays that reach a group, where it matters: what its shaders declare, which all of a ray must
-    // (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
-    static spirv::TypeWords payloadOf(const VkRayTracingShaderGroupCreateInfoKHR &group, const Stages &stages)
-    {
-        if (group.type != VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
-            for (const uint32_t shader : {group.closestHitShader, group.anyHitShader})
-                if (shader < stages.payloads.size() && stages.payloads[shader])
-                    return *stages.payloads[shader];
-        return stages.hidden.payload;
-    }
-
-    static StageKey keyOf(uint32_t stage, Decides decides, const VkRayTracingShaderGroupCreateInfoKHR &group,
-                          const Stages &stages)
-    {
-        const bool knows = decides == Decides::BoxCulling || (stage < stages.payloads.size() && stages.payloads[stage]);
-        return {stage, decides, knows ? spirv::TypeWords{} : payloadOf(group, stages)};
-    }
-
-    // Every stage of the application, once for each thing that it is in some group.
-    VkResult addStages(const VkRayTracingPipelineCreateInfoKHR &info, Stages &stages)
-    {
-        std::vector<std::set<StageKey>> needed(info.stageCount);
-        for (uint32_t g = 0; g < info.groupCount; ++g) {
-            const VkRayTracingShaderGroupCreateInfoKHR &group = info.pGroups[g];
-            const auto need = [&](uint32_t stage, Decides decides) {
-                if (stage < info.stageCount)
-                    needed[stage].insert(keyOf(stage, decides, group, stages));
-            };
-            const bool boxes = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
-            if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
-                need(group.generalShader, Decides::Nothing);
-                continue;
-            }
-            need(group.closestHitShader, Decides::Nothing);
-            need(group.anyHitShader, boxes ? Decides::BoxHits : Decides::TriangleHits);
-            if (boxes)
-                need(group.intersectionShader, Decides::BoxCulling);
-        }
-        stages.infos.assign(info.pStages, info.pStages + info.stageCount);
-        for (uint32_t i = 0; i < info.stageCount; ++i) {
-            if (needed[i].empty())
-                needed[i].insert({i, Decides::Nothing, {}});
-            bool first = true;
-            for (const StageKey &key : needed[i]) {
-                const uint32_t at = first ? i : static_cast<uint32_t>(stages.infos.size());
-                if (!first)
-                    stages.infos.push_back(info.pStages[i]);
-                first = false;
-                const VkResult result =
-                    stages.needCode ? rewriteStage(stages.infos[at], std::get<Decides>(key), hiddenFor(key, stages))
-                                    : VK_SUCCESS;
-                if (result != VK_SUCCESS)
-                    return result;
-                stages.index[key] = at;
-            }
-        }
-        return VK_SUCCESS;
-    }
-
-    static spirv::HiddenFlags hiddenFor(const StageKey &key, const Stages &stages)
-    {
-        return {stages.hidden.fixed, stages.hidden.constant, std::get<spirv::TypeWords>(key)};
-    }
-
-    VkResult rewriteStage(VkPipelineShaderStageCreateInfo &stage, Decides decides, const spirv::HiddenFlags &hidden)
-    {
-        const spirv::PipelineStage target{stage.pName, executionModelOf(stage.stage), decides, hidden};
-        const auto original = device_.rayTracingModules.get(stage.module);
-        if (!original) {
-            bool inlined = false;
-            if (!stages_.rewriteInline(stage, inlined, target))
-                return VK_ERROR_UNKNOWN;
-            // Without its code (but a module identifier) a stage cannot be rewritten; the application is ready to be
-            // told so.
-            return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
-        }
-        VkShaderModule &module =
-            rewritten_[{stage.module, stage.stage, decides, hidden, std::string(stage.pName)}]; // null until it is made
-        if (!module) {
-            const uint32_t *code = original->words.data();
-            size_t bytes = original->words.size() * 4;
-            std::vector<uint32_t> storage;
-            if (!rewriteShader(device_, code, bytes, storage, target))
-                return VK_ERROR_UNKNOWN;
-            const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
-            modules_.reserve(modules_.size() + 1);
-            VkShaderModule made = VK_NULL_HANDLE;
-            const VkResult result =
-                device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &made);
-            if (result != VK_SUCCESS)
-                return result;
-            module = made;
-            modules_.push_back(module);
-        }
-        stage.module = module;
-        return VK_SUCCESS;
-    }
-
-    bool setHitShaders(VkRayTracingShaderGroupCreateInfoKHR &group, Stages &stages)
-    {
-        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
-            return true; // there is one of its stage
-        const bool triangles = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
-        const VkRayTracingShaderGroupCreateInfoKHR asked = group;
-        const auto driverStage = [&](uint32_t stage, Decides decides) {
-            const auto found = stages.index.find(keyOf(stage, decides, asked, stages));
-            return found == stages.index.end() ? VK_SHADER_UNUSED_KHR : found->second;
-        };
-        const Decides decides = triangles ? Decides::TriangleHits : Decides::BoxHits;
-        group.closestHitShader = driverStage(asked.closestHitShader, Decides::Nothing);
-        if (!triangles)
-            group.intersectionShader = driverStage(asked.intersectionShader, Decides::BoxCulling);
-        group.anyHitShader = asked.anyHitShader == VK_SHADER_UNUSED_KHR
-                                 ? ownAnyHit(keyOf(VK_SHADER_UNUSED_KHR, decides, asked, stages), stages)
-                                 : driverStage(asked.anyHitShader, decides);
-        return group.anyHitShader != VK_SHADER_UNUSED_KHR;
-    }
-
-    // The stage with the layer's any-hit shader; VK_SHADER_UNUSED_KHR where it cannot be made.
-    uint32_t ownAnyHit(const StageKey &key, Stages &stages)
-    {
-        const auto [known, isNew] = stages.index.try_emplace(key, VK_SHADER_UNUSED_KHR);
-        if (!isNew)
-            return known->second;
-        const VkShaderModule module =
-            device_.anyHitModules.get(std::get<Decides>(key), hiddenFor(key, stages), rewriteOptions(device_));
-        if (!module) {
-            device_.driver.report().error("VELLUM-any-hit-shader",
-                                          "the driver could not make a shader module of the layer's");
-            return VK_SHADER_UNUSED_KHR;
-        }
-        known->second = static_cast<uint32_t>(stages.infos.size());
-        stages.infos.push_back({VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0,
-                                VK_SHADER_STAGE_ANY_HIT_BIT_KHR, module, "main", nullptr});
-        return known->second;
-    }
-
     DevicePipelines &device_;
-    DriverStages stages_;
-    VkPipeline *pipelines_; // the application's, which must stay valid until a deferred operation is complete
+    DriverStages stages_;      // of pipelines without micromaps
+    RewrittenModules modules_; // of pipelines with them
+    std::deque<MicromapStages> micromapStages_;
+    VkPipeline *pipelines_;
     std::vector<VkRayTracingPipelineCreateInfoKHR> infos_;
-    std::vector<std::shared_ptr<RayTracingPipeline>> records_;                   // null for pipelines without micromaps
-    std::vector<decltype(DevicePipelines::rayTracingPipelines)::Entry> entries_; // of the records
-    std::vector<std::vector<uint32_t>> groupsOfOurs_; // per pipeline, those whose any-hit shader is the layer's
+    std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
+    std::vector<Entry> entries_;                               // of the records
+    std::vector<std::vector<uint32_t>> ownAnyHitGroups_;       // per pipeline
     std::deque<Chain> chains_;
     std::deque<DriverIdentifiers> identifiers_;
-    bool changed_ = false;
-    std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stageArrays_;
-    std::deque<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groupArrays_;
     std::deque<VkRayTracingPipelineInterfaceCreateInfoKHR> interfaces_;
     std::deque<Feedback> feedback_;
-    std::map<std::tuple<VkShaderModule, VkShaderStageFlagBits, Decides, spirv::HiddenFlags, std::string>,
-             VkShaderModule>
-        rewritten_;
-    std::vector<VkShaderModule> modules_;
+    bool changed_ = false;
 };
 
 } // namespace
@@ -552,32 +368,31 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
     const std::vector<VkResult> prepared =
         prepareEach(std::span(infos, count), [&](const auto &info) { return creation->add(info); });
     creation->reserve();
+    const auto create = [&](VkDeferredOperationKHR deferral, uint32_t some,
+                            const VkRayTracingPipelineCreateInfoKHR *driverInfos, VkPipeline *created) {
+        return device.driver.next.CreateRayTracingPipelinesKHR(handle, deferral, cache, some, driverInfos, allocator,
+                                                               created);
+    };
     if (!allSucceeded(prepared)) {
-        const VkResult result =
-            createPrepared(std::span(creation->infos()), prepared, pipelines,
-                           [&](uint32_t one, const VkRayTracingPipelineCreateInfoKHR *info, VkPipeline *pipeline) {
-                               return device.driver.next.CreateRayTracingPipelinesKHR(handle, VK_NULL_HANDLE, cache,
-                                                                                      one, info, allocator, pipeline);
-                           });
+        const VkResult result = createPrepared(std::span(creation->infos()), prepared, pipelines,
+                                               [&](auto... arguments) { return create(VK_NULL_HANDLE, arguments...); });
         creation->finish();
         return result;
     }
     if (!creation->changed())
-        return device.driver.next.CreateRayTracingPipelinesKHR(handle, operation, cache, count, infos, allocator,
-                                                               pipelines);
-    // Nobody would tell here when it is complete; and where only identifiers are changed, the driver compiles nothing.
-    if (!device.driver.emulated()) {
-        const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
-            handle, VK_NULL_HANDLE, cache, count, creation->infos().data(), allocator, pipelines);
+        return create(operation, count, infos, pipelines);
+    // Such a device does not intercept the commands that report that an operation is complete. With identifiers only,
+    // the driver compiles nothing.
+    if (device.driver.mode == Mode::Identifiers) {
+        const VkResult result = create(VK_NULL_HANDLE, count, creation->infos().data(), pipelines);
         return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;
     }
-    std::shared_ptr<DeferredOperation> deferred; // made before the driver may begin to need it
+    std::shared_ptr<DeferredOperation> deferred; // allocated before the driver's call
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();
         device.commands.deferredOperations.set(operation, deferred);
     }
-    const VkResult result = device.driver.next.CreateRayTracingPipelinesKHR(
-        handle, operation, cache, count, creation->infos().data(), allocator, pipelines);
+    const VkResult result = create(operation, count, creation->infos().data(), pipelines);
     if (result == VK_OPERATION_DEFERRED_KHR && deferred)
         deferred->work = std::move(creation);
     else

@@ -14,7 +14,39 @@ VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
     return flags2 ? flags2->flags : flags;
 }
 
-bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char *command)
+VkFlags64 unknownPipelineFlags(const Driver &driver)
+{
+    if (driver.emulated())
+        return kMicromapPipelineFlags;
+    if (!driver.translated())
+        return 0;
+    return VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR |
+           (driver.enabled.pipelineMicromaps ? 0 : newer::kPipelineDisallowOpacityMicromap);
+}
+
+bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCreateFlags &flags, VkFlags64 removed,
+                         VkFlags64 added, std::deque<Chain> &chains, const char *command)
+{
+    // Also where VkPipelineCreateFlags2CreateInfo replaces them: a driver may reject unknown flags all the same.
+    flags = static_cast<VkPipelineCreateFlags>((flags & ~removed) | added);
+    const auto *flags2 =
+        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
+    if (!flags2 || flags2->flags == ((flags2->flags & ~removed) | added))
+        return true;
+    Chain &chain = chains.emplace_back(pNext);
+    auto *own = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
+    if (!own) {
+        driver.report().error("VELLUM-pipeline-flags",
+                              std::string(command) + ": VkPipelineCreateFlags2CreateInfo, whose flags the driver must "
+                                                     "not get as they are, is behind a structure of unknown size");
+        return false;
+    }
+    own->flags = (own->flags & ~removed) | added;
+    pNext = chain.head();
+    return true;
+}
+
+bool tolerateMixedSpecialIndex(const Driver &driver, const char *id, const char *command)
 {
     return driver.report().tolerates(
         id, std::string(command) +
@@ -22,14 +54,22 @@ bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char
                 "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");
 }
 
-bool takeMixedSpecialIndex(const Driver &driver, newer::ShaderCreateInfo &info)
+bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+                        const char *command)
+{
+    return (pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) ==
+               0 ||
+           driver.enabled.khrFeature || tolerateMixedSpecialIndex(driver, id, command);
+}
+
+bool checkShaderFlags(const Driver &driver, newer::ShaderCreateInfo &info)
 {
     constexpr VkFlags kDisallowMixedShader =
         static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
-    const bool asked = (info.flags & kDisallowMixedShader) != 0;
+    const bool requested = (info.flags & kDisallowMixedShader) != 0;
     info.flags &= ~kDisallowMixedShader;
-    return !asked || driver.enabled.khrFeature ||
-           toleratesMixedSpecialIndex(driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
+    return !requested || driver.enabled.khrFeature ||
+           tolerateMixedSpecialIndex(driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
 }
 
 bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
@@ -40,34 +80,6 @@ bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
         VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
         VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
     return !library || (library->flags & withShaders) != 0;
-}
-
-bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
-                  const char *command)
-{
-    return (pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) ==
-               0 ||
-           driver.enabled.khrFeature || toleratesMixedSpecialIndex(driver, id, command);
-}
-
-bool hideMicromapFlags(const Driver &driver, const void *&pNext, std::deque<Chain> &chains, const char *command)
-{
-    const auto *flags2 =
-        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
-    if (!flags2 || (flags2->flags & kMicromapPipelineFlags) == 0)
-        return true;
-    Chain &chain = chains.emplace_back(pNext);
-    auto *own = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
-    if (!own) {
-        driver.report().error("VELLUM-pipeline-flags",
-                              std::string(command) +
-                                  ": VkPipelineCreateFlags2CreateInfo, with flags that the driver does not know, lies "
-                                  "behind a structure of unknown size");
-        return false;
-    }
-    own->flags &= ~kMicromapPipelineFlags;
-    pNext = chain.head();
-    return true;
 }
 
 } // namespace vellum::layer

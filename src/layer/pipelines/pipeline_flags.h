@@ -1,4 +1,4 @@
-// Flags of pipelines that mean something to the layer only.
+// Creation flags of pipelines and shader objects that concern opacity micromaps.
 #pragma once
 
 #include <deque>
@@ -13,29 +13,33 @@ namespace vellum::layer
 
 struct Driver;
 
-// They promise what a pipeline meets. Only the first needs something done.
+// All flags about opacity micromaps. Only the first changes what the layer does; the others are promises.
 inline constexpr VkFlags64 kMicromapPipelineFlags =
     VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | newer::kPipelineDisallowOpacityMicromap |
     VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
-// Of all kinds of pipelines: VkPipelineCreateFlags2CreateInfo wins over the structure's own flags.
+// The flags of a pipeline: VkPipelineCreateFlags2CreateInfo replaces the create info's own flags.
 VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);
 
-// Tells of the promise of no mixed special indices where it may not be made. It does no harm there; whether the object
-// may be made.
-bool toleratesMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
-// Takes the flag of a shader object away that only the layer knows; false, after a message, where it may not be there.
-bool takeMixedSpecialIndex(const Driver &driver, newer::ShaderCreateInfo &info);
+// Those of kMicromapPipelineFlags that the driver does not know.
+VkFlags64 unknownPipelineFlags(const Driver &driver);
 
-// The same of a compute or graphics pipeline with these flags.
-bool mayHaveFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
-                  const char *command);
+// Removes and adds flags in a create info, with a copy of its VkPipelineCreateFlags2CreateInfo in `chains` if that
+// changes. Returns false and reports an error if that structure is behind one of unknown size.
+bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCreateFlags &flags, VkFlags64 removed,
+                         VkFlags64 added, std::deque<Chain> &chains, const char *command);
 
-// pStages is ignored, and may be anything, for a pipeline library without the parts that have shaders.
+// Reports that the flag DISALLOW_MIXED_SPECIAL_INDEX is not allowed. It is harmless: returns whether the object may be
+// created.
+bool tolerateMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
+// Reports that flag of a compute or graphics pipeline if the feature is not enabled. Returns whether the pipeline may
+// be created.
+bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
+                        const char *command);
+// The same for a shader object. Removes the flag, which the driver does not know.
+bool checkShaderFlags(const Driver &driver, newer::ShaderCreateInfo &info);
+
+// Whether pStages may be read: a pipeline library without shaders ignores it, and it may be invalid.
 bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info);
-
-// Takes them out of a pipeline's pNext chain; copies are kept in `chains`. Returns false, after a message, where they
-// lie behind a structure of unknown size.
-bool hideMicromapFlags(const Driver &driver, const void *&pNext, std::deque<Chain> &chains, const char *command);
 
 } // namespace vellum::layer

@@ -26,24 +26,8 @@ spirv::TracedFlags tracedBy(const DevicePipelines &device, const VkPipelineShade
     return module ? module->traced : spirv::scan(stageCode(device, stage)).traced;
 }
 
-void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                    RayTracingPipeline &record)
-{
-    for (uint32_t i = 0; i < info.groupCount; ++i)
-        record.hasBoxes =
-            record.hasBoxes || info.pGroups[i].type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
-    for (uint32_t i = 0; i < info.stageCount; ++i)
-        record.mostStride = std::max(record.mostStride, tracedBy(device, info.pStages[i]).mostStride);
-    for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
-        if (const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i])) {
-            record.hasBoxes = record.hasBoxes || library->hasBoxes;
-            record.mostStride = std::max(record.mostStride, library->mostStride);
-        }
-    }
-}
-
-bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                      const spirv::HiddenFlags &hidden)
+bool checkFlagTransport(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                        const spirv::HiddenFlags &hidden)
 {
     const uint32_t libraries = info.pLibraryInfo ? info.pLibraryInfo->libraryCount : 0;
     if (libraries == 0 && (pipelineFlags(info.pNext, info.flags) & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
@@ -54,9 +38,9 @@ bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateI
         alike = alike && library && library->hidden.fixed == 0;
     }
     if (!alike)
-        device.driver.report().notAvailable(
-            "a ray tracing pipeline, or a library for one, of binaries in which ray flags "
-            "travel in another way than in the other libraries of this device");
+        device.driver.report().notAvailable("a ray tracing pipeline or library of binaries whose ray flags do not "
+                                            "travel as in the other libraries of this "
+                                            "device");
     return alike;
 }
 
@@ -65,8 +49,8 @@ void writeStandIn(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeli
     std::array<uint32_t, kGroupHandleBytes / 4> handle{};
     if (device.driver.next.GetRayTracingShaderGroupHandlesKHR(device.driver.handle, pipeline, record.ownGroups, 1,
                                                               kGroupHandleBytes, handle.data()) != VK_SUCCESS) {
-        device.driver.report().error("VELLUM-null-group", "the driver gives no handle for the layer's hit group");
-        handle = {}; // null stays null
+        device.driver.report().error("VELLUM-null-group", "the driver returned no handle for the layer's hit group");
+        handle = {}; // the record stays null
     }
     std::copy(handle.begin(), handle.end(), record.standIn.words());
 }
@@ -99,7 +83,7 @@ size_t captureReplayHandleBytes(const DevicePipelines &device)
     return pipelines.shaderGroupHandleCaptureReplaySize;
 }
 
-// Calls `get(first driver group, count, groups before)` for each run of groups that lie together in the driver's
+// Calls `get(first driver group, count, groups before)` for each run of groups that are contiguous in the driver's
 // pipeline.
 template <typename Get>
 VkResult forDriverGroups(const DevicePipelines &device, VkPipeline pipeline, uint32_t first, uint32_t count, Get get)
@@ -143,13 +127,13 @@ VkDeviceSize getShaderGroupStackSize(DevicePipelines &device, VkDevice handle, V
                                                                    record ? record->driverGroup(group) : group, shader);
 }
 
-// The application counts the stacks of its own shaders. Where one of its groups has no any-hit shader, ours runs, once
-// at a time and on top of at most what the application reckons for one hit.
+// The application's size covers its own shaders. In groups without an any-hit shader the layer's runs, one at a time
+// and on top of at most the stack that the application has for one hit.
 void cmdSetRayTracingPipelineStackSize(DevicePipelines &device, VkCommandBuffer commandBuffer, uint32_t bytes)
 {
-    const uint32_t ours = device.anyHitStack.load();
+    const uint32_t own = device.anyHitStack.load();
     device.driver.next.CmdSetRayTracingPipelineStackSizeKHR(commandBuffer,
-                                                            bytes > UINT32_MAX - ours ? bytes : bytes + ours);
+                                                            bytes > UINT32_MAX - own ? bytes : bytes + own);
 }
 
 } // namespace vellum::layer

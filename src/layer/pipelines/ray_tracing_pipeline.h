@@ -1,10 +1,8 @@
-// Ray tracing pipelines. In those that use micromaps every hit group has an any-hit shader that looks them up, and ray
-// flags that would keep hits from it are hidden from the driver.
+// Ray tracing pipelines. In those that use micromaps every hit group has an any-hit shader that looks them up, and the
+// driver does not get ray flags that would bypass it.
 #pragma once
 
 #include <functional>
-#include <memory>
-#include <mutex>
 #include <span>
 #include <vector>
 
@@ -22,23 +20,23 @@ struct DevicePipelines;
 
 inline constexpr uint32_t kGroupHandleBytes = 32; // shaderGroupHandleSize is always this
 
-// How the ray flags travel that are hidden from the driver, in the code of a pipeline (spirv::HiddenFlags).
+// How hidden ray flags travel in the code of a pipeline (spirv::HiddenFlags).
 struct HiddenInBinary {
     bool known = false;
     uint32_t fixed = 0;
     uint32_t constant = 0;
 };
 
-// What the layer keeps of a pipeline that uses micromaps.
+// A pipeline that uses micromaps.
 struct RayTracingPipeline {
-    uint32_t ownGroups = 0; // of the application's, without those of libraries, which come after
-    // The driver's pipeline has one group more after these: the one that stands in for null handles.
+    uint32_t ownGroups = 0; // groups of the create info; those of libraries follow
+    // In the driver's pipeline the layer's hit group, which replaces null handles, follows ownGroups.
     bool hasNullGroup = false;
-    PooledMemory standIn;         // a hit record with that group's handle
-    bool hasBoxes = false;        // has procedural hit groups, its own or of libraries
-    uint32_t mostStride = 0;      // the greatest SBT stride of its rays; 15 where it is not known
-    HiddenInBinary hidden;        // of its rays
-    spirv::PayloadTypes payloads; // where ray flags travel in them
+    PooledMemory standIn;         // hit record with that group's handle
+    bool hasBoxes = false;        // has procedural hit groups, including those of libraries
+    uint32_t mostStride = 0;      // largest SBT stride of its rays; 15 if unknown
+    HiddenInBinary hidden;        // how the ray flags of its rays travel
+    spirv::PayloadTypes payloads; // of its rays, if flags travel in payloads
 
     [[nodiscard]] uint32_t driverGroup(uint32_t group) const
     {
@@ -50,25 +48,21 @@ struct RayTracingPipeline {
 VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
                                    const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
                                    VkPipeline *);
-// Calls `use` with a pipeline as the driver would get it. VK_PIPELINE_COMPILE_REQUIRED where there is no code for it.
+// Calls `use` with the driver's create info. VK_PIPELINE_COMPILE_REQUIRED if code that must be rewritten is missing.
 VkResult
 withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use);
-// The code of a stage; nothing where only the driver has it. Valid as long as the stage's module is.
+// The application's SPIR-V of a stage; empty if the stage has a module identifier. Valid as long as the stage's module.
 std::span<const uint32_t> stageCode(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage);
-// What is known of the rays that it traces.
+// The flags of the rays that a stage traces.
 spirv::TracedFlags tracedBy(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage);
-// Sets what decides which hit records its rays may read: hasBoxes, mostStride.
-void noteHitRecords(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                    RayTracingPipeline &record);
-// Rays of one library meet shaders of the others. Those of libraries that are made of code all travel with all hidden
-// flags in the payload; binaries have their own way. Reports where a pipeline with the flags of `hidden` cannot be, or
-// have, libraries.
-bool flagsTravelAlike(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-                      const spirv::HiddenFlags &hidden);
-// Of a pipeline that the driver has made: writes the handle of the group that stands in for null ones.
+// Checks that the libraries of a pipeline, and a pipeline that is a library, have all hidden ray flags in the payload:
+// rays of one library meet shaders of the others. Binaries may have some as constants. Reports an error otherwise.
+bool checkFlagTransport(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                        const spirv::HiddenFlags &hidden);
+// Writes the hit record that replaces null ones, with the handle of the layer's hit group.
 void writeStandIn(DevicePipelines &device, VkPipeline pipeline, RayTracingPipeline &record);
-// `groups`: of the driver's pipeline, those with any-hit shaders of the layer's.
+// Measures the stacks of the layer's any-hit shaders. `groups`: those of the driver's pipeline that have one.
 void measureStacks(DevicePipelines &device, VkPipeline pipeline, const std::vector<uint32_t> &groups);
 void destroyPipeline(DevicePipelines &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
 VkResult getShaderGroupHandles(DevicePipelines &, VkDevice, VkPipeline, uint32_t, uint32_t, size_t, void *);

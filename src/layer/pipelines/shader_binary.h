@@ -1,7 +1,6 @@
 // Binaries of shader objects (VK_EXT_shader_object). A rewritten shader holds addresses of its device's tables, so its
-// binary is of use only where a device has its tables at the same addresses: in later runs, where these are stable
-// (RootTable::create). Binaries get a header of ours, and others' are refused with the result that the extension has
-// for that.
+// binary is valid only for devices whose tables have the same addresses, as in later runs with stable addresses
+// (RootTable::create). The layer puts a header before binaries, and rejects others as incompatible.
 #pragma once
 
 #include <array>
@@ -14,18 +13,18 @@
 namespace vellum::layer
 {
 
-// Tells this version of the layer from others that rewrite shaders in another way.
+// Identifies this version of the rewriter.
 const std::array<uint8_t, VK_UUID_SIZE> &rewriterUuid();
-// Tells this process from every other, for as long as it lives.
+// Identifies this process.
 const std::array<uint8_t, VK_UUID_SIZE> &processUuid();
 
 struct ShaderBinaryHeader {
     std::array<uint8_t, VK_UUID_SIZE> rewriter;
     VkDeviceAddress root;
-    VkDeviceAddress firstSlots; // and in bit 63, whether all ray queries use micromaps
+    VkDeviceAddress firstSlots; // bit 63: all ray queries use micromaps
     bool operator==(const ShaderBinaryHeader &) const = default;
 };
-static_assert(sizeof(ShaderBinaryHeader) == 32); // keeps the 16-byte alignment that VUID-...-pCode-08492 asks for
+static_assert(sizeof(ShaderBinaryHeader) == 32); // keeps the alignment of 16 bytes of VUID-...-pCode-08492
 
 // The header of this device's binaries.
 struct DevicePipelines;

@@ -1,18 +1,11 @@
 #include "layer/pipelines/shaders.h"
 
-#include <algorithm>
 #include <cstring>
-#include <deque>
 #include <memory>
-#include <span>
-#include <vector>
 
-#include "layer/base/pnext.h"
 #include "layer/base/undo.h"
 #include "layer/pipelines/device_pipelines.h"
-#include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/pipeline_binaries.h"
-#include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shader_binary.h"
 #include "spirv/module/scan.h"
 
@@ -21,24 +14,22 @@ namespace vellum::layer
 namespace
 {
 
-// Compute or graphics pipelines, by the driver's command. Those with stages that are known by their identifiers only
-// are made one by one, in every way to read these until the driver knows one.
+// Creates compute or graphics pipelines by the driver's command. Pipelines with module identifiers are created one by
+// one, since the driver may have to be called several times for each (DriverIdentifiers::useUntilKnown).
 template <typename Info, typename Command>
 VkResult createPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
                          const Info *infos, const VkAllocationCallbacks *allocator, VkPipeline *pipelines,
                          Command command)
 {
-    DriverStages stages(device);
-    std::deque<DriverIdentifiers> identifiers;
-    std::deque<Chain> chains;
+    std::deque<DriverPipelineInfo> driverInfos;
     std::vector<Info> own(infos, infos + count);
-    const std::vector<VkResult> prepared = prepareEach(std::span(own), [&](Info &info) {
-        return translate(device, info, stages, identifiers.emplace_back(device), chains);
-    });
-    if (allSucceeded(prepared) && std::ranges::none_of(identifiers, &DriverIdentifiers::any))
+    const std::vector<VkResult> prepared =
+        prepareEach(std::span(own), [&](Info &info) { return driverInfos.emplace_back(device).change(info); });
+    const auto hasIdentifiers = [](const DriverPipelineInfo &info) { return info.identifiers.any(); };
+    if (allSucceeded(prepared) && std::ranges::none_of(driverInfos, hasIdentifiers))
         return command(handle, cache, count, own.data(), allocator, pipelines);
     return createEach(std::span(own), pipelines, [&](size_t i, const Info &info, VkPipeline &pipeline) {
-        return prepared[i] != VK_SUCCESS ? prepared[i] : identifiers[i].useUntilKnown([&] {
+        return prepared[i] != VK_SUCCESS ? prepared[i] : driverInfos[i].identifiers.useUntilKnown([&] {
             return command(handle, cache, 1, &info, allocator, &pipeline);
         });
     });
@@ -51,13 +42,13 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
 {
     VkShaderModuleCreateInfo driverInfo = *info;
     std::vector<uint32_t> storage;
-    const bool emulated = device.driver.emulated();
     const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
     const spirv::ModuleScan scan = spirv::scan(words);
-    if (emulated && scan.tracesRays && !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
+    if ((scan.tracesRays || device.driver.translated()) &&
+        !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
         return VK_ERROR_INVALID_SHADER_NV;
     std::shared_ptr<const RayTracingModule> original;
-    if (emulated && scan.hasStages)
+    if (device.driver.mode != Mode::Identifiers && scan.hasStages)
         original = std::make_shared<RayTracingModule>(RayTracingModule{{words.begin(), words.end()}, scan.traced});
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     if (result != VK_SUCCESS)
@@ -79,41 +70,38 @@ void destroyShaderModule(DevicePipelines &device, VkDevice handle, VkShaderModul
     device.driver.next.DestroyShaderModule(handle, module, allocator);
 }
 
-VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, DriverStages &stages,
-                   DriverIdentifiers &identifiers, std::deque<Chain> &chains)
+template <typename Info>
+VkResult DriverPipelineInfo::change(Info &info, const VkPipelineShaderStageCreateInfo *&stages, uint32_t count,
+                                    const char *flagsId, const char *command)
 {
-    const bool emulated = device.driver.emulated();
-    if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
-                                  "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593", "vkCreateComputePipelines"))
+    const Driver &driver = device_.driver;
+    if (driver.mode != Mode::Identifiers && !checkPipelineFlags(driver, info.pNext, info.flags, flagsId, command))
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    if (emulated && !hideMicromapFlags(device.driver, info.pNext, chains, "vkCreateComputePipelines"))
+    if (!changePipelineFlags(driver, info.pNext, info.flags, unknownPipelineFlags(driver), 0, chains_, command))
         return VK_ERROR_INITIALIZATION_FAILED;
     if (binariesOf(info.pNext))
         return VK_SUCCESS;
-    const VkPipelineShaderStageCreateInfo *stage = &info.stage;
-    if (emulated && !stages.rewrite(stage, 1))
+    if (!stages_.rewrite(stages, count))
         return VK_ERROR_INVALID_SHADER_NV;
-    identifiers.take(stage, 1);
-    if (stage != &info.stage)
-        info.stage = *stage;
+    identifiers.replace(stages, count);
     return VK_SUCCESS;
 }
 
-VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, DriverStages &stages,
-                   DriverIdentifiers &identifiers, std::deque<Chain> &chains)
+VkResult DriverPipelineInfo::change(VkComputePipelineCreateInfo &info)
 {
-    const bool emulated = device.driver.emulated();
-    if (emulated && !mayHaveFlags(device.driver, info.pNext, info.flags,
-                                  "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595", "vkCreateGraphicsPipelines"))
-        return VK_ERROR_VALIDATION_FAILED_EXT;
-    if (emulated && !hideMicromapFlags(device.driver, info.pNext, chains, "vkCreateGraphicsPipelines"))
-        return VK_ERROR_INITIALIZATION_FAILED;
-    if (!hasShaderStages(info) || binariesOf(info.pNext))
-        return VK_SUCCESS;
-    if (emulated && !stages.rewrite(info.pStages, info.stageCount))
-        return VK_ERROR_INVALID_SHADER_NV;
-    identifiers.take(info.pStages, info.pStages ? info.stageCount : 0);
-    return VK_SUCCESS;
+    const VkPipelineShaderStageCreateInfo *stage = &info.stage;
+    const VkResult result =
+        change(info, stage, 1, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593", "vkCreateComputePipelines");
+    if (stage != &info.stage)
+        info.stage = *stage;
+    return result;
+}
+
+VkResult DriverPipelineInfo::change(VkGraphicsPipelineCreateInfo &info)
+{
+    const uint32_t count = hasShaderStages(info) && info.pStages ? info.stageCount : 0;
+    return change(info, info.pStages, count, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
+                  "vkCreateGraphicsPipelines");
 }
 
 VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
@@ -138,8 +126,10 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     const auto prepare = [&](newer::ShaderCreateInfo &info) {
-        if (!takeMixedSpecialIndex(device.driver, info))
+        if (!checkShaderFlags(device.driver, info))
             return VK_ERROR_VALIDATION_FAILED_EXT;
+        if (info.codeType == newer::kShaderCodeTypeBinary && !device.driver.emulated())
+            return VK_SUCCESS;
         if (info.codeType == newer::kShaderCodeTypeBinary) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
             if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0)

@@ -1,5 +1,4 @@
-// Shader modules, shader objects, compute and graphics pipelines: shaders that trace rays are rewritten on their way to
-// the driver.
+// Shader modules, shader objects, compute and graphics pipelines: the driver gets rewritten shaders (driver_stages.h).
 #pragma once
 
 #include <algorithm>
@@ -11,21 +10,35 @@
 
 #include "layer/base/pnext.h"
 #include "layer/base/vulkan_newer.h"
+#include "layer/pipelines/driver_stages.h"
+#include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/pipeline_flags.h"
 
 namespace vellum::layer
 {
 
 struct DevicePipelines;
-class DriverIdentifiers;
-class DriverStages;
 
-// Makes a create info one as the driver is to see it. What it points to then lives in the other arguments. Without
-// emulated micromaps only its identifiers change.
-VkResult translate(DevicePipelines &device, VkComputePipelineCreateInfo &info, DriverStages &stages,
-                   DriverIdentifiers &identifiers, std::deque<Chain> &chains);
-VkResult translate(DevicePipelines &device, VkGraphicsPipelineCreateInfo &info, DriverStages &stages,
-                   DriverIdentifiers &identifiers, std::deque<Chain> &chains);
+// What the create info of a compute or graphics pipeline points to once it is one for the driver.
+class DriverPipelineInfo
+{
+public:
+    explicit DriverPipelineInfo(DevicePipelines &device) : identifiers(device), device_(device), stages_(device) {}
+    // Changes a create info into the driver's. It is valid as long as this object.
+    VkResult change(VkComputePipelineCreateInfo &info);
+    VkResult change(VkGraphicsPipelineCreateInfo &info);
+
+    DriverIdentifiers identifiers;
+
+private:
+    template <typename Info>
+    VkResult change(Info &info, const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, const char *flagsId,
+                    const char *command);
+
+    DevicePipelines &device_;
+    DriverStages stages_;
+    std::deque<Chain> chains_;
+};
 
 VkResult createShaderModule(DevicePipelines &, VkDevice, const VkShaderModuleCreateInfo *,
                             const VkAllocationCallbacks *, VkShaderModule *);
@@ -37,8 +50,8 @@ VkResult createGraphicsPipelines(DevicePipelines &, VkDevice, VkPipelineCache, u
 VkResult createShaders(DevicePipelines &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
                        const VkAllocationCallbacks *, newer::ShaderEXT *);
 
-// --- commands that make several objects at once. Pipelines that can be made are made also where others of the command
-// cannot be, unless one that fails has EARLY_RETURN_ON_FAILURE (Vulkan, "Multiple Pipeline Creation") ---
+// --- commands that create several objects. A pipeline that fails does not keep the command from creating the others,
+// unless it has EARLY_RETURN_ON_FAILURE (Vulkan, "Multiple Pipeline Creation") ---
 
 template <typename Info>
 bool returnsEarly(const Info &info)
@@ -46,7 +59,7 @@ bool returnsEarly(const Info &info)
     return (pipelineFlags(info.pNext, info.flags) & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT) != 0;
 }
 
-// The result of `prepare` for each create info, up to one that fails and ends the command.
+// The result of `prepare` for each create info, up to one that fails and has EARLY_RETURN_ON_FAILURE.
 template <typename Info, typename Prepare>
 std::vector<VkResult> prepareEach(std::span<Info> infos, Prepare prepare)
 {
@@ -65,7 +78,7 @@ inline bool allSucceeded(const std::vector<VkResult> &results)
     return std::ranges::all_of(results, [](VkResult result) { return result == VK_SUCCESS; });
 }
 
-// Makes pipelines one after the other. `create(i, info, pipeline)` makes one; its create info names no other by index.
+// Creates pipelines one by one. `create(i, info, pipeline)` creates one, whose create info has no basePipelineIndex.
 template <typename Info, typename Create>
 VkResult createEach(std::span<Info> infos, VkPipeline *pipelines, Create create)
 {
@@ -89,8 +102,8 @@ VkResult createEach(std::span<Info> infos, VkPipeline *pipelines, Create create)
     return worst;
 }
 
-// Makes the pipelines that were prepared: with one call where these are all. `create(count, infos, pipelines)` is the
-// driver's command.
+// Creates the pipelines whose preparation succeeded, by one call if it succeeded for all. `create(count, infos,
+// pipelines)` is the driver's command.
 template <typename Info, typename Create>
 VkResult createPrepared(std::span<Info> infos, const std::vector<VkResult> &prepared, VkPipeline *pipelines,
                         Create create)
@@ -102,8 +115,8 @@ VkResult createPrepared(std::span<Info> infos, const std::vector<VkResult> &prep
     });
 }
 
-// Shader objects. An error is about the first that is null, so only those before one that fails in `prepare` are made.
-// `create(count)` is the driver's command for the first ones.
+// Creates shader objects. The result is that of the first null object, so only those before one that fails in `prepare`
+// are created. `create(count)` is the driver's command for the first `count`.
 template <typename Prepare, typename Create>
 VkResult createShadersBeforeFailure(std::span<newer::ShaderCreateInfo> infos, newer::ShaderEXT *shaders,
                                     Prepare prepare, Create create)

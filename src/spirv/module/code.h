@@ -1,4 +1,4 @@
-// Writes instructions one after the other.
+// A sequence of new instructions.
 #pragma once
 
 #include <cstdint>

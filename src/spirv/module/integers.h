@@ -8,12 +8,26 @@
 namespace vellum::spirv
 {
 
-// A value as a uint. The type of what an unknown instruction made is unknown, too (0); a cast to the same type does no
-// harm.
+// A value as a uint. The type of an unknown instruction's result is unknown (0); a cast to the same type is harmless.
 inline Id toUint(Types &types, Id type, Id value, Code &out)
 {
     const Id uint = types.uint32();
     return type == uint ? value : out.value(spv::OpBitcast, uint, {value});
+}
+
+// The bits of a value of either signedness that are in `mask`, as a uint: a constant if the value is one.
+inline Id maskBits(Types &types, Id value, uint32_t mask, Code &out)
+{
+    if (const auto constant = types.valueOf(value))
+        return types.uintConstant(*constant & mask);
+    return out.value(spv::OpBitwiseAnd, types.uint32(), {value, types.uintConstant(mask)});
+}
+
+// Whether a uint has any of these bits.
+inline Id hasBits(Types &types, Id value, uint32_t bits, Code &out)
+{
+    const Id masked = out.value(spv::OpBitwiseAnd, types.uint32(), {value, types.uintConstant(bits)});
+    return out.value(spv::OpINotEqual, types.boolean(), {masked, types.uintConstant(0)});
 }
 
 // An instruction that makes a uint, for the result of one that makes an integer of the given type.

@@ -1,10 +1,10 @@
-// Makes SPIR-V with SPV_KHR_opacity_micromap into SPIR-V with SPV_EXT_opacity_micromap, for a driver that has
+// Translates SPIR-V with SPV_KHR_opacity_micromap to SPIR-V with SPV_EXT_opacity_micromap, for a driver that has
 // VK_EXT_opacity_micromap only.
 //
-// They have one capability in common, for the ray flag ForceOpacityMicromap2State. What KHR adds, the execution mode
-// OpacityMicromapIdKHR with its capability, is taken out: with VK_EXT_opacity_micromap enabled, every ray query uses
-// micromaps. Those that KHR lets use none (no mode, or an operand that is false) must not meet geometry with micromaps
-// (VUID-vkCmdDispatch-micromap-11636), so for valid programs it is the same.
+// Both have the capability for the ray flag ForceOpacityMicromap2State. The execution mode OpacityMicromapIdKHR and its
+// capability, which EXT does not have, are removed: with VK_EXT_opacity_micromap every ray query uses micromaps. Ray
+// queries that use none by KHR (without the mode, or with a false operand) must not meet geometry with micromaps
+// (VUID-vkCmdDispatch-micromap-11636), so valid programs behave the same.
 #pragma once
 
 #include <cstdint>
@@ -15,11 +15,11 @@ namespace vellum::spirv
 {
 
 struct TranslateResult {
-    std::vector<uint32_t> words; // empty: there is nothing to change
-    bool queriesForget = false;  // it has ray queries, and no entry point declares anything
+    std::vector<uint32_t> words; // empty if nothing changes
+    bool queriesForget = false;  // it has ray queries, and no entry point has the execution mode
 };
 
-// What is no SPIR-V, or cut short, stays as it is. Reads nothing outside `words`.
+// Words that are not SPIR-V are unchanged, and so is an incomplete end. Reads nothing outside `words`.
 TranslateResult translateToExt(std::span<const uint32_t> words);
 
 } // namespace vellum::spirv

@@ -1,4 +1,4 @@
-// Links functions of our GLSL library (src/shaders/pipelines/lookup.comp) into an application's module.
+// Links functions of the layer's GLSL library (src/shaders/pipelines/lookup.comp) into an application's module.
 #pragma once
 
 #include "spirv/module/module.h"

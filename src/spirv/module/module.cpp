@@ -16,7 +16,7 @@ struct Shape {
     bool hasResult = false, hasType = false;
 };
 
-// What the words of an opcode begin with. Of those that we interpret, some are younger than installed headers may be.
+// Whether the operands of an opcode begin with a result type and a result. Installed headers may be too old for some.
 Shape shapeOf(uint32_t opcode)
 {
     switch (opcode) {
@@ -31,8 +31,7 @@ Shape shapeOf(uint32_t opcode)
     return shape;
 }
 
-// The section an opcode belongs to; nothing for those that can stand in several (OpLine, OpExtInst, OpUndef...) and
-// those we do not know.
+// The section of an opcode; nothing for those that can be in several (OpLine, OpExtInst, OpUndef...) and unknown ones.
 std::optional<Section> sectionOf(uint32_t opcode)
 {
     switch (opcode) {
@@ -67,7 +66,7 @@ std::optional<Section> sectionOf(uint32_t opcode)
     return {};
 }
 
-// Words that an instruction must have for our code to make sense of it.
+// Minimum number of words of the instructions that the rewriter interprets.
 uint32_t minimumWords(uint32_t opcode)
 {
     switch (opcode) {
@@ -221,7 +220,7 @@ bool Module::define(Instruction in, bool global, std::string &error)
     return true;
 }
 
-// A module that was cut short between two functions is well formed but for this.
+// Detects a module that is cut off between two functions, which is well formed otherwise.
 bool Module::checkReferences(std::string &error) const
 {
     for (const Instruction in : section(Section::EntryPoints))

@@ -1,5 +1,5 @@
-// A SPIR-V module taken apart into sections of instructions, to be edited and put together again. Opcodes that are not
-// known here pass through where they stand.
+// A SPIR-V module parsed into sections of instructions, to be edited and serialized. Instructions with unknown opcodes
+// keep their place.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ namespace vellum::spirv
 
 using Id = uint32_t;
 
-// The sections of the logical layout (SPIR-V specification, 2.4) that we tell apart.
+// Sections of the logical layout (SPIR-V specification, 2.4).
 enum class Section : uint8_t {
     Capabilities,
     Extensions,
@@ -35,7 +35,7 @@ enum class Section : uint8_t {
     Count
 };
 
-// An instruction: where its words lie in the module that made it. Cheap to copy, and stays valid as the module grows.
+// An instruction: the position of its words in the module that made it. Remains valid when the module grows.
 struct Instruction {
     uint32_t first = 0;
     uint16_t count = 0; // words, with the opcode's
@@ -48,9 +48,9 @@ inline constexpr const char *kTooLongInterface = "an entry point has too long an
 class Module
 {
 public:
-    // Checks what the rest of this library relies on: the layout of instructions in words, a sane id bound, result
-    // ids that are in bounds and defined once, enough operands in every instruction we interpret, functions that
-    // begin and end. On failure returns nothing and sets `error`.
+    // Checks what this library requires: the layout of instructions in words, a limited id bound, result ids that are in
+    // bounds and defined once, enough operands in every interpreted instruction, functions that begin and end. Returns
+    // nothing on failure, and sets `error`.
     static std::optional<Module> parse(Words words, std::string &error);
 
     std::vector<uint32_t> serialize() const;
@@ -70,7 +70,7 @@ public:
     Id result(Instruction in) const;
     Id resultType(Instruction in) const;
 
-    // The instruction that defines an id. One with opcode 0 (OpNop) for ids that nothing we know defines.
+    // The instruction that defines an id; one with opcode 0 (OpNop) if no known instruction does.
     Instruction definition(Id id) const { return id < definitions_.size() ? definitions_[id] : Instruction{}; }
     // The id is defined outside of functions, in the module as it was parsed or by append().
     bool isGlobal(Id id) const { return id < global_.size() && global_[id]; }

@@ -19,7 +19,7 @@ std::optional<RayInstruction> rayInstruction(uint32_t opcode)
     case kOpHitObjectRecordMissEXT:
     case kOpHitObjectRecordMissMotionEXT: return RayInstruction{.hitObject = 1, .flags = 2};
     case kOpHitObjectRecordFromQueryEXT: return RayInstruction{.hitObject = 1, .query = 2};
-    // These have no flags: neither has the ray.
+    // These have no flags; those of the ray are 0.
     case kOpHitObjectRecordHitMotionNV:
     case kOpHitObjectRecordHitWithIndexMotionNV:
     case kOpHitObjectRecordMissMotionNV:

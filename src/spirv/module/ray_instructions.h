@@ -1,5 +1,4 @@
-// The instructions that trace rays of pipelines, or hold and use what rays found (hit objects): where their operands
-// are.
+// Operands of the instructions that trace rays of pipelines, or make and use hit objects.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +10,12 @@ namespace vellum::spirv
 // Words of an instruction; 0: it has no such operand.
 struct RayInstruction {
     uint32_t hitObject = 0;
-    uint32_t flags = 0;   // of the ray, or of the one that is recorded to have missed
+    uint32_t flags = 0;   // of the ray, which may be one that is recorded as a miss
     uint32_t payload = 0; // of the shaders that it calls
     uint32_t query = 0;   // the ray query that the hit object is made from
-    bool empties = false; // the hit object is of no ray any more
+    bool empties = false; // makes an empty hit object
 
-    // The SBT stride of a ray that is traced: behind its flags, cull mask and SBT offset.
+    // The SBT stride of a traced ray, which follows flags, cull mask and SBT offset.
     [[nodiscard]] uint32_t stride() const { return payload != 0 && flags != 0 ? flags + 3 : 0; }
     // It calls shaders for a hit object that was made before.
     [[nodiscard]] bool onlyExecutes() const { return payload != 0 && flags == 0; }

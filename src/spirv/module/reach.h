@@ -1,4 +1,4 @@
-// Which functions a shader consists of.
+// The functions that an entry point reaches.
 #pragma once
 
 #include <set>

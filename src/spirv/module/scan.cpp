@@ -19,8 +19,8 @@ bool isRayTracingStage(uint32_t model)
     return model >= spv::ExecutionModelRayGenerationKHR && model <= spv::ExecutionModelCallableKHR;
 }
 
-// Capabilities that declare ray tracing implicitly are many, and grow; its stages tell as well. Of ray queries there
-// are these.
+// Capabilities of ray queries. Those of ray tracing pipelines are many, but modules that need them have a ray tracing
+// stage.
 bool declaresRays(uint32_t capability)
 {
     switch (capability) {
@@ -57,7 +57,7 @@ public:
         }
     }
 
-    // `whole`: everything was visited.
+    // `whole`: all instructions were visited.
     TracedFlags result(bool whole)
     {
         // Hit objects that are made from a ray query have the query's flags.

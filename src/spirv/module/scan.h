@@ -1,4 +1,4 @@
-// What is known of a module without taking it apart.
+// Facts about a module that need no parsing.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +9,17 @@
 namespace vellum::spirv
 {
 
-// What is known of all rays that a module traces in pipelines.
+// The flags of all rays that a module traces in pipelines.
 struct TracedFlags {
     bool traces = false;
-    uint32_t fixed = shared::kHiddenRayFlags; // those that all rays have alike
-    uint32_t constant = 0;                    // the fixed ones that all rays have
-    uint32_t mostStride = 0;                  // the greatest SBT stride; 15 where one is unknown
+    uint32_t fixed = shared::kHiddenRayFlags; // flags in which all rays agree
+    uint32_t constant = 0;                    // the fixed flags that are set
+    uint32_t mostStride = 0;                  // the largest SBT stride; 15 if one is unknown
     void add(const TracedFlags &other);
     bool operator==(const TracedFlags &) const = default;
 };
 
-// What one look at a module finds. Of what is not SPIR-V, nothing is known.
+// The result of one pass over a module. Nothing is known of words that are not SPIR-V.
 struct ModuleScan {
     bool hasStages = false;  // an entry point is a stage of ray tracing pipelines
     bool tracesRays = false; // it has such a stage, or declares a capability to trace rays

@@ -105,4 +105,12 @@ std::optional<uint32_t> Types::valueOf(Id id) const
     return {};
 }
 
+Id addPrivateVariable(Module &module, Types &types, Id type)
+{
+    const Id pointer = types.get(spv::OpTypePointer, {spv::StorageClassPrivate, type});
+    const Id variable = module.newId();
+    module.append(Section::Globals, spv::OpVariable, {pointer, variable, spv::StorageClassPrivate});
+    return variable;
+}
+
 } // namespace vellum::spirv

@@ -40,4 +40,7 @@ private:
     std::map<std::vector<uint32_t>, Id> known_;
 };
 
+// Adds a module-scope variable of storage class Private.
+Id addPrivateVariable(Module &module, Types &types, Id type);
+
 } // namespace vellum::spirv

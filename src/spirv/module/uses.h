@@ -1,4 +1,4 @@
-// What instructions use variables for.
+// Uses of variables by instructions.
 #pragma once
 
 #include <set>
@@ -8,7 +8,7 @@
 namespace vellum::spirv
 {
 
-// Whether an instruction only tells a debugger something.
+// Whether an instruction is debug information.
 bool isDebug(const Module &module, Instruction in);
 
 // Whether one of the functions uses the pointer, which is a payload or hit attributes.

@@ -1,4 +1,4 @@
-// SPIR-V as words, instruction by instruction: for what need not be taken apart (module.h).
+// Visits the words of SPIR-V, instruction by instruction, without parsing it as a Module (module.h).
 #pragma once
 
 #include <cstddef>
@@ -25,8 +25,8 @@ inline uint32_t opcodeOf(Words instruction)
     return instruction[0] & 0xffff;
 }
 
-// Calls visit(words of an instruction) for one after the other until it returns false. Returns where the first one
-// begins that was not visited, or is cut short.
+// Calls visit(words of an instruction) for each instruction until it returns false. Returns the beginning of the first
+// instruction that was not accepted, or is incomplete.
 template <typename Visit>
 size_t visitInstructions(Words words, Visit visit)
 {

@@ -1,0 +1,208 @@
+#include "layer/pipelines/micromap_stages.h"
+
+#include <set>
+
+#include "layer/pipelines/device_pipelines.h"
+#include "spirv/module/opcodes.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using spirv::Prologue;
+
+uint32_t executionModelOf(VkShaderStageFlagBits stage)
+{
+    switch (stage) {
+    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return spv::ExecutionModelRayGenerationKHR;
+    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return spv::ExecutionModelIntersectionKHR;
+    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return spv::ExecutionModelAnyHitKHR;
+    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return spv::ExecutionModelClosestHitKHR;
+    case VK_SHADER_STAGE_MISS_BIT_KHR: return spv::ExecutionModelMissKHR;
+    default: return spv::ExecutionModelCallableKHR;
+    }
+}
+
+} // namespace
+
+RewrittenModules::~RewrittenModules()
+{
+    for (const auto &[key, module] : modules_) {
+        if (module)
+            device_.driver.next.DestroyShaderModule(device_.driver.handle, module, nullptr);
+    }
+}
+
+VkResult RewrittenModules::rewrite(VkPipelineShaderStageCreateInfo &stage, Prologue prologue,
+                                   const spirv::HiddenFlags &hidden)
+{
+    const spirv::PipelineStage target{stage.pName, executionModelOf(stage.stage), prologue, hidden};
+    const auto original = device_.rayTracingModules.get(stage.module);
+    if (!original) {
+        bool inlined = false;
+        if (!inlined_.rewriteInline(stage, inlined, target))
+            return VK_ERROR_UNKNOWN;
+        return inlined ? VK_SUCCESS : VK_PIPELINE_COMPILE_REQUIRED;
+    }
+    VkShaderModule &module =
+        modules_[{stage.module, stage.stage, prologue, hidden, std::string(stage.pName)}]; // null until created
+    if (!module) {
+        const uint32_t *code = original->words.data();
+        size_t bytes = original->words.size() * 4;
+        std::vector<uint32_t> storage;
+        if (!rewriteShader(device_, code, bytes, storage, target))
+            return VK_ERROR_UNKNOWN;
+        const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
+        VkShaderModule created = VK_NULL_HANDLE;
+        const VkResult result = device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &created);
+        if (result != VK_SUCCESS)
+            return result;
+        module = created;
+    }
+    stage.module = module;
+    return VK_SUCCESS;
+}
+
+spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                                 std::vector<std::optional<spirv::TypeWords>> &incoming)
+{
+    spirv::PayloadTypes types;
+    for (uint32_t i = 0; i < info.stageCount; ++i)
+        incoming.push_back(types.add(stageCode(device, info.pStages[i]), info.pStages[i].pName,
+                                     executionModelOf(info.pStages[i].stage)));
+    // A pipeline of binaries, whose stages may have no code, must have the same stages as the one that they come from.
+    if (device.driver.next.CreatePipelineBinariesKHR)
+        incoming.clear();
+    for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
+        if (const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
+            types.add(library->payloads);
+    }
+    return types;
+}
+
+VkResult MicromapStages::add(const VkRayTracingPipelineCreateInfoKHR &info, bool addNullGroup)
+{
+    if (const VkResult result = addStages(info); result != VK_SUCCESS)
+        return result;
+    groups.assign(info.pGroups, info.pGroups + info.groupCount);
+    if (addNullGroup) {
+        VkRayTracingShaderGroupCreateInfoKHR group{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR};
+        group.type = VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
+        group.generalShader = group.closestHitShader = group.intersectionShader = VK_SHADER_UNUSED_KHR;
+        group.anyHitShader = VK_SHADER_UNUSED_KHR;
+        groups.push_back(group);
+    }
+    for (uint32_t i = 0; i < groups.size(); ++i) {
+        if (groups[i].type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
+            continue; // its stage is rewritten in one way only
+        if (groups[i].anyHitShader == VK_SHADER_UNUSED_KHR)
+            ownAnyHitGroups.push_back(i);
+        if (!setHitShaders(groups[i]))
+            return VK_ERROR_OUT_OF_HOST_MEMORY;
+    }
+    return VK_SUCCESS;
+}
+
+// The payload type of the rays that reach a group. Its shaders declare it, and all shaders of a ray must declare the
+// same (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
+spirv::TypeWords MicromapStages::payloadOf(const VkRayTracingShaderGroupCreateInfoKHR &group) const
+{
+    if (group.type != VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
+        for (const uint32_t shader : {group.closestHitShader, group.anyHitShader})
+            if (shader < rewrite_.payloads.size() && rewrite_.payloads[shader])
+                return *rewrite_.payloads[shader];
+    return rewrite_.hidden.payload;
+}
+
+MicromapStages::Key MicromapStages::keyOf(uint32_t stage, Prologue prologue,
+                                          const VkRayTracingShaderGroupCreateInfoKHR &group) const
+{
+    const bool needsNoPayload =
+        prologue == Prologue::BoxCulling || (stage < rewrite_.payloads.size() && rewrite_.payloads[stage]);
+    return {stage, prologue, needsNoPayload ? spirv::TypeWords{} : payloadOf(group)};
+}
+
+spirv::HiddenFlags MicromapStages::hiddenFor(const Key &key) const
+{
+    return {rewrite_.hidden.fixed, rewrite_.hidden.constant, std::get<spirv::TypeWords>(key)};
+}
+
+// Adds each stage of the application once for each key that its groups need. The first keeps the stage's index.
+VkResult MicromapStages::addStages(const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    std::vector<std::set<Key>> needed(info.stageCount);
+    for (uint32_t g = 0; g < info.groupCount; ++g) {
+        const VkRayTracingShaderGroupCreateInfoKHR &group = info.pGroups[g];
+        const auto need = [&](uint32_t stage, Prologue prologue) {
+            if (stage < info.stageCount)
+                needed[stage].insert(keyOf(stage, prologue, group));
+        };
+        const bool boxes = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
+            need(group.generalShader, Prologue::None);
+            continue;
+        }
+        need(group.closestHitShader, Prologue::None);
+        need(group.anyHitShader, boxes ? Prologue::BoxHits : Prologue::TriangleHits);
+        if (boxes)
+            need(group.intersectionShader, Prologue::BoxCulling);
+    }
+    stages.assign(info.pStages, info.pStages + info.stageCount);
+    for (uint32_t i = 0; i < info.stageCount; ++i) {
+        if (needed[i].empty())
+            needed[i].insert({i, Prologue::None, {}});
+        bool first = true;
+        for (const Key &key : needed[i]) {
+            const uint32_t at = first ? i : static_cast<uint32_t>(stages.size());
+            if (!first)
+                stages.push_back(info.pStages[i]);
+            first = false;
+            const VkResult result =
+                rewrite_.hasCode ? modules_.rewrite(stages[at], std::get<Prologue>(key), hiddenFor(key)) : VK_SUCCESS;
+            if (result != VK_SUCCESS)
+                return result;
+            index_[key] = at;
+        }
+    }
+    return VK_SUCCESS;
+}
+
+bool MicromapStages::setHitShaders(VkRayTracingShaderGroupCreateInfoKHR &group)
+{
+    const bool triangles = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
+    const VkRayTracingShaderGroupCreateInfoKHR application = group;
+    const auto driverStage = [&](uint32_t stage, Prologue prologue) {
+        const auto found = index_.find(keyOf(stage, prologue, application));
+        return found == index_.end() ? VK_SHADER_UNUSED_KHR : found->second;
+    };
+    const Prologue prologue = triangles ? Prologue::TriangleHits : Prologue::BoxHits;
+    group.closestHitShader = driverStage(application.closestHitShader, Prologue::None);
+    if (!triangles)
+        group.intersectionShader = driverStage(application.intersectionShader, Prologue::BoxCulling);
+    group.anyHitShader = application.anyHitShader == VK_SHADER_UNUSED_KHR
+                             ? ownAnyHit(keyOf(VK_SHADER_UNUSED_KHR, prologue, application))
+                             : driverStage(application.anyHitShader, prologue);
+    return group.anyHitShader != VK_SHADER_UNUSED_KHR;
+}
+
+// The stage of the layer's any-hit shader; VK_SHADER_UNUSED_KHR if its module cannot be created.
+uint32_t MicromapStages::ownAnyHit(const Key &key)
+{
+    const auto [known, isNew] = index_.try_emplace(key, VK_SHADER_UNUSED_KHR);
+    if (!isNew)
+        return known->second;
+    const VkShaderModule module =
+        device_.anyHitModules.get(std::get<Prologue>(key), hiddenFor(key), rewriteOptions(device_));
+    if (!module) {
+        device_.driver.report().error("VELLUM-any-hit-shader",
+                                      "the driver could not create the module of the layer's any-hit shader");
+        return VK_SHADER_UNUSED_KHR;
+    }
+    known->second = static_cast<uint32_t>(stages.size());
+    stages.push_back({VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, VK_SHADER_STAGE_ANY_HIT_BIT_KHR,
+                      module, "main", nullptr});
+    return known->second;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,88 @@
+// Stages and groups of ray tracing pipelines that use micromaps, as the driver gets them: each stage is rewritten for
+// the groups that use it, and every hit group has an any-hit shader.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/pipelines/driver_stages.h"
+#include "spirv/payload_types.h"
+#include "spirv/rewrite.h"
+
+namespace vellum::layer
+{
+
+struct DevicePipelines;
+
+// Rewritten code of stages, and the modules that hold it.
+class RewrittenModules
+{
+public:
+    explicit RewrittenModules(DevicePipelines &device) : device_(device), inlined_(device) {}
+    ~RewrittenModules();
+    RewrittenModules(const RewrittenModules &) = delete;
+    RewrittenModules &operator=(const RewrittenModules &) = delete;
+
+    // Replaces the code of a stage. VK_PIPELINE_COMPILE_REQUIRED if the stage has a module identifier and no code.
+    VkResult rewrite(VkPipelineShaderStageCreateInfo &stage, spirv::Prologue prologue,
+                     const spirv::HiddenFlags &hidden);
+
+private:
+    using Key = std::tuple<VkShaderModule, VkShaderStageFlagBits, spirv::Prologue, spirv::HiddenFlags, std::string>;
+
+    DevicePipelines &device_;
+    DriverStages inlined_;
+    std::map<Key, VkShaderModule> modules_;
+};
+
+// Payload types that the stages of a pipeline and its libraries declare (spirv/payload_types.h). `incoming`: per stage,
+// the type of the payload that it is called with, if it declares one; left empty if groups must not differ by it.
+spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
+                                 std::vector<std::optional<spirv::TypeWords>> &incoming);
+
+// How the stages of one pipeline are rewritten.
+struct StageRewrite {
+    spirv::HiddenFlags hidden;                             // its payload: that of rays whose group declares none
+    std::vector<std::optional<spirv::TypeWords>> payloads; // payloadTypes()
+    bool hasCode = true;                                   // false for pipelines of binaries
+};
+
+// The stages and groups of one pipeline.
+class MicromapStages
+{
+public:
+    MicromapStages(DevicePipelines &device, RewrittenModules &modules, StageRewrite rewrite)
+        : device_(device), modules_(modules), rewrite_(std::move(rewrite))
+    {
+    }
+    VkResult add(const VkRayTracingPipelineCreateInfoKHR &info, bool addNullGroup);
+
+    std::vector<VkPipelineShaderStageCreateInfo> stages;
+    std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups;
+    std::vector<uint32_t> ownAnyHitGroups; // groups whose any-hit shader is the layer's
+
+private:
+    // The source of a driver's stage: the application's stage, the code before it, and the payload type that it gets if
+    // it declares none.
+    using Key = std::tuple<uint32_t, spirv::Prologue, spirv::TypeWords>;
+
+    [[nodiscard]] spirv::TypeWords payloadOf(const VkRayTracingShaderGroupCreateInfoKHR &group) const;
+    [[nodiscard]] Key keyOf(uint32_t stage, spirv::Prologue prologue,
+                            const VkRayTracingShaderGroupCreateInfoKHR &group) const;
+    [[nodiscard]] spirv::HiddenFlags hiddenFor(const Key &key) const;
+    VkResult addStages(const VkRayTracingPipelineCreateInfoKHR &info);
+    bool setHitShaders(VkRayTracingShaderGroupCreateInfoKHR &group);
+    uint32_t ownAnyHit(const Key &key);
+
+    DevicePipelines &device_;
+    RewrittenModules &modules_;
+    StageRewrite rewrite_;
+    std::map<Key, uint32_t> index_; // into stages
+};
+
+} // namespace vellum::layer
