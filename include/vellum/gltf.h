@@ -122,15 +122,14 @@ typedef enum VellumGltfBakeFlagBits {
     // Micromaps of a .gltf are written into the file, in a data URI, instead of into a separate file.
     VELLUM_GLTF_BAKE_EMBED_BIT = 2,
     // With VELLUM_GLTF_BAKE_BLEND_BIT: they are baked as masks with the cutoff blendCutoff, which is wrong for
-    // renderers
-    // that blend or dither.
+    // renderers that blend or dither.
     VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT = 4
 } VellumGltfBakeFlagBits;
 
 typedef struct VellumGltfBakeOptions {
     size_t structSize;
     uint32_t flags;    // VellumGltfBakeFlagBits; default 0
-    float blendCutoff; // any number but NaN; default 0.5; used with VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT
+    float blendCutoff; // for VELLUM_GLTF_BAKE_BLEND_CUTOFF_BIT; not NaN; default 0.5
     // Primitives whose material or mesh has a name that matches one of these are not baked. Shell patterns: * ? [...].
     const char *const *excludedMaterials;
     size_t excludedMaterialCount;
