@@ -89,7 +89,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
 
 // --- deserialization ---
 
-constexpr const char *kRestore = "vkCmdCopyMemoryToAccelerationStructureKHR";
+constexpr const char *kRestoreCommand = "vkCmdCopyMemoryToAccelerationStructureKHR";
 
 struct Restore {
     DeviceStructures &device;
@@ -120,15 +120,15 @@ struct Restore {
 
     bool reject(const char *id, const char *text) const
     {
-        return inputCheck(device.driver, kRestore, target->handle).reject(id, text);
+        return inputCheck(device.driver, kRestoreCommand, target->handle).reject(id, text);
     }
 
     // Whether the deserialization can be recorded; reports why not.
-    [[nodiscard]] bool possible() const
+    [[nodiscard]] bool check() const
     {
         if (fallbackStructure(device).units == 0) {
-            device.driver.report().notAvailable(std::string(kRestore) + ", since the driver's serialized data could "
-                                                                        "not be looked at,");
+            device.driver.report().notAvailable(std::string(kRestoreCommand) +
+                                                ", since the driver's serialized data could not be read,");
             return false;
         }
         // The memory must at least hold the fallback, which replaces rejected data.
@@ -282,7 +282,7 @@ struct Restore {
 
     bool recordTop(InjectedWork &work, const StructureRestorePush &push, uint32_t most) const
     {
-        return recordTopLevelCopy(work, device, commandBuffer, kRestore, *target,
+        return recordTopLevelCopy(work, device, commandBuffer, kRestoreCommand, *target,
                                   push.staging + VkDeviceSize{kPlanDescriptorWord} * 4,
                                   TopLevelLayout(device.driver, 0, most), kFromSerialized);
     }
@@ -353,7 +353,7 @@ void recordStructureRestore(DeviceStructures &device, VkCommandBuffer commandBuf
     }
     const auto state = device.commands.states.get(commandBuffer);
     const Restore restore{device, commandBuffer, copy.data, &target, state};
-    if (restore.possible())
+    if (restore.check())
         restore.record();
 }
 
