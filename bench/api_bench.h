@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_KHR_opacity_micromap against VK_EXT_opacity_micromap: the same frames, by micromaps made with each.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-command-bench: what a command costs the processor with the layer, against the same command without it.
 //
 // Of each command so many calls in a row are timed on each device in turns. The time is that of the calling thread's

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "command_cases.h"
 
 #include "shaders/command_bench_compute.h"

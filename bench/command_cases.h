@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The commands that the layer intercepts and that need no work of its own, each as a loop of so many calls.
 #pragma once
 

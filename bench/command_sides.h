@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Devices that record the same commands: on the driver alone, below the layer that provides nothing, and below the
 // layer that provides micromaps.
 #pragma once

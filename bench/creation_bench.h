@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the layer adds to the making of pipelines.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-device-bench: what making and destroying a device costs with the layer, against the same without it; and what
 // is paid later instead, by a first build of acceleration structures and by a first pipeline that traces rays.
 #include <cstdio>

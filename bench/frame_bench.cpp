@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-bench: what micromaps cost and save on this machine, as Markdown.
 #include <CLI/CLI.hpp>
 #include <algorithm>

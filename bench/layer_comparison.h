@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Benchmarks of one device without the layer and the same with it.
 #pragma once
 

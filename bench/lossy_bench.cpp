@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-lossy-bench: what lossy micromaps save of the bytes of compacted micromaps, and how many more times rays ask
 // the shader. The scenes' micromaps are coarsened by core/lossy.h, which is what a lossy build does bit for bit.
 #include <CLI/CLI.hpp>

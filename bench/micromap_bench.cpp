@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-micromap-bench: how fast micromaps are built, against a plain vkCmdCopyBuffer of the same bytes: those of the
 // build's input, data and triangle array. Each build is timed right after a copy of them, from submission to the end of
 // the fence's wait; the ratios' median counts. On a machine that has other work to do, compare the fastest of each

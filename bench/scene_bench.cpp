@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "scene_bench.h"
 
 #include "side_by_side.h"

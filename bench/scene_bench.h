@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What one scene costs, with and without micromaps.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Comparing two times on a machine that has other work to do.
 #pragma once
 

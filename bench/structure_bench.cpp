@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-structure-bench: builds of acceleration structures without micromaps, with the layer and without, in turns:
 // what the layer adds to rebuilding a TLAS and to building many small BLASes. Times of single submissions, from
 // submission to the end of the wait.

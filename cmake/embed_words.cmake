@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake -DIN=<file.spv> -DOUT=<file.h> -DSYMBOL=<name> -P embed_words.cmake
 # Writes the SPIR-V words of IN as the header that glslang would write.
 file(READ ${IN} hex HEX)

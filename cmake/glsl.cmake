@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Shaders: GLSL that is compiled when the project is built, as headers "shaders/<symbol>.h" with `const uint32_t <symbol>[]`,
 # the words of the module. Include one after what declares uint32_t. shaders.txt in the build folder lists all of them;
 # the test shaders.Shaders validates them.

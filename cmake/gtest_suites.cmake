@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # vellum_add_gtests(TARGET [PREFIX name.] [FILTER gtest_filter] [LABELLED] [WITH labels...] [WITHOUT labels...]
 #                   [TIMEOUT seconds of one case] [COST seconds of one case] [ENVIRONMENT NAME=value...] [SLOW suites...]
 #                   [THREADS suites...])

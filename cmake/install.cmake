@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Everything that is installed, by component: layer, command, runtime (libraries that programs load), devel and doc.
 # All paths in installed files are relative, so that an installation can be moved.
 include(GNUInstallDirs)

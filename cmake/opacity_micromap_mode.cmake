@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake -DIN=<plain.spv> -DOUT=<file.spv> -P opacity_micromap_mode.cmake
 # Lets the ray queries of a SPIR-V module consume opacity micromaps: declares OpacityMicromapIdKHR for its entry point.
 # On a device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap, queries consume none unless a shader

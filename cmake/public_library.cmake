@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # vellum_add_public_library(TARGET NAME name EXPORT name PARTS static_library...)
 # A library for programs outside the project, called lib<NAME> and Vellum::<EXPORT>: shared or static, by BUILD_SHARED_LIBS.
 # It has everything in PARTS, of which the first has its functions. exports.map in the target's folder lists them.

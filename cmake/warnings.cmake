@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Warnings that every target is compiled with; errors with VELLUM_WERROR, as in the presets for developers. Link
 # `vellum_warnings` privately.
 add_library(vellum_warnings INTERFACE)

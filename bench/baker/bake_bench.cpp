@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-bake-bench: how fast the baker is, how much it leaves unknown, and what memory it takes; beside other bakers,
 // if their shared libraries are given. Times include the preparation of the texture.
 #include <sys/wait.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the baker is measured with: triangles over a texture of painted leaves, and the leaf cards of models.
 #pragma once
 

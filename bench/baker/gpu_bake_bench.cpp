@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum-gpu-bake-bench: the baker on the GPU beside the one on the CPU, on the triangles and texture of
 // vellum-bake-bench. On a driver that is the CPU itself (lavapipe), compare seconds of work; on others, the time that
 // passes.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Other bakers, by the C functions of their shared libraries.
 #pragma once
 

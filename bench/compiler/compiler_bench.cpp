@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the layer makes of shaders, as compilers for GPUs see it: Mesa's RADV and ANV compile for GPUs that are not
 // there (tests/drivers/kernel). Numbers of VK_KHR_pipeline_executable_properties, without the layer and with it.
 #include <algorithm>

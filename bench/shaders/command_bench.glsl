@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The smallest shaders of each kind, for vellum-command-bench. What they compute is of no interest.
 #version 460
 #extension GL_EXT_ray_query : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Bakes the opacity micromap of a leaf on two triangles and prints what came out, in C99.
  *
  *     cmake -S . -B build -DCMAKE_PREFIX_PATH=<prefix> && cmake --build build

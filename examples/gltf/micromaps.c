@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /* Prints the opacity micromaps of a glTF file, in C99. With two files, the first is baked into the second before.
  *
  *     cmake -S . -B build -DCMAKE_PREFIX_PATH=<prefix> && cmake --build build

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Vulkan that both programs share: device, buffers, commands, acceleration structures, and the rays.
 #pragma once
 

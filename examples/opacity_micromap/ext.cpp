@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An opacity micromap baked by libvellum, built by VK_EXT_opacity_micromap, attached to a bottom level and traced.
 #include <cstdlib>
 #include <exception>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The input of both programs: a leaf on a card of two triangles, baked by libvellum.
 #pragma once
 

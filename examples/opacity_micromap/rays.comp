@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One ray per invocation, straight at the card. Counts what becomes of the rays. There are no descriptors: everything is
 // at an address in the push constants.
 #version 460

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Bakes the opacity micromap of a leaf on two triangles and prints what came out. vellum.py lies beside this file.
 
     VELLUM_LIBRARY=<prefix>/lib/libvellum.so python3 bake.py

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes tree.glb, a tree of alpha-tested leaf cards: the model of docs/tutorial.md. Equal bytes on every machine.
 
 usage: tree.py [FILE]

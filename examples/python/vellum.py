@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """libvellum for Python, by ctypes: no build, no packages. vellum/vellum.h describes every member and function.
 
     import vellum

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libvellum for C++20: vellum/vellum.h with spans, exceptions and RAII. Everything is inline; the binary interface is
 // C. Members of the same name are documented there, with ranges and defaults, as are lifetimes and threads.
 //

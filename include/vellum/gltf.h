@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libvellum_gltf: reads, checks and bakes opacity micromaps in glTF files (EXT_mesh_opacity_micromap, a draft). In C99.
 // The rules of vellum/vellum.h for structures, errors, callbacks and threads apply. It is a separate library because it
 // depends on decoders: find_package(Vellum COMPONENTS Gltf) and Vellum::gltf, or pkg-config vellum-gltf.

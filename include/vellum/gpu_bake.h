@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The baker on the GPU: records compute work that bakes opacity micromaps into an application's command buffer.
 //
 // It makes the promise of docs/baking.md, with the same tolerances: a micro-triangle is opaque or transparent only if

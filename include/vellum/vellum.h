@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libvellum: opacity micromaps from alpha textures. This is the whole interface, in C99; vellum/bake.h wraps it for
 // C++20. It includes no other headers. Enumerations have the values of Vulkan's, so either may be passed.
 //

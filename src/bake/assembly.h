@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The micromap as it grows, each different piece of data once.
 #pragma once
 

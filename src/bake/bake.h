@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The baker: triangles, their texture coordinates and an alpha texture in, a micromap out.
 //
 // A micro-triangle becomes Opaque or Transparent only if every point of it is, filtered as the sampler does it.

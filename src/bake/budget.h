@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which triangles to give a lower level so that a micromap fits a budget.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The decisions of the classifier in exact arithmetic, for where rounding could get them wrong: a corner that lies just
 // on an outline, an edge along it. They are rare but in textures and coordinates that are laid out on a grid.
 #pragma once

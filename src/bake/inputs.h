@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The baker's inputs out of the forms that they have elsewhere: pixels of several formats, and vertices with indices.
 #pragma once
 

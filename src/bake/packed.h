@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Packed states in bulk: counting, halving and folding them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether the alpha test has both outcomes in the part of a micro-triangle that lies in one cell, in double precision.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A triangle placed over the cells of a texture, in double precision, with bounds for what rounding can do to it.
 //
 // The triangle's own coordinates count cells from a whole position near its corners, so that they are small, whatever

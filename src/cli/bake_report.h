@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `vellum bake` reports.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands. Each adds itself and its options to the command line, and returns what runs it once the command line
 // is parsed: a function whose result is the exit code, and which throws Error, GltfError or BakeError.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum info`
 #include <CLI/CLI.hpp>
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum run`
 #include <CLI/CLI.hpp>
 #include <cstdlib>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The space-filling curve that orders the micro-triangles of a micromap triangle (raytraversal.adoc, "Ray Opacity
 // Micromap"): child 0 lies at vertex 0, child 1 in the middle with its order flipped, child 2 at vertex 1, child 3 at
 // vertex 2 with its order flipped. C++ and GLSL; see shared.h.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The words of the GPU baker's scratch memory: what the host sets, and what its shaders hand each other. C++ and GLSL;
 // see shared.h.
 #ifndef VELLUM_CORE_GPU_BAKE_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hashes of 64 bits, for what need not withstand an adversary. The same from one run of a program to the next on one
 // kind of machine.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lossy micromaps (VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR): triangles get a lower subdivision level
 // where few of their micro-triangles become unknown by it. What shaders/micromap_lossy*.comp do, bit for bit.
 //

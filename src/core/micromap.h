@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The micromap model: what an application hands to a micromap build and to the geometry that uses it, as plain data.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A micromap as it lies in memory (records.h), written by the host: the twin of the build's shaders, bit for bit.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The result of a hit: the specification's sections "Ray Opacity Micromap" and "Ray Opacity" (raytraversal.adoc), as
 // one function. C++ and GLSL; see shared.h.
 #ifndef VELLUM_CORE_OPACITY_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Push constants of the layer's compute shaders, and the values of their fields. C++ and GLSL; see shared.h.
 //
 // A shader declares them by layout(push_constant, std430) uniform Push { XPush push; };

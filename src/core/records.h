@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Memory layouts that Vellum's shaders write and read, in 32-bit words. C++ and GLSL; see shared.h.
 //
 //   micromap    header (16 words), one triangle record (2 words) per micromap triangle, padding to 16 bytes, data units

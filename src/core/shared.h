@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subset of language that compiles both as C++20 and as GLSL 4.60. Headers that state a rule of the
 // specification once, for the library, the oracle and the shaders, are written in it.
 #ifndef VELLUM_CORE_SHARED_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A glTF file that was read: its JSON, what that says, and the bytes as they were.
 #pragma once
 

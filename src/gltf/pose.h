@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the vertices of a primitive are when morph targets and a skin have moved them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What alpha testing needs of a file: triangles with the texture coordinates that their material's base colour texture
 // is read at, materials, and images.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A glTF file as a renderer needs it: meshes, and where they stand.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Vulkan functions that the GPU baker calls, from the application's vkGetDeviceProcAddr.
 #pragma once
 

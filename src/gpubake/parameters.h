@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From what the application asks for to the words that the shaders read (core/gpu_bake.h).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The GPU baker's compute pipelines, all with one layout: an image in set 0, and push constants.
 #pragma once
 

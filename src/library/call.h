@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What all functions of the library are inside of: exceptions become results, and callbacks are the baker's.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a caller of vellumBake() gives, checked and as the baker wants it. Failures name the input.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The structures of vellum/vellum.h in all their versions: today's form of what a caller of any other day gave.
 #pragma once
 

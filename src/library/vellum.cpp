@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The functions of vellum/vellum.h.
 #include "vellum/vellum.h"
 

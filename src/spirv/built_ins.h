@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Restores values that the driver returns and that differ from the application's.
 #pragma once
 

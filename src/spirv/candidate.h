@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Functions that decide a ray query's candidate before the application sees it, one for each access path to a query.
 #pragma once
 

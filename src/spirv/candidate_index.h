@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The custom index of a ray query's candidate. The function that decides a candidate reads its instance record, and
 // stores the application's index from it in a side variable. Without one, each instruction that gets the index reads
 // the record.

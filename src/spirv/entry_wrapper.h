@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wraps the entry point of an any-hit or intersection shader in a function that decides the hit or calls the
 // application's function (Prologue). If ray flags travel in payloads, closest-hit and miss shaders that read them are
 // also wrapped.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hidden ray flags in a prefix of the payload. Every payload variable of type T becomes one of struct {uint, T}, in all
 // modules of a pipeline and its libraries, so that all shaders of a ray still declare the same payload
 // (VUID-RuntimeSpirv-OpTraceRayKHR-11855).

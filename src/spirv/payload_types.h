@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Payload types that the shaders of a pipeline declare. If flags travel before the payload (payload_prefix.h), shaders
 // without a payload get one, and all shaders of a ray must declare the same (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
 #pragma once

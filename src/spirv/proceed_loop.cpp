@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "spirv/proceed_loop.h"
 
 #include "spirv/module/opcodes.h"

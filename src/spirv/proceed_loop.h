@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The usual loop around OpRayQueryProceedKHR, `while (proceed(q)) body`. Candidates that the rewritten module decides
 // branch to the loop's continue target: with a loop inside the call, SIMD lanes would wait for each other.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "spirv/ray_query.h"
 
 #include "core/ray_flags.h"

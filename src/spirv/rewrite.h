@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rewrites an application's SPIR-V so that it resolves opacity micromaps itself, on a driver that has none.
 //
 // What the rewritten module requires of the layer:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Side variables: a uint beside each ray query or hit object of the application, for what the rewritten module must
 // know about the object.
 #pragma once

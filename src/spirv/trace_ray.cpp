@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "spirv/trace_ray.h"
 
 #include "spirv/module/integers.h"

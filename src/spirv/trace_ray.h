@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ray flags of OpTraceRayKHR and similar instructions: removes those that are hidden from the driver
 // (core/ray_flags.h).
 #pragma once

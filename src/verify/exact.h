@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same questions in exact arithmetic, for what double precision leaves open: values that equal the cutoff, outlines
 // that run along an edge. Fractions of integers of any size; slow, and seldom needed.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Verification of a glTF file: the structure of its micromaps, and what they say of each primitive.
 #pragma once
 

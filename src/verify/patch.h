@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The filtered value over the part of a convex polygon that lies in one cell of a bilinear filter: the square between
 // the centres of four texels, in which the value is f(s, t) = f00 + a s + b t + c s t.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Convex polygons in double precision, and how they are cut.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The endless plane of texels that a sampler makes of a texture, with bounds for the texels of any rectangle.
 //
 // Written from the specification ("Wrapping Operation"), with nothing of the baker's: of the texture only its data is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What verification is given of a triangle, and the lattice of its micro-triangles' corners.
 #pragma once
 

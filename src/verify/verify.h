@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Verification: whether the states of a micromap hold for the texture, by a method that shares nothing with the baker's
 // (docs/design/verifier.md).
 #pragma once

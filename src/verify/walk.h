@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One triangle: its micro-triangles are walked along the curve, and whole branches are settled where bounds allow.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whatever the command is given: one clear line on stderr, exit code not 0, and no file left behind.
 #include <algorithm>
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks that what --json prints is by src/cli/schema.json, for every subcommand, and that the schema rejects what it should.
 
 usage: check_schema.py VELLUM SCHEMA

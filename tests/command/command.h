@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs the `vellum` command as its user does.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The command line itself: help, suggestions, errors and exit codes.
 #include <cstdlib>
 #include <gtest/gtest.h>

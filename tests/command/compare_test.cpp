@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `vellum render --mode compare` prints of the times it takes. Never which times.
 #include <cstdio>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum render` without micromaps, through the forcing layer (tests/layer/forcing/forcing.h): the same pictures, by
 // as many calls of the shader.
 #include <tuple>

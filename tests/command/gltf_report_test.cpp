@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the command reports about glTF files, beyond the usual ones: what is left out, what could not be read, shares.
 #include <algorithm>
 #include <cmath>

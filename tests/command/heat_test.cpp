@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum render --mode heat`, and the colours of its maps.
 #include <cmath>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum info`: what it says of this machine and of files, and its exit code where something is wrong.
 #include <cstring>
 #include <fstream>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A program for `vellum run`: uses micromaps as its arguments say, in each of their order.
 //   right    makes a device and asks for the sizes of a micromap
 //   error    asks for those of a micromap of a kind that does not exist, which the layer rejects

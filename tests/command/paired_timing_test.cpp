@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How `render --mode compare` sums up what it has timed, with times that are made up.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads the PNGs that the command writes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `vellum render` draws and counts, by ray queries and by a ray tracing pipeline.
 #include <tuple>
 

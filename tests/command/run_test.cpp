@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum run`: the environment of the program, exit codes, and the counting of messages.
 #include <csignal>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum render --mode states`: which colours its pictures have.
 #include <algorithm>
 #include <cmath>

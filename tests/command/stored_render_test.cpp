@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum render` of files that have micromaps.
 #include "rendering.h"
 

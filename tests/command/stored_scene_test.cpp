@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps that a file has for the geometries of a scene.
 #include <gtest/gtest.h>
 

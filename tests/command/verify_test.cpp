@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum verify`: its exit codes, and what it prints.
 #include <gtest/gtest.h>
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks that code in the documents is the code of the sources it is taken from.
 
 A code block that follows `<!-- FILE: REGION -->` must equal what FILE has between the lines `// [REGION]` and

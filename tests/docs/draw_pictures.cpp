@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draws docs/pictures: what states, the curve, levels and 2 states look like, as SVG. The states are those of
 // libvellum.
 //

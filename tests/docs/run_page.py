@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the commands of a document and compares what they print with what it says.
 
 Commands are the lines that begin with `$ ` in blocks marked `console`; the lines up to the next one are their output,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names of code that a real driver gives and takes: RADV's identifiers of shader modules and binaries of pipelines, for
 // a GPU that is not there.
 #include "compiled.h"

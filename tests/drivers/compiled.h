@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pipelines that are made to see what a driver's compiler makes of their shaders, and never run.
 #pragma once
 

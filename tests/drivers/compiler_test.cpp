@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every shader that the layer has or makes, through compilers for GPUs: Mesa's RADV and ANV, for GPUs of several
 // generations of AMD's and Intel's, none of which has to be there. A device on which nothing runs is enough to see that
 // modules are rewritten and compiled; what shaders do, the tests on lavapipe tell.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What has to be known of a SPIR-V module to make a pipeline of it.
 #pragma once
 

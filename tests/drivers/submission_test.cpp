@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands of the layer and of an application that a GPU's driver records and submits. What they do is nothing, as
 // there is no GPU (kernel/absent_gpu.h): the driver must take them, and the layer must get on with a device that
 // computes nothing.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fuzz target of the baker, through the C functions of libvellum: whatever textures, coordinates and options are, a
 // bake reads nothing outside them, ends soon, and takes no more memory than it says; what it makes is valid, the same
 // for any number of threads, and claims nothing that the texture says otherwise of.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a fuzz target demands of the code under test, beside that no sanitizer speaks up.
 #pragma once
 

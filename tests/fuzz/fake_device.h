@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A device for the layer's host commands that consists of memory to map. Everything else of Vulkan is missing.
 #pragma once
 

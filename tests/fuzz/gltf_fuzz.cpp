@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fuzz target of the glTF reader: whatever is in a file, reading it ends soon and takes no more memory than its bytes
 // can be worth, and what is wrong is told as one GltfError.
 //

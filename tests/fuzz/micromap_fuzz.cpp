@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fuzz target of micromap inputs. The first byte says which part an input is for.
 #include "micromap_fuzz.h"
 

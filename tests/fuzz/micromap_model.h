@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a micromap build is to make of its input, and what the result says. Written from the descriptions of the
 // specification, docs/design/structures.md and core/records.h; on purpose none of it is the library's own code.
 #pragma once

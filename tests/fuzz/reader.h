@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Takes an input of a fuzz target apart, from the front. What is missing at its end reads as 0.
 #pragma once
 

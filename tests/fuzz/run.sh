@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # usage: run.sh [--anew] <program> <seeds> <work directory> [libFuzzer arguments]
 # Fuzzes from the target's folder among the seeds, if it has one, and from what earlier runs left in the work directory's
 # corpus; with --anew, that is thrown away first. Inputs that fail are written to the work directory's findings, and the exit

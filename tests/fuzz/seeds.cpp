@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the seeds of each fuzz target that has some to a folder of its own. usage: fuzz_seed_maker LIST MODULES FOLDER
 #include "seeds.h"
 

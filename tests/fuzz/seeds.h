@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Inputs that fuzzing begins with, one file each, in a folder that exists.
 #pragma once
 

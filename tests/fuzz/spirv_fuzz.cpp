@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fuzz target of the SPIR-V rewriter: whatever the words are, rewrite() reads nothing outside them, ends soon, and says
 // the same each time; what it calls Rewritten is a module.
 #include <cstring>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An input of the rewriter's fuzz target is a module as it lies in a file. The options to rewrite it with are in its
 // header, in the word that names the generator, which means nothing to the rewriter: so the modules of the other tests
 // are inputs as they are, and what is found can be looked at with the usual tools.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the fuzzer does to SPIR-V modules: changes that mostly leave instructions as whole as they were, since a module
 // that falls apart into words tests little more than the parser.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compressed parts of glTF files, made for tests by the encoders of the libraries that decode them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Geometry that is compressed reads as what was compressed.
 #include <algorithm>
 #include <cstring>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which primitives are baked, and against what.
 #include "gltf/micromaps/document_bake.h"
 

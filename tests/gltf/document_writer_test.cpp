@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What baking changes in a file, and what it does not.
 #include "gltf/micromaps/document_writer.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small GLB made up for tests: one alpha-masked card and one solid triangle.
 #pragma once
 

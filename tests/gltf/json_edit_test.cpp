@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "gltf/file/json_edit.h"
 
 #include <gtest/gtest.h>

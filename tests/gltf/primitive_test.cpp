@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a primitive's vertices and triangles are, however the file stores them.
 #include "gltf/primitive.h"
 

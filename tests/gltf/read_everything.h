@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads what there is in a glTF file, for tests that only want to know whether that goes well.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Baked files as another reader sees them: what NVIDIA's vk_gltf_renderer checks before it hands a file's micromaps to
 // Vulkan (its rules, from its source), with a JSON parser alone, and what Vulkan then demands of a micromap build.
 // Where that reader skips a micromap or a primitive with a warning, this one fails.

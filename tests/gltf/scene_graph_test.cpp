@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What stands where: nodes, instances, skins and morph targets.
 #include <cmath>
 #include <cstring>

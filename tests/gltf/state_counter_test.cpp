@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Counting states in ranges of micro-triangles.
 #include "gltf/micromaps/state_counter.h"
 

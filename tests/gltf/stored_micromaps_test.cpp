@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that break one rule of EXT_mesh_opacity_micromap each, and those that only look as if they did.
 #include "gltf/micromaps/stored_micromaps.h"
 

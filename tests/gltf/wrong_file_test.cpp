@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that are wrong in one way each: every one is told in one line that names the file and the place in it, and none
 // takes much memory, whatever it asks for.
 #include <array>

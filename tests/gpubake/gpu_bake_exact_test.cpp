@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The GPU baker's states against the oracle of bake_oracle.h, which the CPU baker is held to as well: no claim is
 // wrong, and few states are unknown without need.
 #include <array>

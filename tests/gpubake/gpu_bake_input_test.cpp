@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the GPU baker reads: indices, texture coordinates and images of all kinds, and what is wrong with some.
 #include <bit>
 #include <cmath>

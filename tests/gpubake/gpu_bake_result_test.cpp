@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the GPU baker makes of states: records, indices and data, with any capacity.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bakes on the GPU as an application does, between guard bytes, and brings the result back.
 #pragma once
 

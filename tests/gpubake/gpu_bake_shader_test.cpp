@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the GPU baker's shaders ask of a device: no more than every device of Vulkan 1.2 with buffer device addresses
 // has.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From texture to rays: a bake and a micromap build in one command buffer, with nothing read back in between.
 #include <array>
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Chromium without a window, driven by its DevTools protocol through a pipe."""
 import base64
 import json

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The numbers that the page and the picture are made of.
 #include <cmath>
 #include <cstring>

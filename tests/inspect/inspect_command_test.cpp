@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `vellum inspect` as its user runs it.
 #include <algorithm>
 #include <fstream>

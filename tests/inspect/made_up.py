@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """glTF files made up for the tests of pages: a grid of triangles over the UV square of one masked material each."""
 import json
 import math

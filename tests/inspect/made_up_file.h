@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An InspectedFile made up for tests.
 #pragma once
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Opens pages of `vellum inspect` in Chromium and uses them as people do. Ends with 77 where there is no Chromium.
 
 usage: page_test.py VELLUM [NAME OF A TEST]...

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pixels of pictures in UV space, and what text in them takes.
 #include <array>
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Builds parts of Vellum as packagers and other projects do: libvellum only, static, as a subproject; the layer only.
 
 Run by ctest, with the options that main() has; what comes after them goes to unittest.

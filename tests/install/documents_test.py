@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the commands of the README and of docs/install.md as they stand there, in a fresh clone with an empty home folder.
 
 From the README, the commands under "Install". From docs/install.md, each block that is marked as sh. Packages must be installed;

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Installs a build into a scratch prefix, moves that, and uses what lies there as a stranger would.
 
 Run by ctest, with the options that main() has; what comes after them goes to unittest.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # check_exports.sh LIBRARY [sanitized]: the layer exports the loader's entry points and nothing else, and depends on the C
 # and C++ run-time libraries only.
 set -euo pipefail

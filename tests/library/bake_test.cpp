@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellumBake() makes what the baker makes of the same inputs and options.
 #include <gtest/gtest.h>
 

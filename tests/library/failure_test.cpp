@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What libvellum says of bad input, of structures of other versions, of too little memory, and when it is cancelled.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libvellum's part for glTF files as its users see it; the reader and the writer behind it are tested in tests/gltf.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A texture and triangles for tests of libvellum.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum/bake.h: nothing is lost between C++ and C.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the oracle tests of ray queries and of ray tracing pipelines share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The oracle: every hit of a ray with a scene, by brute force in double precision, resolved by the words of the
 // specification. Shares no code with Vellum.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random scenes, traced by ray queries through the layer and by the oracle, compared ray by ray: the candidates handed
 // to the shader and the hit that stays.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A random scene in the memory of an arena, as an application keeps one: built on several threads and queues with
 // scratch memory that builds share, copied, compacted, serialized, updated and built again beside what stays, in room
 // that has just become free. After each operation the arena is compared with what it was before: nothing but what the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random scenes, traced by a ray tracing pipeline through the layer and by the oracle, compared ray by ray: the
 // invocations of any-hit and intersection shaders, and the hit that stays. The binding table mixes hit groups with and
 // without any-hit and closest-hit shaders, and zero records.

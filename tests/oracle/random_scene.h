@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random scenes: triangle soups with random micromaps, boxes, instances and rays, as plain data.
 #pragma once
 

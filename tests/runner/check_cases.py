@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks that CTest runs every test case at least once, and that every file of tests is compiled.
 
 PROGRAMS is a file that lists the GoogleTest programs of a build, one a line. A case counts as run if a test of the build

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Tests check_cases.py with a build of one program. usage: check_cases_test.py PROGRAM"""
 import json
 import pathlib

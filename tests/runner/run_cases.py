@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs the cases of a GoogleTest program in as few processes as they need: one, unless something goes wrong.
 
 A case that crashes the program, or that takes longer than --timeout seconds, has failed; the cases after it run in a

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Tests run_cases.py with a program whose cases pass, fail, crash, hang and skip. usage: run_cases_test.py PROGRAM"""
 import os
 import pathlib

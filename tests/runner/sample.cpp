@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cases of every kind, for the test of run_cases.py.
 #include <chrono>
 #include <csignal>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shapes that compilers seldom make, by hand.
 #include "support.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Modules that are cut short or damaged: rejected or passed through, never a crash (the build with sanitizers checks
 // that nothing is read out of bounds).
 #include "support.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The execution mode OpacityMicromapIdKHR: which ray queries consume micromaps where only VK_KHR_opacity_micromap is
 // enabled. Modules are run before and after the rewrite. SPIR-V Tools that know the mode are not needed: assembly has
 // it as numbers.

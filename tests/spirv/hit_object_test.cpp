@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hit objects, and the hidden ray flags that lie beside them where flags travel in payloads.
 #include "machine.h"
 #include "support.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SPIR-V with SPV_KHR_opacity_micromap for drivers that know SPV_EXT_opacity_micromap only.
 #include "support.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs the assembly of the tests, to compare a module with its rewritten self: enough of SPIR-V for loops around one
 // ray query, and for rays that ray generation shaders trace. The query's ray meets the candidates of a script.
 #pragma once

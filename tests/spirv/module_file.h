@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads SPIR-V modules from the build tree.
 #pragma once
 

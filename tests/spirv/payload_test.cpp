@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Payloads with ray flags before them: whose payload it is, and what type shaders get that declare none.
 #include "support.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Loops around proceed calls in SSA form, run before and after the rewrite: the application must see the same, whatever
 // candidates are decided in its place.
 #include "machine.h"

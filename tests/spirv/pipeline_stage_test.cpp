@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stages of ray tracing pipelines that use micromaps.
 #include "support.h"
 

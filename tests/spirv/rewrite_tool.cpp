@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vellum_spirv_rewrite IN.spv OUT.spv [STAGE]: rewrites a module from the shell, as the layer would before the driver
 // gets it. With STAGE, the entry point "main" as that stage of a ray tracing pipeline that uses micromaps.
 #include "module_file.h"

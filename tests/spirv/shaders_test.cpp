@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The shaders of the project, as they were built.
 #include <algorithm>
 #include <array>

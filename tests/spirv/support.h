@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shared by the rewriter's tests: shaders, SPIR-V Tools, and a summary of rewritten modules.
 #pragma once
 

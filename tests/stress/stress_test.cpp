@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps and structures that are built, copied, serialized, reloaded and traced over many frames: every ray sees
 // what the specification says of the state at its place, and nothing grows.
 //   VELLUM_STRESS=full    10,000 micromaps with 1,000,000 triangles, 1,000 frames

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Many micromaps in many bottom-level structures, whose every state is known without being kept: it is a function of
 // the micromap's number and version. Objects are packed into the arena of the device, which must have one, and change
 // places when they are copied: into room that has become free, as large as they are told to need.

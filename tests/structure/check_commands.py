@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks the table of intercepted commands, and prints what is wrong.
 
 Each command has one row, under the name that the registry describes: promoted commands are found by their aliases

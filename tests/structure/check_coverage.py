@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks docs/coverage.md against the registry and the tests, and prints what differs:
 
 - every command, type and value that the registry (vk.xml) has for the extensions is on the page;

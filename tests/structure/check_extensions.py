@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks that docs/extensions.md has every Vulkan extension that may matter to the layer, once, and prints what is missing.
 
 Extensions matter that, by the registry (vk.xml), have to do with ray tracing, shaders, pipelines or their caches:

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Tests check_extensions.py on registries and pages that are made up."""
 import pathlib
 import subprocess

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks how the source tree is put together, and prints what breaks a rule:
 
 - an include goes from a part of src/ only to a part that it may use, or to files of it, and from a subsystem only to those

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks the documents' links to files of the project and to their headings, and prints those that lead nowhere:
 
 - links and pictures of Markdown files, outside of code;

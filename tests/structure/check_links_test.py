@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Tests check_links.py on trees that are made up, each with one dead link."""
 import pathlib
 import subprocess

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks that the table of docs/messages.md has every message of the layer, sorted, with its severity, and prints what is
 wrong.
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks that the layer's manifest has the settings of the table in the code, and docs/settings.md as well.
 
 The table is settings_table.h; the manifest gets it when the build is configured. The table of the page is generated from

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Tests check_settings.py on copies of the project's files."""
 import pathlib
 import shutil

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks that every source file begins with its licence, which is the project's; with --write, adds what is missing.
 
 usage: check_spdx.py [--write] [ROOT]

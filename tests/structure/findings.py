@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the checks of this folder share: their command line, and how they print their findings."""
 import pathlib
 import sys

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The map from addresses to buffers, against one that looks at every buffer.
 #include <algorithm>
 #include <random>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random textures and triangles for the tests of the bakers, and how their states are judged.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The baker's states against the oracle of bake_oracle.h: with no tolerances, equal to the mathematics.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the baker takes: pixel formats, vertices, alpha tests, mip chains.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the baker's states must be, by another way: the filter's definition, evaluated wherever an extreme can be.
 //
 // Over a convex polygon a filtered value has its extremes on the polygon's sides or at texel centres inside. A side is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quick tests of the classifier against its exact one: they may be undecided, but never wrong.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The baker's promise on random textures and triangles: no sample contradicts a proven state.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the baker makes of states: levels, formats, budgets, sharing, special indices.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bits of CellMap are what the texels of each cell say, one by one.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The order of micro-triangles: index to corners and barycentrics to index, against each other and against what the
 // specification's figures show.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is flushed and invalidated of memory that is not coherent.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a lossy micromap may be, and what is made of one.
 #include <gtest/gtest.h>
 

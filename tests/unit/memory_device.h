@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A device that consists of memory: what the layer's buffers need of a driver. A buffer's address is that of its bytes.
 #pragma once
 

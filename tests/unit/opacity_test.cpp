@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The resolution of a hit, against the specification's sections "Ray Opacity Micromap" and "Ray Opacity" written out as
 // tables.
 #include <gtest/gtest.h>

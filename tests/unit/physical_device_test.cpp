@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names of commands, and what the layer keeps of a physical device.
 #include "layer/entry/physical_device.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Chain copies what it must of an application's const pNext chain, and nothing of the application's changes.
 #include "layer/base/pnext.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tables that shaders reach by addresses, which other threads read while they grow.
 #include <atomic>
 #include <memory>

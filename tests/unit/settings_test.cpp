@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Settings come from a file, a structure in the instance's chain, and the environment, each stronger than those before.
 #include "layer/base/settings.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the layer's shaders declare that they need: no more than emulated micromaps need of a device.
 #include <gtest/gtest.h>
 

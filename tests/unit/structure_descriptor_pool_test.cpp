@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cells on memory that the host may only write while nothing on the same page is in use.
 #include <algorithm>
 #include <set>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // std::mt19937 with results of the width that it has.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A GLB with cards (two triangles each) whose alpha is a disc, and a micromap for them.
 #pragma once
 

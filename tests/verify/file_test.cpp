@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Verification of files: what is read of them, and to what it leads.
 #include "verify/file.h"
 

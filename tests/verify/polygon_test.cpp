@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Widened triangles against the convex hull of the sums of corners.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The plane of texels against the specification's formulas, and bounds against all texels of a box.
 #include <gtest/gtest.h>
 

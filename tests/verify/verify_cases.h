@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps with any states, for the tests of verification.
 #pragma once
 

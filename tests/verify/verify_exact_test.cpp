@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What verification finds against the oracle of bake_oracle.h, for random micromaps: each state of each micro-triangle
 // is said of it somewhere, so that nothing can be found by luck.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What verification finds in micromaps of the baker: nothing; and in those that were damaged: the damage.
 #include <gtest/gtest.h>
 

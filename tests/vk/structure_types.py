@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes a C++ header that maps each Vulkan structure with an sType to the value of that sType.
 
 usage: structure_types.py out.h include... -- header...

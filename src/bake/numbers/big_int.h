@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exact integers of any size that the baker's predicates need: for the few decisions that rounding could get wrong.
 #pragma once
 

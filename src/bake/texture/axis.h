@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How positions along one axis of a texture lead to texels: a sampler's address mode.
 //
 // Cell i is the interval between the centres of texels i and i + 1, for any integer i. An address mode folds all of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where in a texture the alpha test can change: one bit for each cell, the square between four texel centres.
 //
 // In a cell whose four texels are on one side of the cutoff the filtered value stays there, whatever the filter. Only

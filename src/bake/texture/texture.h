@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The alpha channel of a texture with the sampler that reads it: what the baker proves its states against.
 #pragma once
 

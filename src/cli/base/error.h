@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Errors of the command, each in one line for its user.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ctrl-C and the like, for commands that have something to clean up.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where outputs go, and files that are written whole or not at all.
 #pragma once
 

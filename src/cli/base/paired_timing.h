@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compares the durations of two things on a machine that may have other work to do.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shows on a terminal what is being done; silent elsewhere.
 #pragma once
 

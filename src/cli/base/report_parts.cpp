@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/base/report_parts.h"
 
 #include "cli/base/numbers.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parts that the reports of several subcommands share: schema.json describes the JSON.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // "-": glTF files from stdin, and data to stdout.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What many measurements of one thing say together.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a Vulkan device has that micromaps need, and who brings it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a glTF file has that concerns micromaps.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What there is on this machine: the Vulkan loader, the layer, drivers, devices.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The manifests that the Vulkan loader looks for: of drivers and of the layer.
 #pragma once
 

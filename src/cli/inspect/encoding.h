@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text and bytes in the forms that a web page takes them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A file with micromaps as both outputs of `vellum inspect` need it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The HTML page of `vellum inspect`: one file that needs no other.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The data in the HTML page of `vellum inspect`: JSON for what is text, one block of little-endian numbers for what is
 // many. page/data.js reads it.
 #pragma once

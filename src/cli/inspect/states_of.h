@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state at a place in a triangle.
 #pragma once
 

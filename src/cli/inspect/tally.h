@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an inspected file has, in numbers.
 #pragma once
 

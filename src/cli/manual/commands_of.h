@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The command line as the manual page and the completions of shells need it, from the declarations that parse it.
 #pragma once
 

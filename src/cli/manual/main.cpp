@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the manual pages and the completions of shells into a folder, at build time:
 // vellum-reference FOLDER VERSION DATE
 #include <cstdio>

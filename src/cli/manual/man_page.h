@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The manual pages, in the man macros of roff.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks of option values, with messages that name the range: "must be between 0 and 1, got 2".
 #pragma once
 

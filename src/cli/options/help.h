@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What --help prints: options in groups, wrapped to the width of the terminal.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Acceleration structures, and the micromaps that they refer to.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps as objects of their own: VK_EXT_opacity_micromap.
 #include "cli/renderer/acceleration.h"
 

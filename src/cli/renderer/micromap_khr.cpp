@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps as acceleration structures: VK_KHR_opacity_micromap.
 #include <algorithm>
 

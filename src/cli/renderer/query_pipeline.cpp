@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/renderer/query_pipeline.h"
 
 #include "shaders/render_comp.h"

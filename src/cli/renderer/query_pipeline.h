@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture by ray queries: one compute shader, shaders/render.comp.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/renderer/ray_tracing_pipeline.h"
 
 #include <algorithm>

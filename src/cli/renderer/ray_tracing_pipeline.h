@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture by a ray tracing pipeline: the ray generation shader traces and shades, the any-hit shader does the alpha
 // test. One hit group serves all geometry; what is solid is opaque and does not get to the any-hit shader.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture: everything but the way of tracing, with or without micromaps in the structures that are traced.
 #pragma once
 

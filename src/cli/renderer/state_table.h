@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The states of micromaps as the shader of --mode states reads them.
 #pragma once
 

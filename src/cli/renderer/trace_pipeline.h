@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A pipeline that draws the picture, in one of two ways: by ray queries in a compute shader or by a ray tracing
 // pipeline.
 #pragma once

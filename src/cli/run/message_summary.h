@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The layer's messages of one run, as its setting report_file writes them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The micromaps of a scene: for masked geometries, baked or from the scene's file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much geometry there is where, coarsely: for soft ambient light, and normals that make a crown look round.
 #pragma once
 

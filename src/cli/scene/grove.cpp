@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "cli/scene/grove.h"
 
 #include "cli/scene/leaf_texture.h"

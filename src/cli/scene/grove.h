@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene that is drawn when no file is given.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Painted twigs: the textures of the built-in grove.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The little vector arithmetic that the renderer needs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random numbers that are the same on every machine (PCG-XSH-RR by M. O'Neill).
 #pragma once
 

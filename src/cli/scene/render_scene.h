@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A scene prepared for the renderer: what the shader reads, laid out as it reads it, and where the copies stand.
 #pragma once
 

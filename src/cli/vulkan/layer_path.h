@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the layer is, seen from the command: how it is turned on without any installation step.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Typed, bounds-checked reading of glTF accessors, sparse ones included.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bytes of a file's buffer views, compressed ones included.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Compressed geometry, by the libraries of those who made the compressions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh compressed by KHR_draco_mesh_compression.
 #pragma once
 

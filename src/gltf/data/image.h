@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Decoding of images: PNG, JPEG and WebP.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a file to its bytes, and to the JSON in them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The parts of a GLB (glTF 2.0, 4.4 "GLB File Format Specification").
 #pragma once
 

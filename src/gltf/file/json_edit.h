@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Changes to a JSON text that leave every other byte of it as it is.
 #pragma once
 

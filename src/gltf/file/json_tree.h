@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JSON with the place of everything in the text, so that parts can be replaced and the rest stays byte for byte.
 #pragma once
 

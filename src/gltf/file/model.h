@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the JSON of a glTF file says, as structures: the parts of it that anything here reads.
 #pragma once
 

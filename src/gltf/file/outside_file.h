@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that a glTF file is in, or names.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The names of files in glTF: URIs relative to the file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names of files are bytes, and JSON is UTF-8.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Primitives whose alpha is not what the base colour texture of their material says, or not always.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bakes the micromaps of a glTF file: which primitives get one, and what is in it. Writes nothing.
 #pragma once
 

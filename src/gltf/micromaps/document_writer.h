@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A glTF file with other micromaps, and otherwise as it was.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads the extension and collects whatever breaks a rule on the way.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a glTF file to one with micromaps.
 #pragma once
 

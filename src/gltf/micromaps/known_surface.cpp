@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "gltf/micromaps/known_surface.h"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much of what is alpha-tested in a scene its micromaps decide.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Counts the states in ranges of micro-triangles in constant time.
 #pragma once
 

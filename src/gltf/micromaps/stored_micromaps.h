@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The micromaps of a glTF file: EXT_mesh_opacity_micromap, or its earlier name KHR_mesh_opacity_micromap.
 #pragma once
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes a C++ table of command names that are aliases: names of a command before it was promoted to another extension or
 to Vulkan itself.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The names of this copy of the layer. They are in a file of their own so that the tests can build a second copy, with
 // other names, from the same static library.
 #include "layer/base/settings.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Function pointers of the next layer or driver: one row per command that the layer calls.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The base: what every other subsystem uses, and what does not depend on micromaps. Dispatch tables, pNext chains,
 // settings, messages, newer Vulkan declarations, and the driver of a device.
 #pragma once

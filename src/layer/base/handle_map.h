@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A map from handles to state of the layer. It is sharded, so that threads that record different command buffers do not
 // wait for each other.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks of the input of a command, and the policy for violations. Input is rejected, with an error, if it would damage
 // memory, read wild addresses or has no meaning. Input that does no harm is tolerated, with a warning: the layer goes
 // on, as drivers do. With the setting `strict` it is rejected as well. docs/messages.md lists the messages.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The application's pNext chains are const. To remove or change a structure in one, the layer copies the chain up to
 // that structure; the rest of the chain stays the application's.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Messages of the layer. They go to the application's debug-utils messengers, and by the settings `report` and
 // `report_file` to stderr and to a file.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The settings of the layer. Their sources, from the weakest to the strongest: vk_layer_settings.txt,
 // VkLayerSettingsCreateInfoEXT, environment variables. Unknown names and wrong values are reported on stderr.
 #pragma once

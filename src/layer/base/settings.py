@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Reads the table of settings (settings_table.h), and prints it as the JSON of the manifest's `features.settings`.
 
 usage: settings.py [TABLE]

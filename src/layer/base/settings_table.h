@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every setting of the layer, stated once. settings.py reads this table for the manifest.
 #pragma once
 

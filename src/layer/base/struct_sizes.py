@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes a C++ function that returns the size of every structure with an sType that the installed Vulkan headers define.
 
 usage: struct_sizes.py vk.xml vulkan_core.h out.h

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Declarations of Vulkan that are newer than the oldest headers Vellum builds with (1.3.239). They have names of their
 // own, so that they compile beside headers that have them. The extensions that Vellum provides are in its public
 // header. Layouts and values: vk.xml of KhronosGroup/Vulkan-Docs.

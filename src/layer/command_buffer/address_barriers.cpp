@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/command_buffer/address_barriers.h"
 
 #include "layer/memory/device_buffers.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Range barriers of VK_KHR_device_address_commands, in the pNext of dependency infos.
 #pragma once
 

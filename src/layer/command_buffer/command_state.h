@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state of a command buffer that injected work disturbs or depends on.
 #pragma once
 

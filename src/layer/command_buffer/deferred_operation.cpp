@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/command_buffer/deferred_operation.h"
 
 #include "layer/command_buffer/device_command_buffers.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Deferred operations (VK_KHR_deferred_host_operations). The layer's structures that a driver reads live until the
 // operation is complete.
 #pragma once

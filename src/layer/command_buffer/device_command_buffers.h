@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subsystem of command buffers: their state, GPU work that the layer adds, synchronization, probes of the driver,
 // deferred operations, and the log of GPU validation.
 #pragma once

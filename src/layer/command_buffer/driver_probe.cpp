@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/command_buffer/driver_probe.h"
 
 #include <string>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Probes of the driver: GPU work whose result shows how the driver behaves. A probe runs when its result is first
 // needed.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GPU validation: with the setting `validate`, the layer's shaders log findings about their input in host-visible
 // memory. Commands that submit work or learn that work is complete report them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // GPU work that the layer adds to the application's command buffers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies, fills and updates of VK_KHR_device_address_commands. Neither the regions of a command nor commands without a
 // barrier between them are ordered, so a command may become one for each pair of buffers.
 #include <map>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bindings, indirect commands and conditional rendering of VK_KHR_device_address_commands.
 #include <algorithm>
 #include <vector>

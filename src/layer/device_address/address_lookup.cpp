@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/device_address/address_lookup.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Finds the buffers of the address ranges of VK_KHR_device_address_commands.
 #pragma once
 

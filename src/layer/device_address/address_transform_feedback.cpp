@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Transform feedback of VK_KHR_device_address_commands.
 #include <vector>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_KHR_device_address_commands: commands that take address ranges, recorded as older commands that take buffers
 // (address_lookup.h). The addressFlags are ignored: older commands get that information from the buffer.
 #pragma once

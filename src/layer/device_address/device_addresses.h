@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subsystem of VK_KHR_device_address_commands: commands that take address ranges, recorded as older commands.
 #pragma once
 

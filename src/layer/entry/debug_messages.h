@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Messages that the application sends, by VK_EXT_debug_utils and VK_EXT_debug_report. They may name objects of the
 // layer, which the driver does not know.
 #pragma once

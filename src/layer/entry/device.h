@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A device: the parts of all subsystems, and its creation.
 #pragma once
 

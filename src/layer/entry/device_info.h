@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VkDeviceCreateInfo: what the application enables, and what the driver is asked for instead.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The entry points of the layer: the negotiation with the loader, and one table row per intercepted command.
 #include <algorithm>
 #include <cstdio>

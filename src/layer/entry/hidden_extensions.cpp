@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/entry/hidden_extensions.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Extensions of drivers that do not work beside emulated micromaps. They are hidden if VK_EXT_opacity_micromap is
 // emulated. If the driver has that extension they are listed, but a device cannot enable one of them together with
 // emulated micromaps. Some do not work beside translated micromaps either. These are hidden if VK_KHR_opacity_micromap

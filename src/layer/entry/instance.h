@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state of an instance, and the commands that take an instance or a physical device.
 #pragma once
 

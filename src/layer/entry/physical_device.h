@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the layer knows of a physical device. It is found once for each instance, when a command first needs it.
 #pragma once
 

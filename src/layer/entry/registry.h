@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Instances and devices by their dispatch keys.
 //
 // A registry owns nothing, and does nothing when the process ends or the layer is unloaded: objects that the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The back end of the driver's micromaps: each command of VK_KHR_opacity_micromap is translated to
 // VK_EXT_opacity_micromap.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Translates builds of micromaps, and of structures that name them, to VK_EXT_opacity_micromap.
 #include <algorithm>
 #include <deque>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Translates copies of micromaps, and records those of other structures.
 #include <algorithm>
 #include <string>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/khr_over_ext/placed_micromaps.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The driver's micromaps in the memory of the application's acceleration structures.
 //
 // A VkMicromapEXT has one size, and the target of a clone must have exactly the size of its source. An acceleration

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The locations of data that this device has serialized. A serialized micromap has the same header as other structures,
 // and the choice of the driver's command that deserializes it is made when that is recorded.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The buffers at device addresses: every buffer whose address the application has queried, and with
 // VK_KHR_device_address_commands every buffer that has an address.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands on buffers and memory. Usage flags that the driver does not know are removed, and addresses are kept.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The memory subsystem: the application's buffers and memory objects, the buffer at an address, the host's view of
 // memory, and the layer's buffers.
 #pragma once

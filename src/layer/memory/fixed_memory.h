@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Host memory at an address that is the same in every run.
 //
 // Rewritten shaders contain the addresses of the layer's tables as constants, and a driver's caches identify shaders by

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Buffers of the layer, with a device address. Most are host-visible and coherent: the host prepares what the GPU
 // reads.
 #pragma once

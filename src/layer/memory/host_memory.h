@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The memory that buffers are bound to, and its mappings. The host commands of micromaps read and write buffers that
 // the application may or may not have mapped, and some checks read what the application has written. A memory object
 // can be mapped only once (VUID-vkMapMemory-memory-00678). So the layer keeps track of the application's mappings, and

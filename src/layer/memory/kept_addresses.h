@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The addresses of the layer's tables in an earlier run. A file keeps them, so that the tables can get the same
 // addresses again (bufferDeviceAddressCaptureReplay). On a GPU, rewritten shaders then have the same words in every
 // run, as with FixedMemory on a CPU. Nothing else depends on it: if the file cannot be read, or an address cannot be

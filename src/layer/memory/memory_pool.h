@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pieces of a few memory allocations. A device may allow no more than 4096 allocations (maxMemoryAllocationCount),
 // which are for the application, and an application may have more command buffers and query pools than that. Each new
 // block is half as large as all existing ones, so the number of blocks grows with the logarithm of the memory in use.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Memory for recorded commands of the layer: scratch memory of injected builds, the driver's serialized data, changed
 // hit records.
 #pragma once

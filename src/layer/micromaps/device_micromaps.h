@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the subsystem of micromaps uses on a device: builds, copies, host commands and serialization of emulated
 // micromaps, and the input of both extensions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Creation of micromaps by VK_EXT_opacity_micromap, and what validation messages name them by.
 #pragma once
 

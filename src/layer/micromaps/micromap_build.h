@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds of micromaps on the device, and the commands of VK_EXT_opacity_micromap for them; the command of
 // VK_KHR_opacity_micromap is in structures/structure_commands.h.
 #pragma once

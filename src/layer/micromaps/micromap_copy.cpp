@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/micromaps/micromap_copy.h"
 
 #include <algorithm>

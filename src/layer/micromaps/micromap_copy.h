@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies of micromaps on the device, queries of their properties, and the commands of VK_EXT_opacity_micromap for them;
 // those of VK_KHR_opacity_micromap are in structures/structure_commands.h.
 //

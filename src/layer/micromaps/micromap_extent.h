@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sizes of a micromap build, computed from its usage counts. For device and host builds.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The host commands of micromaps (feature micromapHostCommands). They write what the device would
 // (core/micromap_memory.h). A deferred operation is carried out at once, and the commands return
 // VK_OPERATION_NOT_DEFERRED_KHR.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromap builds, parsed from the structures of either extension and checked. Nothing after this reads those
 // structures.
 #pragma once

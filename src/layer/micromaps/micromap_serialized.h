@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The header of serialized micromaps, for the host. Layout: core/records.h.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/pipelines/any_hit_modules.h"
 
 #include "layer/base/undo.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Modules of the layer's any-hit shaders, for hit groups without one.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subsystem of pipelines: shader modules, stages and pipelines as the driver gets them, and the hit records of ray
 // tracing pipelines.
 #pragma once

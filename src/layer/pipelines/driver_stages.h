@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shaders and pipeline stages as the driver gets them: rewritten so that they resolve micromaps, or, on a driver with
 // VK_EXT_opacity_micromap only, with SPV_EXT_opacity_micromap in place of SPV_KHR_opacity_micromap.
 #pragma once

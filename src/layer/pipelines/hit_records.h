@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vkCmdTraceRays*: hits through a null hit record, or beyond the end of the hit table, still look up micromaps.
 // Pipelines that use micromaps trace with a copy of the table in which a hit record of the layer replaces these.
 #pragma once

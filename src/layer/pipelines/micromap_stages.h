@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Stages and groups of ray tracing pipelines that use micromaps, as the driver gets them: each stage is rewritten for
 // the groups that use it, and every hit group has an any-hit shader.
 #pragma once

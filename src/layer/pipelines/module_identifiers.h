@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Identifiers of shader modules (VK_EXT_shader_module_identifier), which applications store from run to run to create
 // pipelines from the driver's cache. Rewritten code holds addresses of the layer's tables, and the cache may contain
 // pipelines that were created without the layer. The application therefore gets the driver's identifier mixed with a

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binaries of pipelines (VK_KHR_pipeline_binary). Those of rewritten shaders hold addresses of their device's tables.
 // The layer puts a header before the data of a binary, and rejects data whose header does not match the device. All
 // keys, including the global key, are the driver's, mixed with a mask of the device's tables (module_identifiers.h).

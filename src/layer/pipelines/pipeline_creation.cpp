@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Creation of ray tracing pipelines: checks, flags and structures that the driver must not get, and what is kept of
 // pipelines that use micromaps. Their stages are those of micromap_stages.h.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Creation flags of pipelines and shader objects that concern opacity micromaps.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray tracing pipelines. In those that use micromaps every hit group has an any-hit shader that looks them up, and the
 // driver does not get ray flags that would bypass it.
 #pragma once

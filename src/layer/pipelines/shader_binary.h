@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Binaries of shader objects (VK_EXT_shader_object). A rewritten shader holds addresses of its device's tables, so its
 // binary is valid only for devices whose tables have the same addresses, as in later runs with stable addresses
 // (RootTable::create). The layer puts a header before binaries, and rejects others as incompatible.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shader modules, shader objects, compute and graphics pipelines: the driver gets rewritten shaders (driver_stages.h).
 #pragma once
 

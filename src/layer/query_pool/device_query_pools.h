@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the subsystem of query pools uses on a device: pools whose results the layer writes or corrects.
 #pragma once
 

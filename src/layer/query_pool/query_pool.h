@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Query pools whose results the layer writes or corrects.
 //
 // A pool of micromap sizes has the handle of a driver's pool of a type that every driver supports, and which is never

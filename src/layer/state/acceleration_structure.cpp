@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/state/acceleration_structure.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An acceleration structure as an object: the layer's record of it, and what its commands share.
 #pragma once
 

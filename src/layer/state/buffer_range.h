@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The location of a structure of vkCreateAccelerationStructure2KHR: the part of a buffer that its address range covers.
 #pragma once
 

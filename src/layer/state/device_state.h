@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state subsystem: the layer's records of micromaps and acceleration structures, the tables that lead a shader from
 // a hit to its micromap, and names and private data of layer objects.
 #pragma once

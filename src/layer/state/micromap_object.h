@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A micromap as an object, whichever extension created it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/state/object_names.h"
 
 #include "layer/state/device_state.h"

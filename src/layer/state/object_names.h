@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names and tags of objects. The driver does not know layer objects; their names appear in the layer's messages.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_EXT_private_data of layer objects, whose handles the driver does not know.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tables that lead a rewritten shader from a hit to its micromap, and a TLAS build from a reference to its BLAS.
 // Layouts: core/records.h.
 //

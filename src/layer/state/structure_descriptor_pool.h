@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Descriptors (core/records.h), identified by numbers, in memory of the layer.
 //
 // Either the device or the host writes the descriptors of a pool. When the host has written to a part of a page of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/state/structure_location.h"
 
 namespace vellum::layer

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The locations of acceleration structures. What was built belongs to the location and not to a handle: an application
 // with its own allocator may create several handles for the same content, each as large as the rest of the buffer, and
 // destroy them in any order.

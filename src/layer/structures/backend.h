@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A back end records the builds and copies that structure_commands.h has checked. There are two: emulated micromaps
 // (emulated_backend.h), and VK_KHR_opacity_micromap on a driver's VK_EXT_opacity_micromap (khr_over_ext/ext_backend.h).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the subsystem of acceleration structures uses on a device: creation, sizes, builds, copies and serialization,
 // with the records that lead from a hit to its micromap.
 #pragma once

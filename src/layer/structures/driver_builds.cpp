@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/structures/driver_builds.h"
 
 namespace vellum::layer

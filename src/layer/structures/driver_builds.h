@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The driver's builds of one command: direct builds by one call, indirect ones by another.
 #pragma once
 

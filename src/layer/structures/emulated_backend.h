@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The back end of emulated micromaps: the driver builds structures without micromaps, and the layer adds the records
 // that lead a shader from a hit to its micromap.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Handles for a driver that writes the whole range of the handle that it builds into, whatever the build needs
 // (Driver::clearsWholeHandles). The range of an application's handle may include data after the structure.
 #pragma once

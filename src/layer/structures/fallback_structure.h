@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A bottom-level structure of one triangle as the driver serializes it. It is made by a probe of the driver when it is
 // needed first.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds and updates of acceleration structures with emulated micromaps: the driver's builds, the instances that it
 // builds from, and the records behind its structures.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The commands of acceleration structures, including micromaps of VK_KHR_opacity_micromap. The layer intercepts them on
 // every device whose micromaps it emulates or translates. Each is parsed and checked here, and then recorded by the
 // device's back end.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/structures/structure_copy.h"
 
 #include <algorithm>

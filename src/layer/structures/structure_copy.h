@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clones and compacted copies of acceleration structures with emulated micromaps.
 //
 // A copy of a bottom-level structure is the driver's, and a shader adds the records behind it. A copy of a top-level

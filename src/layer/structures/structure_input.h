@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds and copies of acceleration structures, parsed from the application's structures and checked. Nothing after
 // this reads those structures.
 #pragma once

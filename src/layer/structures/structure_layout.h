@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The layout of an acceleration structure with emulated micromaps: the tail, which is the layer's part, follows the
 // driver's part in the application's memory. A build has it after the size that the driver returns for the same build;
 // for a copy the GPU decides.

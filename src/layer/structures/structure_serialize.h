@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Serialization and deserialization of acceleration structures with emulated micromaps (layouts: core/records.h). The
 // driver reads and writes memory of the layer; shaders move the data to and from the application's memory, because they
 // know where its buffer ends, and check everything that they read there.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "layer/structures/structure_size.h"
 
 #include "core/records.h"

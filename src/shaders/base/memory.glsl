@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Access to memory by 64-bit addresses held as two words, so that no 64-bit integers are needed.
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require

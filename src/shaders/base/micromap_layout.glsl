@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Addresses of the parts of a micromap (core/records.h). Needs records.h and memory.glsl.
 
 // Record of a micromap triangle.

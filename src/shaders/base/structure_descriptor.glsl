@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Descriptors (core/records.h), and 64-bit addresses counted in units of 16 bytes. Needs records.h and memory.glsl.
 
 struct Descriptor {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The log of wrong input that only the device sees, which the host reads (layer/command_buffer/gpu_validation_log.h). Needs
 // records.h, memory.glsl and push.log.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Before the first step: finds places for the masks, and counts nothing yet.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The masks of blocks of cells: two by two blocks of the size before become one. push.first: the mip level,
 // push.second: the step.
 #version 460

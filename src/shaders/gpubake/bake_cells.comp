@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The masks of a mip level's cells. push.first: the level.
 #version 460
 #extension GL_GOOGLE_include_directive : require

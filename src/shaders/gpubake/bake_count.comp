@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Counts the triangles of a list by level, for each block of triangles.
 #version 460
 #extension GL_GOOGLE_include_directive : require

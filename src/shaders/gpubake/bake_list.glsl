@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lists of triangles, ordered by level: first (push.first is 0) of those whose states are not known to be one, to find
 // out; then (1) of those that get data.
 #include "gpubake/bake_scratch.glsl"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Masks of cells: two bits for each stored cell of a mip level, and for each block of 2^step x 2^step of them. One says
 // that some value in it may not be opaque, the other that some may not be transparent.
 #include "gpubake/bake_axis.glsl"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Finds out which states a triangle has, until it has two. With PROBE, looks at four words of each triangle only, which
 // are all of those of a low level.
 #version 460

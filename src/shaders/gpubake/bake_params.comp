@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes words from its push constants: vkCmdUpdateBuffer for an address.
 #version 460
 #extension GL_GOOGLE_include_directive : require

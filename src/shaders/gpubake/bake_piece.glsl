@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part of a shape that lies in one mixed cell, with bilinear filtering: bounds for the filtered value there. As the
 // baker's PieceTest::quick (src/bake/piece.cpp), but what rounding hides may be anything here.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Puts each triangle of the list in its place; of the second list, also its record and its index, and the special
 // indices of those that are not on it.
 #version 460

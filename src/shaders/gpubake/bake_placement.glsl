@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A triangle over the cells of a mip level. Its vertices are placed in integers, with 26 bits behind the point; floats
 // only count from a cell near by. docs/design/gpu-baker.md has the bounds of all errors.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads each triangle's texture coordinates, chooses its level, and finds those that are one state because no cell
 // around them is another.
 #version 460

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sums the blocks' counts, and says how much work the list is.
 #version 460
 #extension GL_GOOGLE_include_directive : require

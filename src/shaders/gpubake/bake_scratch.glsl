@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What all shaders of the GPU baker share: the scratch memory, and which invocation does what.
 #extension GL_EXT_control_flow_attributes : require
 #include "base/memory.glsl"

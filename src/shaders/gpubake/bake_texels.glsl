@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The texels of the image, as the alpha test sees them.
 #extension GL_EXT_samplerless_texture_functions : require
 

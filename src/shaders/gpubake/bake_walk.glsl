@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What may be in a shape: whether some point of it, margins included, may not be opaque, or not transparent.
 
 // A box of no more cells than that is walked row by row. maskBits() has 32 columns.

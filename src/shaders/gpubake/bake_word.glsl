@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The states of 16 neighbouring micro-triangles on the curve, as bits of 4-state data; of all, if there are fewer.
 #include "gpubake/bake_mask.glsl"
 #include "gpubake/bake_texels.glsl"

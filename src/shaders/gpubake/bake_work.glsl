@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the number of a unit of work to its triangle.
 #include "gpubake/bake_scratch.glsl"
 #include "opacity.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the data of all triangles that get some.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Corrects a size that the driver returned. The size of a micromap is rounded up to a marked size (markedMicromapSize in

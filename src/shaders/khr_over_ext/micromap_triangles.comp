@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Copies the triangles of a micromap build in the form that VK_EXT_opacity_micromap requires: packed, and with offsets from

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Converts the header of a serialized micromap between the driver's form and the application's. The driver expects the size

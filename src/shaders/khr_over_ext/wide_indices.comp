@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Widens 8-bit micromap indices, which VK_EXT_opacity_micromap does not have, to 32 bits. One invocation per index.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Micromap build that shares identical data, first pass, one invocation per triangle: computes coarse mask and hash.

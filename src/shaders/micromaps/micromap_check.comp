@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Micromap build: determines whether the data can be used in place: the data of each triangle begins at a data unit, and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Analysis of a triangle's data in a micromap build: the state of each sub-triangle of level 2, and a hash.
 // Needs micromap_source.glsl.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Micromap build without sharing, after micromap_parts.comp: turns the gathered bits of the triangles on the list of parts

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lossy micromap builds (core/lossy.h): triangles are coarsened into scratch memory, from which the ordinary build then
 // reads. Needs micromap_source.glsl; in these passes push.micromap is the address of the coarsened micromap:
 //   entries    3 words per triangle: a VkMicromapTriangleEXT with offsets from here, and the states of up to level 2

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Lossy micromap build, after the parts were measured: chooses the level of each triangle on the list, and writes the states

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Serializes, deserializes or copies a micromap (layouts: core/records.h). Only bytes in use are read and written: a handle

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Micromap build, one workgroup for each block of kPlaceBlock triangles: assigns data units to every triangle, in the order

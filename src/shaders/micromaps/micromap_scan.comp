@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Micromap build, one workgroup: turns the sums of the blocks into exclusive prefix sums, and writes the micromap's header.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The application's input of a micromap build, and the locations of its triangles. Included by all passes of the build.
 #include "shared.h"
 #include "curve.h"

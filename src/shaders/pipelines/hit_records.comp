@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Copies the hit records of a shader binding table, with the record of the layer's group in place of null handles, and

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a slot to an opacity state: the functions that are linked into the application's shaders (src/spirv/module/link.h).
 // main() and everything that the linked functions do not reach are not linked.
 #version 460

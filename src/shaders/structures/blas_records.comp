@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Writes the records of one geometry of a bottom-level acceleration structure: one record per triangle, found through the

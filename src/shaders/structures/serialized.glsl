@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Serialized acceleration structures (core/records.h). Needs structure_descriptor.glsl.
 
 const uint kSerializedHeaderUnits = 4u; // the header of a BLAS without blocks: 56 bytes, padded

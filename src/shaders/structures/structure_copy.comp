@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Copies the tail of a bottom-level acceleration structure to the copy that the driver has made of the rest. Only the device

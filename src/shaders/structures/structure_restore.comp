@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Deserializes an acceleration structure. The data is not trusted: unless it is exactly what this version of the layer and

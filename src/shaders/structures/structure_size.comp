@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Corrects the driver's answer to a property query of an acceleration structure: adds the layer's part to the 64-bit number

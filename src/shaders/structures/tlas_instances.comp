@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Writes the instances (VkAccelerationStructureInstanceKHR) that the driver builds from: those of the application, with the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Serializes a top-level acceleration structure: its instances as the application wrote them, and one handle per instance.

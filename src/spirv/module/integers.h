@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // 32-bit integers of the application, which may be signed. The rewriter's own are uints.
 #pragma once
 

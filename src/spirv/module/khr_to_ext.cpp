@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "spirv/module/khr_to_ext.h"
 
 #include <string>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Translates SPIR-V with SPV_KHR_opacity_micromap to SPIR-V with SPV_EXT_opacity_micromap, for a driver that has
 // VK_EXT_opacity_micromap only.
 //

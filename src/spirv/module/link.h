@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Links functions of the layer's GLSL library (src/shaders/pipelines/lookup.comp) into an application's module.
 #pragma once
 

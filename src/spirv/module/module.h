@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A SPIR-V module parsed into sections of instructions, to be edited and serialized. Instructions with unknown opcodes
 // keep their place.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The SPIR-V numbers, and those that installed headers may be too old to have.
 #pragma once
 

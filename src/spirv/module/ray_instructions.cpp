@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "spirv/module/ray_instructions.h"
 
 #include "spirv/module/opcodes.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Operands of the instructions that trace rays of pipelines, or make and use hit objects.
 #pragma once
 

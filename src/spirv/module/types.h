@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Finds types and constants in a module, or adds them.
 #pragma once
 

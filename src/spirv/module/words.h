@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Visits the words of SPIR-V, instruction by instruction, without parsing it as a Module (module.h).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "absent_gpu.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A GPU that is not there, for Mesa's drivers ANV and RADV: they open the GPU's file and ask a kernel driver about it
 // by ioctl. What is linked with this has its own ioctl and drmGetDevices2, which come before those of the system's
 // libraries, also for drivers that are loaded later: they answer for one GPU. Memory and synchronization objects are

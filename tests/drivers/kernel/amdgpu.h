@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // AMD's GPUs by the kernel driver amdgpu, which RADV asks.
 #pragma once
 

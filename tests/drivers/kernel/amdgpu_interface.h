@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ioctls of the kernel driver amdgpu, as far as RADV uses them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What of the interface between Vulkan drivers and the Linux kernel is used here and is the same for all drivers:
 // libdrm's structures for devices, and the ioctls of DRM. It is declared here, like that of the kernel drivers xe and
 // amdgpu, because not all of the headers are in packages of Debian 12. All of it is a stable binary interface

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What kernel drivers have in common: they report a GPU, and take calls of the programs that use it.
 #pragma once
 

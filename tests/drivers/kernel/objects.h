@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Memory that a GPU's driver allocates: pieces of a file, so that the driver maps them as it maps those of a GPU, by
 // their place in the file.
 #pragma once

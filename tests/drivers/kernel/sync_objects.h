@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Synchronization objects as the kernel has them: a number that only grows. A binary object is signaled when it is not
 // 0.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Intel's GPUs by the kernel driver xe, which ANV asks.
 #pragma once
 

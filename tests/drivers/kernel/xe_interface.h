@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ioctls of the kernel driver xe, as far as ANV uses them.
 #pragma once
 

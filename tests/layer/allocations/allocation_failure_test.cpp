@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whichever of the layer's allocations fails, the process goes on, no driver object leaks, and the same call succeeds
 // once there is memory again.
 #include <algorithm>

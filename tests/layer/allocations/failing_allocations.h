@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Allocations of Vellum's layer that fail when a test wants it. Libraries take their memory from the operator new of
 // the program that loads them; what others than the layer allocate never fails.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Objects destroyed in an invalid or barely valid order, as programs do at their end. Drivers tolerate it, and so does
 // the layer: it does not crash, and objects made afterwards work.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Unusual environments: no HOME, folders that do not exist or cannot be written to, misspelled settings. The layer
 // works in all of them.
 #include <cstdlib>

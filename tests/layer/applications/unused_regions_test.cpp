@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Regions of shader binding tables that no ray reads: programs leave them empty, pass an address without a size, or
 // pass one table for all of them.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A compute pipeline with flags of VkPipelineCreateFlags2CreateInfo, which the oldest supported headers do not know.
 #pragma once
 

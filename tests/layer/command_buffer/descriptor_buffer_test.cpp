@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_EXT_descriptor_buffer: shaders reach a top-level structure by an address in a descriptor, and bindings survive
 // work that the layer adds between binding and use.
 #include "command_buffer/compute_pipeline.h"

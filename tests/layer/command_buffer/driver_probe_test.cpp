@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Driver probes run on the application's queue when something first depends on their result: while the application uses
 // that queue, and from whichever threads need the result.
 #include <atomic>

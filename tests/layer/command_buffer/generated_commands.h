@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_EXT_device_generated_commands, which the oldest supported headers do not know: its declarations under names of our
 // own, and its objects.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_EXT_device_generated_commands: shaders that trace rays, selected and launched by commands that the device reads,
 // after the layer recorded work between these commands and the state that they depend on.
 #include "command_buffer/compute_pipeline.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Secondary command buffers that inherit conditional rendering. Lavapipe does not say that it lets a command buffer
 // inherit it, which is the validation layer's to mind.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queue families with restricted capabilities, as most GPUs have: the mock driver's quirk "queues" reports commands
 // that a family does not support.
 #include <cstring>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_EXT_shader_object: ray queries in a shader object, and a bound one that survives builds.
 #include <cstddef>
 #include <vector>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_EXT_shader_object. The types are written out here because the oldest headers this project builds with lack them,
 // and so does the validation layer of that age.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A micromap, a BLAS and a TLAS that are built where a test says, and looked at afterwards.
 #pragma once
 

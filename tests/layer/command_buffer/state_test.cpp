@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Builds recorded between an application's state commands must not change that state.
 #include "command_buffer/state_scene.h"
 #include "harness/graphics.h"

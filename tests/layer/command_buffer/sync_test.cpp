@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stage and access bits of micromaps, wherever an application can pass them, must not reach the driver or the
 // validation layer above it.
 #include "command_buffer/state_scene.h"

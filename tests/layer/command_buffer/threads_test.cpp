@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Threads that create, record and destroy their own objects, and share the layer's state of the device. Most errors
 // that this finds are reported by ThreadSanitizer (scripts/test tsan).
 #include <mutex>

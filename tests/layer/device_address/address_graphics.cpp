@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "device_address/address_graphics.h"
 
 #include "shaders/address_draws_feedback.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A row of 64 pixels for the tests of draws by address: shaders/address_draws.glsl draws points that write numbers.
 #pragma once
 

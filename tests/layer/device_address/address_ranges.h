@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the tests of device address commands have in common: ranges of buffers, buffers that share memory, and commands
 // that have to be rejected.
 #pragma once

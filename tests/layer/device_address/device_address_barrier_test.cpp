@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Range barriers: the barriers that the driver gets instead, as the spy reports them; range barriers never reach it.
 #include <algorithm>
 #include <sstream>

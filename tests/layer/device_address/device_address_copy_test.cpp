@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies, fills, updates, image copies, query results and markers of VK_KHR_device_address_commands: the same bytes as
 // from the commands that take buffers, and wrong ranges rejected.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bindings, indirect commands and conditional rendering of VK_KHR_device_address_commands: the same pixels as from the
 // commands that take buffers, and wrong ranges rejected.
 #include "device_address/address_graphics.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromap builds that contradict themselves or their memory: the layer names the rule, does not crash, writes nothing
 // out of bounds, and the device goes on working. Harmless violations are tolerated, unless VELLUM_STRICT is set.
 #include "command_buffer/state_scene.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Behaviour that drivers other than lavapipe may have, and what must not reach the driver (layers/spy.cpp).
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An application that ends without destroying what it made. It takes Vulkan by dlopen(), so that the loader can go too.
 // usage: vellum_end_program WAY THREADS [LAYER...]; the first layer is the nearest to the application.
 #include <atomic>

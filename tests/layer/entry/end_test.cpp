@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Programs that end, or destroy their instance, without destroying their device: the layer must not do more than a
 // driver would. Each program is a process of its own (end_program.cpp).
 #include <cstdlib>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirks "ext" and "emulating" of the mock driver: drivers with micromaps of their own, below Vellum's layer.
 #include <algorithm>
 #include <cstring>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A driver that runs out of memory, or loses the device. Whichever of its commands fails, the application learns of it
 // by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>

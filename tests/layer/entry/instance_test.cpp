@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The layer's entry points, as other layers and old applications use them.
 #include <algorithm>
 #include <cstdlib>

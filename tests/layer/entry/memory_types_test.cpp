@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Memory types of devices other than lavapipe: one for each purpose, in small heaps, or usable only with a feature. The
 // mock driver (layers/memory_quirk.cpp) reports what breaks their rules.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Creates a device with VK_EXT_opacity_micromap and one queue; for programs with and without Vulkan's prototypes.
 #pragma once
 

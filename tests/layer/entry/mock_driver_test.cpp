@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The mock driver itself, without the layer: each quirk enforces what it advertises.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an application sees of the extension with Vellum's layer and without.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A program of Vulkan 1.1, the oldest version with emulation. Validation, below the layer, reports shaders and commands
 // of the layer that are newer than the instance, or that need features which the program has not enabled.
 #include <cstdlib>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Acceleration structures: builds and their sizes.
 #include "forcing/forcing.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What forced micromaps consist of: one micromap, and patterns of indices that repeat over a geometry's triangles.
 //
 // With a micromap, VK_GEOMETRY_OPAQUE_BIT_KHR no longer counts: a micro-triangle that is unknown is non-opaque. So

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The forcing layer: a layer above Vellum's that gives every triangle geometry of any program a micromap that changes
 // nothing, so that the program tests Vellum. It enables the extension on each device that has acceleration structures,
 // builds one micromap there, and attaches it to all geometries that have none, sets the micromap bit of ray tracing

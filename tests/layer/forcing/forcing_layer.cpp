@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The entry of the forcing layer: instances and devices.
 #include "forcing/forcing.h"
 

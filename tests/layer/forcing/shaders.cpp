@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shaders and pipelines: the micromap bit of ray tracing pipelines, and with VK_KHR_opacity_micromap the execution mode
 // of modules with ray queries.
 #include "forcing/forcing.h"

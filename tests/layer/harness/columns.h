@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A scene for shader tests: columns of triangles behind each other, each triangle one state all over, every instance
 // with custom index 4242; one ray down each column.
 #pragma once

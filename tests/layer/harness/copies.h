@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies of acceleration structures for tests: the commands with less to write, serialized data, and scenes whose every
 // place is looked at.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The execution mode OpacityMicromapIdKHR, put into compiled shaders: compilers are older than it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Graphics pipelines for the tests: points or one big triangle, drawn into an image of one row with dynamic rendering.
 #pragma once
 

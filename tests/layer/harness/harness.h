@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small Vulkan for the tests: an application's instance with Vellum's layer on top, the validation layer and a spy
 // below it (nearer to the driver), a device, buffers, command submission, and every message that the layers sent.
 // With the environment variable VELLUM_TEST_VALIDATION=above the validation layer is between the tests and Vellum's

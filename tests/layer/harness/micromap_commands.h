@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The commands of micromaps by whichever API a device has. Said in the structures of VK_EXT_opacity_micromap; with
 // VK_KHR_opacity_micromap they are put in its own.
 #pragma once

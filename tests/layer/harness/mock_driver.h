@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Functions of the mock driver (layers/) for tests.
 #pragma once
 

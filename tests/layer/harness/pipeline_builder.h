@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray tracing pipelines and shader binding tables as an application makes them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tracer's twin: traces rays with a ray tracing pipeline (shaders/pipeline_tracer.glsl) and gives back what its shaders
 // saw.
 #pragma once

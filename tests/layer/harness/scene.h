@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps and acceleration structures as an application makes them. Every object lies between guard bytes, which the
 // test can check: nothing may be written beyond the sizes that Vulkan reported.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The severity of the layer's messages about wrong input: tolerated input is a warning, rejected input an error.
 #pragma once
 

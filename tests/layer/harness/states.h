@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random states for micromaps, the same in every run.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Traces rays with shaders/tracer.comp and gives back what the shader saw.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_KHR_opacity_micromap on a driver with VK_EXT_opacity_micromap only (quirk "ext"): the driver's own micromaps are
 // used. The quirk reports whatever such a driver does not know. The suites that run as layer_ext.* check that results
 // are the same.

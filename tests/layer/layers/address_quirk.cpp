@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "elsewhere": all memory with device addresses is mapped twice. Buffers are at the first place, the host's
 // mappings at the second one. Structures say that they are at a third one, which there is as long as one of that memory
 // lives whose address was queried; then structures of other memory get it. All of them work on lavapipe, as on a

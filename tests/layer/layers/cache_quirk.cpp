@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "caching": VK_EXT_shader_module_identifier and VK_KHR_pipeline_binary, made out of lavapipe. What was once
 // compiled is known by its code alone for as long as the process lives, also on later devices, as if it lay in a cache
 // on disk. A binary is the code of all stages of a pipeline; what it is used for must be what it was captured from.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "capable": features that lavapipe lacks, made out of lavapipe, whose device addresses are the host's.
 //   - accelerationStructureIndirectBuild: the ranges are read when the build is recorded, and built directly.
 //   - accelerationStructureHostCommands: is only said, since nothing may come of it.

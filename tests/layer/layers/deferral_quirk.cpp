@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "deferred": every deferred creation of pipelines really is (Deferred Host Operations). Each pipeline of a
 // call is a piece of work, and as many threads can join as there are pieces; what the call was given is read when they
 // do. A thread that finds nothing left to begin is done, while others are still at work.

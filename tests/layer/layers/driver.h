@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The mock driver: a layer between Vellum and lavapipe that makes another driver of it. What such a driver may do
 // differently is a list of quirks (quirks.cpp), chosen when an instance is made by the environment variable
 // VELLUM_TEST_MOCK_DRIVER: names, separated by commas. The code of a quirk is a level: commands that it has its own

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The entry of the mock driver: instances, devices, and which level's function is called.
 #include "layers/driver.h"
 

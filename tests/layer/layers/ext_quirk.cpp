@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Drivers that have micromaps, which lavapipe gets from a second copy of Vellum's layer below this one:
 // - "ext": VK_EXT_opacity_micromap, and not VK_KHR_opacity_micromap, VK_ARM_pipeline_opacity_micromap or
 //   VK_KHR_device_address_commands. It reports every use of these, and of micromaps that are not its own.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirks of a failing driver.
 //   - "failures": the n-th command, counted from now, of those that may run out of memory fails, or every
 //     submission from now on, as of a lost device (Lost Device). Tests choose by functions of this library.

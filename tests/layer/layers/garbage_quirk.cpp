@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Garbage wherever a driver may leave it: the quirks "dirty" and "scratch". Lavapipe's memory begins as zeros, as that
 // of other drivers need not, and its builds leave most of their scratch memory as it was.
 #include "layers/driver.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What levels share that put lavapipe's memory where they want it: lavapipe imports host memory, and its device
 // addresses are the host's.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirks "alignments", "push128" and "compute": limits at the ends of what the specification allows. Recorded
 // commands are checked against them.
 #include "layers/driver.h"

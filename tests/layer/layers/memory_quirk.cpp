@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirks "discrete", "window" and "uncached": memory types with restrictions, where lavapipe has one for
 // everything. Memory that is not host-visible cannot be mapped, memory that is not coherent needs flushes, and a heap
 // has no more than its size.

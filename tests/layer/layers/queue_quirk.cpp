@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "queues": one family for each purpose, where lavapipe has one queue for all of them, which executes their
 // commands. Recording what a family does not support is reported, and so is a submission to a queue of another family
 // than the command buffer's.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All quirks, and the levels that they belong to.
 #include "layers/driver.h"
 

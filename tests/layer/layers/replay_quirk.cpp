@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "replay": memory with VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT is at the requested address, or
 // at a random one, and host memory cannot be imported (except by this layer). With "capable", which has the feature.
 #include "layers/imported_memory.h"

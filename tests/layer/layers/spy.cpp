@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "spy": devices, and all of its commands together. With the quirk "displacement" the driver says that it has
 // micromaps, and displacement micromaps.
 // It also checks that stack sizes which the application sets have space for all shaders of the driver's pipeline. Where

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "spy": what the files with its commands share. It stands for a driver that knows nothing of micromaps, and
 // reports every flag, structure and extension name of theirs that reaches it. (The validation layer does not: it knows
 // the extension and lets most of its bits pass.) Each file has the commands of one kind.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Buffers, types of memory and mappings. With the quirk "hostmemory" there is one type more; as long as
 // VELLUM_TEST_SPY_MEMORY is in the environment, the others have nothing left.
 #include "layers/spy.h"

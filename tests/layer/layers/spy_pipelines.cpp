@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pipelines of all kinds, shader objects, and stack sizes.
 #include "layers/spy.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Acceleration structures, and the objects that names and private data are for.
 #include "layers/spy.h"
 

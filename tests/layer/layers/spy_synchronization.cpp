@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Barriers, events, semaphores, and the order of builds and transfers.
 #include "layers/spy.h"
 

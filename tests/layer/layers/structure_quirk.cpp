@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The quirk "structures": a driver whose structures need more when they are built than they hold. The sizes of builds
 // are larger by half than lavapipe's, and odd; what lies between both sizes is the driver's to write, and gets a
 // pattern; the compacted size is lavapipe's. Of a handle the driver writes no more than a structure needs, however

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Buffers and memory as they reach the driver: usage that the layer adds, and the bindings that it tracks. The spy
 // below the layer reports usage that a buffer may not have.
 #include <array>

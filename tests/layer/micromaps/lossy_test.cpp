@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lossy micromaps of VK_KHR_opacity_micromap: the device writes the same bits as core/lossy.h, and rays find the
 // application's state or an unknown state in its place.
 #include <algorithm>

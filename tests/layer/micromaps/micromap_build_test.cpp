@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromap builds, bit for bit: the device's result is compared with the host's writeMicromapMemory, for every level
 // and format, all build flags, shared and unaligned data, and input that breaks every rule.
 #include <algorithm>

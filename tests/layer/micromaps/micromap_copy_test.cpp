@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies of micromaps: clone, compact, serialize, deserialize, compatibility; sizes by queries. Copies are checked by
 // tracing them.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The host commands of micromaps: each writes the same as its device command, and both can be mixed.
 #include <algorithm>
 

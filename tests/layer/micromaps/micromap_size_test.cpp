@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Handles that are smaller than any micromap, as of applications that ignore the messages of size queries, and smaller
 // than the micromap in their memory: nothing beyond their size is read or written, by either API.
 #include "harness/expected.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rules for micromaps as acceleration structures: the layer names each rule, and rejects the command or, unless
 // VELLUM_STRICT is set, tolerates the violation.
 #include "harness/program/labels.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the tests of VK_KHR_opacity_micromap alone have: micromaps as acceleration structures, made, built, queried and
 // traced.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps of an application with its own allocator: side by side in one buffer, by handles that reach to the end of
 // the buffer, and so overlap and are far larger than their content. vkd3d-proton does so.
 #include <algorithm>

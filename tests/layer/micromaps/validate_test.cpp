@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The setting `validate`: wrong input that only the device sees is reported, once, with the triangle's number.
 #include <algorithm>
 #include <atomic>

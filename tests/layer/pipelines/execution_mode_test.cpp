@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries use micromaps if the shader
 // has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise that an application does not mix
 // special indices, which is part of the same extension.

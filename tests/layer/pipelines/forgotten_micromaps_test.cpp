@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shaders and pipelines that do not declare their use of micromaps, on a device that has them: a warning each, and the
 // setting that uses micromaps anyway.
 #include <cstdlib>

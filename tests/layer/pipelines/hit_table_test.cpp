@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Traces without a hit table, and hit tables that are shorter than the record indices of what rays meet. A ray whose
 // hits are all opaque or culled, and that skips closest-hit shaders, reads no hit record ("Ray Intersection
 // Confirmation", "Ray Result Determination"): applications need not have one for it.

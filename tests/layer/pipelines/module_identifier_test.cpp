@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_EXT_shader_module_identifier: pipelines whose code the driver has. It keeps code for the life of the process,
 // whichever device compiled it (layers/cache_quirk.cpp).
 #include "command_buffer/compute_pipeline.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Several pipelines or shaders in one create command, one of which the layer rejects ("Multiple Pipeline Creation").
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray tracing pipelines that break the rules: a message that names the rule, no crash, and a device that goes on
 // working.
 #include "harness/program/labels.h"

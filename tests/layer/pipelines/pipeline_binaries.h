@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_KHR_pipeline_binary as an application uses it.
 #pragma once
 

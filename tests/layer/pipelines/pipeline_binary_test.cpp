@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_KHR_pipeline_binary: pipelines made from the binaries of an earlier one, without their code. The driver
 // (layers/cache_quirk.cpp) reports a pipeline that is not the one that was captured.
 #include "command_buffer/compute_pipeline.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Traces in command buffers: indirect ones, secondary command buffers, several submissions, and the application's other
 // state, which no trace may change.
 #include "pipelines/pipeline_scene.h"

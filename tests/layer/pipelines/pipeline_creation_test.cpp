@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Creation of ray tracing pipelines: deferred, several at once, lifetimes of its input, stack sizes.
 #include <algorithm>
 #include <thread>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Modules, stages and groups in the combinations that applications make of them, and binding tables.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // VK_KHR_ray_tracing_position_fetch beside micromaps, in pipelines and in ray queries.
 #include <random>
 

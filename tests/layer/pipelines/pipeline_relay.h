@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Chains of rays through closest-hit, miss and callable shaders (shaders/pipeline_relay.glsl).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The resolution of hits in ray tracing pipelines: every state, format, geometry flag, instance flag and ray flag, ray
 // flags at run time, constant and specialized, hit groups with and without any-hit and closest-hit shaders.
 #include <algorithm>

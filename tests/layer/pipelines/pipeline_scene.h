@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A scene with everything that decides over a hit: every state of both formats, special indices, a geometry without
 // micromap and boxes, in opaque and other geometries, under all instance flags; and what the specification says a
 // pipeline does with a ray to each of them.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rays traced from closest-hit and miss shaders, callable shaders between them, and ray queries in all of them.
 #include "pipelines/pipeline_relay.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The whole resolution table through real ray queries: states x formats x levels x special indices x geometry flag x
 // instance flags x ray flags, ray flags at run time, constant and specialized, compared with expected.h.
 #include <random>

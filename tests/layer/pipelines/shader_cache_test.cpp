@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A driver's caches find in one run what was compiled in another: rewritten shaders are the same, although they contain
 // the addresses of the layer's tables. Each run is a process of its own, with randomized addresses. Mesa reports at the
 // end of a process what its cache found.

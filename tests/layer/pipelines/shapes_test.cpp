@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray query code in all forms that applications write.
 #include "harness/columns.h"
 

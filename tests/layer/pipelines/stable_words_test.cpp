@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A driver's caches identify shaders by their words. Rewritten words must be the same in every run where the driver
 // lets the layer choose the addresses in them.
 #include <algorithm>

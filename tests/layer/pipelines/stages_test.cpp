@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ray queries outside compute shaders.
 #include "harness/columns.h"
 #include "harness/graphics.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries of micromap sizes and of acceleration structures with micromaps: host reads, device copies, resets, in every
 // format.
 #include <thread>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Thousands of command buffers and query pools.
 #include "harness/pipeline_tracer.h"
 #include "harness/program/labels.h"

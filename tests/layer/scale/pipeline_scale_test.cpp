@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pipelines made on many threads, linked from hundreds of libraries, and made again and again.
 #include <thread>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Many objects, as engines have them: what each costs must not depend on how many there are. Memory and allocations are
 // tested; times are only noted with the results (--gtest_output), as times are no tests.
 //   VELLUM_STRESS=full    ten times as many

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Thousands of bottom-level structures with micromaps in a frame, and a top-level structure of 100,000 instances in
 // each.
 #include "harness/program/labels.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 // Points that write numbers: what a draw did is seen from which pixels of a row have which number.
 #ifdef MESH

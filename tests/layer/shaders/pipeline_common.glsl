@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the shaders of pipeline_tracer.glsl and its relatives share. The first three bindings are those of tracer.comp.
 #include "ray.glsl"
 

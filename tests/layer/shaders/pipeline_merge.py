@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """pipeline_merge.py IN.spvasm OUT.spvasm
 
 Makes of a module that spirv-link has put together one as compilers of several entry points write it: entry points

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 // Writes down the push constants that it gets beside those of ray tracing shaders.
 layout(local_size_x = 48) in;

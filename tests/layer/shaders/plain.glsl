@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 // The other half of a graphics pipeline.
 #ifdef VERTEX

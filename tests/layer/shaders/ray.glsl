@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A ray and what becomes of it, as tracer.h lays them out.
 struct Ray {
     float origin[3];

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bindings of tracer.comp, for shaders that only count candidates and report a hit.
 #include "ray.glsl"
 

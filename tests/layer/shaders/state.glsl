@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #version 460
 // Writes down the push constants and the buffers it sees, so that a test can tell whether the application's state survived.
 #ifdef VERTEX

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The arena of the tests detects what it is meant to detect.
 #include <gtest/gtest-spi.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Micromaps are found for exactly as long as the referenced structure has them: whatever is built or copied over it,
 // and whatever used its memory or its table entries before.
 #include <algorithm>

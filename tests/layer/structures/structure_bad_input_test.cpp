@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Invalid copies of acceleration structures: the layer names the rule, writes nothing out of bounds, and the structures
 // can be traced.
 #include "command_buffer/state_scene.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Serialized bottom-level structures that name micromaps of VK_KHR_opacity_micromap: the blocks of the header
 // ("serialized-as-header" in the specification), which the application changes before it deserializes.
 #include "micromaps/micromap_structures.h"

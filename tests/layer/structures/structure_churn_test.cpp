@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Structures that are created and destroyed again and again: memory is reused, and tables do not grow.
 #include "harness/copies.h"
 #include "harness/program/labels.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The content of a structure belongs to its memory range, not to a handle, and a handle's size says nothing: GENERIC
 // structures that are larger than their content, and several of them in one range.
 #include <array>

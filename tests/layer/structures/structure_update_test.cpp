@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Updates of acceleration structures with micromaps: VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR with each of the
 // extension's flags, in place and into another structure, and of copies.
 #include "harness/copies.h"

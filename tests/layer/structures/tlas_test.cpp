@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Top-level builds: where instances come from, updates, several structures alive at once, reused memory, custom
 // indices.
 #include "harness/expected.h"

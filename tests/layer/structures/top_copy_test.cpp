@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Copies of TLAS with micromaps: shaders see a copy as they saw the original, in whatever order copies were recorded,
 // and whatever becomes of the original.
 #include "harness/program/labels.h"

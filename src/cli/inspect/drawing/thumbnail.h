@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes in the colours of their micromaps' states.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One material's part of the UV plane, drawn: its texture, the states over it, the outlines of triangles.
 #pragma once
 

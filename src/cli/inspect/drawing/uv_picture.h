@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PNG pictures of states over the texture, in UV space.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which triangle is at which pixel of a rectangle of the UV plane.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What needs no canvas: numbers, charts, tables, meshes. Text comes from the file, so all of it goes through textContent.
 function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);

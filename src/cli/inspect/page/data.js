@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the file is: `facts`, and the numbers of page_data.h as typed arrays.
 const facts = JSON.parse(document.getElementById("facts").textContent);
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The triangle under the pointer or pinned, and the list of those worth a look.
 function placeText(model, triangle) {
   const { primitive, triangle: number } = model.place(triangle);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Finds the shapes of a material at a place: a grid over their bounds, each cell with the shapes that touch it.
 class ShapeIndex {
   constructor(model, first, end) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Puts the page together.
 function setUpTheme(changed) {
   const dark = matchMedia("(prefers-color-scheme: dark)");

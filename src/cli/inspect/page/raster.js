@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draws states into square tiles of pixels, each pixel once: the first shape that has it keeps it.
 const tileSize = 256;
 const edgeColor = [20, 22, 27];

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture of a material's UV space: texture, states, outlines of chosen shapes; zoom and pan.
 class Viewer {
   constructor(canvas, model, on) {

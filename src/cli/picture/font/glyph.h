@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A drawn character in the header that make_font writes.
 #pragma once
 

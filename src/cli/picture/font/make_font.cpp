@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the printable characters of ASCII, drawn in some sizes of a TrueType font, as a C++ header. Runs when Vellum
 // is built, so that the command needs no font. usage: make_font HEADER [NAME FILE.ttf PIXELS]...
 #include <cmath>

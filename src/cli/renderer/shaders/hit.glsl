@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a ray met.
 #ifndef VELLUM_HIT_GLSL
 #define VELLUM_HIT_GLSL

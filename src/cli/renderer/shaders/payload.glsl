@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What goes along with a ray of the ray tracing pipeline. One payload for both kinds of rays, since both use the same
 // any-hit and miss shader.
 #include "hit.glsl"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture by ray queries: every candidate that the proceed loop hands over samples the texture.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the shaders of the picture read and write.
 #ifndef VELLUM_SCENE_GLSL
 #define VELLUM_SCENE_GLSL

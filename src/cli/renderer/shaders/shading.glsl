@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The picture of the scene, except how a ray is traced.
 #include "hit.glsl"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The states of micromaps, painted on the leaves (--mode states). Written by state_table.cpp.
 #include "scene.glsl"
 #include "curve.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Packs pieces into a stretch of memory: the allocator of arena.h and of the fuzz targets, which have no device.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Labels of test suites and cases, by which tests/layer/CMakeLists.txt chooses the cases of each run:
 //
 // slow: not part of ctest -L quick

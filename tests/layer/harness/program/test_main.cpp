@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tests' main: lets the loader find the layer of this build tree, and pins the driver, whatever the environment
 // says. Most of what the tests cost is lavapipe compiling shaders, so it also sees to it that lavapipe compiles each
 // only once, and does not optimize.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hands its own payload on to the next ray, reads the flags of its ray before and after, and uses payloads in every way:
 // whole, in parts, by an index known at run time, of several types.
 #version 460

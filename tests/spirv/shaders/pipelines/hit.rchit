@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads the custom index in a ray tracing stage.
 #version 460
 #extension GL_EXT_ray_tracing : require

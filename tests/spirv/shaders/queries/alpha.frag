@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A fragment shader with an alpha test and calls in the body.
 #version 460
 #extension GL_EXT_ray_query : require

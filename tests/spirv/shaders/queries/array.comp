@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries in an array, with constant and dynamic indices.
 #version 460
 #extension GL_EXT_ray_query : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The negated condition breaks.
 #version 460
 #extension GL_EXT_ray_query : require

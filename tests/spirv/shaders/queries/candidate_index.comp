@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The custom index of candidates: of a query that nobody else sees, of one that a function advances, and of a committed hit.
 #version 460
 #extension GL_EXT_ray_query : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same mode for all queries: CullNoOpaque | ForceOpacityMicromap2State, and two that the driver understands.
 #version 460
 #extension GL_EXT_ray_query : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // No body at all.
 #version 460
 #extension GL_EXT_ray_query : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Flags known at run time only, and everything that reads what the layer changed.
 #version 460
 #extension GL_EXT_ray_query : require

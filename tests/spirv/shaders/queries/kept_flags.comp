@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Flags known at run time only, of queries in arrays, at module scope and in functions that get them as parameters.
 #version 460
 #extension GL_EXT_ray_query : require

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A second query's loop in the body of the first, with values carried through both, break and continue.
 #version 460
 #extension GL_EXT_ray_query : require

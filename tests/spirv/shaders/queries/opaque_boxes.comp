@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Constant Opaque flag: boxes are opaque.
 #version 460
 #extension GL_EXT_ray_query : require

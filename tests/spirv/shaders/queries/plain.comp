@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Traces no rays.
 #version 460
 layout(local_size_x = 8) in;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Flags that the pipeline may still specialize.
 #version 460
 #extension GL_EXT_ray_query : require
