@@ -71,6 +71,21 @@ TEST_F(MockDriver, FewPushConstants)
     expectReported("size-00298");
 }
 
+// Which another device of the process gets, as one that tests share does.
+TEST_F(MockDriver, MessagesOfOtherTestsAreDropped)
+{
+    Gpu shared(Options{.vellum = false, .validation = false, .spy = false, .quirks = "push128", .micromaps = false});
+    make("push128");
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, 132};
+    const auto info = vkInit<VkPipelineLayoutCreateInfo>({.pushConstantRangeCount = 1, .pPushConstantRanges = &range});
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    VT_CHECK(vkCreatePipelineLayout(gpu().device(), &info, nullptr, &layout));
+    vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
+    expectReported("size-00298");
+    shared.reset(shared.options());
+    EXPECT_TRUE(shared.takeMessages().empty());
+}
+
 TEST_F(MockDriver, MemoryThatTheHostDoesNotSee)
 {
     make("discrete");

@@ -189,8 +189,10 @@ GpuTest::GpuTest(const Options &options)
 
 GpuTest::~GpuTest()
 {
-    // What a failed test leaves behind is no other test's trouble.
-    if (gpu_->options().shared && HasFailure())
+    if (!gpu_->options().shared)
+        return;
+    expectNoMessages(); // of objects that the test's members destroyed
+    if (HasFailure())
         sharedGpus().forget(gpu_);
 }
 
@@ -207,6 +209,7 @@ void Gpu::reset(const Options &options)
     options_ = options;
     options_.memory = memory;
     broken_.clear();
+    takeMessages(); // the mock driver reports to the messengers of all instances, also what other tests provoke
 }
 
 Gpu::Gpu(const Options &options) : options_(options)
@@ -272,10 +275,10 @@ void Gpu::createInstance()
     if (options_.validate)
         setenv("VELLUM_VALIDATE", "1", 1);
     setenv("VELLUM_TEST_MOCK_DRIVER", quirks.c_str(), 1);
-    VT_CHECK(vkCreateInstance(&info, nullptr, &instance_));
-    unsetenv("VELLUM_TEST_MOCK_DRIVER");
-    unsetenv("VELLUM_VALIDATE");
-    unsetenv("VELLUM_LOWER_ASSUME_MICROMAPS");
+    const VkResult created = vkCreateInstance(&info, nullptr, &instance_);
+    for (const char *name : {"VELLUM_TEST_MOCK_DRIVER", "VELLUM_VALIDATE", "VELLUM_LOWER_ASSUME_MICROMAPS"})
+        unsetenv(name);
+    check(created, "vkCreateInstance");
 #define VT_LOAD(name) commands_.name = reinterpret_cast<PFN_vk##name>(vkGetInstanceProcAddr(instance_, "vk" #name));
     VT_INSTANCE_COMMANDS(VT_LOAD)
 #undef VT_LOAD
