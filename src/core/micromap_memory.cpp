@@ -158,7 +158,7 @@ void writeRecord(uint8_t *memory, uint64_t i, Record record)
 
 } // namespace
 
-void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const MicromapFinding &reportFinding)
+void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const ReportMicromapFinding &reportFinding)
 {
     const uint32_t count = input.triangleCount;
     uint8_t *units = out + micromapMemoryBytes(count, 0);

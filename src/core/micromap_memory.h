@@ -30,7 +30,7 @@ struct MicromapBuildInput {
 
 // Told of each triangle whose input is wrong, which becomes unknown: kComplaint*, the triangle's number, and the values
 // that go with it (records.h).
-using MicromapFinding = std::function<void(uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1)>;
+using ReportMicromapFinding = std::function<void(uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1)>;
 
 // Bytes in use of a micromap of that many triangles and data units.
 constexpr uint64_t micromapMemoryBytes(uint64_t triangles, uint64_t units)
@@ -40,7 +40,8 @@ constexpr uint64_t micromapMemoryBytes(uint64_t triangles, uint64_t units)
 
 // Writes a micromap to `out`, which has room for micromapMemoryBytes(triangleCount, capacityUnits) bytes. What lies
 // behind the units in use, and between data that stay where they lie, stays as it is.
-void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const MicromapFinding &reportFinding = {});
+void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out,
+                         const ReportMicromapFinding &reportFinding = {});
 
 // Bytes in use of the micromap that lies at `memory`; 0 where there is none.
 uint64_t micromapMemoryInUse(const uint8_t *memory);

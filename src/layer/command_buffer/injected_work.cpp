@@ -73,7 +73,7 @@ InjectedWork::InjectedWork(DeviceCommandBuffers &device, VkCommandBuffer command
 {
 }
 
-bool InjectedWork::refusedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command)
+bool InjectedWork::rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command)
 {
     const auto state = device.states.get(commandBuffer);
     if (!state || !state->inheritsConditionalRendering)

@@ -58,7 +58,7 @@ public:
     // Reports an error and returns true if `command` is not available because a secondary command buffer inherits
     // conditional rendering. It cannot be suspended there, and would discard the layer's dispatches but not the
     // driver's builds.
-    static bool refusedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command);
+    static bool rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command);
 
     // Runs at least `invocations` invocations of a shader. Returns false and reports an error if it has no pipeline.
     template <typename Push>

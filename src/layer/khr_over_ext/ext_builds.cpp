@@ -225,7 +225,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
         micromap.isKnown = true;
         micromap.usages = builds[i].usages;
         if (mustBeMoved(builds[i])) {
-            if (InjectedWork::refusedIn(device_.commands, commandBuffer, command))
+            if (InjectedWork::rejectedIn(device_.commands, commandBuffer, command))
                 continue;
             anyMoved = true;
         }
@@ -274,7 +274,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
                 .reject("VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
                         "the micromap of a geometry is not a micromap of this device");
         if (added.lacksMicromap() ||
-            (!added.narrow().empty() && InjectedWork::refusedIn(device_.commands, commandBuffer, command))) {
+            (!added.narrow().empty() && InjectedWork::rejectedIn(device_.commands, commandBuffer, command))) {
             attached.pop_back();
             continue;
         }

@@ -113,7 +113,7 @@ void ExtBackend::recordSave(VkCommandBuffer commandBuffer, const SerializedCopy 
         return device_.driver.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, &info);
     }
     if (!checkAlignment(device_, copy.data, "serializing a micromap to") ||
-        InjectedWork::refusedIn(device_.commands, commandBuffer, kCommand))
+        InjectedWork::rejectedIn(device_.commands, commandBuffer, kCommand))
         return;
     PlacedMicromap micromap = lastMicromap(device_, source);
     if (!checkDriverMicromap(device_, kCommand, source, micromap.handle))
@@ -145,7 +145,7 @@ void ExtBackend::recordRestore(VkCommandBuffer commandBuffer, const SerializedCo
         return device_.driver.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, &info);
     }
     if (!checkAlignment(device_, copy.data, "deserializing a micromap from") ||
-        InjectedWork::refusedIn(device_.commands, commandBuffer, kCommand))
+        InjectedWork::rejectedIn(device_.commands, commandBuffer, kCommand))
         return;
     PlacedMicromap micromap;
     micromap.bytes = capacityOf(device_.objects, target);

@@ -394,7 +394,7 @@ void getMicromapBuildSizes(DeviceMicromaps &device, VkDevice, VkAccelerationStru
 void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkMicromapBuildInfoEXT *infos)
 {
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdBuildMicromapsEXT"))
+    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdBuildMicromapsEXT"))
         return;
     std::vector<MicromapBuild> builds;
     for (uint32_t i = 0; i < count; ++i) {

@@ -142,7 +142,7 @@ void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, con
     if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT &&
         !check.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
         return;
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapEXT"))
+    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdCopyMicromapEXT"))
         return;
     recordMicromapCopy(device, commandBuffer, "vkCmdCopyMicromapEXT", *source, *target);
 }
@@ -161,7 +161,7 @@ void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuf
                                       "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
                                       "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537"))
         return;
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
+    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
         return;
     recordMicromapSave(device, commandBuffer, *micromapOf(info->src), info->dst.deviceAddress);
 }
@@ -180,7 +180,7 @@ void cmdCopyMemoryToMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuf
                                       "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
                                       "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544"))
         return;
-    if (InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
+    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
         return;
     recordMicromapRestore(device, commandBuffer, *micromapOf(info->dst), info->src.deviceAddress);
 }

@@ -106,7 +106,7 @@ void write(const DeviceMicromaps &device, const MicromapBuild &build, uint8_t *o
     input.maxLevel = build.extent.maxLevel;
     input.buildFlags = build.flags;
     input.share = build.extent.share;
-    MicromapFinding report;
+    ReportMicromapFinding report;
     if (device.commands.validationLog.address() != 0) {
         report = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
             reportFinding(device.driver.report(), what, triangle, value0, value1, build.target.object.handle);

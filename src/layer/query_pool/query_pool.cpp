@@ -355,7 +355,7 @@ void cmdWriteMicromapsProperties(DeviceQueryPools &device, VkCommandBuffer comma
     }
     // VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528
     if (count == 0 || !checkQueries(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT") ||
-        InjectedWork::refusedIn(device.commands, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT"))
+        InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT"))
         return;
     const uint32_t kind =
         type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? kQueryMicromapCompacted : kQueryMicromapSerialized;
@@ -373,7 +373,7 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &device, VkComman
     const auto pool = device.pools.get(queryPool);
     if (!checkPropertyType(device, pool.get(), type) || count == 0 ||
         !checkQueries(device, *pool, first, count, kWriteProperties) ||
-        InjectedWork::refusedIn(device.commands, commandBuffer, kWriteProperties))
+        InjectedWork::rejectedIn(device.commands, commandBuffer, kWriteProperties))
         return;
     std::vector<std::shared_ptr<AccelerationStructure>> known;
     std::vector<Backend::Property> properties;

@@ -22,7 +22,7 @@ using namespace shared;
 bool EmulatedBackend::begin(VkCommandBuffer commandBuffer, const char *command)
 {
     reportGpuErrors(device_.objects);
-    return !InjectedWork::refusedIn(device_.commands, commandBuffer, command);
+    return !InjectedWork::rejectedIn(device_.commands, commandBuffer, command);
 }
 
 const MicromapLimits *EmulatedBackend::limits() const
