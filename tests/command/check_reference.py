@@ -69,7 +69,7 @@ for command in commands:
         for section in (*SECTIONS, "EXAMPLES"):
             expect(f".SH {section}\n" in page, f"vellum-{command}.1: no {section}")
         usage = re.search(r"Usage: (.*)", text)[1]
-        expect(usage.removeprefix(f"vellum {command}") in page, f"vellum-{command}.1: no {usage}")
+        expect(usage.removeprefix(f"vellum {command}").replace("-", "\\-") in page, f"vellum-{command}.1: no {usage}")
     for option in options:
         expect(f"\\fB{option}\\fR".replace("-", "\\-") in page, f"the page says nothing of {command} {option}")
         expect(f"'{option}" in zsh, f"zsh: {command} {option}")

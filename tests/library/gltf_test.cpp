@@ -237,7 +237,7 @@ TEST(LibraryGltf, LeavesWhatMatches)
     card.more.excludedMaterials = leaf;
     ASSERT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_EQ(card.info.primitiveCount, 0u);
-    EXPECT_EQ(card.notes, std::vector<std::string>{"mesh 0 primitive 0: as asked for"});
+    EXPECT_EQ(card.notes, std::vector<std::string>{"mesh 0 primitive 0: it is excluded"});
     card.more.skipped = nullptr;
     EXPECT_EQ(card.bake(), VELLUM_SUCCESS);
     EXPECT_TRUE(card.notes.empty());
