@@ -66,6 +66,10 @@ public:
             const Known &k = expectIn(location, address);
             ASSERT_TRUE(fits(k, address, size, usage));
         }
+        const auto containing =
+            std::count_if(all_.begin(), all_.end(), [&](const Known &k) { return fits(k, address, size, 0); });
+        const AddressMap::Location only = map_.onlyCovering(address, size, usage);
+        ASSERT_EQ(only.buffer, any && containing == 1 ? location.buffer : VK_NULL_HANDLE);
     }
     void expectWithin(VkDeviceAddress address, VkDeviceSize size) const
     {

@@ -6,6 +6,7 @@
 #include <new>
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace vellum::layer
@@ -26,13 +27,16 @@ const char *nameOf(ReportLevel level)
 }
 
 // One write for each line, so that lines of several threads and processes do not mix. Messages are rare: the file is
-// opened for each, and whoever reads it may move or remove it at any time.
+// opened for each, and whoever reads it may move or remove it at any time. Only regular files: to write to a pipe may
+// block, or end the program.
 void append(const std::string &file, std::string line)
 {
     std::ranges::replace(line, '\n', ' ');
     line += '\n';
-    const int descriptor = open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666);
-    if (descriptor < 0 || write(descriptor, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
+    const int descriptor = open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NONBLOCK | O_NOCTTY, 0666);
+    struct stat status;
+    const bool regular = descriptor >= 0 && fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
+    if (!regular || write(descriptor, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
         std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
     if (descriptor >= 0)
         close(descriptor);
@@ -76,9 +80,6 @@ void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std
 {
     if (levelOf(severity) <= level_)
         std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
-    if (!file_.empty())
-        append(file_, std::string(nameOf(levelOf(severity))) + " " + id + ": " + text);
-
     std::vector<Messenger> messengers;
     std::string objectName;
     {
@@ -103,6 +104,8 @@ void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std
         if ((m.severities & VkDebugUtilsMessageSeverityFlagsEXT{severity}) != 0 && (m.types & kind) != 0)
             m.callback(severity, kind, &data, m.userData);
     }
+    if (!file_.empty())
+        append(file_, std::string(nameOf(levelOf(severity))) + " " + id + ": " + text);
 }
 
 } // namespace vellum::layer

@@ -14,6 +14,7 @@
 #include <variant>
 #include <vector>
 
+#include <sys/auxv.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -146,12 +147,13 @@ bool isFile(const std::string &path)
 }
 
 // The first file that exists of: the one that VK_LAYER_SETTINGS_PATH names; the user's file, which Vulkan Configurator
-// writes; the one in the working directory; the one of the machine. Empty if none exists.
+// writes; the one in the working directory; the one of the machine. Empty if none exists. Settings may name files to
+// write: a program with more rights than its user takes them from the machine's file only.
 std::string settingsFile()
 {
     const std::string name = "vk_layer_settings.txt";
     const std::string below = "vulkan/settings.d/";
-    if (const char *path = std::getenv("VK_LAYER_SETTINGS_PATH"); path && *path) {
+    if (const char *path = secure_getenv("VK_LAYER_SETTINGS_PATH"); path && *path) {
         for (const std::string &file : {std::string(path), path + ("/" + name)}) {
             if (isFile(file))
                 return file;
@@ -164,7 +166,9 @@ std::string settingsFile()
         folders.push_back(data + ("/" + below));
     else if (const char *home = secure_getenv("HOME"); home && *home == '/')
         folders.push_back(home + ("/.local/share/" + below));
-    folders.insert(folders.end(), {"", "/etc/" + below});
+    if (getauxval(AT_SECURE) == 0)
+        folders.push_back(""); // the working directory
+    folders.push_back("/etc/" + below);
     for (const std::string &folder : folders) {
         if (isFile(folder + name))
             return folder + name;
@@ -250,7 +254,7 @@ void readVariables(Settings &settings)
     for (const std::string &prefix : prefixes) {
         for (const Row &row : kRows) {
             const std::string name = prefix + inCapitals(row.key);
-            if (const char *value = std::getenv(name.c_str()))
+            if (const char *value = secure_getenv(name.c_str()))
                 apply(settings, row, {row.key, name, value});
         }
     }

@@ -101,6 +101,21 @@ AddressMap::Location AddressMap::covering(VkDeviceAddress address, VkDeviceSize 
     return location;
 }
 
+AddressMap::Location AddressMap::onlyCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const
+{
+    std::shared_lock lock(mutex_);
+    Location location;
+    uint32_t buffers = 0;
+    visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
+        if (range.end - address < size)
+            return false;
+        if ((range.usage & usage) == usage)
+            location = {range.buffer, address - begin, range.end - address};
+        return ++buffers == 2;
+    });
+    return buffers == 1 ? location : Location{};
+}
+
 std::vector<AddressMap::Location> AddressMap::within(VkDeviceAddress address, VkDeviceSize size) const
 {
     std::shared_lock lock(mutex_);

@@ -36,6 +36,9 @@ public:
     // A buffer that contains the whole range and has all usage flags. Buffers may alias each other in memory, and so in
     // addresses. The one that the application got an address from is unknown, and any that fits will do.
     [[nodiscard]] Location covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
+    // The same, if no other buffer contains the range; otherwise null. For commands that name the buffer: one that the
+    // application did not mean may be destroyed before they execute.
+    [[nodiscard]] Location onlyCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
     // The parts of a range in every buffer: offset in the buffer, and bytes.
     [[nodiscard]] std::vector<Location> within(VkDeviceAddress address, VkDeviceSize size) const;
 
