@@ -53,33 +53,17 @@ VkPipeline AddressGraphics::pipeline(Kind kind)
     input.pVertexBindingDescriptions = bindings.data();
     input.pVertexAttributeDescriptions = attributes.data();
     auto assembly = vkInit<VkPipelineInputAssemblyStateCreateInfo>({.topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST});
-    const VkViewport viewport{0, 0, kWidth, 1, 0, 1};
-    const VkRect2D scissor{{0, 0}, {kWidth, 1}};
-    auto viewports = vkInit<VkPipelineViewportStateCreateInfo>();
-    viewports.viewportCount = viewports.scissorCount = 1;
-    viewports.pViewports = &viewport;
-    viewports.pScissors = &scissor;
-    auto raster = vkInit<VkPipelineRasterizationStateCreateInfo>({.lineWidth = 1});
-    auto samples = vkInit<VkPipelineMultisampleStateCreateInfo>({.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT});
-    VkPipelineColorBlendAttachmentState attachment{};
-    attachment.colorWriteMask = 0xf;
-    auto blend = vkInit<VkPipelineColorBlendStateCreateInfo>({.attachmentCount = 1, .pAttachments = &attachment});
+    const RowState state(kFormat, kWidth);
     const VkDynamicState stride = VK_DYNAMIC_STATE_VERTEX_INPUT_BINDING_STRIDE;
     auto dynamic = vkInit<VkPipelineDynamicStateCreateInfo>(
         {.dynamicStateCount = kind == Kind::DynamicStrides ? 1u : 0u, .pDynamicStates = &stride});
-    auto rendering =
-        vkInit<VkPipelineRenderingCreateInfo>({.colorAttachmentCount = 1, .pColorAttachmentFormats = &kFormat});
-    auto info = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &rendering,
-                                                      .stageCount = 2,
+    auto info = vkInit<VkGraphicsPipelineCreateInfo>({.stageCount = 2,
                                                       .pStages = stages.data(),
                                                       .pVertexInputState = kind == Kind::Mesh ? nullptr : &input,
                                                       .pInputAssemblyState = kind == Kind::Mesh ? nullptr : &assembly,
-                                                      .pViewportState = &viewports,
-                                                      .pRasterizationState = &raster,
-                                                      .pMultisampleState = &samples,
-                                                      .pColorBlendState = &blend,
                                                       .pDynamicState = &dynamic,
                                                       .layout = layout_});
+    state.setIn(info);
     VkPipeline pipeline = VK_NULL_HANDLE;
     VT_CHECK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
     pipelines_.push_back(pipeline);

@@ -74,7 +74,7 @@ protected:
                     break;
                 }
                 ++failed;
-                EXPECT_TRUE(!works || reported || hasOtherPath_) << "nobody was told of " << failedCommand();
+                EXPECT_TRUE(!works || reported || hasOtherPath_) << "not reported: the failure of " << failedCommand();
                 if (works && !reported && hasOtherPath_ && isRight_) {
                     EXPECT_TRUE(isRight_()) << failedCommand();
                 }

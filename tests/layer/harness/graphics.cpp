@@ -36,6 +36,27 @@ RowImage::~RowImage()
     vkFreeMemory(gpu_.device(), memory_, nullptr);
 }
 
+RowState::RowState(VkFormat colorFormat, uint32_t width)
+    : format(colorFormat), viewport{0, 0, static_cast<float>(width), 1, 0, 1}, scissor{{0, 0}, {width, 1}},
+      viewports(vkInit<VkPipelineViewportStateCreateInfo>(
+          {.viewportCount = 1, .pViewports = &viewport, .scissorCount = 1, .pScissors = &scissor})),
+      raster(vkInit<VkPipelineRasterizationStateCreateInfo>({.lineWidth = 1})),
+      samples(vkInit<VkPipelineMultisampleStateCreateInfo>({.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT})),
+      blend(vkInit<VkPipelineColorBlendStateCreateInfo>({.attachmentCount = 1, .pAttachments = &attachment})),
+      rendering(vkInit<VkPipelineRenderingCreateInfo>({.colorAttachmentCount = 1, .pColorAttachmentFormats = &format}))
+{
+    attachment.colorWriteMask = 0xf;
+}
+
+void RowState::setIn(VkGraphicsPipelineCreateInfo &pipeline) const
+{
+    pipeline.pNext = &rendering;
+    pipeline.pViewportState = &viewports;
+    pipeline.pRasterizationState = &raster;
+    pipeline.pMultisampleState = &samples;
+    pipeline.pColorBlendState = &blend;
+}
+
 Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width)
     : gpu_(gpu), width_(width), image_(gpu, kFormat, width, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
 {
@@ -57,30 +78,14 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, ui
     }
     auto input = vkInit<VkPipelineVertexInputStateCreateInfo>();
     auto assembly = vkInit<VkPipelineInputAssemblyStateCreateInfo>({.topology = shaders.topology});
-    const VkViewport viewport{0, 0, static_cast<float>(width), 1, 0, 1};
-    const VkRect2D scissor{{0, 0}, {width, 1}};
-    auto viewports = vkInit<VkPipelineViewportStateCreateInfo>();
-    viewports.viewportCount = viewports.scissorCount = 1;
-    viewports.pViewports = &viewport;
-    viewports.pScissors = &scissor;
-    auto raster = vkInit<VkPipelineRasterizationStateCreateInfo>({.lineWidth = 1});
-    auto samples = vkInit<VkPipelineMultisampleStateCreateInfo>({.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT});
-    VkPipelineColorBlendAttachmentState attachment{};
-    attachment.colorWriteMask = 0xf;
-    auto blend = vkInit<VkPipelineColorBlendStateCreateInfo>({.attachmentCount = 1, .pAttachments = &attachment});
-    auto rendering =
-        vkInit<VkPipelineRenderingCreateInfo>({.colorAttachmentCount = 1, .pColorAttachmentFormats = &kFormat});
+    RowState state(kFormat, width);
+    state.rendering.pNext = shaders.pNext;
     auto pipeline = vkInit<VkGraphicsPipelineCreateInfo>();
-    rendering.pNext = shaders.pNext;
-    pipeline.pNext = &rendering;
+    state.setIn(pipeline);
     pipeline.stageCount = 2;
     pipeline.pStages = stages.data();
     pipeline.pVertexInputState = &input;
     pipeline.pInputAssemblyState = &assembly;
-    pipeline.pViewportState = &viewports;
-    pipeline.pRasterizationState = &raster;
-    pipeline.pMultisampleState = &samples;
-    pipeline.pColorBlendState = &blend;
     pipeline.layout = layout;
     if (shaders.libraries)
         link(pipeline);

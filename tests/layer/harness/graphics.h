@@ -29,6 +29,25 @@ private:
     VkImageView view_ = VK_NULL_HANDLE;
 };
 
+// Fixed-function state of a pipeline that renders into an image of one row, without blending.
+struct RowState {
+    RowState(VkFormat colorFormat, uint32_t width);
+    RowState(const RowState &) = delete;
+    RowState &operator=(const RowState &) = delete;
+    // Sets all of it in a pipeline that is created during the lifetime of this object; `rendering` becomes its pNext.
+    void setIn(VkGraphicsPipelineCreateInfo &pipeline) const;
+
+    VkFormat format;
+    VkViewport viewport;
+    VkRect2D scissor;
+    VkPipelineColorBlendAttachmentState attachment{};
+    VkPipelineViewportStateCreateInfo viewports;
+    VkPipelineRasterizationStateCreateInfo raster;
+    VkPipelineMultisampleStateCreateInfo samples;
+    VkPipelineColorBlendStateCreateInfo blend;
+    VkPipelineRenderingCreateInfo rendering;
+};
+
 class Graphics
 {
 public:

@@ -89,7 +89,7 @@ struct Device {
 std::unordered_map<void *, Instance> instances;
 std::unordered_map<void *, Device> devices;
 
-// Null, and a message, where a name is none of a quirk.
+// Returns null and prints a message if a name is not that of a quirk.
 std::shared_ptr<const Quirks> quirksOf(const char *list)
 {
     auto chosen = std::make_shared<Quirks>();
