@@ -15,7 +15,7 @@ constexpr VkPipelineCreateFlags kStatistics = VK_PIPELINE_CREATE_CAPTURE_STATIST
 constexpr uint32_t kPushBytes = 128; // the least that every device has
 
 template <class Function>
-Function load(const vt::Gpu &gpu, const char *name)
+Function load(const vt::Device &gpu, const char *name)
 {
     return reinterpret_cast<Function>(vkGetDeviceProcAddr(gpu.device(), name));
 }
@@ -68,7 +68,7 @@ std::string useGpu(const std::string &gpu, vt::Options &options)
     return {};
 }
 
-Layout::Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules) : gpu_(gpu)
+Layout::Layout(vt::Device &gpu, const std::vector<ModuleFacts> &modules) : gpu_(gpu)
 {
     std::map<uint32_t, std::map<uint32_t, VkDescriptorSetLayoutBinding>> sets;
     for (const ModuleFacts &facts : modules) {
@@ -101,7 +101,7 @@ Layout::~Layout()
         vkDestroyDescriptorSetLayout(gpu_.device(), set, nullptr);
 }
 
-Compiled Compiled::compute(vt::Gpu &gpu, std::span<const uint32_t> words, const std::string &entry)
+Compiled Compiled::compute(vt::Device &gpu, std::span<const uint32_t> words, const std::string &entry)
 {
     Compiled made(gpu);
     const Layout layout(gpu, {factsOf(words)});
@@ -116,7 +116,7 @@ Compiled Compiled::compute(vt::Gpu &gpu, std::span<const uint32_t> words, const 
     return made;
 }
 
-Compiled Compiled::graphics(vt::Gpu &gpu, std::span<const uint32_t> vertex, std::span<const uint32_t> fragment)
+Compiled Compiled::graphics(vt::Device &gpu, std::span<const uint32_t> vertex, std::span<const uint32_t> fragment)
 {
     Compiled made(gpu);
     const Layout layout(gpu, {factsOf(vertex), factsOf(fragment)});
@@ -157,7 +157,7 @@ Compiled Compiled::graphics(vt::Gpu &gpu, std::span<const uint32_t> vertex, std:
     return made;
 }
 
-Compiled Compiled::rays(vt::Gpu &gpu, vt::PipelineSetup setup)
+Compiled Compiled::rays(vt::Device &gpu, vt::PipelineSetup setup)
 {
     Compiled made(gpu);
     std::vector<ModuleFacts> facts;

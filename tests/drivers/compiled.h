@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "harness/pipeline_builder.h"
+#include "check/gpu/pipeline_builder.h"
+#include "harness/harness.h"
 #include "modules.h"
 
 namespace vellum::test
@@ -33,14 +34,14 @@ struct Executable {
 class Layout
 {
 public:
-    Layout(vt::Gpu &gpu, const std::vector<ModuleFacts> &modules);
+    Layout(vt::Device &gpu, const std::vector<ModuleFacts> &modules);
     Layout(const Layout &) = delete;
     Layout &operator=(const Layout &) = delete;
     ~Layout();
     [[nodiscard]] VkPipelineLayout handle() const { return layout_; }
 
 private:
-    vt::Gpu &gpu_;
+    vt::Device &gpu_;
     std::vector<VkDescriptorSetLayout> sets_;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
 };
@@ -49,11 +50,11 @@ class Compiled
 {
 public:
     // One entry point of a module, in a compute pipeline.
-    static Compiled compute(vt::Gpu &gpu, std::span<const uint32_t> words, const std::string &entry = "main");
+    static Compiled compute(vt::Device &gpu, std::span<const uint32_t> words, const std::string &entry = "main");
     // A fragment shader behind a vertex shader that writes nothing that it reads.
-    static Compiled graphics(vt::Gpu &gpu, std::span<const uint32_t> vertex, std::span<const uint32_t> fragment);
+    static Compiled graphics(vt::Device &gpu, std::span<const uint32_t> vertex, std::span<const uint32_t> fragment);
     // Where `setup` has no layout, it gets one that is made for its stages.
-    static Compiled rays(vt::Gpu &gpu, vt::PipelineSetup setup);
+    static Compiled rays(vt::Device &gpu, vt::PipelineSetup setup);
 
     Compiled(Compiled &&other) noexcept;
     Compiled &operator=(Compiled &&) = delete;
@@ -62,9 +63,9 @@ public:
     [[nodiscard]] std::vector<Executable> executables() const;
 
 private:
-    explicit Compiled(vt::Gpu &gpu) : gpu_(&gpu) {}
+    explicit Compiled(vt::Device &gpu) : gpu_(&gpu) {}
 
-    vt::Gpu *gpu_;
+    vt::Device *gpu_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
 };
 

@@ -207,7 +207,7 @@ vt::PipelineSetup relay(bool queries)
     return setup;
 }
 
-Layout layoutOf(vt::Gpu &gpu, const vt::PipelineSetup &setup)
+Layout layoutOf(vt::Device &gpu, const vt::PipelineSetup &setup)
 {
     std::vector<ModuleFacts> facts;
     for (const vt::PipelineStage &stage : setup.stages)

@@ -6,7 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "harness/pipeline_tracer.h"
+#include "check/gpu/pipeline_tracer.h"
+#include "harness/harness.h"
 
 namespace vellum::test
 {

@@ -6,9 +6,10 @@
 #include <vector>
 
 #include "check.h"
+#include "check/gpu/pieces.h"
 #include "core/records.h"
 #include "fake_device.h"
-#include "harness/arena/pieces.h"
+#include "harness/harness.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_copy.h"

@@ -8,7 +8,8 @@
 #include <vector>
 
 #include "bake/bake.h"
-#include "harness/scene.h"
+#include "check/gpu/scene.h"
+#include "harness/harness.h"
 #include "vellum/gpu_bake.h"
 
 namespace vt

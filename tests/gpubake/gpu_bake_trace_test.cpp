@@ -3,8 +3,9 @@
 #include <array>
 
 #include "bake_cases.h"
+#include "check/gpu/tracer.h"
 #include "gpu_bake_run.h"
-#include "harness/tracer.h"
+#include "harness/harness.h"
 
 namespace
 {

@@ -1,95 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Random scenes, traced by ray queries through the layer and by the oracle, compared ray by ray: the candidates handed
 // to the shader and the hit that stays.
-#include <algorithm>
-#include <cmath>
-
-#include "compare.h"
-#include "packed_scene.h"
+#include "check/oracle/packed_scene.h"
+#include "check/oracle/query_judge.h"
+#include "compare_scenes.h"
 
 namespace
 {
 
 using namespace oracle;
 
-// What is wrong with the result; empty: nothing.
-std::string fault(const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result)
-{
-    if (result.flags != ray.flags)
-        return "ray flags read back as " + std::to_string(result.flags);
-    if (result.tMin < ray.tMin || result.tMin > ray.tMin)
-        return "tMin read back wrong";
-    if (result.candidateCount > kCapacity)
-        return "too many candidates";
-
-    // Every candidate must be one that traversal may hand out.
-    bool generated = false;
-    for (const vt::Candidate &c : result.candidates) {
-        const auto hit = std::find_if(hits.begin(), hits.end(), [&c](const Hit &h) {
-            return names(h, c) && h.box == c.box() && (h.box || h.opacity == Opacity::NonOpaque);
-        });
-        if (hit == hits.end())
-            return "a candidate that is none: instance " + std::to_string(c.instance) + " geometry " +
-                   std::to_string(c.geometry) + " primitive " + std::to_string(c.primitive) + " custom index " +
-                   std::to_string(c.customIndex);
-        if (hit->box) {
-            generated |= c.confirmed();
-            if (c.boxOpaque() != (hit->opacity == Opacity::Opaque))
-                return "candidateAABBOpaque";
-        } else if (std::abs(double{c.u} - hit->u) > 1e-3 || std::abs(double{c.v} - hit->v) > 1e-3 ||
-                   std::abs(double{c.t} - hit->t) > 1e-3 || c.frontFace() != hit->frontFace) {
-            return "place of a candidate";
-        }
-    }
-
-    // The hit that stays: the nearest accepted triangle, or what the shader generated for a box.
-    const Hit *nearest = nullptr;
-    for (const Hit &h : hits) {
-        if (!h.box && (h.opacity == Opacity::Opaque || confirms(ray, h)) && (nearest == nullptr || h.t < nearest->t))
-            nearest = &h;
-    }
-    const double limit = std::min(nearest != nullptr ? nearest->t : double{ray.tMax},
-                                  generated ? double{ray.generate} : double{ray.tMax});
-    if (result.committed == vt::kTriangle) {
-        const auto hit = std::find_if(hits.begin(), hits.end(), [&](const Hit &h) {
-            return !h.box && names(h, result) && (h.opacity == Opacity::Opaque || confirms(ray, h));
-        });
-        if (hit == hits.end())
-            return "the committed triangle is none that may be";
-        if (std::abs(double{result.u} - hit->u) > 1e-3 || std::abs(double{result.v} - hit->v) > 1e-3 ||
-            std::abs(double{result.t} - hit->t) > 1e-3 || (result.frontFace != 0) != hit->frontFace)
-            return "place of the committed triangle";
-        if ((ray.flags & vt::kRayTerminateOnFirstHit) == 0 && hit->t > limit + 1e-3)
-            return "the committed triangle is not the nearest";
-    } else if (result.committed == vt::kGenerated) {
-        if (!generated || (nearest != nullptr && double{ray.generate} > nearest->t + 1e-3 &&
-                           (ray.flags & vt::kRayTerminateOnFirstHit) == 0))
-            return "a generated hit that should not be";
-        if (std::none_of(hits.begin(), hits.end(), [&](const Hit &h) { return h.box && names(h, result); }))
-            return "the generated hit names no box";
-    } else if (nearest != nullptr || generated) {
-        return "nothing committed";
-    }
-
-    // Nearer than that hit, nothing may have been left out.
-    if ((ray.flags & vt::kRayTerminateOnFirstHit) != 0 && result.committed != vt::kNone)
-        return {};
-    for (const Hit &h : hits) {
-        if (!h.certain || h.t > limit - 1e-3 || (!h.box && h.opacity == Opacity::Opaque))
-            continue;
-        if (std::none_of(result.candidates.begin(), result.candidates.end(),
-                         [&h](const vt::Candidate &c) { return names(h, c); }))
-            return "a candidate was left out: instance " + std::to_string(h.instance) + " geometry " +
-                   std::to_string(h.geometry) + " primitive " + std::to_string(h.primitive);
-    }
-    return {};
-}
-
 std::vector<Traced> judged(const Scene &scene, std::span<const Hits> hits, const std::vector<vt::Result> &results)
 {
     std::vector<Traced> traced;
     for (size_t i = 0; i < results.size(); ++i)
-        traced.push_back({fault(scene.rays[i], hits[i].hits, results[i]), results[i].candidateCount,
+        traced.push_back({queryFault(scene.rays[i], hits[i].hits, results[i]), results[i].candidateCount,
                           results[i].committed != vt::kNone});
     return traced;
 }

@@ -7,7 +7,8 @@
 #include <random>
 #include <string>
 
-#include "harness/expected.h"
+#include "check/oracle/outcome.h"
+#include "harness/harness.h"
 #include "structures/footprint.h"
 #include "world.h"
 

@@ -6,7 +6,8 @@
 
 #include <cstdint>
 
-#include "harness/tracer.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 
 namespace stress
 {

@@ -26,11 +26,14 @@ PARTS = {
     "gltflibrary": ("core", "bake", "gltf", "library"),
     "layer": ("core", "spirv"),
     "verify": ("core", "bake", "gltf"),
-    "cli": ("core", "bake", "gltf", "verify"),
+    "vk": (),
+    "check": ("vk",),
+    "cli": ("core", "bake", "gltf", "verify", "vk", "check"),
 }
 # Parts that may use some files of another only. Verification shares no code with what it verifies.
 ONLY = {
     ("verify", "bake"): ("texture/texture.h",),
+    ("check", "layer"): ("base/vulkan_newer.h",), # declarations that older headers of Vulkan lack
 }
 # Parts with subsystems: each subsystem and those that it may include. "" is the folder of the part itself.
 def below(*subsystems):
@@ -55,6 +58,7 @@ SUBSYSTEMS = {
         "khr_over_ext": ("base",), "gpubake": ("base",),
     },
     "bake": below("numbers", "texture", ""),
+    "check": below("shaders", "gpu", "oracle", "case", "groups", ""),
     "gltf": below("file", "data", "", "micromaps"),
     "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "inspect", "", "manual"),
 }

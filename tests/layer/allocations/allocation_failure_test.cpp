@@ -4,13 +4,14 @@
 #include <algorithm>
 
 #include "allocations/failing_allocations.h"
+#include "check/gpu/copies.h"
+#include "check/gpu/pipeline_tracer.h"
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
 #include "entry/micromap_device.h"
-#include "harness/copies.h"
+#include "harness/harness.h"
 #include "harness/mock_driver.h"
-#include "harness/pipeline_tracer.h"
 #include "pipelines/pipeline_binaries.h"
 #include "shaders/tracer_comp.h"
 
@@ -113,7 +114,7 @@ protected:
     void failRayTracingPipelines()
     {
         const Commands &vk = gpu().vk();
-        const auto make = [&](Gpu &, const PipelineSetup &setup) {
+        const auto make = [&](Device &, const PipelineSetup &setup) {
             for (const uint32_t count : {1u, 2u}) {
                 for (const bool deferred : {false, true}) {
                     if (count > 1 && deferred) // then they are made one by one in any case

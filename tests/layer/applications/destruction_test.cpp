@@ -9,10 +9,11 @@
 
 #include <gtest/gtest.h>
 
-#include "harness/pipeline_tracer.h"
+#include "check/gpu/pipeline_tracer.h"
+#include "check/gpu/scene.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
-#include "harness/scene.h"
-#include "harness/tracer.h"
 
 using namespace vt;
 
@@ -213,7 +214,7 @@ TEST_F(Destruction, LibrariesBeforeThePipeline)
     const Blas blas(gpu(), {mapped(*micromap)});
     const Tlas tlas(gpu(), {instance(blas, {}, 5)});
     PipelineTracerSetup setup;
-    setup.make = [](Gpu &gpu, const PipelineSetup &from) {
+    setup.make = [](Device &gpu, const PipelineSetup &from) {
         PipelineSetup library = from;
         library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
         const RayPipeline all(gpu, library);

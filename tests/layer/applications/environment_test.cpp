@@ -10,8 +10,9 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "harness/scene.h"
-#include "harness/tracer.h"
+#include "check/gpu/scene.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 
 using namespace vt;
 

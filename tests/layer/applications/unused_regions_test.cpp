@@ -7,8 +7,9 @@
 
 #include <gtest/gtest.h>
 
-#include "harness/pipeline_tracer.h"
-#include "harness/scene.h"
+#include "check/gpu/pipeline_tracer.h"
+#include "check/gpu/scene.h"
+#include "harness/harness.h"
 
 using namespace vt;
 

@@ -180,7 +180,7 @@ protected:
     {
         DescriptorTable table(gpu(), 6, {PipelineResources::kStages, 0, PipelineTracer::kPushSize});
         const PipelineTracerSetup setup{.records = {0, 1, std::nullopt},
-                                        .make = [&](Gpu &g, const PipelineSetup &from) {
+                                        .make = [&](Device &g, const PipelineSetup &from) {
                                             PipelineSetup own = from;
                                             own.layout = table.layout();
                                             own.flags |= static_cast<VkPipelineCreateFlags>(kDescriptorBufferBit);

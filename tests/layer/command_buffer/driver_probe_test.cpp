@@ -8,9 +8,10 @@
 
 #include <gtest/gtest.h>
 
-#include "harness/pipeline_tracer.h"
+#include "check/gpu/pipeline_tracer.h"
+#include "check/gpu/scene.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
-#include "harness/scene.h"
 
 using namespace vt;
 

@@ -154,7 +154,7 @@ public:
     void expect(const PipelineTracerSetup &setup)
     {
         PipelineTracerSetup bindable = setup;
-        bindable.make = [](Gpu &g, const PipelineSetup &from) {
+        bindable.make = [](Device &g, const PipelineSetup &from) {
             class PipelineInfo info(g, from);
             const auto flags =
                 vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = generated::kIndirectBindableBit | from.flags});

@@ -3,7 +3,8 @@
 // that a family does not support.
 #include <cstring>
 
-#include "harness/copies.h"
+#include "check/gpu/copies.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
 
 namespace

@@ -6,7 +6,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "harness/tracer.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 
 #include "shaders/tracer_comp.h"
 

@@ -4,7 +4,8 @@
 
 #include <cstdint>
 
-#include "harness/tracer.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 
 namespace vt
 {

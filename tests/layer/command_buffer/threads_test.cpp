@@ -4,9 +4,10 @@
 #include <mutex>
 #include <thread>
 
+#include "check/gpu/copies.h"
+#include "check/gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
-#include "harness/copies.h"
-#include "harness/pipeline_tracer.h"
+#include "harness/harness.h"
 #include "shaders/tracer_comp.h"
 
 namespace

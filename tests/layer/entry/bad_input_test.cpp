@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Micromap builds that contradict themselves or their memory: the layer names the rule, does not crash, writes nothing
 // out of bounds, and the device goes on working. Harmless violations are tolerated, unless VELLUM_STRICT is set.
+#include "check/oracle/outcome.h"
 #include "command_buffer/state_scene.h"
-#include "harness/expected.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "harness/severity.h"
 

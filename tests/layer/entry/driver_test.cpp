@@ -4,7 +4,8 @@
 #include <array>
 #include <cstdlib>
 
-#include "harness/scene.h"
+#include "check/gpu/scene.h"
+#include "harness/harness.h"
 
 namespace
 {

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cstring>
 
-#include "harness/copies.h"
-#include "harness/execution_mode.h"
+#include "check/gpu/copies.h"
+#include "check/gpu/execution_mode.h"
+#include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "shaders/tracer_comp.h"
 

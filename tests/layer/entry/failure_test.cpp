@@ -3,10 +3,11 @@
 // by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>
 
+#include "check/gpu/copies.h"
+#include "check/gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
-#include "harness/copies.h"
+#include "harness/harness.h"
 #include "harness/mock_driver.h"
-#include "harness/pipeline_tracer.h"
 #include "shaders/tracer_comp.h"
 
 namespace
@@ -119,7 +120,7 @@ TEST_F(Failures, RayTracingPipeline)
 {
     for (const uint32_t count : {1u, 2u}) {
         hasOtherPath_ = count > 1; // those of one call are made one by one where one cannot be made
-        const auto make = [&](Gpu &, const PipelineSetup &setup) {
+        const auto make = [&](Device &, const PipelineSetup &setup) {
             const PipelineInfo info(gpu(), setup);
             const std::vector<VkRayTracingPipelineCreateInfoKHR> infos(count, info.get());
             const RayPipeline first(gpu(), setup); // the driver was tried

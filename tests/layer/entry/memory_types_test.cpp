@@ -3,7 +3,8 @@
 // mock driver (layers/memory_quirk.cpp) reports what breaks their rules.
 #include <algorithm>
 
-#include "harness/copies.h"
+#include "check/gpu/copies.h"
+#include "harness/harness.h"
 
 namespace
 {

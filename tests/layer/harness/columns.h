@@ -6,7 +6,8 @@
 #include <cstdint>
 #include <random>
 
-#include "harness/expected.h"
+#include "check/oracle/outcome.h"
+#include "harness/harness.h"
 
 namespace vt
 {

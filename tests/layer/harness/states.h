@@ -5,7 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "harness/scene.h"
+#include "check/gpu/scene.h"
+#include "harness/harness.h"
 
 namespace vt
 {

@@ -3,9 +3,10 @@
 // below the layer reports usage that a buffer may not have.
 #include <array>
 
+#include "check/gpu/scene.h"
+#include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
-#include "harness/scene.h"
 
 namespace
 {

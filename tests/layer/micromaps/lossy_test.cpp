@@ -4,9 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "check/oracle/outcome.h"
 #include "core/lossy.h"
 #include "core/micromap_memory.h"
-#include "harness/expected.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "harness/states.h"
 

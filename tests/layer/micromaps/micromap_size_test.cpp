@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Handles that are smaller than any micromap, as of applications that ignore the messages of size queries, and smaller
 // than the micromap in their memory: nothing beyond their size is read or written, by either API.
-#include "harness/expected.h"
+#include "check/oracle/outcome.h"
+#include "harness/harness.h"
 #include "harness/states.h"
 
 namespace

@@ -5,7 +5,8 @@
 
 #include <algorithm>
 
-#include "harness/copies.h"
+#include "check/gpu/copies.h"
+#include "harness/harness.h"
 
 namespace vt
 {

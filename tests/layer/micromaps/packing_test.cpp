@@ -3,8 +3,9 @@
 // the buffer, and so overlap and are far larger than their content. vkd3d-proton does so.
 #include <algorithm>
 
+#include "check/oracle/outcome.h"
 #include "core/micromap_memory.h"
-#include "harness/expected.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "harness/states.h"
 

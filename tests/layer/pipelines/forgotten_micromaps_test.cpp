@@ -3,8 +3,9 @@
 // setting that uses micromaps anyway.
 #include <cstdlib>
 
+#include "check/gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
-#include "harness/pipeline_tracer.h"
+#include "harness/harness.h"
 
 #include "harness/program/labels.h"
 #include "shaders/pipeline_constant_080.h"

@@ -41,7 +41,7 @@ protected:
     static PipelineTracerSetup withoutHitGroups()
     {
         PipelineTracerSetup setup{.groups = {}};
-        setup.make = [](Gpu &g, const PipelineSetup &from) {
+        setup.make = [](Device &g, const PipelineSetup &from) {
             PipelineSetup pipeline = from;
             pipeline.stages.resize(2);
             return MadePipeline{RayPipeline(g, pipeline), {}};
@@ -196,7 +196,7 @@ TEST_F(HitTables, OneRecordOfALibrary)
         GTEST_SKIP() << "no pipeline libraries";
     std::optional<RayPipeline> library;
     PipelineTracerSetup setup{.groups = {{.box = true}}};
-    setup.make = [&](Gpu &g, const PipelineSetup &from) {
+    setup.make = [&](Device &g, const PipelineSetup &from) {
         PipelineSetup part = from;
         part.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
         part.groups.erase(part.groups.begin(), part.groups.begin() + 2);

@@ -37,7 +37,7 @@ Identifier bytesOf(const VkShaderModuleIdentifierEXT &identifier)
     return {identifier.identifier, identifier.identifier + identifier.identifierSize};
 }
 
-Identifier ofModule(const Gpu &gpu, Words words)
+Identifier ofModule(const Device &gpu, Words words)
 {
     const auto get = reinterpret_cast<PFN_vkGetShaderModuleIdentifierEXT>(
         vkGetDeviceProcAddr(gpu.device(), "vkGetShaderModuleIdentifierEXT"));
@@ -48,7 +48,7 @@ Identifier ofModule(const Gpu &gpu, Words words)
     return bytesOf(identifier);
 }
 
-Identifier ofInfo(const Gpu &gpu, Words words)
+Identifier ofInfo(const Device &gpu, Words words)
 {
     const auto get = reinterpret_cast<PFN_vkGetShaderModuleCreateInfoIdentifierEXT>(
         vkGetDeviceProcAddr(gpu.device(), "vkGetShaderModuleCreateInfoIdentifierEXT"));
@@ -356,7 +356,7 @@ protected:
 
     // Uses a create info of identifiers instead of code.
     template <class Use>
-    static auto withNames(Gpu &gpu, const PipelineSetup &setup, Use use)
+    static auto withNames(Device &gpu, const PipelineSetup &setup, Use use)
     {
         std::vector<Identifier> identifiers;
         std::vector<VkPipelineShaderStageModuleIdentifierCreateInfoEXT> names;
@@ -377,7 +377,7 @@ protected:
         return use(own);
     }
     // Null where the driver is not asked, or does not know.
-    static VkPipeline named(Gpu &gpu, const PipelineSetup &setup)
+    static VkPipeline named(Device &gpu, const PipelineSetup &setup)
     {
         const RayPipeline compiled(gpu, setup);
         return withNames(gpu, setup, [&gpu](const VkRayTracingPipelineCreateInfoKHR &info) {
@@ -393,7 +393,7 @@ protected:
 TEST_F(PipelineIdentifiers, WithoutTheBit)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
-    PipelineTracer tracer(gpu(), {.flags = 0, .make = [](Gpu &g, const PipelineSetup &from) {
+    PipelineTracer tracer(gpu(), {.flags = 0, .make = [](Device &g, const PipelineSetup &from) {
                                       return MadePipeline{RayPipeline(g, named(g, from)), {}};
                                   }});
     for (const uint32_t flags : opacityRayFlags(false))
@@ -403,7 +403,7 @@ TEST_F(PipelineIdentifiers, WithoutTheBit)
 // Its shaders depend on the groups that they are in, and cannot be made without their code.
 TEST_F(PipelineIdentifiers, WithTheBit)
 {
-    const PipelineTracer tracer(gpu(), {.make = [](Gpu &g, const PipelineSetup &from) {
+    const PipelineTracer tracer(gpu(), {.make = [](Device &g, const PipelineSetup &from) {
                                     EXPECT_TRUE(named(g, from) == VK_NULL_HANDLE);
                                     return MadePipeline{RayPipeline(g, from), {}};
                                 }});
@@ -412,7 +412,7 @@ TEST_F(PipelineIdentifiers, WithTheBit)
 // The key that stands in for that of its code is the same each time, and no other pipeline's.
 TEST_F(PipelineIdentifiers, KeysWithTheBit)
 {
-    const PipelineTracer tracer(gpu(), {.make = [](Gpu &g, const PipelineSetup &from) {
+    const PipelineTracer tracer(gpu(), {.make = [](Device &g, const PipelineSetup &from) {
                                     Binaries binaries(g);
                                     const auto keyOf = [&](const PipelineSetup &setup) {
                                         return withNames(g, setup,
@@ -436,7 +436,7 @@ TEST_F(PipelineIdentifiers, OfADeviceWithoutMicromaps)
     options.micromaps = false;
     Gpu plain(options);
     const PipelineScene scene(plain, {.micromaps = false});
-    PipelineTracer tracer(plain, {.flags = 0, .make = [](Gpu &g, const PipelineSetup &from) {
+    PipelineTracer tracer(plain, {.flags = 0, .make = [](Device &g, const PipelineSetup &from) {
                                       const VkPipeline pipeline = named(g, from);
                                       EXPECT_TRUE(pipeline != VK_NULL_HANDLE);
                                       return MadePipeline{RayPipeline(g, pipeline), {}};

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 
+#include "check/gpu/pipeline_builder.h"
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
-#include "harness/pipeline_builder.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
 
 #include "shaders/address_draws_fragment.h"

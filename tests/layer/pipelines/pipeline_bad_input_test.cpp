@@ -33,7 +33,7 @@ protected:
     // Changes the tracer's setup before the pipeline is made, which may fail.
     void tryChanged(const std::function<void(PipelineSetup &)> &change)
     {
-        PipelineTracer tracer(gpu(), {.flags = allowed(), .make = [&](Gpu &g, const PipelineSetup &from) {
+        PipelineTracer tracer(gpu(), {.flags = allowed(), .make = [&](Device &g, const PipelineSetup &from) {
                                           PipelineSetup setup = from;
                                           change(setup);
                                           tryToMake(setup);

@@ -33,7 +33,7 @@ struct Kept {
 class Binaries
 {
 public:
-    explicit Binaries(Gpu &gpu) : gpu_(gpu)
+    explicit Binaries(Device &gpu) : gpu_(gpu)
     {
         const auto load = [&gpu](auto &function, const char *name) {
             function =
@@ -176,7 +176,7 @@ private:
         return binary;
     }
 
-    Gpu &gpu_;
+    Device &gpu_;
     VkResult last_ = VK_SUCCESS;
     newer::PFN_CreatePipelineBinaries create_ = nullptr;
     newer::PFN_DestroyPipelineBinary destroy_ = nullptr;

@@ -92,7 +92,7 @@ protected:
     PipelineTracerSetup remadeSetup(Way way)
     {
         PipelineTracerSetup setup;
-        setup.make = [this, way](Gpu &g, const PipelineSetup &from) {
+        setup.make = [this, way](Device &g, const PipelineSetup &from) {
             return MadePipeline{RayPipeline(g, remade(from, way)), {}};
         };
         return setup;
@@ -256,7 +256,7 @@ TEST_F(PipelineBinaries, OfAWholePipelineMakeNoLibrary)
         GTEST_SKIP() << "constant ray flags travel like others";
     PipelineTracerSetup setup;
     setup.raygen = pipeline_constant_080;
-    setup.make = [](Gpu &g, const PipelineSetup &from) {
+    setup.make = [this](Device &g, const PipelineSetup &from) {
         const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData | from.flags});
         PipelineInfo info(g, from);
         info.get().pNext = &capture;
@@ -274,7 +274,7 @@ TEST_F(PipelineBinaries, OfAWholePipelineMakeNoLibrary)
                                                       nullptr, &library),
                   VK_ERROR_UNKNOWN);
         EXPECT_TRUE(library == VK_NULL_HANDLE);
-        const std::vector<Message> messages = g.takeUnexpectedMessages();
+        const std::vector<Message> messages = gpu().takeUnexpectedMessages();
         EXPECT_EQ(messages.size(), 1u);
         for (const Message &message : messages)
             EXPECT_EQ(message.id, "VELLUM-not-available") << message.text;

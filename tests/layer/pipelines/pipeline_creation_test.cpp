@@ -86,7 +86,7 @@ protected:
                 PipelineTracer tracer(
                     gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
                             .flags = micromaps ? kMicromapBit : 0,
-                            .make = [&](Gpu &, const PipelineSetup &setup) { return makeDeferred(setup, how); }});
+                            .make = [&](Device &, const PipelineSetup &setup) { return makeDeferred(setup, how); }});
                 for (const uint32_t flags : opacityRayFlags(micromaps))
                     (micromaps ? *scene_ : plain)
                         .expect(tracer, flags, {.triangleAnyHit = anyHit, .boxAnyHit = anyHit});
@@ -142,7 +142,7 @@ TEST_F(PipelineCreationDeferredInline, ByTheDriver)
     PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true}},
                                   .flags2 = true,
                                   .inlineModules = true,
-                                  .make = [&](Gpu &, const PipelineSetup &setup) { return makeDeferred(setup, {}); }});
+                                  .make = [&](Device &, const PipelineSetup &setup) { return makeDeferred(setup, {}); }});
     for (const uint32_t flags : opacityRayFlags())
         scene_->expect(tracer, flags, {.triangleAnyHit = false});
 }
@@ -153,7 +153,7 @@ TEST_F(PipelineCreationDeferred, SeveralInOneCall)
     const PipelineScene plain(gpu(), {.micromaps = false});
     for (const bool deferred : {false, true}) {
         const auto make = [&](uint32_t kept) {
-            return [this, deferred, kept](Gpu &, const PipelineSetup &from) {
+            return [this, deferred, kept](Device &, const PipelineSetup &from) {
                 std::array<std::unique_ptr<PipelineInfo>, 3> infos;
                 std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
                 for (uint32_t i = 0; i < 3; ++i) {
@@ -216,7 +216,7 @@ protected:
     {
         const Commands &vk = gpu().vk();
         for (const bool early : {false, true}) {
-            const auto make = [&](Gpu &, const PipelineSetup &from) {
+            const auto make = [&](Device &, const PipelineSetup &from) {
                 std::array<std::unique_ptr<PipelineInfo>, 3> infos;
                 std::array<VkRayTracingPipelineCreateInfoKHR, 3> list{};
                 for (uint32_t i = 0; i < 3; ++i) {
@@ -293,7 +293,7 @@ TEST_F(PipelineCreation, Cache)
     for (int i = 0; i < 2; ++i) {
         for (const bool anyHit : {true, false}) {
             PipelineTracer tracer(
-                gpu(), {.groups = {{.anyHit = anyHit}, {.box = true}}, .make = [&](Gpu &g, const PipelineSetup &setup) {
+                gpu(), {.groups = {{.anyHit = anyHit}, {.box = true}}, .make = [&](Device &g, const PipelineSetup &setup) {
                             const PipelineInfo create(g, setup);
                             VkPipeline pipeline = VK_NULL_HANDLE;
                             VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, cache, 1,
@@ -375,7 +375,7 @@ TEST_F(PipelineCreation, StackSizeWithBoxesOnly)
     PipelineTracer tracer(gpu(), {.groups = {{}, {.box = true, .anyHit = false}},
                                   .flags = kMicromapBit | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR,
                                   .dynamicStackSize = true,
-                                  .make = [](Gpu &g, const PipelineSetup &from) {
+                                  .make = [](Device &g, const PipelineSetup &from) {
                                       PipelineSetup setup = from;
                                       setup.groups.erase(setup.groups.begin() + 2);
                                       return MadePipeline{RayPipeline(g, setup), {0, 1, 2, 2}};
@@ -426,7 +426,7 @@ TEST_F(PipelineCreation, Feedback)
         } feedback;
         feedback.guard.fill(0xa5);
         PipelineTracer tracer(gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
-                                      .make = [&](Gpu &g, const PipelineSetup &setup) {
+                                      .make = [&](Device &g, const PipelineSetup &setup) {
                                           PipelineInfo info(g, setup);
                                           auto create = vkInit<VkPipelineCreationFeedbackCreateInfo>(
                                               {.pNext = info.get().pNext,

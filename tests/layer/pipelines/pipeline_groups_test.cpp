@@ -33,7 +33,7 @@ protected:
     // All stages of one module.
     void expectOneModule(std::span<const uint32_t> words, bool sharedModules)
     {
-        const auto make = [&](Gpu &g, const PipelineSetup &from) {
+        const auto make = [&](Device &g, const PipelineSetup &from) {
             PipelineSetup setup = from;
             setup.sharedModules = sharedModules;
             constexpr std::array names{"raygen", "miss", "closest_hit", "any_hit", "intersection", "intersection"};
@@ -74,7 +74,7 @@ TEST_F(PipelineGroups, EntryPointsThatShareVariablesAndFunctions)
 // The stages once more each, so that every group has its own.
 TEST_F(PipelineGroups, StagesOfTheirOwn)
 {
-    PipelineTracer tracer(gpu(), {.make = [](Gpu &g, const PipelineSetup &from) {
+    PipelineTracer tracer(gpu(), {.make = [](Device &g, const PipelineSetup &from) {
                               PipelineSetup setup = from;
                               setup.sharedModules = true;
                               const auto again = [&setup](uint32_t &stage) {
@@ -118,7 +118,7 @@ TEST_F(PipelineGroups, OneStageInManyGroups)
         {5, {}},
     }};
     for (const bool shared : {true, false}) {
-        setup.make = [shared](Gpu &g, const PipelineSetup &from) {
+        setup.make = [shared](Device &g, const PipelineSetup &from) {
             PipelineSetup pipeline = from;
             pipeline.sharedModules = shared;
             return MadePipeline{RayPipeline(g, pipeline), {}};
@@ -146,7 +146,7 @@ TEST_F(PipelineGroups, WideHitAttributes)
         for (const bool boxAnyHit : {true, false}) {
             PipelineTracer tracer(
                 gpu(), {.groups = {{.anyHit = triangleAnyHit}, {.box = true, .anyHit = boxAnyHit}},
-                        .make = [](Gpu &g, const PipelineSetup &from) {
+                        .make = [](Device &g, const PipelineSetup &from) {
                             PipelineSetup setup = from;
                             const auto first = static_cast<uint32_t>(setup.stages.size());
                             setup.stages.push_back({VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_wide_closest_hit});

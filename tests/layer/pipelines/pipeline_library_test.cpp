@@ -95,7 +95,7 @@ protected:
     void expect(const Plan &plan, const PipelineTracerSetup &base, const PipelineScene::View &view)
     {
         PipelineTracerSetup setup = base;
-        setup.make = [this, &plan](Gpu &, const PipelineSetup &from) { return link(from, plan); };
+        setup.make = [this, &plan](Device &, const PipelineSetup &from) { return link(from, plan); };
         PipelineTracer tracer(gpu(), setup);
         for (const uint32_t flags : opacityRayFlags(gpu().options().micromaps))
             scene_->expect(tracer, flags, view);
@@ -188,7 +188,7 @@ TEST_F(PipelineLibrary, NothingButLibraries)
         for (const bool anyHit : {true, false}) {
             const PipelineTracer tracer(gpu(),
                                         {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
-                                         .make = [&](Gpu &, const PipelineSetup &from) { return link(from, plan); }});
+                                         .make = [&](Device &, const PipelineSetup &from) { return link(from, plan); }});
             expectHandles(tracer.pipeline(), 4);
         }
     }
@@ -212,7 +212,7 @@ TEST_F(PipelineLibrary, WithoutTheBit)
     const PipelineScene plain(gpu(), {.micromaps = false});
     for (const Plan &plan : kPlans) {
         PipelineTracer tracer(gpu(),
-                              {.flags = 0, .make = [&](Gpu &, const PipelineSetup &from) { return link(from, plan); }});
+                              {.flags = 0, .make = [&](Device &, const PipelineSetup &from) { return link(from, plan); }});
         for (const uint32_t flags : opacityRayFlags(false))
             plain.expect(tracer, flags);
     }
@@ -222,7 +222,7 @@ TEST_F(PipelineLibrary, WithoutTheBit)
 TEST_F(PipelineLibrary, LibrariesWithTheBitInAPipelineWithoutIt)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
-    PipelineTracer tracer(gpu(), {.make = [&](Gpu &g, const PipelineSetup &from) {
+    PipelineTracer tracer(gpu(), {.make = [&](Device &g, const PipelineSetup &from) {
                               PipelineSetup library = part(from, {2, 3});
                               library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
                               libraries_.emplace_back(g, library);
@@ -282,7 +282,7 @@ TEST_F(PipelineLibrary, PushConstantsAfterInjectedWork)
 TEST_F(PipelineLibrary, LinkedTwice)
 {
     std::vector<RayPipeline> libraries;
-    const auto make = [&](Gpu &g, const PipelineSetup &from) {
+    const auto make = [&](Device &g, const PipelineSetup &from) {
         if (libraries.empty()) {
             PipelineSetup library = part(from, {2, 3});
             library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
@@ -314,7 +314,7 @@ protected:
     {
         if (!gpu().has("VK_EXT_pipeline_library_group_handles"))
             GTEST_SKIP() << "no VK_EXT_pipeline_library_group_handles";
-        const PipelineTracer tracer(gpu(), {.make = [&](Gpu &, const PipelineSetup &from) {
+        const PipelineTracer tracer(gpu(), {.make = [&](Device &, const PipelineSetup &from) {
                                         return link(from, {.libraries = {{3}, {2, 1}}, .own = {0}});
                                     }});
         ASSERT_EQ(libraries_.size(), 2u);

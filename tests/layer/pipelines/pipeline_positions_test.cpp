@@ -2,9 +2,10 @@
 // VK_KHR_ray_tracing_position_fetch beside micromaps, in pipelines and in ray queries.
 #include <random>
 
+#include "check/gpu/pipeline_builder.h"
+#include "check/oracle/outcome.h"
 #include "command_buffer/compute_pipeline.h"
-#include "harness/expected.h"
-#include "harness/pipeline_builder.h"
+#include "harness/harness.h"
 
 #include "harness/program/labels.h"
 #include "shaders/pipeline_positions_any_hit.h"

@@ -4,8 +4,9 @@
 
 #include <cstdint>
 
+#include "check/gpu/pipeline_builder.h"
 #include "harness/columns.h"
-#include "harness/pipeline_builder.h"
+#include "harness/harness.h"
 
 namespace vt
 {

@@ -3,7 +3,8 @@
 // flags at run time, constant and specialized, hit groups with and without any-hit and closest-hit shaders.
 #include <algorithm>
 
-#include "harness/copies.h"
+#include "check/gpu/copies.h"
+#include "harness/harness.h"
 #include "pipelines/pipeline_scene.h"
 
 #include "harness/program/labels.h"
@@ -250,7 +251,7 @@ TEST_F(PipelineResolutionMaintenance5, FlagsInTheChainReplaceTheOthers)
     for (const bool micromaps : {true, false}) {
         PipelineTracer tracer(
             gpu(),
-            {.flags = micromaps ? kMicromapBit : 0, .flags2 = true, .make = [&](Gpu &g, const PipelineSetup &setup) {
+            {.flags = micromaps ? kMicromapBit : 0, .flags2 = true, .make = [&](Device &g, const PipelineSetup &setup) {
                  PipelineInfo info(g, setup);
                  info.get().flags = micromaps ? 0 : kMicromapBit;
                  VkPipeline pipeline = VK_NULL_HANDLE;
@@ -274,7 +275,7 @@ TEST_F(PipelineResolutionMaintenance5, PromiseOfNoMicromaps)
     for (const VkFlags64 bit : {VkFlags64{0}, VkFlags64{kMicromapBit}}) {
         const auto promise =
             vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = bit | newer::kPipelineDisallowOpacityMicromap});
-        PipelineTracer tracer(gpu(), {.make = [&](Gpu &g, const PipelineSetup &setup) {
+        PipelineTracer tracer(gpu(), {.make = [&](Device &g, const PipelineSetup &setup) {
                                   PipelineInfo info(g, setup);
                                   info.get().pNext = &promise;
                                   VkPipeline pipeline = VK_NULL_HANDLE;

@@ -9,8 +9,9 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "harness/expected.h"
-#include "harness/pipeline_tracer.h"
+#include "check/gpu/pipeline_tracer.h"
+#include "check/oracle/outcome.h"
+#include "harness/harness.h"
 
 namespace vt
 {

@@ -3,7 +3,8 @@
 // instance flags x ray flags, ray flags at run time, constant and specialized, compared with expected.h.
 #include <random>
 
-#include "harness/expected.h"
+#include "check/oracle/outcome.h"
+#include "harness/harness.h"
 
 #include "harness/program/labels.h"
 #include "shaders/tracer_constant_000.h"

@@ -17,8 +17,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "harness/pipeline_tracer.h"
-#include "harness/tracer.h"
+#include "check/gpu/pipeline_tracer.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 
 #include "harness/program/labels.h"
 #include "shaders/pipeline_constant_000.h"
@@ -107,7 +108,7 @@ void makeCachedPipelines(Gpu &gpu, const fs::path &path)
         for (const VkPipelineCreateFlags flags : {VkPipelineCreateFlags{0}, kMicromapBit}) {
             PipelineTracerSetup setup{.raygen = raygen};
             setup.flags = flags;
-            setup.make = [&](Gpu &, const PipelineSetup &from) {
+            setup.make = [&](Device &, const PipelineSetup &from) {
                 for (const bool inlined : {false, true}) {
                     PipelineSetup one = from;
                     for (PipelineStage &stage : one.stages)

@@ -14,7 +14,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "harness/tracer.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 
 using namespace vt;
 

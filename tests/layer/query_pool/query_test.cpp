@@ -3,8 +3,9 @@
 // format.
 #include <thread>
 
+#include "check/gpu/copies.h"
 #include "command_buffer/inherited_condition.h"
-#include "harness/copies.h"
+#include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 

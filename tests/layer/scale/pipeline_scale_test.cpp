@@ -80,7 +80,7 @@ TEST_F(PipelineScale, HundredsOfLibraries)
     const size_t count = std::min<size_t>(scaled(100), 400); // lavapipe compiles them all into one
     std::vector<RayPipeline> libraries;
     PipelineTracerSetup setup;
-    setup.make = [&](Gpu &gpu, const PipelineSetup &from) {
+    setup.make = [&](Device &gpu, const PipelineSetup &from) {
         PipelineSetup linking = from;
         linking.groups.resize(2); // ray generation and miss
         linking.stages.resize(2);

@@ -11,7 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "harness/copies.h"
+#include "check/gpu/copies.h"
+#include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "structures/footprint.h"
 

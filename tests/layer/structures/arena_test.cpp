@@ -2,7 +2,8 @@
 // The arena of the tests detects what it is meant to detect.
 #include <gtest/gtest-spi.h>
 
-#include "harness/arena/arena.h"
+#include "check/gpu/arena.h"
+#include "harness/harness.h"
 
 namespace
 {

@@ -5,7 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "harness/copies.h"
+#include "check/gpu/copies.h"
+#include "harness/harness.h"
 
 namespace vt
 {

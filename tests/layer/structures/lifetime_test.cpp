@@ -6,9 +6,10 @@
 
 #include <gtest/gtest.h>
 
+#include "check/gpu/scene.h"
+#include "check/gpu/tracer.h"
+#include "harness/harness.h"
 #include "harness/program/labels.h"
-#include "harness/scene.h"
-#include "harness/tracer.h"
 
 using namespace vt;
 

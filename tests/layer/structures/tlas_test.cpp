@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Top-level builds: where instances come from, updates, several structures alive at once, reused memory, custom
 // indices.
-#include "harness/expected.h"
+#include "check/oracle/outcome.h"
+#include "harness/harness.h"
 
 #include "harness/program/labels.h"
 #include "shaders/tracer_by_address.h"
@@ -107,7 +108,7 @@ TEST_F(Top, OnlyPlainInstances)
 }
 
 // Reference 0: no ray meets the instance, which is counted all the same. Lavapipe 26 crashes where another one comes
-// behind it, without the layer too (tests/oracle/compare.cpp).
+// behind it, without the layer too (tests/oracle/compare_scenes.cpp).
 TEST_F(Top, InactiveInstances)
 {
     const std::vector<Shown> shown{{7, 1}, {8, 2}, {9, kNoMicromap}, {10, 3}, {11, 1}};

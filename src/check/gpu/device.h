@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: Apache-2.0
+// A Vulkan device, buffers, command submission, and every message that the layers sent.
+#pragma once
+
+#include "vellum/vulkan_opacity_micromap.h"
+#include "vk/vk_init.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace vellum::check
+{
+
+struct Message {
+    VkDebugUtilsMessageSeverityFlagBitsEXT severity;
+    std::string id;
+    std::string text;
+    std::string object; // name of the first object that it is about
+
+    [[nodiscard]] bool fromVellum() const { return id.starts_with("VELLUM-"); }
+};
+
+// The extension that micromaps are made and used with.
+enum class Api { Ext, Khr };
+
+// Where Guarded memory is (arena.h): each piece in a buffer of its own, or all packed in few buffers, where handles are
+// as large as what they are for, or reach to the end of the buffer and are GENERIC as far as the API allows.
+enum class Memory { Apart, Packed, PackedToTheEnd };
+
+struct DeviceOptions {
+    std::vector<std::string> layers; // the first one is nearest to the application
+    uint32_t apiVersion = VK_API_VERSION_1_3;
+    uint32_t physicalDevice = 0; // its number in the instance
+    Api api = Api::Ext;
+    bool micromaps = true;        // enable opacity micromaps
+    bool bothApis = false;        // enable the other API as well
+    bool micromapFeature = true;  // enable the feature as well as the extension
+    bool hostCommands = true;     // enable micromapHostCommands
+    bool declaresMode = true;     // with Api::Khr: modules with ray queries get the execution mode of micromaps
+    bool addressReplay = true;    // enable bufferDeviceAddressCaptureReplay, where the device has it
+    bool allQueueFamilies = true; // a queue of each family, or only of the one that is used
+    // Buffers for acceleration structures have VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT. The rule that demands it
+    // (VUID-VkAccelerationStructureCreateInfoKHR-pInfo-09542, by its number) is younger than the extension.
+    bool addressedStructures = true;
+    std::vector<std::string> extensions; // enabled where the device has them, with their features
+    Memory memory = Memory::Apart;
+    // Called with the messages of layers and the driver, on whichever thread they come.
+    std::function<void(Message)> onMessage = {};
+    // Called with what Device and its objects find wrong by themselves, such as a write outside a structure's memory.
+    std::function<void(const std::string &)> onFault = {};
+};
+
+#define CHECK_INSTANCE_COMMANDS(X)                                                                                     \
+    X(CreateDebugUtilsMessengerEXT)                                                                                    \
+    X(DestroyDebugUtilsMessengerEXT)
+
+#define CHECK_DEVICE_COMMANDS(X)                                                                                       \
+    X(CreateMicromapEXT)                                                                                               \
+    X(DestroyMicromapEXT)                                                                                              \
+    X(GetMicromapBuildSizesEXT)                                                                                        \
+    X(CmdBuildMicromapsEXT)                                                                                            \
+    X(CmdCopyMicromapEXT)                                                                                              \
+    X(GetDeviceMicromapCompatibilityEXT)                                                                               \
+    X(CmdCopyMicromapToMemoryEXT)                                                                                      \
+    X(CmdCopyMemoryToMicromapEXT)                                                                                      \
+    X(CmdWriteMicromapsPropertiesEXT)                                                                                  \
+    X(BuildMicromapsEXT)                                                                                               \
+    X(CopyMicromapEXT)                                                                                                 \
+    X(CopyMicromapToMemoryEXT)                                                                                         \
+    X(CopyMemoryToMicromapEXT)                                                                                         \
+    X(WriteMicromapsPropertiesEXT)                                                                                     \
+    X(CmdWriteAccelerationStructuresPropertiesKHR)                                                                     \
+    X(CreateAccelerationStructure2KHR)                                                                                 \
+    X(CreateAccelerationStructureKHR)                                                                                  \
+    X(DestroyAccelerationStructureKHR)                                                                                 \
+    X(GetAccelerationStructureBuildSizesKHR)                                                                           \
+    X(GetAccelerationStructureDeviceAddressKHR)                                                                        \
+    X(CmdBuildAccelerationStructuresKHR)                                                                               \
+    X(CmdBuildAccelerationStructuresIndirectKHR)                                                                       \
+    X(CmdCopyAccelerationStructureKHR)                                                                                 \
+    X(CmdCopyAccelerationStructureToMemoryKHR)                                                                         \
+    X(CmdCopyMemoryToAccelerationStructureKHR)                                                                         \
+    X(GetDeviceAccelerationStructureCompatibilityKHR)                                                                  \
+    X(CreateRayTracingPipelinesKHR)                                                                                    \
+    X(GetRayTracingShaderGroupHandlesKHR)                                                                              \
+    X(CmdTraceRaysKHR)                                                                                                 \
+    X(CmdTraceRaysIndirectKHR)                                                                                         \
+    X(CmdTraceRaysIndirect2KHR)                                                                                        \
+    X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
+    X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(CreateDeferredOperationKHR)                                                                                      \
+    X(DestroyDeferredOperationKHR)                                                                                     \
+    X(DeferredOperationJoinKHR)                                                                                        \
+    X(GetDeferredOperationResultKHR)                                                                                   \
+    X(CmdPushDescriptorSetKHR)                                                                                         \
+    X(CmdCopyMemoryKHR)                                                                                                \
+    X(CmdCopyMemoryToImageKHR)                                                                                         \
+    X(CmdCopyImageToMemoryKHR)                                                                                         \
+    X(CmdUpdateMemoryKHR)                                                                                              \
+    X(CmdFillMemoryKHR)                                                                                                \
+    X(CmdCopyQueryPoolResultsToMemoryKHR)                                                                              \
+    X(CmdWriteMarkerToMemoryAMD)                                                                                       \
+    X(CmdBindIndexBuffer3KHR)                                                                                          \
+    X(CmdBindVertexBuffers3KHR)                                                                                        \
+    X(CmdDrawIndirect2KHR)                                                                                             \
+    X(CmdDrawIndexedIndirect2KHR)                                                                                      \
+    X(CmdDrawIndirectCount2KHR)                                                                                        \
+    X(CmdDrawIndexedIndirectCount2KHR)                                                                                 \
+    X(CmdDrawMeshTasksIndirect2EXT)                                                                                    \
+    X(CmdDrawMeshTasksIndirectCount2EXT)                                                                               \
+    X(CmdDispatchIndirect2KHR)                                                                                         \
+    X(CmdBeginConditionalRendering2EXT)                                                                                \
+    X(CmdBindTransformFeedbackBuffers2EXT)                                                                             \
+    X(CmdBeginTransformFeedback2EXT)                                                                                   \
+    X(CmdEndTransformFeedback2EXT)                                                                                     \
+    X(CmdDrawIndirectByteCount2EXT)                                                                                    \
+    X(CmdDrawMeshTasksIndirectEXT)                                                                                     \
+    X(CmdDrawMeshTasksIndirectCountEXT)                                                                                \
+    X(CmdBindTransformFeedbackBuffersEXT)                                                                              \
+    X(CmdBeginTransformFeedbackEXT)                                                                                    \
+    X(CmdEndTransformFeedbackEXT)                                                                                      \
+    X(CmdDrawIndirectByteCountEXT)                                                                                     \
+    X(CmdBeginConditionalRenderingEXT)                                                                                 \
+    X(CmdEndConditionalRenderingEXT)
+
+struct Commands {
+#define CHECK_MEMBER(name) PFN_vk##name name = nullptr;
+    CHECK_INSTANCE_COMMANDS(CHECK_MEMBER)
+    CHECK_DEVICE_COMMANDS(CHECK_MEMBER)
+#undef CHECK_MEMBER
+};
+
+class Arena;
+class Device;
+
+// A buffer with memory of its own, mapped.
+class Buffer
+{
+public:
+    Buffer() = default;
+    Buffer(Device &gpu, VkDeviceSize size, VkBufferUsageFlags usage);
+    Buffer(Buffer &&other) noexcept { swap(other); }
+    Buffer &operator=(Buffer &&other) noexcept
+    {
+        swap(other);
+        return *this;
+    }
+    ~Buffer();
+
+    [[nodiscard]] VkBuffer handle() const { return buffer_; }
+    [[nodiscard]] VkDeviceMemory memory() const { return memory_; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    // Only where the usage holds VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT.
+    [[nodiscard]] VkDeviceAddress address() const { return address_; }
+    [[nodiscard]] uint8_t *bytes() const { return bytes_; }
+    template <class T>
+    [[nodiscard]] std::span<T> as() const
+    {
+        return {reinterpret_cast<T *>(bytes_), static_cast<size_t>(size_) / sizeof(T)};
+    }
+
+private:
+    void swap(Buffer &other) noexcept;
+
+    Device *gpu_ = nullptr;
+    VkBuffer buffer_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+    VkDeviceSize size_ = 0;
+    VkDeviceAddress address_ = 0;
+    uint8_t *bytes_ = nullptr;
+};
+
+// A pool of queries, used as the handle it is.
+class QueryPool
+{
+public:
+    QueryPool() = default;
+    QueryPool(Device &gpu, VkQueryType type, uint32_t count = 1);
+    QueryPool(QueryPool &&other) noexcept { swap(other); }
+    QueryPool &operator=(QueryPool &&other) noexcept
+    {
+        swap(other);
+        return *this;
+    }
+    ~QueryPool();
+
+    operator VkQueryPool() const { return pool_; } // NOLINT
+    [[nodiscard]] VkQueryType type() const { return type_; }
+    // Which must be available.
+    [[nodiscard]] uint64_t value(uint32_t query = 0) const;
+
+private:
+    void swap(QueryPool &other) noexcept;
+
+    Device *gpu_ = nullptr;
+    VkQueryType type_{};
+    VkQueryPool pool_ = VK_NULL_HANDLE;
+};
+
+class Device
+{
+public:
+    explicit Device(DeviceOptions options);
+    Device(const Device &) = delete;
+    Device &operator=(const Device &) = delete;
+    ~Device();
+
+    [[nodiscard]] const DeviceOptions &options() const { return options_; }
+    [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
+    // What is made from now on goes through that API; of a device with both.
+    void use(Api api) { options_.api = api; }
+    // A module as shader() makes it.
+    [[nodiscard]] std::vector<uint32_t> code(std::span<const uint32_t> words) const;
+    [[nodiscard]] VkInstance instance() const { return instance_; }
+    [[nodiscard]] VkPhysicalDevice physical() const { return physical_; }
+    [[nodiscard]] VkDevice device() const { return device_; }
+    [[nodiscard]] VkQueue queue() const { return queue_; }
+    [[nodiscard]] VkCommandPool pool() const { return pool_; }
+    [[nodiscard]] bool has(const char *deviceExtension) const;
+    // Lavapipe of Mesa 26 or newer, whose faults some scenes have to avoid: each says which.
+    [[nodiscard]] bool onLavapipe26() const { return lavapipe26_; }
+    [[nodiscard]] const Commands &vk() const { return commands_; }
+    // Null where memory is Memory::Apart.
+    [[nodiscard]] Arena *arena() const { return arena_.get(); }
+    // All queues of its family that the device was made with: what is not said otherwise goes to the first one.
+    [[nodiscard]] std::span<const VkQueue> queues() const { return queues_; }
+    // The family that they are of, which is the first one for both graphics and compute. Where there are others, the
+    // device was made with a queue of each.
+    [[nodiscard]] uint32_t family() const { return family_; }
+    [[nodiscard]] std::span<const VkQueueFamilyProperties> families() const { return families_; }
+    [[nodiscard]] VkQueue queueOf(uint32_t family) const;
+    [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }
+    [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
+    {
+        return pipelineProperties_;
+    }
+
+    [[nodiscard]] uint32_t memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const;
+    // Memory of a type with these properties; addressed: for buffers with device addresses. The caller frees it.
+    [[nodiscard]] VkDeviceMemory allocate(const VkMemoryRequirements &needs, VkMemoryPropertyFlags wanted = 0,
+                                          bool addressed = true) const;
+    // Memory of the buffer's size, bound to it.
+    [[nodiscard]] VkDeviceMemory bindMemory(VkBuffer buffer, VkMemoryPropertyFlags wanted = 0,
+                                            bool addressed = true) const;
+    [[nodiscard]] VkDeviceAddress address(VkBuffer buffer) const;
+    // A buffer with device address and the content, readable by everything that needs an address.
+    template <class T>
+    Buffer upload(std::span<const T> content, VkBufferUsageFlags usage)
+    {
+        Buffer buffer(*this, std::max<VkDeviceSize>(content.size_bytes(), 16),
+                      usage | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        if (!content.empty())
+            std::memcpy(buffer.bytes(), content.data(), content.size_bytes());
+        return buffer;
+    }
+
+    VkCommandBuffer begin(VkCommandBufferUsageFlags usage = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT,
+                          VkCommandBufferLevel level = VK_COMMAND_BUFFER_LEVEL_PRIMARY);
+    void end(VkCommandBuffer commands);
+    // Submits and waits.
+    void execute(VkCommandBuffer commands);
+    // begin, record, end, execute.
+    void submit(const std::function<void(VkCommandBuffer)> &record);
+    VkShaderModule shader(std::span<const uint32_t> words) const;
+
+    // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
+    [[nodiscard]] VkBufferUsageFlags structureUsage() const;
+    // Reports what is wrong: DeviceOptions::onFault.
+    void fault(const std::string &what) const;
+
+private:
+    void createInstance();
+    void createDevice();
+
+    DeviceOptions options_;
+    VkInstance instance_ = VK_NULL_HANDLE;
+    VkDebugUtilsMessengerEXT messenger_ = VK_NULL_HANDLE;
+    VkPhysicalDevice physical_ = VK_NULL_HANDLE;
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkQueue queue_ = VK_NULL_HANDLE;
+    std::vector<VkQueue> queues_;
+    uint32_t family_ = 0;
+    std::vector<VkQueueFamilyProperties> families_;
+    std::unique_ptr<Arena> arena_;
+    VkCommandPool pool_ = VK_NULL_HANDLE;
+    Commands commands_;
+    std::vector<std::string> extensions_;
+    uint32_t scratchAlignment_ = 0;
+    bool lavapipe26_ = false;
+    VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
+};
+
+// Throws std::runtime_error, with what was called, for everything but VK_SUCCESS.
+void checkResult(VkResult result, const char *what);
+#define CHECK_VK(call) ::vellum::check::checkResult((call), #call)
+
+// Everything before it happens before everything after it.
+void barrier(VkCommandBuffer commands);
+
+} // namespace vellum::check

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tracer's twin: traces rays with a ray tracing pipeline (shaders/pipeline_tracer.glsl) and gives back what its shaders
+// saw.
+#pragma once
+
+#include <cstdint>
+
+#include "check/gpu/pipeline_builder.h"
+#include "check/gpu/tracer.h"
+
+namespace vellum::check
+{
+
+inline constexpr uint32_t kTerminate = 3; // a Rule: accept the candidate and end the ray
+inline constexpr uint32_t kRaySkipClosestHit = 0x008;
+inline constexpr uint32_t kUnknownResult = 0xffffffff; // neither closest-hit nor miss shader ran
+inline constexpr uint32_t kHitKindFront = 0xfe;
+inline constexpr uint32_t kHitKindBack = 0xff;
+
+struct CandidateNote { // of an any-hit invocation
+    uint32_t flags, hitKind, record, intact;
+};
+
+struct BoxVisit { // an invocation of an intersection shader
+    uint32_t customIndex, instance, geometry, primitive;
+    uint32_t flags, record, reported;
+    float tMin;
+};
+
+// candidates: the invocations of any-hit shaders. flags: as closest-hit or miss shader read them.
+struct PipelineResult : Result {
+    std::vector<CandidateNote> notes; // one for each candidate
+    std::vector<BoxVisit> visits;
+    uint32_t visitCount;
+    uint32_t hitKind;
+    uint32_t record; // first word of the record of the closest-hit or miss shader
+    uint32_t invocations;
+    bool intact; // the payload, where nobody was to write
+};
+
+struct TracerGroup {
+    bool box = false;
+    bool anyHit = true;
+    bool closestHit = true;
+};
+
+struct MadePipeline {
+    RayPipeline pipeline;
+    std::vector<uint32_t> groups; // where each group of the setup is in the pipeline; empty: at the same place
+};
+
+struct PipelineTracerSetup {
+    std::span<const uint32_t> raygen;         // empty: run-time flags
+    std::optional<uint32_t> specializedFlags; // specialization constant 0 of the ray generation shader
+    std::vector<TracerGroup> groups{{}, {.box = true}};
+    // Hit records: the group of `groups` that each names, nothing for a zero record. Empty: one for each group.
+    // The data of record i is 100 + i; that of the miss shader 50.
+    std::vector<std::optional<uint32_t>> records;
+    uint32_t sbtOffset = 0, sbtStride = 0;
+    bool missRecord = true;
+    std::optional<VkPipelineCreateFlags> flags; // else the micromap bit, where the device has micromaps enabled
+    bool flags2 = false;
+    bool inlineModules = false;
+    bool dynamicStackSize = false;
+    std::vector<VkPushConstantRange> otherPushConstants; // in the layout, for other stages
+    // Makes the pipeline in another way: stages are ray generation, miss, closest-hit, any-hit, and intersection for
+    // groups with and without any-hit shader; groups are ray generation, miss, then `groups`.
+    std::function<MadePipeline(Device &, const PipelineSetup &)> make;
+};
+
+class PipelineTracer
+{
+public:
+    static constexpr uint32_t kPushSize = 32;
+
+    explicit PipelineTracer(Device &gpu, const PipelineTracerSetup &setup = {});
+
+    std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
+
+    // The same in steps.
+    void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
+    void bind(VkCommandBuffer commands) const;
+    void dispatch(VkCommandBuffer commands) const;
+    [[nodiscard]] std::vector<PipelineResult> results() const;
+    void clearResults();
+    [[nodiscard]] const RayPipeline &pipeline() const { return pipeline_.pipeline; }
+    [[nodiscard]] const BindingTable &table() const { return *table_; }
+    [[nodiscard]] const PipelineResources &resources() const { return resources_; }
+    [[nodiscard]] uint32_t rayCount() const { return push_.rayCount; }
+    // Those of the bindings 1 and more.
+    [[nodiscard]] std::array<const Buffer *, 6> buffers() const
+    {
+        return {&rays_, &results_, &candidates_, &notes_, &visits_, &mores_};
+    }
+
+private:
+    struct Push {
+        uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex, pad;
+        VkDeviceAddress scene;
+    };
+    static_assert(sizeof(Push) == kPushSize);
+
+    Device &gpu_;
+    PipelineResources resources_;
+    MadePipeline pipeline_;
+    std::unique_ptr<BindingTable> table_;
+    Buffer rays_, results_, candidates_, notes_, visits_, mores_;
+    Push push_{};
+};
+
+} // namespace vellum::check

@@ -1,0 +1,433 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/gpu/scene.h"
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+
+namespace vellum::check
+{
+namespace
+{
+
+constexpr VkBufferUsageFlags kBuildInput =
+    VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+
+std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<uint32_t, uint32_t>, uint32_t> &counts)
+{
+    std::vector<VkMicromapUsageEXT> usage;
+    for (const auto &[key, count] : counts)
+        usage.push_back({count, key.second, key.first});
+    return usage;
+}
+
+uint32_t bytesOf(VkIndexType type)
+{
+    return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT8_EXT ? 1 : 2;
+}
+
+// Packs indices the way an application would, with the gaps of the stride left as garbage.
+std::vector<uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
+{
+    const VkDeviceSize last = bytesOf(attachment.indexType);
+    std::vector<uint8_t> packed(attachment.indexOffset + stride * (attachment.indices.size() - 1) + last, 0x5a);
+    for (size_t i = 0; i < (stride == 0 ? 1 : attachment.indices.size()); ++i) {
+        const auto value = static_cast<uint32_t>(attachment.indices[i]);
+        std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, last);
+    }
+    return packed;
+}
+
+} // namespace
+
+uint32_t MicromapInput::add(uint32_t level, uint16_t format, std::span<const uint8_t> states)
+{
+    const uint32_t bits = format == kTwoState ? 1 : 2;
+    VkMicromapTriangleEXT triangle{};
+    triangle.dataOffset = static_cast<uint32_t>(data.size());
+    triangle.subdivisionLevel = static_cast<uint16_t>(level);
+    triangle.format = format;
+    data.resize(data.size() + (states.size() * bits + 7) / 8);
+    for (size_t i = 0; i < states.size(); ++i) {
+        const size_t bit = i * bits;
+        uint8_t &byte = data[triangle.dataOffset + bit / 8];
+        byte = static_cast<uint8_t>(byte | (states[i] << (bit % 8)));
+    }
+    triangles.push_back(triangle);
+    return static_cast<uint32_t>(triangles.size() - 1);
+}
+
+std::vector<VkMicromapUsageEXT> MicromapInput::usage() const
+{
+    if (!declared.empty())
+        return declared;
+    std::map<std::pair<uint32_t, uint32_t>, uint32_t> counts;
+    for (const VkMicromapTriangleEXT &t : triangles)
+        ++counts[{t.format, t.subdivisionLevel}];
+    return toUsage(counts);
+}
+
+std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> indices, uint32_t base) const
+{
+    std::map<std::pair<uint32_t, uint32_t>, uint32_t> counts;
+    for (const int32_t i : indices) {
+        if (i < 0 || static_cast<size_t>(i) + base >= triangles.size())
+            continue;
+        const VkMicromapTriangleEXT &t = triangles[static_cast<size_t>(i) + base];
+        ++counts[{t.format, t.subdivisionLevel}];
+    }
+    return toUsage(counts);
+}
+
+Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags, SharedScratch *scratch)
+    : gpu_(gpu), input_(std::move(input))
+{
+    usage_ = input_.usage();
+    info_ = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT,
+                                            .flags = flags,
+                                            .mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT,
+                                            .usageCountsCount = static_cast<uint32_t>(usage_.size()),
+                                            .pUsageCounts = usage_.data(),
+                                            .triangleArrayStride = input_.stride});
+    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
+    create(sizes.micromapSize);
+
+    std::vector<uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
+    for (size_t i = 0; i < input_.triangles.size(); ++i)
+        std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
+    const VkBufferUsageFlags usage = micromapInputUsage(gpu_);
+    const VkDeviceSize alignment = micromapInputAlignment(gpu_);
+    data_ = uploadAligned(gpu_, input_.data.data(), input_.data.size(), usage, alignment);
+    triangles_ = uploadAligned(gpu_, strided.data(), strided.size(), usage, alignment);
+    scratch_ = scratchOf(gpu_, scratch, sizes.buildScratchSize);
+    info_.dstMicromap = handle_.ext;
+    info_.data.deviceAddress = data_.address();
+    info_.triangleArray.deviceAddress = triangles_.address();
+    info_.scratchData.deviceAddress = scratch_->address();
+}
+
+Micromap::Micromap(Device &gpu, const Micromap &like, VkDeviceSize size) : gpu_(gpu), input_(like.input_)
+{
+    create(size);
+}
+
+void Micromap::create(VkDeviceSize size)
+{
+    storage_ = Guarded(gpu_, size, 256, micromapStorageUsage(gpu_));
+    handle_ = createMicromap(gpu_, storage_.buffer(), storage_.address() - storage_.offset(), storage_.offset(),
+                             storage_.handleSize(),
+                             storage_.handleSize() != size ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR
+                                                           : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+}
+
+Micromap::~Micromap()
+{
+    if (!storage_.intact())
+        gpu_.fault("a build wrote beyond its micromap");
+    if (scratch_ && !scratch_->intact())
+        gpu_.fault("a micromap build wrote beyond its scratch memory");
+    if (scratch_ && !(data_.intact() && triangles_.intact()))
+        gpu_.fault("a micromap build wrote to its input");
+    destroyMicromap(gpu_, handle_);
+}
+
+void Micromap::record(VkCommandBuffer commands)
+{
+    recordMicromapBuilds(gpu_, commands, std::array{MicromapBuild{info_, handle_}});
+}
+
+void Micromap::build()
+{
+    gpu_.submit([this](VkCommandBuffer commands) { record(commands); });
+}
+
+VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
+{
+    VkMicromapBuildInfoEXT info = info_;
+    info.data.hostAddress = data_.bytes();
+    info.triangleArray.hostAddress = triangles_.bytes();
+    info.scratchData.hostAddress = nullptr;
+    return info;
+}
+
+void Micromap::scribble()
+{
+    for (const Guarded *buffer : {&data_, &triangles_, scratch_.get()})
+        std::memset(buffer->bytes(), 0x99, static_cast<size_t>(buffer->size()));
+}
+
+void Micromap::forgetInput()
+{
+    data_ = {};
+    triangles_ = {};
+    scratch_.reset();
+}
+
+uint32_t Geometry::primitives() const
+{
+    if (!boxes.empty())
+        return static_cast<uint32_t>(boxes.size());
+    return static_cast<uint32_t>((indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() : indices.size()) / 3) -
+           skippedTriangles;
+}
+
+Structure::~Structure()
+{
+    checkGuards();
+    gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
+}
+
+void Structure::checkGuards() const
+{
+    if (placedBuffer_ == VK_NULL_HANDLE && structure_ != VK_NULL_HANDLE && !storage_->intact())
+        gpu_.fault("a build wrote beyond its acceleration structure");
+    if (structure_ != VK_NULL_HANDLE && scratch_ && !scratch_->intact())
+        gpu_.fault("an acceleration structure build wrote beyond its scratch memory");
+}
+
+void Structure::placeIn(VkBuffer buffer, VkDeviceSize offset)
+{
+    placedBuffer_ = buffer;
+    placedOffset_ = offset;
+}
+
+void Structure::create(VkDeviceSize size)
+{
+    if (structure_ != VK_NULL_HANDLE) {
+        checkGuards();
+        gpu_.vk().DestroyAccelerationStructureKHR(gpu_.device(), structure_, nullptr);
+    }
+    size_ = size;
+    if (placedBuffer_ == VK_NULL_HANDLE)
+        storage_ = room_ && room_->size() >= size_ ? room_
+                                                   : std::make_shared<Guarded>(gpu_, size_, 256, gpu_.structureUsage());
+    room_.reset();
+    auto create = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = placedBuffer_ != VK_NULL_HANDLE ? placedBuffer_ : storage_->buffer(),
+         .offset = placedBuffer_ != VK_NULL_HANDLE ? placedOffset_ : storage_->offset(),
+         .size = placedBuffer_ != VK_NULL_HANDLE ? size_ : storage_->handleSize()});
+    create.type = create.size != size_ ? VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR : type_;
+    CHECK_VK(gpu_.vk().CreateAccelerationStructureKHR(gpu_.device(), &create, nullptr, &structure_));
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure_});
+    address_ = gpu_.vk().GetAccelerationStructureDeviceAddressKHR(gpu_.device(), &query);
+}
+
+void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
+                             std::span<const uint32_t> maxPrimitives)
+{
+    info_ =
+        vkInit<VkAccelerationStructureBuildGeometryInfoKHR>({.type = type_,
+                                                             .flags = flags,
+                                                             .mode = mode,
+                                                             .geometryCount = static_cast<uint32_t>(geometries_.size()),
+                                                             .pGeometries = geometries_.data()});
+    auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
+    gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                                                    &info_, maxPrimitives.data(), &sizes);
+    const bool update = mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    // A compacted one is large enough for its updates in place: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126.
+    if (sizes.accelerationStructureSize > size_ && !update)
+        create(sizes.accelerationStructureSize);
+    scratch_ = scratchOf(gpu_, sharedScratch_, update ? sizes.updateScratchSize : sizes.buildScratchSize);
+    info_.srcAccelerationStructure = update ? structure_ : VK_NULL_HANDLE;
+    info_.dstAccelerationStructure = structure_;
+    info_.scratchData.deviceAddress = scratch_->address();
+}
+
+void Structure::record(VkCommandBuffer commands) const
+{
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = ranges_.data();
+    gpu_.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info_, &ranges);
+}
+
+void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructureFlagsKHR flags,
+                   VkBuildAccelerationStructureModeKHR mode)
+{
+    inputs_ = std::move(geometries);
+    buffers_.clear();
+    usages_.assign(inputs_.size(), {});
+    attachments_.assign(inputs_.size(), {});
+    attachmentsKhr_.assign(inputs_.size(), {});
+    geometries_.clear();
+    ranges_.clear();
+    std::vector<uint32_t> counts;
+    const auto upload = [this](const void *content, size_t size, size_t alignment) {
+        buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
+        return buffers_.back().address();
+    };
+    for (size_t i = 0; i < inputs_.size(); ++i) {
+        const Geometry &input = inputs_[i];
+        auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.flags = input.flags});
+        VkAccelerationStructureBuildRangeInfoKHR range{};
+        range.primitiveCount = input.primitives();
+        if (!input.boxes.empty()) {
+            geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;
+            geometry.geometry.aabbs =
+                vkInit<VkAccelerationStructureGeometryAabbsDataKHR>({.stride = sizeof(VkAabbPositionsKHR)});
+            geometry.geometry.aabbs.data.deviceAddress =
+                upload(input.boxes.data(), input.boxes.size() * sizeof(VkAabbPositionsKHR), 8);
+        } else {
+            geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
+            VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
+            triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
+                {.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
+                 .vertexStride = sizeof(Vec3),
+                 .maxVertex = static_cast<uint32_t>(input.vertices.size()) - 1});
+            triangles.vertexData.deviceAddress = upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3), 4);
+            triangles.indexType = input.indexType;
+            if (input.indexType == VK_INDEX_TYPE_UINT32) {
+                triangles.indexData.deviceAddress = upload(input.indices.data(), input.indices.size() * 4, 4);
+            } else if (input.indexType == VK_INDEX_TYPE_UINT16) {
+                const std::vector<uint16_t> narrow(input.indices.begin(), input.indices.end());
+                triangles.indexData.deviceAddress = upload(narrow.data(), narrow.size() * 2, 2);
+            }
+            const uint32_t triangleBytes = input.indexType == VK_INDEX_TYPE_UINT32   ? 12
+                                           : input.indexType == VK_INDEX_TYPE_UINT16 ? 6
+                                                                                     : 3 * sizeof(Vec3);
+            range.primitiveOffset = input.skippedTriangles * triangleBytes;
+            range.firstVertex = input.firstVertex;
+        }
+        if (input.micromap) {
+            const Attachment &attachment = *input.micromap;
+            VkAccelerationStructureTrianglesOpacityMicromapEXT &out = attachments_[i];
+            out = vkInit<VkAccelerationStructureTrianglesOpacityMicromapEXT>(
+                {.indexType = attachment.indexType, .baseTriangle = attachment.base});
+            std::vector<int32_t> used = attachment.indices;
+            if (attachment.indexType == VK_INDEX_TYPE_NONE_KHR) {
+                used.clear();
+                for (uint32_t p = 0; p < input.primitives(); ++p)
+                    used.push_back(static_cast<int32_t>(p));
+            } else {
+                const uint32_t size = bytesOf(attachment.indexType);
+                out.indexStride = attachment.stride.value_or(size);
+                if (out.indexStride == 0)
+                    used.assign(used.size(), used.at(0));
+                const std::vector<uint8_t> packed = packIndices(attachment, out.indexStride);
+                out.indexBuffer.deviceAddress = upload(packed.data(), packed.size(), size) + attachment.indexOffset;
+            }
+            if (attachment.micromap != nullptr) {
+                usages_[i] = attachment.micromap->input().usage(used, attachment.base);
+                out.micromap = attachment.micromap->handle().ext;
+            }
+            out.usageCountsCount = static_cast<uint32_t>(usages_[i].size());
+            out.pUsageCounts = usages_[i].data();
+            geometry.geometry.triangles.pNext = &out;
+            const bool khr =
+                attachment.micromap != nullptr ? attachment.micromap->handle().khr != VK_NULL_HANDLE : gpu().khr();
+            if (khr) {
+                VkAccelerationStructureTrianglesOpacityMicromapKHR &own = attachmentsKhr_[i];
+                own = vkInit<VkAccelerationStructureTrianglesOpacityMicromapKHR>(
+                    {.indexType = out.indexType,
+                     .indexBuffer = out.indexBuffer.deviceAddress,
+                     .indexStride = out.indexStride,
+                     .baseTriangle = out.baseTriangle,
+                     .micromap = attachment.micromap != nullptr ? attachment.micromap->handle().khr : VK_NULL_HANDLE});
+                geometry.geometry.triangles.pNext = &own;
+            }
+        }
+        geometries_.push_back(geometry);
+        ranges_.push_back(range);
+        counts.push_back(range.primitiveCount);
+    }
+    prepareBuild(flags, mode, counts);
+}
+
+void Blas::build(std::vector<Geometry> geometries, VkBuildAccelerationStructureFlagsKHR flags,
+                 VkBuildAccelerationStructureModeKHR mode)
+{
+    prepare(std::move(geometries), flags, mode);
+    gpu().submit([this](VkCommandBuffer commands) { record(commands); });
+}
+
+VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, uint32_t customIndex, uint32_t flags,
+                                            uint32_t mask)
+{
+    VkAccelerationStructureInstanceKHR out{};
+    for (size_t i = 0; i < 3; ++i) {
+        out.transform.matrix[i][i] = 1;
+        out.transform.matrix[i][3] = place[i];
+    }
+    out.instanceCustomIndex = customIndex & 0xffffffu;
+    out.mask = mask & 0xffu;
+    out.flags = flags & 0xffu;
+    out.accelerationStructureReference = blas.address();
+    return out;
+}
+
+void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances,
+                   VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
+                   Arrangement arrangement, uint32_t skipped)
+{
+    // The skipped ones hold garbage: nobody may read them.
+    std::vector<VkAccelerationStructureInstanceKHR> all(skipped);
+    if (skipped > 0)
+        std::memset(static_cast<void *>(all.data()), 0x5a, all.size() * sizeof(all[0]));
+    all.insert(all.end(), instances.begin(), instances.end());
+    instances_ = uploadAligned(gpu(), all.data(), all.size() * sizeof(all[0]), kBuildInput, 16);
+    auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.geometryType = VK_GEOMETRY_TYPE_INSTANCES_KHR});
+    VkAccelerationStructureGeometryInstancesDataKHR &data = geometry.geometry.instances;
+    data = vkInit<VkAccelerationStructureGeometryInstancesDataKHR>();
+    data.data.deviceAddress = instances_.address();
+    VkAccelerationStructureBuildRangeInfoKHR range{};
+    range.primitiveCount = static_cast<uint32_t>(instances.size());
+    range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkAccelerationStructureInstanceKHR));
+    if (arrangement == Arrangement::Pointers) {
+        // Backwards in memory, so that array and pointers cannot be mistaken for each other.
+        std::vector<VkDeviceAddress> addresses(skipped, 0x5a5a5a5a5a5a5a50u);
+        std::vector<VkAccelerationStructureInstanceKHR> reversed(instances.rbegin(), instances.rend());
+        instances_ = uploadAligned(gpu(), reversed.data(), reversed.size() * sizeof(reversed[0]), kBuildInput, 16);
+        for (size_t i = 0; i < instances.size(); ++i)
+            addresses.push_back(instances_.address() +
+                                (instances.size() - 1 - i) * sizeof(VkAccelerationStructureInstanceKHR));
+        pointers_ = uploadAligned(gpu(), addresses.data(), addresses.size() * sizeof(VkDeviceAddress), kBuildInput, 8);
+        data.arrayOfPointers = VK_TRUE;
+        data.data.deviceAddress = pointers_.address();
+        range.primitiveOffset = skipped * static_cast<uint32_t>(sizeof(VkDeviceAddress));
+    }
+    geometries_ = {geometry};
+    ranges_ = {range};
+    prepareBuild(flags, mode, std::span(&range.primitiveCount, 1));
+}
+
+void Tlas::build(std::span<const VkAccelerationStructureInstanceKHR> instances,
+                 VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
+                 Arrangement arrangement, uint32_t skipped)
+{
+    prepare(instances, flags, mode, arrangement, skipped);
+    gpu().submit([this](VkCommandBuffer commands) { record(commands); });
+}
+
+void appendTriangle(std::vector<Vec3> &vertices, Vec3 place)
+{
+    vertices.push_back(place);
+    vertices.push_back({place[0] + 1, place[1], place[2]});
+    vertices.push_back({place[0], place[1] + 1, place[2]});
+}
+
+std::vector<Vec3> triangleRow(uint32_t n, Vec3 place)
+{
+    std::vector<Vec3> vertices;
+    for (uint32_t i = 0; i < n; ++i)
+        appendTriangle(vertices, {place[0] + 1.5f * static_cast<float>(i), place[1], place[2]});
+    return vertices;
+}
+
+std::array<double, 2> microTriangleCentre(uint32_t index, uint32_t level)
+{
+    using Point = std::array<double, 2>;
+    const auto middle = [](Point p, Point q) { return Point{(p[0] + q[0]) / 2, (p[1] + q[1]) / 2}; };
+    Point a{0, 0}, b{1, 0}, c{0, 1}; // the curve enters at a, leaves at c
+    for (uint32_t l = level; l-- > 0;) {
+        const Point ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+        // Each child starts where its predecessor ended: a..ca, ca..ab (flipped), ab..bc, bc..c (flipped).
+        switch (index >> (2 * l) & 3u) {
+        case 0: b = ab, c = ca; break;
+        case 1: a = ca, b = bc, c = ab; break;
+        case 2: a = ab, c = bc; break;
+        default: a = bc, b = ca; break;
+        }
+    }
+    return {(a[0] + b[0] + c[0]) / 3, (a[1] + b[1] + c[1]) / 3};
+}
+
+} // namespace vellum::check

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/oracle/cpu_trace.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "check/oracle/outcome.h"
+
+namespace vellum::check::oracle
+{
+namespace
+{
+
+constexpr double kEdge = 5e-5;     // in barycentrics
+constexpr double kDistance = 1e-4; // in t
+constexpr double kGrazing = 0.02;  // cosine
+
+using Point = std::array<double, 3>;
+
+Point operator-(const Point &a, const Point &b)
+{
+    return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+}
+double dot(const Point &a, const Point &b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+Point cross(const Point &a, const Point &b)
+{
+    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+Point widen(const check::Vec3 &v)
+{
+    return {double{v[0]}, double{v[1]}, double{v[2]}};
+}
+
+struct LocalRay {
+    Point origin, direction;
+};
+
+LocalRay toObject(const VkTransformMatrixKHR &transform, const check::Ray &ray)
+{
+    Point columns[3], place{};
+    for (size_t c = 0; c < 3; ++c) {
+        for (size_t r = 0; r < 3; ++r)
+            columns[c][r] = double{transform.matrix[r][c]};
+        place[c] = double{transform.matrix[c][3]};
+    }
+    const double determinant = dot(columns[0], cross(columns[1], columns[2]));
+    const auto solve = [&](const Point &p) { // Cramer
+        return Point{dot(p, cross(columns[1], columns[2])) / determinant,
+                     dot(p, cross(columns[2], columns[0])) / determinant,
+                     dot(p, cross(columns[0], columns[1])) / determinant};
+    };
+    return {solve(widen(ray.origin) - place), solve(widen(ray.direction))};
+}
+
+// Number of the micro-triangle at (u, v), by descending the curve: nearest vertex 0, middle with ordering flipped,
+// nearest vertex 1, nearest vertex 2 with ordering flipped. A flipped triangle is gone through from its vertex 2 to its
+// vertex 0. `edge`: how near the next line is.
+uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
+{
+    // Weights of the current sub-triangle's vertices 0, 1, 2, in the order the curve visits them.
+    std::array<double, 3> weights{1 - u - v, u, v};
+    uint32_t index = 0;
+    double size = 1;
+    for (uint32_t l = 0; l < level; ++l) {
+        size /= 2;
+        for (const double w : weights)
+            edge = std::min(edge, std::abs(w - 0.5) * 2 * size);
+        const auto [w0, w1, w2] = weights;
+        uint32_t child = 1;
+        if (w0 > 0.5) {
+            child = 0;
+            weights = {2 * w0 - 1, 2 * w1, 2 * w2};
+            // Entered at vertex 0, left at the middle of 0 and 2, which the next one is entered at.
+        } else if (w1 > 0.5) {
+            child = 2;
+            weights = {2 * w0, 2 * w1 - 1, 2 * w2};
+        } else if (w2 > 0.5) {
+            child = 3;
+            // Vertices: middle of 1 and 2, middle of 2 and 0, vertex 2. Entered where child 2 was left.
+            weights = {2 * w1, 2 * w0, 2 * w2 - 1};
+        } else {
+            // Vertices: middle of 2 and 0, middle of 1 and 2, middle of 0 and 1.
+            weights = {1 - 2 * w1, 1 - 2 * w0, 1 - 2 * w2};
+        }
+        index = index * 4 + child;
+    }
+    return index;
+}
+
+// The 4-state value at a place of a triangle.
+int stateAt(const MeshMicromap &micromap, uint32_t primitive, double u, double v, double &edge)
+{
+    const int32_t index = micromap.indices[primitive];
+    if (index < 0)
+        return -1 - index;
+    const MicromapTriangle &triangle = micromap.triangles[static_cast<uint32_t>(index) + micromap.base];
+    return triangle.states[microTriangleAt(u, v, triangle.level, edge)];
+}
+
+class Tracing
+{
+public:
+    Tracing(const Scene &scene, const check::Ray &ray) : scene_(scene), ray_(ray) {}
+
+    Hits run()
+    {
+        for (uint32_t i = 0; i < scene_.instances.size(); ++i) {
+            const Instance &instance = scene_.instances[i];
+            if (instance.inactive || (instance.mask & ray_.cullMask & 0xff) == 0)
+                continue;
+            local_ = toObject(instance.transform, ray_);
+            const Object &object = scene_.objects[instance.object];
+            for (uint32_t g = 0; g < object.meshes.size(); ++g) {
+                const Mesh &mesh = object.meshes[g];
+                for (uint32_t p = 0; p < mesh.boxes.size(); ++p)
+                    box(instance, mesh, {i, g, p, instance.customIndex, true, {}, false, 0, 0, 0, false});
+                for (uint32_t p = 0; p < mesh.vertices.size() / 3; ++p)
+                    triangle(instance, mesh, {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true});
+            }
+        }
+        for (size_t i = 0; i < out_.hits.size(); ++i) {
+            for (size_t k = 0; k < i; ++k) {
+                if (std::abs(out_.hits[i].t - out_.hits[k].t) < kDistance && !out_.hits[i].box && !out_.hits[k].box)
+                    out_.unsure = true;
+            }
+        }
+        return std::move(out_);
+    }
+
+private:
+    void add(const Instance &instance, const Mesh &mesh, Hit hit, int state)
+    {
+        switch (check::outcomeOf(state, mesh.opaque, instance.flags, ray_.flags)) {
+        case check::Outcome::Opaque: hit.opacity = Opacity::Opaque; break;
+        case check::Outcome::NonOpaque: hit.opacity = Opacity::NonOpaque; break;
+        default: return;
+        }
+        out_.hits.push_back(hit);
+    }
+
+    // Möller and Trumbore.
+    void triangle(const Instance &instance, const Mesh &mesh, Hit hit)
+    {
+        if ((ray_.flags & check::kRaySkipTriangles) != 0)
+            return;
+        const Point v0 = widen(mesh.vertices[3 * hit.primitive]);
+        const Point e1 = widen(mesh.vertices[3 * hit.primitive + 1]) - v0;
+        const Point e2 = widen(mesh.vertices[3 * hit.primitive + 2]) - v0;
+        const Point normal = cross(e1, e2);
+        const double area = std::sqrt(dot(normal, normal));
+        const Point p = cross(local_.direction, e2);
+        const double determinant = dot(e1, p);
+        const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
+        const Point toOrigin = local_.origin - v0;
+        const Point q = cross(toOrigin, e1);
+        hit.u = dot(toOrigin, p) / determinant;
+        hit.v = dot(local_.direction, q) / determinant;
+        hit.t = dot(e2, q) / determinant;
+        const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
+        // A sliver, or seen edge-on: nearly everything about the hit is rounding.
+        const bool bad = std::abs(cosine) < kGrazing || area < 0.02;
+        const double margin = bad ? 0.05 : kEdge;
+        if (!(inside > -margin) || hit.t < double{ray_.tMin} - kDistance || hit.t > double{ray_.tMax} + kDistance)
+            return;
+        // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a
+        // right-handed view, towards it as Vulkan counts (confirmed on a driver by OracleWithoutLayer).
+        hit.frontFace = determinant > 0;
+        if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR) != 0)
+            hit.frontFace = !hit.frontFace;
+        if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR) == 0 && !bad &&
+            (ray_.flags & (hit.frontFace ? check::kRayCullFront : check::kRayCullBack)) != 0)
+            return;
+        double edge = inside;
+        int state = check::kNoMicromap;
+        if (inside > 0 && mesh.micromap)
+            state = stateAt(*mesh.micromap, hit.primitive, hit.u, hit.v, edge);
+        if (bad || edge < kEdge || nearEnds(hit.t)) {
+            out_.unsure = true;
+            return;
+        }
+        add(instance, mesh, hit, state);
+    }
+
+    [[nodiscard]] bool nearEnds(double t) const
+    {
+        return std::abs(t - double{ray_.tMin}) < kDistance || std::abs(t - double{ray_.tMax}) < kDistance;
+    }
+
+    // Where the ray is inside the box grown by `growth`; false: nowhere between tMin and tMax.
+    bool slab(const VkAabbPositionsKHR &box, double growth, double &from, double &to) const
+    {
+        const Point low{double{box.minX}, double{box.minY}, double{box.minZ}};
+        const Point high{double{box.maxX}, double{box.maxY}, double{box.maxZ}};
+        from = double{ray_.tMin};
+        to = double{ray_.tMax};
+        for (size_t a = 0; a < 3; ++a) {
+            const double first = (low[a] - growth - local_.origin[a]) / local_.direction[a];
+            const double second = (high[a] + growth - local_.origin[a]) / local_.direction[a];
+            from = std::max(from, std::min(first, second));
+            to = std::min(to, std::max(first, second));
+        }
+        return from < to;
+    }
+
+    void box(const Instance &instance, const Mesh &mesh, Hit hit)
+    {
+        if ((ray_.flags & check::kRaySkipBoxes) != 0)
+            return;
+        double from = 0, to = 0;
+        hit.certain = slab(mesh.boxes[hit.primitive], -2e-3, from, to);
+        hit.t = from;
+        add(instance, mesh, hit, check::kBox);
+    }
+
+    const Scene &scene_;
+    const check::Ray &ray_;
+    LocalRay local_{};
+    Hits out_;
+};
+
+} // namespace
+
+Hits allHits(const Scene &scene, const check::Ray &ray)
+{
+    return Tracing(scene, ray).run();
+}
+
+} // namespace vellum::check::oracle

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// The oracle: every hit of a ray with a scene, by brute force in double precision, resolved by the words of the
+// specification. Shares no code with Vellum.
+#pragma once
+
+#include <cstdint>
+
+#include "check/oracle/random_scene.h"
+
+namespace vellum::check::oracle
+{
+
+enum class Opacity { Opaque, NonOpaque };
+
+struct Hit {
+    uint32_t instance, geometry, primitive;
+    uint32_t customIndex;
+    bool box;
+    Opacity opacity;
+    bool frontFace;
+    double t; // of a box: where the ray enters it, or tMin
+    double u, v;
+    // False: a box that the ray does not meet for certain. "The occurrence of an AABB intersection candidate does not
+    // guarantee the ray intersects the application-provided AABB."
+    bool certain;
+};
+
+struct Hits {
+    std::vector<Hit> hits; // neither ignored nor culled
+    // A hit so close to an edge, to the line between two micro-triangles, to the ends of the ray or to another hit that
+    // rounding decides: nothing can be said of the ray.
+    bool unsure = false;
+};
+
+Hits allHits(const Scene &scene, const check::Ray &ray);
+
+} // namespace vellum::check::oracle

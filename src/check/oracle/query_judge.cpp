@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/oracle/query_judge.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vellum::check::oracle
+{
+
+std::string queryFault(const check::Ray &ray, const std::vector<Hit> &hits, const check::Result &result)
+{
+    if (result.flags != ray.flags)
+        return "ray flags read back as " + std::to_string(result.flags);
+    if (result.tMin < ray.tMin || result.tMin > ray.tMin)
+        return "tMin read back wrong";
+    if (result.candidateCount > kCapacity)
+        return "too many candidates";
+
+    // Every candidate must be one that traversal may hand out.
+    bool generated = false;
+    for (const check::Candidate &c : result.candidates) {
+        const auto hit = std::find_if(hits.begin(), hits.end(), [&c](const Hit &h) {
+            return names(h, c) && h.box == c.box() && (h.box || h.opacity == Opacity::NonOpaque);
+        });
+        if (hit == hits.end())
+            return "a candidate that is none: instance " + std::to_string(c.instance) + " geometry " +
+                   std::to_string(c.geometry) + " primitive " + std::to_string(c.primitive) + " custom index " +
+                   std::to_string(c.customIndex);
+        if (hit->box) {
+            generated |= c.confirmed();
+            if (c.boxOpaque() != (hit->opacity == Opacity::Opaque))
+                return "candidateAABBOpaque";
+        } else if (std::abs(double{c.u} - hit->u) > 1e-3 || std::abs(double{c.v} - hit->v) > 1e-3 ||
+                   std::abs(double{c.t} - hit->t) > 1e-3 || c.frontFace() != hit->frontFace) {
+            return "place of a candidate";
+        }
+    }
+
+    // The hit that stays: the nearest accepted triangle, or what the shader generated for a box.
+    const Hit *nearest = nullptr;
+    for (const Hit &h : hits) {
+        if (!h.box && (h.opacity == Opacity::Opaque || confirms(ray, h)) && (nearest == nullptr || h.t < nearest->t))
+            nearest = &h;
+    }
+    const double limit = std::min(nearest != nullptr ? nearest->t : double{ray.tMax},
+                                  generated ? double{ray.generate} : double{ray.tMax});
+    if (result.committed == check::kTriangle) {
+        const auto hit = std::find_if(hits.begin(), hits.end(), [&](const Hit &h) {
+            return !h.box && names(h, result) && (h.opacity == Opacity::Opaque || confirms(ray, h));
+        });
+        if (hit == hits.end())
+            return "the committed triangle is none that may be";
+        if (std::abs(double{result.u} - hit->u) > 1e-3 || std::abs(double{result.v} - hit->v) > 1e-3 ||
+            std::abs(double{result.t} - hit->t) > 1e-3 || (result.frontFace != 0) != hit->frontFace)
+            return "place of the committed triangle";
+        if ((ray.flags & check::kRayTerminateOnFirstHit) == 0 && hit->t > limit + 1e-3)
+            return "the committed triangle is not the nearest";
+    } else if (result.committed == check::kGenerated) {
+        if (!generated || (nearest != nullptr && double{ray.generate} > nearest->t + 1e-3 &&
+                           (ray.flags & check::kRayTerminateOnFirstHit) == 0))
+            return "a generated hit that should not be";
+        if (std::none_of(hits.begin(), hits.end(), [&](const Hit &h) { return h.box && names(h, result); }))
+            return "the generated hit names no box";
+    } else if (nearest != nullptr || generated) {
+        return "nothing committed";
+    }
+
+    // Nearer than that hit, nothing may have been left out.
+    if ((ray.flags & check::kRayTerminateOnFirstHit) != 0 && result.committed != check::kNone)
+        return {};
+    for (const Hit &h : hits) {
+        if (!h.certain || h.t > limit - 1e-3 || (!h.box && h.opacity == Opacity::Opaque))
+            continue;
+        if (std::none_of(result.candidates.begin(), result.candidates.end(),
+                         [&h](const check::Candidate &c) { return names(h, c); }))
+            return "a candidate was left out: instance " + std::to_string(h.instance) + " geometry " +
+                   std::to_string(h.geometry) + " primitive " + std::to_string(h.primitive);
+    }
+    return {};
+}
+
+} // namespace vellum::check::oracle

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the oracle tests of ray queries and of ray tracing pipelines share.
+#pragma once
+
+#include <functional>
+
+#include "check/oracle/scene_build.h"
+#include "harness/harness.h"
+
+namespace oracle
+{
+
+using namespace vellum::check::oracle;
+
+// A number from the environment:
+//   VELLUM_ORACLE_SEED    seed of the first scene (each scene has its own: this plus its number)
+//   VELLUM_ORACLE_SCENES  number of scenes
+uint32_t setting(const char *name, uint32_t otherwise);
+
+// Traces all rays of a scene and says of each what is wrong with its result (empty: nothing).
+struct Traced {
+    std::string fault;
+    uint32_t candidates;
+    bool hit;
+};
+using TraceScene = std::function<std::vector<Traced>(const Scene &, std::span<const Hits>)>;
+// Traces that many random scenes and expects no fault, and at least `minimum` rays that could be judged.
+void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum, const TraceScene &trace);
+
+} // namespace oracle
