@@ -4,11 +4,12 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace vellum::check
 {
@@ -22,12 +23,19 @@ enum class Status {
     DeviceLost,
 };
 
+// A file that explains a failure, such as a picture.
+struct Attachment {
+    std::string extension; // "png", "txt"
+    std::string bytes;
+};
+
 struct Outcome {
     Status status = Status::Pass;
     std::string cause;      // one line without numbers that vary: failures with the same cause are put together
     std::string detail;     // what was found and what was expected; lines
     std::string reproducer; // the shrunk case as JSON; empty if there is none
     uint64_t rays = 0;      // that were compared with the oracle
+    std::vector<Attachment> attachments;
 };
 
 enum class Api { Ext, Khr };
@@ -36,8 +44,7 @@ enum class Api { Ext, Khr };
 struct SessionOptions {
     std::optional<std::string> device; // its number or a part of its name; the first one with micromaps without
     Api api = Api::Khr;
-    bool layer = true;                                // whether our layer is enabled
-    std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program
+    bool layer = true; // whether our layer is enabled
 };
 
 // The device of one process.
@@ -53,5 +60,11 @@ struct Group {
 
 // All groups, in the order in which they run.
 std::span<const Group> groups();
+
+// Opens the device. Throws an exception whose what() says why it cannot be tested.
+std::shared_ptr<Session> openSession(const SessionOptions &options);
+
+// Runs the case of an Outcome's reproducer.
+Outcome replay(Session &session, const std::string &reproducer);
 
 } // namespace vellum::check
