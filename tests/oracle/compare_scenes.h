@@ -4,6 +4,7 @@
 
 #include <functional>
 
+#include "check/oracle/random_scene.h"
 #include "check/oracle/scene_build.h"
 #include "harness/harness.h"
 

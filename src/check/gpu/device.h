@@ -2,6 +2,7 @@
 // A Vulkan device, buffers, command submission, and every message that the layers sent.
 #pragma once
 
+#include "check/gpu/api.h"
 #include "vellum/vulkan_opacity_micromap.h"
 #include "vk/vk_init.h"
 
@@ -29,9 +30,6 @@ struct Message {
 
     [[nodiscard]] bool fromVellum() const { return id.starts_with("VELLUM-"); }
 };
-
-// The extension that micromaps are made and used with.
-enum class Api { Ext, Khr };
 
 // Where Guarded memory is (arena.h): each piece in a buffer of its own, or all packed in few buffers, where handles are
 // as large as what they are for, or reach to the end of the buffer and are GENERIC as far as the API allows.

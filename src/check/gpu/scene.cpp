@@ -87,8 +87,12 @@ Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT fla
                                             .flags = flags,
                                             .mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT,
                                             .usageCountsCount = static_cast<uint32_t>(usage_.size()),
-                                            .pUsageCounts = usage_.data(),
+                                            .pUsageCounts = input_.usagePointers ? nullptr : usage_.data(),
                                             .triangleArrayStride = input_.stride});
+    for (const VkMicromapUsageEXT &usage : usage_)
+        usagePointers_.push_back(&usage);
+    if (input_.usagePointers)
+        info_.ppUsageCounts = usagePointers_.data();
     const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
     create(sizes.micromapSize);
 

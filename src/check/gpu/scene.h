@@ -26,6 +26,7 @@ struct MicromapInput {
     std::vector<uint8_t> data;
     VkDeviceSize stride = sizeof(VkMicromapTriangleEXT);
     std::vector<VkMicromapUsageEXT> declared; // not empty: instead of the true usage
+    bool usagePointers = false;               // usage counts come as an array of pointers
 
     // Appends a triangle and its data; states: 4^level values 0..3 (only 0 and 1 in the 2-state format).
     uint32_t add(uint32_t level, uint16_t format, std::span<const uint8_t> states);
@@ -73,6 +74,7 @@ private:
     Device &gpu_;
     MicromapInput input_;
     std::vector<VkMicromapUsageEXT> usage_;
+    std::vector<const VkMicromapUsageEXT *> usagePointers_;
     Guarded data_, triangles_, storage_;
     std::shared_ptr<Guarded> scratch_;
     VkMicromapBuildInfoEXT info_{};

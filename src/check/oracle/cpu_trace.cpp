@@ -29,7 +29,7 @@ Point cross(const Point &a, const Point &b)
 {
     return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
-Point widen(const check::Vec3 &v)
+Point widen(const Vec3 &v)
 {
     return {double{v[0]}, double{v[1]}, double{v[2]}};
 }
@@ -38,7 +38,7 @@ struct LocalRay {
     Point origin, direction;
 };
 
-LocalRay toObject(const VkTransformMatrixKHR &transform, const check::Ray &ray)
+LocalRay toObject(const VkTransformMatrixKHR &transform, const Ray &ray)
 {
     Point columns[3], place{};
     for (size_t c = 0; c < 3; ++c) {
@@ -91,19 +91,34 @@ uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
 }
 
 // The 4-state value at a place of a triangle.
-int stateAt(const MeshMicromap &micromap, uint32_t primitive, double u, double v, double &edge)
+int stateAt(const Scene &scene, const MeshMicromap &use, uint32_t primitive, double u, double v, double &edge)
 {
-    const int32_t index = micromap.indices[primitive];
+    const int32_t index = use.indexOf(primitive);
     if (index < 0)
         return -1 - index;
-    const MicromapTriangle &triangle = micromap.triangles[static_cast<uint32_t>(index) + micromap.base];
+    const MicromapTriangle &triangle =
+        scene.micromaps[*use.micromap].triangles[static_cast<uint32_t>(index) + use.base];
     return triangle.states[microTriangleAt(u, v, triangle.level, edge)];
+}
+
+// Whether a known state of the triangle may have become unknown: "lossy" builds of four states.
+bool mayBeUnknown(const Scene &scene, const MeshMicromap &use, uint32_t primitive)
+{
+    const int32_t index = use.indexOf(primitive);
+    if (index < 0)
+        return false;
+    const SceneMicromap &micromap = scene.micromaps[*use.micromap];
+    return (micromap.flags & kLossy) != 0 &&
+           micromap.triangles[static_cast<uint32_t>(index) + use.base].format == kFourState;
 }
 
 class Tracing
 {
 public:
-    Tracing(const Scene &scene, const check::Ray &ray) : scene_(scene), ray_(ray) {}
+    Tracing(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices)
+        : scene_(scene), ray_(ray), choices_(choices)
+    {
+    }
 
     Hits run()
     {
@@ -133,9 +148,9 @@ public:
 private:
     void add(const Instance &instance, const Mesh &mesh, Hit hit, int state)
     {
-        switch (check::outcomeOf(state, mesh.opaque, instance.flags, ray_.flags)) {
-        case check::Outcome::Opaque: hit.opacity = Opacity::Opaque; break;
-        case check::Outcome::NonOpaque: hit.opacity = Opacity::NonOpaque; break;
+        switch (outcomeOf(state, mesh.opaque, instance.flags, ray_.flags)) {
+        case Outcome::Opaque: hit.opacity = Opacity::Opaque; break;
+        case Outcome::NonOpaque: hit.opacity = Opacity::NonOpaque; break;
         default: return;
         }
         out_.hits.push_back(hit);
@@ -144,7 +159,7 @@ private:
     // Möller and Trumbore.
     void triangle(const Instance &instance, const Mesh &mesh, Hit hit)
     {
-        if ((ray_.flags & check::kRaySkipTriangles) != 0)
+        if ((ray_.flags & kRaySkipTriangles) != 0)
             return;
         const Point v0 = widen(mesh.vertices[3 * hit.primitive]);
         const Point e1 = widen(mesh.vertices[3 * hit.primitive + 1]) - v0;
@@ -171,12 +186,18 @@ private:
         if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR) != 0)
             hit.frontFace = !hit.frontFace;
         if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR) == 0 && !bad &&
-            (ray_.flags & (hit.frontFace ? check::kRayCullFront : check::kRayCullBack)) != 0)
+            (ray_.flags & (hit.frontFace ? kRayCullFront : kRayCullBack)) != 0)
             return;
         double edge = inside;
-        int state = check::kNoMicromap;
-        if (inside > 0 && mesh.micromap)
-            state = stateAt(*mesh.micromap, hit.primitive, hit.u, hit.v, edge);
+        int state = kNoMicromap;
+        if (inside > 0 && mesh.micromap) {
+            state = stateAt(scene_, *mesh.micromap, hit.primitive, hit.u, hit.v, edge);
+            if (state < 2 && mayBeUnknown(scene_, *mesh.micromap, hit.primitive)) {
+                const uint32_t choice = out_.lossy < choices_.size() ? choices_[out_.lossy] : 0;
+                ++out_.lossy;
+                state = choice == 0 ? state : static_cast<int>(1 + choice);
+            }
+        }
         if (bad || edge < kEdge || nearEnds(hit.t)) {
             out_.unsure = true;
             return;
@@ -207,25 +228,47 @@ private:
 
     void box(const Instance &instance, const Mesh &mesh, Hit hit)
     {
-        if ((ray_.flags & check::kRaySkipBoxes) != 0)
+        if ((ray_.flags & kRaySkipBoxes) != 0)
             return;
         double from = 0, to = 0;
         hit.certain = slab(mesh.boxes[hit.primitive], -2e-3, from, to);
         hit.t = from;
-        add(instance, mesh, hit, check::kBox);
+        add(instance, mesh, hit, kBox);
     }
 
     const Scene &scene_;
-    const check::Ray &ray_;
+    const Ray &ray_;
+    std::span<const uint8_t> choices_;
     LocalRay local_{};
     Hits out_;
 };
 
 } // namespace
 
-Hits allHits(const Scene &scene, const check::Ray &ray)
+Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices)
 {
-    return Tracing(scene, ray).run();
+    return Tracing(scene, ray, choices).run();
+}
+
+std::string faultOf(const Scene &scene, const Ray &ray, const Hits &exact,
+                    const std::function<std::string(const std::vector<Hit> &)> &judge)
+{
+    std::string fault = judge(exact.hits);
+    constexpr uint32_t kMost = 4; // 81 combinations
+    if (fault.empty() || exact.lossy == 0 || exact.lossy > kMost)
+        return exact.lossy > kMost ? std::string() : fault;
+    std::vector<uint8_t> choices(exact.lossy);
+    for (;;) {
+        size_t digit = 0;
+        while (digit < choices.size() && choices[digit] == 2)
+            choices[digit++] = 0;
+        if (digit == choices.size())
+            return fault;
+        ++choices[digit];
+        const Hits other = allHits(scene, ray, choices);
+        if (other.unsure || judge(other.hits).empty())
+            return {};
+    }
 }
 
 } // namespace vellum::check::oracle

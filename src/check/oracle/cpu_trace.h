@@ -5,7 +5,11 @@
 
 #include <cstdint>
 
-#include "check/oracle/random_scene.h"
+#include <functional>
+#include <span>
+#include <string>
+
+#include "check/oracle/scene.h"
 
 namespace vellum::check::oracle
 {
@@ -30,8 +34,17 @@ struct Hits {
     // A hit so close to an edge, to the line between two micro-triangles, to the ends of the ray or to another hit that
     // rounding decides: nothing can be said of the ray.
     bool unsure = false;
+    // Hits whose known state a lossy build may have made unknown.
+    uint32_t lossy = 0;
 };
 
-Hits allHits(const Scene &scene, const check::Ray &ray);
+// choices: for each of those, in order: 0: as it was given, 1: unknown-transparent, 2: unknown-opaque. The rest as
+// given.
+Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices = {});
+
+// What is wrong with a ray by `judge`, which compares its result with hits and says what is wrong (empty: nothing),
+// with every choice that lossy builds leave. exact: allHits without choices, not unsure.
+std::string faultOf(const Scene &scene, const Ray &ray, const Hits &exact,
+                    const std::function<std::string(const std::vector<Hit> &)> &judge);
 
 } // namespace vellum::check::oracle

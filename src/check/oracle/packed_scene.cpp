@@ -15,7 +15,7 @@ constexpr VkBufferUsageFlags kSerializedUsage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 constexpr VkDeviceSize kHeaderSize = 40; // where the header of serialized data tells the size to deserialize to
 
-VkBuildAccelerationStructureFlagsKHR bottomFlags(const check::Device &gpu)
+VkBuildAccelerationStructureFlagsKHR bottomFlags(const Device &gpu)
 {
     return structureFlags(gpu) | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR |
            VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
@@ -26,7 +26,7 @@ VkBuildAccelerationStructureFlagsKHR bottomFlags(const check::Device &gpu)
 class Recording
 {
 public:
-    explicit Recording(check::Device &gpu) : gpu_(gpu)
+    explicit Recording(Device &gpu) : gpu_(gpu)
     {
         const auto pool = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = gpu.family()});
         CHECK_VK(vkCreateCommandPool(gpu.device(), &pool, nullptr, &pool_));
@@ -47,7 +47,7 @@ public:
     }
 
 private:
-    check::Device &gpu_;
+    Device &gpu_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
 };
@@ -55,31 +55,30 @@ private:
 // Every thread prepares and records its share of `count` builds, one after the other with the same scratch memory, in a
 // command buffer of its own. They are then executed together, on as many queues as there are: nothing orders what one
 // thread has recorded and another.
-void buildOnThreads(
-    check::Device &gpu, const std::string &what, size_t count,
-    const std::function<std::vector<check::Arena::Range>(size_t, VkCommandBuffer, check::SharedScratch &)> &record)
+void buildOnThreads(Device &gpu, const std::string &what, size_t count,
+                    const std::function<std::vector<Arena::Range>(size_t, VkCommandBuffer, SharedScratch &)> &record)
 {
     std::vector<std::unique_ptr<Recording>> recordings(kThreads);
-    std::array<std::vector<check::Arena::Range>, kThreads> written;
+    std::array<std::vector<Arena::Range>, kThreads> written;
     std::array<std::thread, kThreads> threads;
     for (size_t t = 0; t < kThreads; ++t) {
         threads[t] = std::thread([&, t] {
             recordings[t] = std::make_unique<Recording>(gpu);
-            check::SharedScratch scratch(gpu);
+            SharedScratch scratch(gpu);
             for (size_t i = t; i < count; i += kThreads) {
                 const auto writes = record(i, recordings[t]->commands(), scratch);
                 written[t].insert(written[t].end(), writes.begin(), writes.end());
-                check::barrier(recordings[t]->commands());
+                barrier(recordings[t]->commands());
             }
             CHECK_VK(vkEndCommandBuffer(recordings[t]->commands()));
         });
     }
     for (std::thread &thread : threads)
         thread.join();
-    std::vector<check::Arena::Range> writes;
+    std::vector<Arena::Range> writes;
     for (const auto &some : written)
         writes.insert(writes.end(), some.begin(), some.end());
-    check::Arena::Snapshot before(*gpu.arena());
+    Arena::Snapshot before(*gpu.arena());
     for (size_t t = 0; t < kThreads; ++t)
         recordings[t]->submit(gpu.queues()[t % gpu.queues().size()]);
     CHECK_VK(vkDeviceWaitIdle(gpu.device()));
@@ -88,8 +87,7 @@ void buildOnThreads(
 
 } // namespace
 
-PackedScene::PackedScene(check::Device &gpu, const Scene &scene, Random &random)
-    : gpu_(gpu), scene_(scene), random_(random)
+PackedScene::PackedScene(Device &gpu, const Scene &scene, Random &random) : gpu_(gpu), scene_(scene), random_(random)
 {
     buildEverything();
     buildTop();
@@ -97,45 +95,28 @@ PackedScene::PackedScene(check::Device &gpu, const Scene &scene, Random &random)
 
 void PackedScene::buildEverything()
 {
-    std::vector<check::MicromapInput> inputs;
-    for (const Object &object : scene_.objects) {
-        Bottom &bottom = bottoms_.emplace_back();
-        bottom.geometries = geometriesOf(object, [&](check::MicromapInput input) {
-            inputs.push_back(std::move(input));
-            return nullptr;
-        });
-    }
-    std::vector<VkBuildMicromapFlagsEXT> flags;
-    for (size_t i = 0; i < inputs.size(); ++i)
-        flags.push_back(below(2) == 0 ? 0 : VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
-    micromaps_.resize(inputs.size());
-    buildOnThreads(gpu_, "micromap builds", inputs.size(),
-                   [&](size_t i, VkCommandBuffer commands, check::SharedScratch &scratch) {
-                       micromaps_[i] = std::make_unique<check::Micromap>(gpu_, inputs[i], flags[i], &scratch);
+    micromaps_.resize(scene_.micromaps.size());
+    buildOnThreads(gpu_, "micromap builds", micromaps_.size(),
+                   [&](size_t i, VkCommandBuffer commands, SharedScratch &scratch) {
+                       const SceneMicromap &from = scene_.micromaps[i];
+                       micromaps_[i] = std::make_unique<Micromap>(gpu_, inputOf(from), from.flags, &scratch);
                        micromaps_[i]->record(commands);
                        return Writes{micromaps_[i]->range(), micromaps_[i]->scratchRange()};
                    });
-    size_t next = 0;
-    for (size_t o = 0; o < bottoms_.size(); ++o) {
-        for (size_t m = 0; m < bottoms_[o].geometries.size(); ++m) {
-            const auto &from = scene_.objects[o].meshes[m].micromap;
-            if (from && !from->null)
-                bottoms_[o].geometries[m].micromap->micromap = micromaps_[next++].get();
-        }
-    }
+    for (const Object &object : scene_.objects)
+        bottoms_.emplace_back().geometries = geometriesOf(object, micromaps_);
     // What micromaps were built from is garbage by now, and its room that of others.
     for (const auto &micromap : micromaps_)
         micromap->forgetInput();
-    buildOnThreads(gpu_, "builds", bottoms_.size(),
-                   [&](size_t i, VkCommandBuffer commands, check::SharedScratch &scratch) {
-                       bottoms_[i].structure = std::make_unique<check::Blas>(gpu_);
-                       check::Blas &blas = *bottoms_[i].structure;
-                       blas.shareScratch(&scratch);
-                       blas.prepare(bottoms_[i].geometries, bottomFlags(gpu_));
-                       blas.shareScratch(nullptr);
-                       blas.record(commands);
-                       return Writes{blas.range(), blas.scratchRange()};
-                   });
+    buildOnThreads(gpu_, "builds", bottoms_.size(), [&](size_t i, VkCommandBuffer commands, SharedScratch &scratch) {
+        bottoms_[i].structure = std::make_unique<Blas>(gpu_);
+        Blas &blas = *bottoms_[i].structure;
+        blas.shareScratch(&scratch);
+        blas.prepare(bottoms_[i].geometries, bottomFlags(gpu_));
+        blas.shareScratch(nullptr);
+        blas.record(commands);
+        return Writes{blas.range(), blas.scratchRange()};
+    });
     for (const Bottom &bottom : bottoms_)
         bottom.structure->forgetInput();
 }
@@ -143,14 +124,14 @@ void PackedScene::buildEverything()
 void PackedScene::run(const std::string &what, const Writes &writes, const Record &record)
 {
     history_ += (history_.empty() ? "" : ", ") + what;
-    check::Arena::Snapshot before(*gpu_.arena());
+    Arena::Snapshot before(*gpu_.arena());
     gpu_.submit(record);
     before.expectOnlyChanged(writes, history_);
 }
 
 uint64_t PackedScene::asked(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &ask)
 {
-    const check::QueryPool pool(gpu_, type);
+    const QueryPool pool(gpu_, type);
     run("query", {}, [&](VkCommandBuffer commands) {
         vkCmdResetQueryPool(commands, pool, 0, 1);
         ask(commands, pool);
@@ -158,7 +139,7 @@ uint64_t PackedScene::asked(VkQueryType type, const std::function<void(VkCommand
     return pool.value();
 }
 
-VkDeviceSize PackedScene::sizeOf(const check::Structure &structure, VkQueryType type)
+VkDeviceSize PackedScene::sizeOf(const Structure &structure, VkQueryType type)
 {
     const VkAccelerationStructureKHR handle = structure.handle();
     return asked(type, [&](VkCommandBuffer commands, VkQueryPool pool) {
@@ -208,67 +189,77 @@ void PackedScene::changeObject(size_t object)
 // nobody traces until the structure is built with the new one.
 void PackedScene::changeMicromapOf(Bottom &bottom, uint32_t way)
 {
-    std::vector<check::Geometry *> with;
-    for (check::Geometry &geometry : bottom.geometries) {
+    std::vector<Geometry *> with;
+    for (Geometry &geometry : bottom.geometries) {
         if (geometry.micromap && geometry.micromap->micromap != nullptr)
             with.push_back(&geometry);
     }
     if (with.empty())
         return;
-    check::Attachment &attachment = *with[below(static_cast<uint32_t>(with.size()))]->micromap;
+    const Attachment &attachment = *with[below(static_cast<uint32_t>(with.size()))]->micromap;
     size_t index = 0;
     while (micromaps_[index].get() != attachment.micromap)
         ++index;
-    const check::Micromap &source = *micromaps_[index];
-    const check::MicromapHandle handle = source.handle();
+    const Micromap &source = *micromaps_[index];
+    const MicromapHandle handle = source.handle();
     const auto size = [&](VkQueryType type) {
-        const VkQueryType own = check::micromapQueryType(gpu_, type);
+        const VkQueryType own = micromapQueryType(gpu_, type);
         return asked(own, [&](VkCommandBuffer commands, VkQueryPool pool) {
-            check::recordMicromapProperties(gpu_, commands, std::span(&handle, 1), own, pool, 0);
+            recordMicromapProperties(gpu_, commands, std::span(&handle, 1), own, pool, 0);
         });
     };
-    std::unique_ptr<check::Micromap> target;
+    std::unique_ptr<Micromap> target;
     if (way < 2) {
         const auto mode = way == 0 ? VK_COPY_MICROMAP_MODE_CLONE_EXT : VK_COPY_MICROMAP_MODE_COMPACT_EXT;
-        target = std::make_unique<check::Micromap>(
-            gpu_, source, way == 0 ? source.size() : size(VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
-        run(way == 0 ? "micromap cloned" : "micromap compacted", {target->range()}, [&](VkCommandBuffer commands) {
-            check::recordMicromapCopy(gpu_, commands, handle, target->handle(), mode);
-        });
+        target = std::make_unique<Micromap>(gpu_, source,
+                                            way == 0 ? source.size() : size(VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
+        run(way == 0 ? "micromap cloned" : "micromap compacted", {target->range()},
+            [&](VkCommandBuffer commands) { recordMicromapCopy(gpu_, commands, handle, target->handle(), mode); });
     } else {
-        const check::Guarded data(gpu_, size(VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
+        const Guarded data(gpu_, size(VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
         run("micromap serialized", {data.range()},
-            [&](VkCommandBuffer commands) { check::recordMicromapToMemory(gpu_, commands, handle, data.address()); });
+            [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, handle, data.address()); });
         uint64_t bytes = 0;
         std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
-        target = std::make_unique<check::Micromap>(gpu_, source, bytes);
+        target = std::make_unique<Micromap>(gpu_, source, bytes);
         run("micromap loaded", {target->range()}, [&](VkCommandBuffer commands) {
-            check::recordMemoryToMicromap(gpu_, commands, data.address(), target->handle());
+            recordMemoryToMicromap(gpu_, commands, data.address(), target->handle());
         });
     }
-    attachment.micromap = target.get();
+    for (Bottom &user : bottoms_) {
+        for (Geometry &geometry : user.geometries) {
+            if (geometry.micromap && geometry.micromap->micromap == micromaps_[index].get())
+                geometry.micromap->micromap = target.get();
+        }
+    }
     micromaps_[index] = std::move(target);
+    for (Bottom &user : bottoms_) {
+        const bool uses = std::any_of(user.geometries.begin(), user.geometries.end(), [&](const Geometry &geometry) {
+            return geometry.micromap && geometry.micromap->micromap == micromaps_[index].get();
+        });
+        if (uses && &user != &bottom)
+            buildObject(user, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    }
 }
 
 void PackedScene::copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode)
 {
     const bool compact = mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
-    auto target = std::make_unique<check::Blas>(gpu_);
+    auto target = std::make_unique<Blas>(gpu_);
     target->create(sizeOf(*bottom.structure, compact ? VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR
                                                      : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR));
     run(compact ? "compacted" : "cloned", {target->range()}, [&](VkCommandBuffer commands) {
-        check::recordCopy(gpu_, commands, bottom.structure->handle(), target->handle(), mode);
+        recordCopy(gpu_, commands, bottom.structure->handle(), target->handle(), mode);
     });
     bottom.structure = std::move(target);
 }
 
-std::unique_ptr<check::Structure> PackedScene::reloaded(const check::Structure &source,
-                                                        std::unique_ptr<check::Structure> target)
+std::unique_ptr<Structure> PackedScene::reloaded(const Structure &source, std::unique_ptr<Structure> target)
 {
-    const check::Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR), 256,
-                              kSerializedUsage);
+    const Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR), 256,
+                       kSerializedUsage);
     run("serialized", {data.range()},
-        [&](VkCommandBuffer commands) { check::recordSerialize(gpu_, commands, source, data.address()); });
+        [&](VkCommandBuffer commands) { recordSerialize(gpu_, commands, source, data.address()); });
     uint64_t bytes = 0;
     std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
     target->create(bytes);
@@ -284,8 +275,8 @@ std::unique_ptr<check::Structure> PackedScene::reloaded(const check::Structure &
 
 void PackedScene::reloadObject(Bottom &bottom)
 {
-    auto blas = std::make_unique<check::Blas>(gpu_);
-    check::Blas *const loaded = blas.get();
+    auto blas = std::make_unique<Blas>(gpu_);
+    Blas *const loaded = blas.get();
     (void)reloaded(*bottom.structure, std::move(blas)).release();
     bottom.structure.reset(loaded);
 }
@@ -303,14 +294,14 @@ void PackedScene::buildObject(Bottom &bottom, VkBuildAccelerationStructureModeKH
 // handle is made while the first content is live, and the first one's destroyed when the second is.
 void PackedScene::moveAndBuildOver(Bottom &moved, Bottom &built)
 {
-    auto clone = std::make_unique<check::Blas>(gpu_);
+    auto clone = std::make_unique<Blas>(gpu_);
     clone->create(sizeOf(*moved.structure, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR));
-    auto over = std::make_unique<check::Blas>(gpu_);
+    auto over = std::make_unique<Blas>(gpu_);
     over->useRoomOf(*moved.structure);
     over->prepare(built.geometries, bottomFlags(gpu_));
     run("cloned and built over", {clone->range(), over->range(), over->scratchRange()}, [&](VkCommandBuffer commands) {
-        check::recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
-        check::barrier(commands);
+        recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
+        barrier(commands);
         over->record(commands);
     });
     over->forgetInput();
@@ -323,7 +314,7 @@ void PackedScene::moveAndBuildOver(Bottom &moved, Bottom &built)
 void PackedScene::renameObject(Bottom &bottom)
 {
     history_ += " renamed";
-    auto second = std::make_unique<check::Blas>(gpu_);
+    auto second = std::make_unique<Blas>(gpu_);
     second->useRoomOf(*bottom.structure);
     second->create(bottom.structure->size());
     bottom.structure = std::move(second);
@@ -331,14 +322,14 @@ void PackedScene::renameObject(Bottom &bottom)
 
 void PackedScene::buildTop()
 {
-    std::vector<const check::Structure *> objects;
+    std::vector<const Structure *> objects;
     for (const Bottom &bottom : bottoms_)
         objects.push_back(bottom.structure.get());
     top_.reset();
-    auto tlas = std::make_unique<check::Tlas>(gpu_);
+    auto tlas = std::make_unique<Tlas>(gpu_);
     tlas->prepare(instancesOf(scene_, objects), VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR,
                   VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
-                  below(2) == 0 ? check::Arrangement::Array : check::Arrangement::Pointers);
+                  below(2) == 0 ? Arrangement::Array : Arrangement::Pointers);
     run("; top level built", {tlas->range(), tlas->scratchRange()},
         [&](VkCommandBuffer commands) { tlas->record(commands); });
     tlas->forgetInput();
@@ -350,7 +341,7 @@ void PackedScene::copyTop(uint32_t way)
 {
     if (way == 3)
         return;
-    auto target = std::make_unique<check::Structure>(gpu_, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+    auto target = std::make_unique<Structure>(gpu_, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
     if (way == 2) {
         top_ = reloaded(*top_, std::move(target));
         return;
@@ -358,29 +349,29 @@ void PackedScene::copyTop(uint32_t way)
     target->create(sizeOf(*top_, way == 0 ? VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR
                                           : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR));
     run(way == 0 ? "cloned" : "compacted", {target->range()}, [&](VkCommandBuffer commands) {
-        check::recordCopy(gpu_, commands, top_->handle(), target->handle(),
-                          way == 0 ? VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR
-                                   : VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+        recordCopy(gpu_, commands, top_->handle(), target->handle(),
+                   way == 0 ? VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR
+                            : VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
     });
     top_ = std::move(target);
 }
 
-void PackedScene::traceBesideBuild(check::Tracer &tracer, std::span<const check::Ray> rays, uint32_t capacity)
+void PackedScene::traceBesideBuild(Tracer &tracer, std::span<const Ray> rays, uint32_t capacity)
 {
     Bottom &bottom = bottoms_[below(static_cast<uint32_t>(bottoms_.size()))];
-    auto beside = std::make_unique<check::Blas>(gpu_);
+    auto beside = std::make_unique<Blas>(gpu_);
     beside->prepare(bottom.geometries, bottomFlags(gpu_));
     tracer.prepare(*top_, rays, capacity);
     const bool before = below(2) == 0;
     run("; traced, and built beside", {beside->range(), beside->scratchRange()}, [&](VkCommandBuffer commands) {
-        check::barrier(commands);
+        barrier(commands);
         if (before)
             beside->record(commands);
         tracer.bind(commands);
         tracer.dispatch(commands);
         if (!before)
             beside->record(commands);
-        check::barrier(commands);
+        barrier(commands);
     });
     beside->forgetInput();
     bottom.structure = std::move(beside);

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "check/gpu/copies.h"
+#include "check/oracle/random_scene.h"
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check::oracle
@@ -16,24 +17,24 @@ namespace vellum::check::oracle
 class PackedScene
 {
 public:
-    PackedScene(check::Device &gpu, const Scene &scene, Random &random);
+    PackedScene(Device &gpu, const Scene &scene, Random &random);
     PackedScene(const PackedScene &) = delete;
     PackedScene &operator=(const PackedScene &) = delete;
 
     // Each of the objects has something done to it, and then the top level.
     void change();
     // Traces. Meanwhile one of the objects is built anew in another place, which the scene then uses.
-    void traceBesideBuild(check::Tracer &tracer, std::span<const check::Ray> rays, uint32_t capacity);
+    void traceBesideBuild(Tracer &tracer, std::span<const Ray> rays, uint32_t capacity);
     // What was done since the beginning, in words.
     [[nodiscard]] const std::string &history() const { return history_; }
 
 private:
     struct Bottom {
-        std::vector<check::Geometry> geometries;
-        std::unique_ptr<check::Blas> structure;
+        std::vector<Geometry> geometries;
+        std::unique_ptr<Blas> structure;
     };
     using Record = std::function<void(VkCommandBuffer)>;
-    using Writes = std::vector<check::Arena::Range>;
+    using Writes = std::vector<Arena::Range>;
 
     void buildEverything();
     void changeObject(size_t object);
@@ -45,21 +46,20 @@ private:
     void renameObject(Bottom &bottom);
     void buildTop();
     void copyTop(uint32_t way);
-    [[nodiscard]] std::unique_ptr<check::Structure> reloaded(const check::Structure &source,
-                                                             std::unique_ptr<check::Structure> target);
+    [[nodiscard]] std::unique_ptr<Structure> reloaded(const Structure &source, std::unique_ptr<Structure> target);
 
     // Executes, and expects that nothing else was written to.
     void run(const std::string &what, const Writes &writes, const Record &record);
     [[nodiscard]] uint64_t asked(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &ask);
-    [[nodiscard]] VkDeviceSize sizeOf(const check::Structure &structure, VkQueryType type);
+    [[nodiscard]] VkDeviceSize sizeOf(const Structure &structure, VkQueryType type);
     [[nodiscard]] uint32_t below(uint32_t n) { return static_cast<uint32_t>(random_() % n); }
 
-    check::Device &gpu_;
+    Device &gpu_;
     const Scene &scene_;
     Random &random_;
-    std::vector<std::unique_ptr<check::Micromap>> micromaps_;
+    std::vector<std::unique_ptr<Micromap>> micromaps_;
     std::vector<Bottom> bottoms_;
-    std::unique_ptr<check::Structure> top_;
+    std::unique_ptr<Structure> top_;
     std::string history_;
 };
 

@@ -26,8 +26,7 @@ namespace
 class PipelineJudge
 {
 public:
-    PipelineJudge(const Scene &scene, const check::Ray &ray, const std::vector<Hit> &hits,
-                  const check::PipelineResult &result)
+    PipelineJudge(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const PipelineResult &result)
         : scene_(scene), ray_(ray), hits_(hits), result_(result)
     {
     }
@@ -70,8 +69,7 @@ private:
     {
         if (hit.box)
             return !(at.t < ray_.generate || at.t > ray_.generate) && hitKind == 0x10 + (hit.primitive & 0xf);
-        return std::abs(double{at.t} - hit.t) < 1e-3 &&
-               hitKind == (hit.frontFace ? check::kHitKindFront : check::kHitKindBack);
+        return std::abs(double{at.t} - hit.t) < 1e-3 && hitKind == (hit.frontFace ? kHitKindFront : kHitKindBack);
     }
     template <class T>
     [[nodiscard]] static bool attributed(const Hit &hit, const T &at)
@@ -91,13 +89,13 @@ private:
 
     std::string visitFault()
     {
-        for (const check::BoxVisit &visit : result_.visits) {
+        for (const BoxVisit &visit : result_.visits) {
             const Hit *hit = find(visit, true);
-            if (hit == nullptr && visit.reported != 3 && check::intersectionMayRunCulled(ray_.flags))
+            if (hit == nullptr && visit.reported != 3 && intersectionMayRunCulled(ray_.flags))
                 continue;
             if (hit == nullptr || !groupOf(*hit))
                 return describe("an intersection shader ran for a box that is not met", visit);
-            if (!check::intersectionMaySee(visit.flags, ray_.flags) || visit.record != 100 + recordOf(*hit) ||
+            if (!intersectionMaySee(visit.flags, ray_.flags) || visit.record != 100 + recordOf(*hit) ||
                 visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
                 return describe("what the intersection shader reads", visit);
             if (visit.reported == 3) {
@@ -112,8 +110,8 @@ private:
     std::string candidateFault()
     {
         for (size_t i = 0; i < result_.candidates.size(); ++i) {
-            const check::Candidate &c = result_.candidates[i];
-            const check::CandidateNote &note = result_.notes[i];
+            const Candidate &c = result_.candidates[i];
+            const CandidateNote &note = result_.notes[i];
             const Hit *hit = find(c, c.box());
             if (hit == nullptr || !asks(*hit))
                 return describe("an any-hit shader ran that should not", c);
@@ -138,14 +136,14 @@ private:
         }
         limit_ = std::min(nearest != nullptr ? nearest->t : double{ray_.tMax},
                           generated_.empty() ? double{ray_.tMax} : double{ray_.generate});
-        const bool first = (ray_.flags & check::kRayTerminateOnFirstHit) != 0;
+        const bool first = (ray_.flags & kRayTerminateOnFirstHit) != 0;
         const auto mayStay = [&](double t) { return first || t < limit_ + 1e-3; };
         for (const Hit &h : hits_)
             silent = silent || (!h.box && accepts(h) && !hasClosestHit(h) && mayStay(h.t));
         for (const Hit *h : generated_)
             silent = silent || (!hasClosestHit(*h) && mayStay(double{ray_.generate}));
 
-        if (result_.committed == check::kUnknownResult)
+        if (result_.committed == kUnknownResult)
             return silent && result_.invocations == 0 ? "" : "neither closest-hit nor miss shader ran";
         if (result_.invocations != 1)
             return "more than one closest-hit or miss shader";
@@ -153,12 +151,12 @@ private:
             return "ray flags read back as " + std::to_string(result_.flags);
         if (result_.tMin < ray_.tMin || result_.tMin > ray_.tMin)
             return "tMin read back wrong";
-        if (result_.committed == check::kNone) {
+        if (result_.committed == kNone) {
             if (nearest != nullptr || !generated_.empty())
                 return "nothing committed";
             return result_.record == 50 ? "" : "record of the miss shader";
         }
-        const bool box = result_.committed == check::kGenerated;
+        const bool box = result_.committed == kGenerated;
         const Hit *hit = find(result_, box);
         if (hit == nullptr || !accepts(*hit) || !hasClosestHit(*hit))
             return "the committed hit is none that may be";
@@ -180,7 +178,7 @@ private:
     // Nearer than the hit that stays, nothing may have been left out.
     std::string leftOut()
     {
-        if ((ray_.flags & check::kRayTerminateOnFirstHit) != 0 && result_.committed != check::kNone)
+        if ((ray_.flags & kRayTerminateOnFirstHit) != 0 && result_.committed != kNone)
             return {};
         const auto seen = [&](const auto &list, const Hit &hit) {
             return std::any_of(list.begin(), list.end(), [&hit](const auto &x) { return names(hit, x); });
@@ -200,9 +198,9 @@ private:
     }
 
     const Scene &scene_;
-    const check::Ray &ray_;
+    const Ray &ray_;
     const std::vector<Hit> &hits_;
-    const check::PipelineResult &result_;
+    const PipelineResult &result_;
     std::vector<const Hit *> generated_;
     double limit_ = 0;
 };

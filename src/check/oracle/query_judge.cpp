@@ -7,7 +7,7 @@
 namespace vellum::check::oracle
 {
 
-std::string queryFault(const check::Ray &ray, const std::vector<Hit> &hits, const check::Result &result)
+std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Result &result)
 {
     if (result.flags != ray.flags)
         return "ray flags read back as " + std::to_string(result.flags);
@@ -18,7 +18,7 @@ std::string queryFault(const check::Ray &ray, const std::vector<Hit> &hits, cons
 
     // Every candidate must be one that traversal may hand out.
     bool generated = false;
-    for (const check::Candidate &c : result.candidates) {
+    for (const Candidate &c : result.candidates) {
         const auto hit = std::find_if(hits.begin(), hits.end(), [&c](const Hit &h) {
             return names(h, c) && h.box == c.box() && (h.box || h.opacity == Opacity::NonOpaque);
         });
@@ -44,7 +44,7 @@ std::string queryFault(const check::Ray &ray, const std::vector<Hit> &hits, cons
     }
     const double limit = std::min(nearest != nullptr ? nearest->t : double{ray.tMax},
                                   generated ? double{ray.generate} : double{ray.tMax});
-    if (result.committed == check::kTriangle) {
+    if (result.committed == kTriangle) {
         const auto hit = std::find_if(hits.begin(), hits.end(), [&](const Hit &h) {
             return !h.box && names(h, result) && (h.opacity == Opacity::Opaque || confirms(ray, h));
         });
@@ -53,11 +53,11 @@ std::string queryFault(const check::Ray &ray, const std::vector<Hit> &hits, cons
         if (std::abs(double{result.u} - hit->u) > 1e-3 || std::abs(double{result.v} - hit->v) > 1e-3 ||
             std::abs(double{result.t} - hit->t) > 1e-3 || (result.frontFace != 0) != hit->frontFace)
             return "place of the committed triangle";
-        if ((ray.flags & check::kRayTerminateOnFirstHit) == 0 && hit->t > limit + 1e-3)
+        if ((ray.flags & kRayTerminateOnFirstHit) == 0 && hit->t > limit + 1e-3)
             return "the committed triangle is not the nearest";
-    } else if (result.committed == check::kGenerated) {
+    } else if (result.committed == kGenerated) {
         if (!generated || (nearest != nullptr && double{ray.generate} > nearest->t + 1e-3 &&
-                           (ray.flags & check::kRayTerminateOnFirstHit) == 0))
+                           (ray.flags & kRayTerminateOnFirstHit) == 0))
             return "a generated hit that should not be";
         if (std::none_of(hits.begin(), hits.end(), [&](const Hit &h) { return h.box && names(h, result); }))
             return "the generated hit names no box";
@@ -66,13 +66,13 @@ std::string queryFault(const check::Ray &ray, const std::vector<Hit> &hits, cons
     }
 
     // Nearer than that hit, nothing may have been left out.
-    if ((ray.flags & check::kRayTerminateOnFirstHit) != 0 && result.committed != check::kNone)
+    if ((ray.flags & kRayTerminateOnFirstHit) != 0 && result.committed != kNone)
         return {};
     for (const Hit &h : hits) {
         if (!h.certain || h.t > limit - 1e-3 || (!h.box && h.opacity == Opacity::Opaque))
             continue;
         if (std::none_of(result.candidates.begin(), result.candidates.end(),
-                         [&h](const check::Candidate &c) { return names(h, c); }))
+                         [&h](const Candidate &c) { return names(h, c); }))
             return "a candidate was left out: instance " + std::to_string(h.instance) + " geometry " +
                    std::to_string(h.geometry) + " primitive " + std::to_string(h.primitive);
     }

@@ -24,60 +24,36 @@ float between(Random &random, float low, float high)
     return low + (high - low) * static_cast<float>(random() >> 8) / 16777216.0f;
 }
 
-check::Vec3 point(Random &random, float size)
+Vec3 point(Random &random, float size)
 {
     return {between(random, -size, size), between(random, -size, size), between(random, -size, size)};
 }
 
-MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel)
+SceneMicromap randomMicromap(Random &random, uint32_t triangles, const Limits &limits)
 {
-    MicromapTriangle triangle;
-    triangle.level = below(random, maxLevel + 1);
-    triangle.format = chance(random, 40) ? check::kTwoState : check::kFourState;
-    const uint32_t values = triangle.format == check::kTwoState ? 2 : 4;
-    triangle.states.resize(size_t{1} << (2 * triangle.level));
-    // Uniform triangles and uniform stretches are what a layer treats specially.
-    const uint32_t stretch = 1u << (2 * below(random, 4));
-    uint8_t state = 0;
-    for (size_t i = 0; i < triangle.states.size(); ++i) {
-        if (i % stretch == 0)
-            state = static_cast<uint8_t>(below(random, values));
-        triangle.states[i] = state;
-    }
-    if (chance(random, 15))
-        std::fill(triangle.states.begin(), triangle.states.end(), state);
-    return triangle;
-}
-
-MeshMicromap randomMicromap(Random &random, uint32_t triangles, uint32_t maxLevel)
-{
-    MeshMicromap micromap{};
-    constexpr std::array types{VK_INDEX_TYPE_NONE_KHR, VK_INDEX_TYPE_UINT16, VK_INDEX_TYPE_UINT32};
-    micromap.indexType = types[below(random, 3)];
-    micromap.base = chance(random, 50) ? 0 : below(random, 7);
-    micromap.null = micromap.indexType != VK_INDEX_TYPE_NONE_KHR && chance(random, 10);
-    const bool direct = micromap.indexType == VK_INDEX_TYPE_NONE_KHR;
-    const uint32_t count = direct ? triangles : 1 + below(random, triangles);
-    for (uint32_t i = 0; i < count + micromap.base; ++i)
-        micromap.triangles.push_back(randomTriangle(random, maxLevel));
-    for (uint32_t i = 0; i < triangles; ++i) {
-        if (direct)
-            micromap.indices.push_back(static_cast<int32_t>(i));
-        else if (micromap.null || chance(random, 20))
-            micromap.indices.push_back(-1 - static_cast<int32_t>(below(random, 4)));
-        else
-            micromap.indices.push_back(static_cast<int32_t>(below(random, count)));
-    }
+    SceneMicromap micromap;
+    for (uint32_t i = 0; i < triangles; ++i)
+        micromap.triangles.push_back(randomTriangle(random, limits.maxLevel));
+    constexpr std::array<uint32_t, 3> flags{0, VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT,
+                                            VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT};
+    micromap.flags = flags[below(random, flags.size())];
+    if (chance(random, 30))
+        micromap.flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    if (limits.lossy && chance(random, 70))
+        micromap.flags |= kLossy;
+    if (chance(random, 25))
+        micromap.triangleStride = 8 + 4 * below(random, 7);
+    micromap.usagePointers = chance(random, 30);
     return micromap;
 }
 
-Mesh randomMesh(Random &random, bool boxes, const Limits &limits)
+Mesh randomMesh(Random &random, Scene &scene, bool boxes, const Limits &limits)
 {
     Mesh mesh{};
     mesh.opaque = chance(random, 50);
-    const uint32_t count = 1 + below(random, boxes ? 5 : 32);
+    const uint32_t count = 1 + below(random, boxes ? 5 : limits.triangles);
     for (uint32_t i = 0; i < count; ++i) {
-        const check::Vec3 centre = point(random, 2);
+        const Vec3 centre = point(random, 2);
         if (boxes) {
             const float size = between(random, 0.1f, 0.7f);
             mesh.boxes.push_back({centre[0] - size, centre[1] - size, centre[2] - size, centre[0] + size,
@@ -85,12 +61,19 @@ Mesh randomMesh(Random &random, bool boxes, const Limits &limits)
             continue;
         }
         for (int k = 0; k < 3; ++k) {
-            const check::Vec3 offset = point(random, 1.5f);
+            const Vec3 offset = point(random, 1.5f);
             mesh.vertices.push_back({centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]});
         }
     }
-    if (!boxes && limits.micromaps && chance(random, 70))
-        mesh.micromap = randomMicromap(random, count, limits.maxLevel);
+    if (boxes)
+        return mesh;
+    mesh.skippedTriangles = chance(random, 15) ? 1 + below(random, 3) : 0;
+    if (limits.micromaps && chance(random, 75)) {
+        // One for each triangle and some more, of which a base may skip some; or one that other meshes use as well.
+        if (scene.micromaps.empty() || chance(random, 80))
+            scene.micromaps.push_back(randomMicromap(random, count + below(random, 7), limits));
+        mesh.micromap = randomUse(random, scene, count, limits);
+    }
     return mesh;
 }
 
@@ -99,7 +82,7 @@ VkTransformMatrixKHR randomTransform(Random &random)
 {
     double x = 1, y = 0, z = 0, w = 0, length = 0;
     do {
-        const check::Vec3 q = point(random, 1);
+        const Vec3 q = point(random, 1);
         x = double{q[0]}, y = double{q[1]}, z = double{q[2]}, w = double{between(random, -1, 1)};
         length = std::sqrt(x * x + y * y + z * z + w * w);
     } while (length < 0.1);
@@ -107,7 +90,7 @@ VkTransformMatrixKHR randomTransform(Random &random)
     const double rotation[3][3] = {{1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)},
                                    {2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)},
                                    {2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)}};
-    const check::Vec3 place = point(random, 2);
+    const Vec3 place = point(random, 2);
     VkTransformMatrixKHR out{};
     for (size_t c = 0; c < 3; ++c) {
         double scale = double{between(random, 0.5f, 1.8f)};
@@ -137,60 +120,111 @@ Instance randomInstance(Random &random, uint32_t objects, const Limits &limits)
     else if (chance(random, 20))
         instance.flags |= VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR;
     if (limits.micromaps && chance(random, 25))
-        instance.flags |= check::kFlagTwoState;
+        instance.flags |= kFlagTwoState;
     if (limits.micromaps && chance(random, 15))
-        instance.flags |= check::kFlagDisable;
+        instance.flags |= kFlagDisable;
     instance.inactive = chance(random, 4);
     return instance;
 }
 
-check::Ray randomRay(Random &random, const Limits &limits)
+} // namespace
+
+MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel)
 {
-    check::Ray ray;
+    MicromapTriangle triangle;
+    triangle.level = below(random, maxLevel + 1);
+    triangle.format = chance(random, 40) ? kTwoState : kFourState;
+    const uint32_t values = triangle.format == kTwoState ? 2 : 4;
+    triangle.states.resize(size_t{1} << (2 * triangle.level));
+    // Uniform triangles and uniform stretches are what a layer treats specially.
+    const uint32_t stretch = 1u << (2 * below(random, 4));
+    uint8_t state = 0;
+    for (size_t i = 0; i < triangle.states.size(); ++i) {
+        if (i % stretch == 0)
+            state = static_cast<uint8_t>(below(random, values));
+        triangle.states[i] = state;
+    }
+    if (chance(random, 15))
+        std::fill(triangle.states.begin(), triangle.states.end(), state);
+    return triangle;
+}
+
+MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, const Limits &limits)
+{
+    MeshMicromap use;
+    const auto number = static_cast<uint32_t>(
+        chance(random, 60) ? scene.micromaps.size() - 1 : below(random, static_cast<uint32_t>(scene.micromaps.size())));
+    const auto count = static_cast<uint32_t>(scene.micromaps[number].triangles.size());
+    constexpr std::array types{VK_INDEX_TYPE_NONE_KHR, VK_INDEX_TYPE_UINT16, VK_INDEX_TYPE_UINT32,
+                               VK_INDEX_TYPE_UINT8_EXT};
+    use.indexType = types[below(random, limits.byteIndices ? 4 : 3)];
+    const bool direct = use.indexType == VK_INDEX_TYPE_NONE_KHR && count >= triangles;
+    if (!direct && use.indexType == VK_INDEX_TYPE_NONE_KHR)
+        use.indexType = VK_INDEX_TYPE_UINT32;
+    if (direct || !chance(random, 10))
+        use.micromap = number;
+    const uint32_t spare = direct ? count - triangles : count - 1; // triangles that a base may skip
+    use.base = use.micromap && spare > 0 && chance(random, 50) ? below(random, std::min(spare, 6u) + 1) : 0;
+    for (uint32_t i = 0; i < triangles; ++i) {
+        if (direct)
+            use.indices.push_back(static_cast<int32_t>(i));
+        else if (!use.micromap || chance(random, 20))
+            use.indices.push_back(-1 - static_cast<int32_t>(below(random, 4)));
+        else
+            use.indices.push_back(static_cast<int32_t>(below(random, std::min(count - use.base, 200u))));
+    }
+    if (!direct && chance(random, 25)) {
+        const uint32_t size = use.indexType == VK_INDEX_TYPE_UINT32 ? 4 : use.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 1;
+        use.stride = size * below(random, 5); // 0: all triangles read the first
+        use.indexOffset = size * below(random, 4);
+    }
+    return use;
+}
+
+Ray randomRay(Random &random, const Limits &limits)
+{
+    Ray ray;
     ray.origin = point(random, 9);
-    const check::Vec3 target = point(random, 2.5f);
+    const Vec3 target = point(random, 2.5f);
     for (size_t i = 0; i < 3; ++i)
         ray.direction[i] = (target[i] - ray.origin[i]) * 0.2f;
     ray.tMin = chance(random, 50) ? 0 : between(random, 0, 5);
     ray.tMax = chance(random, 60) ? 1000 : between(random, 3, 12);
-    constexpr std::array opacity{
-        0u, 0u, check::kRayOpaque, check::kRayNoOpaque, check::kRayCullOpaque, check::kRayCullNoOpaque};
+    constexpr std::array opacity{0u, 0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque};
     ray.flags = opacity[below(random, opacity.size())];
     if (chance(random, 15))
-        ray.flags |= check::kRayTerminateOnFirstHit;
+        ray.flags |= kRayTerminateOnFirstHit;
     switch (below(random, 12)) {
-    case 0: ray.flags |= check::kRayCullBack; break;
-    case 1: ray.flags |= check::kRayCullFront; break;
-    case 2: ray.flags |= check::kRaySkipBoxes; break;
+    case 0: ray.flags |= kRayCullBack; break;
+    case 1: ray.flags |= kRayCullFront; break;
+    case 2: ray.flags |= kRaySkipBoxes; break;
     case 3:
         if (chance(random, 30))
-            ray.flags |= check::kRaySkipTriangles;
+            ray.flags |= kRaySkipTriangles;
         break;
     default: break;
     }
     if (limits.micromaps && chance(random, 25))
-        ray.flags |= check::kRayForceTwoState;
+        ray.flags |= kRayForceTwoState;
     ray.cullMask = chance(random, 70) ? 0xff : below(random, 256);
     ray.rule = below(random, 3);
     ray.generate = chance(random, 60) ? 0 : between(random, ray.tMin + 0.001f, ray.tMax);
     return ray;
 }
 
-} // namespace
-
 Scene randomScene(Random &random, const Limits &limits)
 {
     Scene scene;
-    const uint32_t objects = 1 + below(random, 5);
+    const uint32_t objects = 1 + below(random, limits.objects);
     for (uint32_t i = 0; i < objects; ++i) {
         Object object;
         const bool boxes = chance(random, 20);
-        const uint32_t meshes = 1 + below(random, 3);
+        const uint32_t meshes = 1 + below(random, limits.meshes);
         for (uint32_t m = 0; m < meshes; ++m)
-            object.meshes.push_back(randomMesh(random, boxes, limits));
+            object.meshes.push_back(randomMesh(random, scene, boxes, limits));
         scene.objects.push_back(std::move(object));
     }
-    const uint32_t instances = 1 + below(random, 10);
+    const uint32_t instances = 1 + below(random, limits.instances);
     for (uint32_t i = 0; i < instances; ++i)
         scene.instances.push_back(randomInstance(random, objects, limits));
     for (uint32_t i = 0; i < limits.rays; ++i)

@@ -1,63 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random scenes: triangle soups with random micromaps, boxes, instances and rays, as plain data.
+// Random scenes: triangle soups with random micromaps, boxes, instances and rays.
 #pragma once
 
 #include <cstdint>
 #include <random>
 
-#include "check/gpu/tracer.h"
+#include "check/oracle/scene.h"
 
 namespace vellum::check::oracle
 {
 
 using Random = std::mt19937;
 
-struct MicromapTriangle {
-    uint32_t level;
-    uint16_t format;
-    std::vector<uint8_t> states; // in the order of the curve
-};
-
-struct MeshMicromap {
-    std::vector<MicromapTriangle> triangles;
-    std::vector<int32_t> indices; // what the index buffer holds
-    VkIndexType indexType;
-    uint32_t base;
-    bool null; // special indices only, no micromap object
-};
-
-struct Mesh { // a geometry
-    std::vector<check::Vec3> vertices;
-    std::vector<VkAabbPositionsKHR> boxes; // not empty: instead of triangles
-    bool opaque;
-    std::optional<MeshMicromap> micromap;
-};
-
-struct Object { // a bottom-level structure: triangles or boxes
-    std::vector<Mesh> meshes;
-};
-
-struct Instance {
-    uint32_t object;
-    VkTransformMatrixKHR transform;
-    uint32_t customIndex;
-    uint32_t mask;
-    uint32_t flags;
-    bool inactive; // acceleration structure reference 0
-};
-
-struct Scene {
-    std::vector<Object> objects;
-    std::vector<Instance> instances;
-    std::vector<check::Ray> rays;
-};
-
+// What random scenes may contain.
 struct Limits {
     bool micromaps = true;
     uint32_t maxLevel = 5;
     uint32_t rays = 640;
+    bool byteIndices = false; // VK_INDEX_TYPE_UINT8 for micromaps
+    bool lossy = false;       // some micromaps are built with kLossy
+    uint32_t objects = 5;     // at most
+    uint32_t meshes = 3;      // of an object, at most
+    uint32_t instances = 10;  // at most
+    uint32_t triangles = 32;  // of a mesh, at most
 };
 
 Scene randomScene(Random &random, const Limits &limits);
+// The parts of that.
+MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel);
+// How a mesh of that many triangles uses a micromap of the scene, which must not be empty, or a null one.
+MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, const Limits &limits);
+Ray randomRay(Random &random, const Limits &limits);
 
 } // namespace vellum::check::oracle

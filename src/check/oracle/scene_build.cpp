@@ -10,35 +10,41 @@ uint32_t recordOffset(const Scene &scene, uint32_t instance)
     return instance % kRecordOffsets + (boxes ? kBoxRecords : 0);
 }
 
-std::vector<check::Geometry>
-geometriesOf(const Object &object, const std::function<const check::Micromap *(check::MicromapInput)> &makeMicromap)
+MicromapInput inputOf(const SceneMicromap &micromap)
 {
-    std::vector<check::Geometry> geometries;
+    MicromapInput input;
+    for (const MicromapTriangle &triangle : micromap.triangles)
+        input.add(triangle.level, triangle.format, triangle.states);
+    input.stride = micromap.triangleStride;
+    input.usagePointers = micromap.usagePointers;
+    return input;
+}
+
+std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::unique_ptr<Micromap>> micromaps)
+{
+    std::vector<Geometry> geometries;
     for (const Mesh &mesh : object.meshes) {
-        check::Geometry geometry;
-        geometry.vertices = mesh.vertices;
+        Geometry geometry;
+        geometry.vertices.resize(size_t{3} * mesh.skippedTriangles);
+        geometry.vertices.insert(geometry.vertices.end(), mesh.vertices.begin(), mesh.vertices.end());
+        geometry.skippedTriangles = mesh.skippedTriangles;
         geometry.boxes = mesh.boxes;
         geometry.flags = mesh.opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
         if (mesh.micromap) {
             const MeshMicromap &from = *mesh.micromap;
-            check::Attachment attachment;
-            attachment.indexType = from.indexType;
-            attachment.indices = from.indices;
-            attachment.base = from.base;
-            if (!from.null) {
-                check::MicromapInput input;
-                for (const MicromapTriangle &triangle : from.triangles)
-                    input.add(triangle.level, triangle.format, triangle.states);
-                attachment.micromap = makeMicromap(std::move(input));
-            }
-            geometry.micromap = std::move(attachment);
+            geometry.micromap = Attachment{.micromap = from.micromap ? micromaps[*from.micromap].get() : nullptr,
+                                           .indexType = from.indexType,
+                                           .indices = from.indices,
+                                           .stride = from.stride,
+                                           .base = from.base,
+                                           .indexOffset = from.indexOffset};
         }
         geometries.push_back(std::move(geometry));
     }
     return geometries;
 }
 
-VkBuildAccelerationStructureFlagsKHR structureFlags(const check::Device &gpu)
+VkBuildAccelerationStructureFlagsKHR structureFlags(const Device &gpu)
 {
     return gpu.options().micromaps
                ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT}
@@ -46,42 +52,42 @@ VkBuildAccelerationStructureFlagsKHR structureFlags(const check::Device &gpu)
 }
 
 std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
-                                                            std::span<const check::Structure *const> objects)
+                                                            std::span<const Structure *const> objects)
 {
     std::vector<VkAccelerationStructureInstanceKHR> instances;
     for (const Instance &from : scene.instances) {
-        auto instance = check::instance(*objects[from.object], {}, from.customIndex, from.flags, from.mask);
-        instance.transform = from.transform;
-        instance.instanceShaderBindingTableRecordOffset =
+        auto out = check::instance(*objects[from.object], {}, from.customIndex, from.flags, from.mask);
+        out.transform = from.transform;
+        out.instanceShaderBindingTableRecordOffset =
             recordOffset(scene, static_cast<uint32_t>(instances.size())) & 0xffffffu;
         if (from.inactive)
-            instance.accelerationStructureReference = 0;
-        instances.push_back(instance);
+            out.accelerationStructureReference = 0;
+        instances.push_back(out);
     }
     return instances;
 }
 
-Built build(check::Device &gpu, const Scene &scene)
+Built build(Device &gpu, const Scene &scene)
 {
     Built built;
-    std::vector<const check::Structure *> objects;
+    for (const SceneMicromap &micromap : scene.micromaps) {
+        built.micromaps.push_back(std::make_unique<Micromap>(gpu, inputOf(micromap), micromap.flags));
+        built.micromaps.back()->build();
+    }
+    std::vector<const Structure *> objects;
     for (const Object &object : scene.objects) {
-        std::vector<check::Geometry> geometries = geometriesOf(object, [&](check::MicromapInput input) {
-            built.micromaps.push_back(std::make_unique<check::Micromap>(gpu, std::move(input)));
-            built.micromaps.back()->build();
-            return built.micromaps.back().get();
-        });
-        built.objects.push_back(std::make_unique<check::Blas>(gpu, std::move(geometries), structureFlags(gpu)));
+        built.objects.push_back(
+            std::make_unique<Blas>(gpu, geometriesOf(object, built.micromaps), structureFlags(gpu)));
         objects.push_back(built.objects.back().get());
     }
-    built.scene = std::make_unique<check::Tlas>(gpu, instancesOf(scene, objects));
+    built.scene = std::make_unique<Tlas>(gpu, instancesOf(scene, objects));
     return built;
 }
 
-bool confirms(const check::Ray &ray, const Hit &hit)
+bool confirms(const Ray &ray, const Hit &hit)
 {
-    return ray.rule == check::kAlways || (ray.rule == check::kHash && check::hashConfirms(hit.customIndex, hit.instance,
-                                                                                          hit.geometry, hit.primitive));
+    return ray.rule == kAlways ||
+           (ray.rule == kHash && hashConfirms(hit.customIndex, hit.instance, hit.geometry, hit.primitive));
 }
 
 } // namespace vellum::check::oracle

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the oracle tests of ray queries and of ray tracing pipelines share.
+// A scene on a device.
 #pragma once
-
-#include <functional>
 
 #include "check/oracle/cpu_trace.h"
 
@@ -13,25 +11,25 @@ inline constexpr uint32_t kCapacity = 64; // candidates of a ray
 
 // The scene on the device.
 struct Built {
-    std::vector<std::unique_ptr<check::Micromap>> micromaps;
-    std::vector<std::unique_ptr<check::Blas>> objects;
-    std::unique_ptr<check::Tlas> scene;
+    std::vector<std::unique_ptr<Micromap>> micromaps;
+    std::vector<std::unique_ptr<Blas>> objects;
+    std::unique_ptr<Tlas> scene;
 };
 
 // Instance i has the record offset i % kRecordOffsets, and kBoxRecords more where it is one of boxes.
 inline constexpr uint32_t kRecordOffsets = 6;
 inline constexpr uint32_t kBoxRecords = 8; // an object has up to three geometries
 uint32_t recordOffset(const Scene &scene, uint32_t instance);
-Built build(check::Device &gpu, const Scene &scene);
-// The parts of that. makeMicromap is called for each geometry with a micromap.
-std::vector<check::Geometry>
-geometriesOf(const Object &object, const std::function<const check::Micromap *(check::MicromapInput)> &makeMicromap);
-VkBuildAccelerationStructureFlagsKHR structureFlags(const check::Device &gpu);
+Built build(Device &gpu, const Scene &scene);
+// The parts of that.
+MicromapInput inputOf(const SceneMicromap &micromap);
+std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::unique_ptr<Micromap>> micromaps);
+VkBuildAccelerationStructureFlagsKHR structureFlags(const Device &gpu);
 std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
-                                                            std::span<const check::Structure *const> objects);
+                                                            std::span<const Structure *const> objects);
 
 // What the shader does with a candidate.
-bool confirms(const check::Ray &ray, const Hit &hit);
+bool confirms(const Ray &ray, const Hit &hit);
 
 template <class T>
 bool names(const Hit &hit, const T &other)

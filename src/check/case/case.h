@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// A conformance case as plain data: a scene, how it is built, what is done with it, and how rays are traced. All that
+// a run needs, so that a failure can be made smaller, written to a file and run again.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "check/oracle/scene.h"
+
+namespace vellum::check
+{
+
+// What records or executes builds.
+enum class BuildCommand {
+    Device,   // vkCmdBuild...
+    Indirect, // vkCmdBuildAccelerationStructuresIndirectKHR for structures, where the device has it
+    Host,     // vkBuildMicromapsEXT for micromaps, where the device has it
+};
+
+struct BuildPlan {
+    BuildCommand micromaps = BuildCommand::Device;
+    BuildCommand structures = BuildCommand::Device;
+    bool together = false;         // all micromaps by one command, all bottom-level structures by another
+    uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
+    bool instancePointers = false; // the top level reads an array of pointers
+};
+
+// Something that is done after everything was built and before rays are traced. The top level is built after all steps
+// on objects and micromaps, before those on itself.
+struct Step {
+    enum class Kind {
+        // On a bottom-level structure. The old one is destroyed afterwards.
+        CloneObject,
+        CompactObject,
+        ReloadObject, // serialized and deserialized
+        UpdateObject, // with the same data
+        RebuildObject,
+        MoveObject,   // cloned, and `other` built in its memory by the same submission
+        RenameObject, // a second handle at the same address
+        // On a micromap; the structures that use it are built again (`update`: updated).
+        CloneMicromap,
+        CompactMicromap,
+        ReloadMicromap,
+        SetStates, // built anew with `states`
+        // On a mesh.
+        SetIndices, // `micromapUse` instead of what it had; the structure is updated (`update`) or built again
+        // On the top level.
+        CloneTop,
+        CompactTop,
+        ReloadTop,
+        Count
+    };
+    Kind kind = Kind::CloneObject;
+    uint32_t target = 0; // an object or a micromap
+    uint32_t other = 0;  // MoveObject: another object. SetIndices: a mesh of the object
+    bool update = false;
+    std::vector<oracle::MicromapTriangle> states;
+    std::optional<oracle::MeshMicromap> micromapUse;
+};
+
+// How the rays are traced.
+struct TracePlan {
+    enum class Method { Query, Pipeline };
+    // Where ray flags come from.
+    enum class Flags { RunTime, Specialized };
+    // The execution mode of modules with ray queries (VK_KHR_opacity_micromap).
+    enum class Mode { True, SpecializedTrue, SpecializedFalse };
+
+    Method method = Method::Query;
+    // Query: the stage that has the ray query. VK_SHADER_STAGE_COMPUTE_BIT, _VERTEX_BIT, _FRAGMENT_BIT,
+    // _RAYGEN_BIT_KHR.
+    VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    Flags flags = Flags::RunTime; // Specialized: all rays have the flags of the first
+    Mode mode = Mode::True;
+    bool besideBuild = false; // traced while another structure is built by the same submission
+    // Pipeline
+    bool libraries = false;
+    bool inlineModules = false;
+    bool dynamicStackSize = false;
+};
+
+struct Case {
+    std::string group;
+    uint64_t seed = 0; // that it was made of
+    Memory memory = Memory::Apart;
+    oracle::Scene scene;
+    BuildPlan build;
+    std::vector<Step> steps;
+    TracePlan trace;
+};
+
+// The scene after all steps, which is what rays must meet.
+oracle::Scene sceneAfter(const Case &c);
+
+// What is wrong with a run of a case; no fault: nothing.
+struct Verdict {
+    std::string cause; // one line without numbers that vary
+    std::string detail;
+    uint64_t rays = 0;                  // that were compared with the oracle
+    std::optional<uint32_t> ray;        // the first that is wrong
+    bool skipped = false;               // the device lacks what the case needs, which `cause` says
+    [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
+};
+// Runs it. Throws what checkResult throws: VK_ERROR_DEVICE_LOST, for one.
+Verdict run(Device &gpu, const Case &c);
+
+} // namespace vellum::check

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// The contract between `vellum check` and the groups of conformance cases: a group runs one random case, which its seed
+// determines, on the device of this process.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "check/gpu/api.h"
+
+namespace vellum::check
+{
+
+enum class Status {
+    Pass,
+    Fail,
+    Skip, // the device lacks a feature that the case needs
+    Crash,
+    Timeout,
+    DeviceLost,
+};
+
+// A file that explains a failure, such as a picture.
+struct Attachment {
+    std::string extension; // "png", "txt"
+    std::string bytes;
+};
+
+struct Outcome {
+    Status status = Status::Pass;
+    std::string cause;      // one line without numbers that vary: failures with the same cause are put together
+    std::string detail;     // what was found and what was expected; lines
+    std::string reproducer; // the shrunk case as JSON; empty if there is none
+    uint64_t rays = 0;      // that were compared with the oracle
+    std::vector<Attachment> attachments;
+};
+
+// What a process tests.
+struct SessionOptions {
+    std::optional<std::string> device; // its number or a part of its name; the first one with micromaps without
+    Api api = Api::Khr;
+    bool layer = true; // whether our layer is enabled
+};
+
+// The device of one process.
+class Session;
+
+struct Group {
+    std::string_view name;      // "resolution-query": lower case, hyphens
+    std::string_view summary;   // one line
+    std::string_view sentences; // of the specification that it tests, with section or VUID
+    uint32_t cases = 0;         // in a full run
+    Outcome (*run)(Session &session, uint64_t seed) = nullptr;
+};
+
+// All groups, in the order in which they run.
+std::span<const Group> groups();
+
+// Opens the device. Throws an exception whose what() says why it cannot be tested.
+std::shared_ptr<Session> openSession(const SessionOptions &options);
+
+// Runs the case of an Outcome's reproducer.
+Outcome replay(Session &session, const std::string &reproducer);
+
+} // namespace vellum::check

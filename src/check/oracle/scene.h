@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene as plain data: triangles and boxes, micromaps, instances and rays.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "check/gpu/tracer.h"
+
+namespace vellum::check::oracle
+{
+
+struct MicromapTriangle {
+    uint32_t level = 0;
+    uint16_t format = kFourState;
+    std::vector<uint8_t> states; // 4^level values, in the order of the curve
+};
+
+struct SceneMicromap {
+    std::vector<MicromapTriangle> triangles;
+    VkBuildMicromapFlagsEXT flags = 0; // and kLossy
+    uint32_t triangleStride = sizeof(VkMicromapTriangleEXT);
+    bool usagePointers = false; // usage counts come as an array of pointers
+};
+
+// How a mesh uses a micromap.
+struct MeshMicromap {
+    std::optional<uint32_t> micromap; // its number in the scene; nothing: a null handle, and special indices only
+    VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
+    std::vector<int32_t> indices; // what each triangle of the mesh has; negative: special
+    uint32_t base = 0;
+    // Bytes between two indices; tightly packed unless given; 0: every triangle reads the first index.
+    std::optional<uint32_t> stride;
+    uint32_t indexOffset = 0; // bytes before the first index
+
+    // The index of a triangle, before the base is added.
+    [[nodiscard]] int32_t indexOf(uint32_t triangle) const { return indices[stride == 0u ? 0 : triangle]; }
+};
+
+struct Mesh { // a geometry
+    std::vector<Vec3> vertices;
+    std::vector<VkAabbPositionsKHR> boxes; // not empty: instead of triangles
+    bool opaque = false;
+    uint32_t skippedTriangles = 0; // before them in the vertex buffer
+    std::optional<MeshMicromap> micromap;
+};
+
+struct Object { // a bottom-level structure: triangles or boxes
+    std::vector<Mesh> meshes;
+};
+
+struct Instance {
+    uint32_t object = 0;
+    VkTransformMatrixKHR transform{};
+    uint32_t customIndex = 0;
+    uint32_t mask = 0xff;
+    uint32_t flags = 0;
+    bool inactive = false; // acceleration structure reference 0
+};
+
+struct Scene {
+    std::vector<SceneMicromap> micromaps;
+    std::vector<Object> objects;
+    std::vector<Instance> instances;
+    std::vector<Ray> rays;
+};
+
+} // namespace vellum::check::oracle
