@@ -26,7 +26,7 @@ enum class Status {
 };
 
 // A file that explains a failure, such as a picture.
-struct Attachment {
+struct OutcomeFile {
     std::string extension; // "png", "txt"
     std::string bytes;
 };
@@ -37,7 +37,7 @@ struct Outcome {
     std::string detail;     // what was found and what was expected; lines
     std::string reproducer; // the shrunk case as JSON; empty if there is none
     uint64_t rays = 0;      // that were compared with the oracle
-    std::vector<Attachment> attachments;
+    std::vector<OutcomeFile> files;
 };
 
 // What a process tests.

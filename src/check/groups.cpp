@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "check/group.h"
 
+#include "check/groups/random_case.h"
+
 namespace vellum::check
 {
 
 std::span<const Group> groups()
 {
-    return {};
+    static const std::vector<Group> all = [] {
+        std::vector<Group> list;
+        for (const std::span<const Group> some : {resolutionGroups(), buildGroups(), objectGroups()})
+            list.insert(list.end(), some.begin(), some.end());
+        return list;
+    }();
+    return all;
 }
 
 } // namespace vellum::check

@@ -1,19 +1,88 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <stdexcept>
+#include "check/session.h"
 
-#include "check/group.h"
+#include "check/case/case.h"
 
 namespace vellum::check
 {
-
-std::shared_ptr<Session> openSession(const SessionOptions &)
+namespace
 {
-    throw std::runtime_error("there are no groups of cases");
+
+constexpr const char *kLayer = "VK_LAYER_VELLUM_opacity_micromap";
+
+// The number of the device that the wish names, by its number or a part of its name.
+uint32_t deviceNumber(const SessionOptions &options)
+{
+    if (!options.device)
+        return 0;
+    if (options.device->find_first_not_of("0123456789") == std::string::npos)
+        return static_cast<uint32_t>(std::stoul(*options.device));
+    const auto info = vkInit<VkInstanceCreateInfo>();
+    VkInstance instance = VK_NULL_HANDLE;
+    CHECK_VK(vkCreateInstance(&info, nullptr, &instance));
+    uint32_t count = 0;
+    vkEnumeratePhysicalDevices(instance, &count, nullptr);
+    std::vector<VkPhysicalDevice> all(count);
+    vkEnumeratePhysicalDevices(instance, &count, all.data());
+    uint32_t found = count;
+    for (uint32_t i = 0; i < count && found == count; ++i) {
+        VkPhysicalDeviceProperties properties;
+        vkGetPhysicalDeviceProperties(all[i], &properties);
+        if (std::string_view(properties.deviceName).find(*options.device) != std::string_view::npos)
+            found = i;
+    }
+    vkDestroyInstance(instance, nullptr);
+    if (found == count)
+        throw std::runtime_error("no device has \"" + *options.device + "\" in its name");
+    return found;
 }
 
-Outcome replay(Session &, const std::string &)
+} // namespace
+
+Session::Session(const SessionOptions &options) : options_(options)
 {
-    return {};
+    const Device &gpu = device(Memory::Apart);
+    limits_ = {.api = options.api,
+               .byteIndices = gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME),
+               .pipelines = gpu.has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME),
+               .hostCommands = gpu.hasMicromapHostCommands(),
+               .indirectBuilds = gpu.hasIndirectBuilds(),
+               .maxLevel2 = gpu.maxLevel(kTwoState),
+               .maxLevel4 = gpu.maxLevel(kFourState),
+               .maxLossyLevel = gpu.maxLossyLevel(),
+               .seesOnlyLastInstances = gpu.onLavapipe26()};
+}
+
+Device &Session::device(Memory memory)
+{
+    std::unique_ptr<Device> &device = devices_[memory];
+    if (!device) {
+        DeviceOptions options{.physicalDevice = deviceNumber(options_),
+                              .api = options_.api,
+                              .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME},
+                              .memory = memory};
+        if (options_.layer)
+            options.layers.emplace_back(kLayer);
+        options.onMessage = [this](const Message &message) {
+            if (message.severity < VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
+                return;
+            const std::lock_guard lock(mutex_);
+            errors_.push_back(message.id + ": " + message.text);
+        };
+        device = std::make_unique<Device>(options);
+    }
+    return *device;
+}
+
+std::vector<std::string> Session::takeErrors()
+{
+    const std::lock_guard lock(mutex_);
+    return std::exchange(errors_, {});
+}
+
+std::shared_ptr<Session> openSession(const SessionOptions &options)
+{
+    return std::make_shared<Session>(options);
 }
 
 } // namespace vellum::check

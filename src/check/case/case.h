@@ -99,9 +99,9 @@ oracle::Scene sceneAfter(const Case &c);
 struct Verdict {
     std::string cause; // one line without numbers that vary
     std::string detail;
-    uint64_t rays = 0;                  // that were compared with the oracle
-    std::optional<uint32_t> ray;        // the first that is wrong
-    bool skipped = false;               // the device lacks what the case needs, which `cause` says
+    uint64_t rays = 0;           // that were compared with the oracle
+    std::optional<uint32_t> ray; // the first that is wrong
+    bool skipped = false;        // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };
 // Runs it. Throws what checkResult throws: VK_ERROR_DEVICE_LOST, for one.

@@ -5,6 +5,7 @@
 #include "check/gpu/execution_mode.h"
 
 #include <stdexcept>
+#include <utility>
 
 namespace vellum::check
 {
@@ -68,10 +69,15 @@ constexpr std::array<NewerExtension, 9> kNewerExtensions{{
 
 } // namespace
 
+VulkanError::VulkanError(VkResult result, const char *what)
+    : std::runtime_error(std::string(what) + ": VkResult " + std::to_string(result)), result_(result)
+{
+}
+
 void checkResult(VkResult result, const char *what)
 {
     if (result != VK_SUCCESS)
-        throw std::runtime_error(std::string(what) + ": VkResult " + std::to_string(result));
+        throw VulkanError(result, what);
 }
 
 void barrier(VkCommandBuffer commands)
@@ -103,10 +109,18 @@ Device::~Device()
     vkDestroyInstance(instance_, nullptr);
 }
 
-void Device::fault(const std::string &what) const
+void Device::fault(const std::string &what)
 {
     if (options_.onFault)
-        options_.onFault(what);
+        return options_.onFault(what);
+    const std::lock_guard lock(faultsMutex_);
+    faults_.push_back(what);
+}
+
+std::vector<std::string> Device::takeFaults()
+{
+    const std::lock_guard lock(faultsMutex_);
+    return std::exchange(faults_, {});
 }
 
 void Device::createInstance()
@@ -287,14 +301,33 @@ void Device::createDevice()
     auto limits = vkInit<VkPhysicalDeviceAccelerationStructurePropertiesKHR>();
     pipelineProperties_ = vkInit<VkPhysicalDeviceRayTracingPipelinePropertiesKHR>();
     limits.pNext = &pipelineProperties_;
-    auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
-    pipelineProperties_.pNext = &driver;
+    driver_ = vkInit<VkPhysicalDeviceDriverProperties>();
+    pipelineProperties_.pNext = &driver_;
+    auto micromapLimits = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesEXT>();
+    auto micromapLimitsKhr = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesKHR>();
+    if (has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME)) {
+        driver_.pNext = &micromapLimitsKhr;
+        if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
+            micromapLimitsKhr.pNext = &micromapLimits;
+    } else if (has(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME)) {
+        driver_.pNext = &micromapLimits;
+    }
     auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &limits});
     vkGetPhysicalDeviceProperties2(physical_, &properties);
     pipelineProperties_.pNext = nullptr;
+    driver_.pNext = nullptr;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
-    lavapipe26_ = driver.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
+    lavapipe26_ = driver_.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
+    if (khr())
+        maxLevels_ = {micromapLimitsKhr.maxOpacity2StateSubdivisionLevel,
+                      micromapLimitsKhr.maxOpacity4StateSubdivisionLevel,
+                      micromapLimitsKhr.maxOpacityLossy4StateSubdivisionLevel};
+    else
+        maxLevels_ = {micromapLimits.maxOpacity2StateSubdivisionLevel, micromapLimits.maxOpacity4StateSubdivisionLevel,
+                      0};
+    indirectBuilds_ = structures.accelerationStructureIndirectBuild != VK_FALSE;
+    micromapHostCommands_ = micromaps.micromapHostCommands != VK_FALSE;
 }
 
 VkQueue Device::queueOf(uint32_t family) const

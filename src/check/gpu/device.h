@@ -16,6 +16,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -237,6 +238,17 @@ public:
     [[nodiscard]] uint32_t family() const { return family_; }
     [[nodiscard]] std::span<const VkQueueFamilyProperties> families() const { return families_; }
     [[nodiscard]] VkQueue queueOf(uint32_t family) const;
+    // Enabled features.
+    [[nodiscard]] bool hasIndirectBuilds() const { return indirectBuilds_; }
+    [[nodiscard]] bool hasMicromapHostCommands() const { return micromapHostCommands_; }
+    // Of micromap triangles, by format.
+    [[nodiscard]] uint32_t maxLevel(uint16_t format) const
+    {
+        return format == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT ? maxLevels_[0] : maxLevels_[1];
+    }
+    // Of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
+    [[nodiscard]] uint32_t maxLossyLevel() const { return maxLevels_[2]; }
+    [[nodiscard]] const VkPhysicalDeviceDriverProperties &driver() const { return driver_; }
     [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
     {
@@ -273,8 +285,10 @@ public:
 
     // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
-    // Reports what is wrong: DeviceOptions::onFault.
-    void fault(const std::string &what) const;
+    // Reports what is wrong: to DeviceOptions::onFault, or keeps it for takeFaults.
+    void fault(const std::string &what);
+    // What was reported and kept since the last call.
+    std::vector<std::string> takeFaults();
 
 private:
     void createInstance();
@@ -295,10 +309,26 @@ private:
     std::vector<std::string> extensions_;
     uint32_t scratchAlignment_ = 0;
     bool lavapipe26_ = false;
+    bool indirectBuilds_ = false, micromapHostCommands_ = false;
+    std::array<uint32_t, 3> maxLevels_{};
+    std::mutex faultsMutex_;
+    std::vector<std::string> faults_;
+    VkPhysicalDeviceDriverProperties driver_{};
     VkPhysicalDeviceRayTracingPipelinePropertiesKHR pipelineProperties_{};
 };
 
-// Throws std::runtime_error, with what was called, for everything but VK_SUCCESS.
+// A call that failed.
+class VulkanError : public std::runtime_error
+{
+public:
+    VulkanError(VkResult result, const char *what);
+    [[nodiscard]] VkResult result() const { return result_; }
+
+private:
+    VkResult result_;
+};
+
+// Throws VulkanError, with what was called, for everything but VK_SUCCESS.
 void checkResult(VkResult result, const char *what);
 #define CHECK_VK(call) ::vellum::check::checkResult((call), #call)
 

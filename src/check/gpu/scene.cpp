@@ -154,6 +154,12 @@ VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
     return info;
 }
 
+void Micromap::buildOnHost() const
+{
+    const VkMicromapBuildInfoEXT info = hostBuildInfo();
+    CHECK_VK(gpu_.vk().BuildMicromapsEXT(gpu_.device(), VK_NULL_HANDLE, 1, &info));
+}
+
 void Micromap::scribble()
 {
     for (const Guarded *buffer : {&data_, &triangles_, scratch_.get()})
@@ -341,6 +347,43 @@ void Blas::build(std::vector<Geometry> geometries, VkBuildAccelerationStructureF
 {
     prepare(std::move(geometries), flags, mode);
     gpu().submit([this](VkCommandBuffer commands) { record(commands); });
+}
+
+StructureBuilds::StructureBuilds(Device &gpu, std::span<const Structure *const> structures, bool indirect) : gpu_(gpu)
+{
+    std::vector<VkAccelerationStructureBuildRangeInfoKHR> all;
+    for (const Structure *structure : structures) {
+        infos_.push_back(structure->buildInfo());
+        ranges_.push_back(structure->ranges());
+        const uint32_t geometries = infos_.back().geometryCount;
+        addresses_.push_back(all.size() * sizeof(all[0]));
+        all.insert(all.end(), structure->ranges(), structure->ranges() + geometries);
+        strides_.push_back(sizeof(all[0]));
+        std::vector<uint32_t> &counts = counts_.emplace_back();
+        for (uint32_t g = 0; g < geometries; ++g)
+            counts.push_back(structure->ranges()[g].primitiveCount);
+    }
+    if (!indirect)
+        return;
+    memory_ = gpu_.upload(std::span<const VkAccelerationStructureBuildRangeInfoKHR>(all),
+                          VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
+                              VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR);
+    for (VkDeviceAddress &address : addresses_)
+        address += memory_.address();
+    for (const std::vector<uint32_t> &counts : counts_)
+        maxCounts_.push_back(counts.data());
+}
+
+void StructureBuilds::record(VkCommandBuffer commands) const
+{
+    const auto count = static_cast<uint32_t>(infos_.size());
+    if (count == 0)
+        return;
+    if (maxCounts_.empty())
+        gpu_.vk().CmdBuildAccelerationStructuresKHR(commands, count, infos_.data(), ranges_.data());
+    else
+        gpu_.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, count, infos_.data(), addresses_.data(),
+                                                            strides_.data(), maxCounts_.data());
 }
 
 VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, uint32_t customIndex, uint32_t flags,

@@ -58,6 +58,8 @@ public:
     void build();
     // The same input in host memory, for vkBuildMicromapsEXT.
     [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
+    // Builds it by vkBuildMicromapsEXT.
+    void buildOnHost() const;
     // The buffer that the micromap lies in.
     [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
     // Where it lies, and what a build writes to beside that.
@@ -183,6 +185,26 @@ private:
     std::vector<std::vector<VkMicromapUsageEXT>> usages_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr_;
+};
+
+// Builds of several structures, which are prepared, by one command; indirect: by
+// vkCmdBuildAccelerationStructuresIndirectKHR.
+class StructureBuilds
+{
+public:
+    StructureBuilds(Device &gpu, std::span<const Structure *const> structures, bool indirect = false);
+    void record(VkCommandBuffer commands) const;
+
+private:
+    Device &gpu_;
+    std::vector<VkAccelerationStructureBuildGeometryInfoKHR> infos_;
+    std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges_;
+    // Indirect
+    Buffer memory_; // the ranges
+    std::vector<VkDeviceAddress> addresses_;
+    std::vector<uint32_t> strides_;
+    std::vector<std::vector<uint32_t>> counts_;
+    std::vector<const uint32_t *> maxCounts_;
 };
 
 // An instance at a place, not turned.

@@ -101,15 +101,11 @@ int stateAt(const Scene &scene, const MeshMicromap &use, uint32_t primitive, dou
     return triangle.states[microTriangleAt(u, v, triangle.level, edge)];
 }
 
-// Whether a known state of the triangle may have become unknown: "lossy" builds of four states.
-bool mayBeUnknown(const Scene &scene, const MeshMicromap &use, uint32_t primitive)
+// "If micromap was built as lossy ..., then the implementation can additionally substitute any state to any of the
+// UNKNOWN states", for special indices and for what the micromap has.
+bool mayBeUnknown(const Scene &scene, const MeshMicromap &use)
 {
-    const int32_t index = use.indexOf(primitive);
-    if (index < 0)
-        return false;
-    const SceneMicromap &micromap = scene.micromaps[*use.micromap];
-    return (micromap.flags & kLossy) != 0 &&
-           micromap.triangles[static_cast<uint32_t>(index) + use.base].format == kFourState;
+    return use.micromap && (scene.micromaps[*use.micromap].flags & kLossy) != 0;
 }
 
 class Tracing
@@ -192,7 +188,7 @@ private:
         int state = kNoMicromap;
         if (inside > 0 && mesh.micromap) {
             state = stateAt(scene_, *mesh.micromap, hit.primitive, hit.u, hit.v, edge);
-            if (state < 2 && mayBeUnknown(scene_, *mesh.micromap, hit.primitive)) {
+            if (mayBeUnknown(scene_, *mesh.micromap)) {
                 const uint32_t choice = out_.lossy < choices_.size() ? choices_[out_.lossy] : 0;
                 ++out_.lossy;
                 state = choice == 0 ? state : static_cast<int>(1 + choice);

@@ -46,7 +46,8 @@ struct Mesh { // a geometry
     std::optional<MeshMicromap> micromap;
 };
 
-struct Object { // a bottom-level structure: triangles or boxes
+struct Object {                                     // a bottom-level structure: triangles or boxes
+    VkBuildAccelerationStructureFlagsKHR flags = 0; // besides those that steps and instances need
     std::vector<Mesh> meshes;
 };
 

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// A case on a device: its scene is built by the plan, and its steps are carried out. Where the device has an arena, the
+// arena is compared with what it was before each operation: nothing but what the operation names has changed.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "check/case/case.h"
+#include "check/gpu/copies.h"
+
+namespace vellum::check
+{
+
+class BuiltCase
+{
+public:
+    // Builds micromaps and bottom-level structures, carries out the steps and builds the top level.
+    BuiltCase(Device &gpu, const Case &c);
+    BuiltCase(const BuiltCase &) = delete;
+    BuiltCase &operator=(const BuiltCase &) = delete;
+
+    [[nodiscard]] const Structure &top() const { return *top_; }
+    // Records a build of an object in new memory, which replaces the object when the work is done.
+    void recordBuildBeside(VkCommandBuffer commands);
+    // What the build wrote to, and what it replaces.
+    void finishBuildBeside();
+
+private:
+    struct Bottom {
+        VkBuildAccelerationStructureFlagsKHR flags = 0;
+        std::vector<Geometry> geometries;
+        std::unique_ptr<Blas> structure;
+    };
+    using Record = std::function<void(VkCommandBuffer)>;
+    using Writes = std::vector<Arena::Range>;
+    struct Work { // builds of one kind: for each, what is recorded and what it writes to
+        std::string name;
+        size_t count = 0;
+        std::function<Writes(size_t, VkCommandBuffer, SharedScratch &)> record;
+    };
+
+    void buildMicromaps();
+    void buildObjects();
+    void buildTop();
+    void apply(const Step &step);
+    void applyToObject(const Step &step);
+    void applyToTop(Step::Kind kind);
+
+    [[nodiscard]] VkBuildAccelerationStructureFlagsKHR flagsOf(uint32_t object) const;
+    void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
+    void reloadObject(Bottom &bottom);
+    void buildObject(uint32_t object, bool update);
+    void buildMicromapUsers(uint32_t micromap, bool update);
+    void moveObject(Bottom &moved, uint32_t built);
+    [[nodiscard]] std::unique_ptr<Micromap> copyOfMicromap(const Micromap &source, Step::Kind kind);
+    void reload(const Structure &source, Structure &target);
+
+    void runOnThreads(const Work &work);
+    // Executes, and reports what else was written to.
+    void execute(const std::string &what, const Writes &writes, const Record &record);
+    [[nodiscard]] uint64_t query(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &record);
+    [[nodiscard]] VkDeviceSize sizeOf(const Structure &structure, VkQueryType type);
+
+    Device &gpu_;
+    const Case &case_;
+    oracle::Scene scene_; // as the steps so far have made it
+    std::vector<std::unique_ptr<Micromap>> micromaps_;
+    std::vector<Bottom> bottoms_;
+    std::unique_ptr<Structure> top_;
+    std::unique_ptr<Blas> beside_;
+};
+
+} // namespace vellum::check

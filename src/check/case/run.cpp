@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <array>
+#include <mutex>
+
+#include "check/case/built_case.h"
+#include "check/case/trace.h"
+
+namespace vellum::check
+{
+
+oracle::Scene sceneAfter(const Case &c)
+{
+    oracle::Scene scene = c.scene;
+    for (const Step &step : c.steps) {
+        if (step.kind == Step::Kind::SetStates)
+            scene.micromaps[step.target].triangles = step.states;
+        if (step.kind == Step::Kind::SetIndices)
+            scene.objects[step.target].meshes[step.other].micromap = step.micromapUse;
+    }
+    return scene;
+}
+
+namespace
+{
+
+// What the device lacks for a case; empty: nothing.
+std::string missing(const Device &gpu, const Case &c)
+{
+    if (c.build.micromaps == BuildCommand::Host && !gpu.hasMicromapHostCommands())
+        return "micromapHostCommands is not supported";
+    if (c.build.structures == BuildCommand::Indirect && !gpu.hasIndirectBuilds())
+        return "accelerationStructureIndirectBuild is not supported";
+    for (const oracle::SceneMicromap &micromap : c.scene.micromaps) {
+        const bool lossy = (micromap.flags & kLossy) != 0;
+        if (lossy && !gpu.khr())
+            return "VK_EXT_opacity_micromap has no lossy builds";
+        for (const oracle::MicromapTriangle &triangle : micromap.triangles) {
+            if (triangle.level >
+                (lossy && triangle.format == kFourState ? gpu.maxLossyLevel() : gpu.maxLevel(triangle.format)))
+                return "a subdivision level is above the limit of the device";
+        }
+    }
+    return missingFor(gpu, c.trace).value_or("");
+}
+
+// A fault without what varies from case to case: numbers become #.
+std::string causeOf(const std::string &fault)
+{
+    std::string cause;
+    for (const char x : fault.substr(0, fault.find('\n'))) {
+        const bool digit = x >= '0' && x <= '9';
+        if (!digit)
+            cause += x;
+        else if (cause.empty() || cause.back() != '#')
+            cause += '#';
+    }
+    return cause;
+}
+
+std::string described(const oracle::Scene &scene, size_t ray)
+{
+    const Ray &r = scene.rays[ray];
+    return "ray " + std::to_string(ray) + ", flags " + std::to_string(r.flags) + ", cull mask " +
+           std::to_string(r.cullMask);
+}
+
+} // namespace
+
+Verdict run(Device &gpu, const Case &c)
+{
+    Verdict verdict;
+    if (std::string lacks = missing(gpu, c); !lacks.empty()) {
+        verdict.cause = std::move(lacks);
+        verdict.skipped = true;
+        return verdict;
+    }
+    gpu.takeFaults();
+    const oracle::Scene after = sceneAfter(c);
+    std::vector<oracle::Hits> hits;
+    for (const Ray &ray : after.rays)
+        hits.push_back(oracle::allHits(after, ray));
+    std::vector<std::string> faults;
+    {
+        BuiltCase built(gpu, c);
+        faults = traceFaults(gpu, built.top(), after, hits, c.trace,
+                             [&](VkCommandBuffer commands) { built.recordBuildBeside(commands); });
+        built.finishBuildBeside();
+    }
+    for (size_t i = 0; i < faults.size(); ++i) {
+        verdict.rays += hits[i].unsure ? 0u : 1u;
+        if (faults[i].empty())
+            continue;
+        if (!verdict.ray) {
+            verdict.ray = static_cast<uint32_t>(i);
+            verdict.cause = causeOf(faults[i]);
+            verdict.detail = described(after, i) + ": " + faults[i];
+        }
+    }
+    for (const std::string &fault : gpu.takeFaults()) {
+        verdict.detail += (verdict.detail.empty() ? "" : "\n") + fault;
+        if (verdict.cause.empty())
+            verdict.cause = causeOf(fault);
+    }
+    return verdict;
+}
+
+} // namespace vellum::check

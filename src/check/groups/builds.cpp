@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Groups about builds: commands, threads, memory.
+#include <array>
+
+#include "check/groups/random_case.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+Case builds(Random &random, const DeviceLimits &limits)
+{
+    Case c{.scene = makeScene(random, smallScene(limits), limits)};
+    c.build.together = chance(random, 60);
+    if (limits.indirectBuilds && chance(random, 40))
+        c.build.structures = BuildCommand::Indirect;
+    c.build.instancePointers = chance(random, 50);
+    return c;
+}
+
+Case hostBuilds(Random &random, const DeviceLimits &limits)
+{
+    Case c = builds(random, limits);
+    c.build.micromaps = BuildCommand::Host;
+    return c;
+}
+
+Case packed(Random &random, const DeviceLimits &limits)
+{
+    Case c = builds(random, limits);
+    c.memory = Memory::Packed;
+    return c;
+}
+
+Case generic(Random &random, const DeviceLimits &limits)
+{
+    Case c = builds(random, limits);
+    c.memory = Memory::PackedToTheEnd;
+    return c;
+}
+
+Case threads(Random &random, const DeviceLimits &limits)
+{
+    Limits scene = smallScene(limits);
+    scene.objects = 6;
+    Case c{.memory = Memory::Packed, .scene = makeScene(random, scene, limits)};
+    c.build.threads = 2 + below(random, 3);
+    c.trace.besideBuild = chance(random, 50);
+    return c;
+}
+
+constexpr std::array kGroups{
+    Group{"builds",
+          "several micromaps and structures by one command, indirect builds, arrays of pointers, usage counts by "
+          "pointers, strides of triangle arrays",
+          "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
+          "ppUsageCounts; triangleArrayStride; arrayOfPointers",
+          200, [](Session &s, uint64_t seed) { return runRandomCase(s, "builds", seed, builds); }},
+    Group{"host-builds", "micromaps that are built on the host", "vkBuildMicromapsEXT; micromapHostCommands", 60,
+          [](Session &s, uint64_t seed) { return runRandomCase(s, "host-builds", seed, hostBuilds); }},
+    Group{
+        "packed", "micromaps and structures side by side in one buffer: builds write nothing else",
+        "VkAccelerationStructureBuildSizesInfoKHR and VkMicromapBuildSizesInfoEXT: sizes of memory and scratch memory",
+        150, [](Session &s, uint64_t seed) { return runRandomCase(s, "packed", seed, packed); }},
+    Group{"generic", "GENERIC structures that reach to the end of their buffer, beyond what is built in them",
+          "VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; VkAccelerationStructureCreateInfoKHR: size", 150,
+          [](Session &s, uint64_t seed) { return runRandomCase(s, "generic", seed, generic); }},
+    Group{"threads", "builds recorded on several threads and submitted to all queues; rays beside a build",
+          "Threading Behavior; Acceleration Structure Build Synchronization", 100,
+          [](Session &s, uint64_t seed) { return runRandomCase(s, "threads", seed, threads); }},
+};
+
+} // namespace
+
+std::span<const Group> buildGroups()
+{
+    return kGroups;
+}
+
+} // namespace vellum::check

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Groups about what is done with micromaps and structures: copies, updates, serialization.
+#include <array>
+
+#include "check/groups/random_case.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+using Kind = Step::Kind;
+
+// A scene whose micromaps and top level may be compacted.
+Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind> kinds, uint32_t most)
+{
+    constexpr std::array memories{Memory::Apart, Memory::Packed, Memory::PackedToTheEnd};
+    Case c{.memory = memories[below(random, 3)], .scene = makeScene(random, smallScene(limits), limits)};
+    for (oracle::SceneMicromap &micromap : c.scene.micromaps)
+        micromap.flags |= chance(random, 60) ? VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT : 0u;
+    addSteps(random, c, kinds, 1 + below(random, most), limits);
+    if (limits.pipelines && chance(random, 15))
+        c.trace.method = TracePlan::Method::Pipeline;
+    return c;
+}
+
+Case copies(Random &random, const DeviceLimits &limits)
+{
+    constexpr std::array kinds{Kind::CloneObject,   Kind::CompactObject,   Kind::MoveObject, Kind::RenameObject,
+                               Kind::CloneMicromap, Kind::CompactMicromap, Kind::CloneTop,   Kind::CompactTop};
+    return withSteps(random, limits, kinds, 5);
+}
+
+Case serialization(Random &random, const DeviceLimits &limits)
+{
+    constexpr std::array kinds{Kind::ReloadObject, Kind::ReloadMicromap, Kind::ReloadTop};
+    return withSteps(random, limits, kinds, 3);
+}
+
+Case updates(Random &random, const DeviceLimits &limits)
+{
+    constexpr std::array kinds{Kind::UpdateObject, Kind::SetStates, Kind::SetIndices, Kind::RebuildObject};
+    return withSteps(random, limits, kinds, 4);
+}
+
+Case sequences(Random &random, const DeviceLimits &limits)
+{
+    std::array<Kind, static_cast<size_t>(Kind::Count)> kinds{};
+    for (size_t i = 0; i < kinds.size(); ++i)
+        kinds[i] = static_cast<Kind>(i);
+    Case c = withSteps(random, limits, kinds, 10);
+    c.build.together = chance(random, 30);
+    c.build.instancePointers = chance(random, 30);
+    c.trace.besideBuild = chance(random, 30);
+    return c;
+}
+
+constexpr std::array kGroups{
+    Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
+          "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
+          "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
+          200, [](Session &s, uint64_t seed) { return runRandomCase(s, "copies", seed, copies); }},
+    Group{"serialization", "serialized and deserialized, into fresh memory and into memory that was in use",
+          "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
+          "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries",
+          150, [](Session &s, uint64_t seed) { return runRandomCase(s, "serialization", seed, serialization); }},
+    Group{"updates", "updates with other states, other indices and the same data",
+          "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
+          "acceleration structure can change on update\"",
+          200, [](Session &s, uint64_t seed) { return runRandomCase(s, "updates", seed, updates); }},
+    Group{"sequences", "up to ten steps of all kinds, and rays beside a build",
+          "all sections that the groups copies, serialization and updates name", 250,
+          [](Session &s, uint64_t seed) { return runRandomCase(s, "sequences", seed, sequences); }},
+};
+
+} // namespace
+
+std::span<const Group> objectGroups()
+{
+    return kGroups;
+}
+
+} // namespace vellum::check

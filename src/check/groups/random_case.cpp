@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/groups/random_case.h"
+
+#include <algorithm>
+
+#include "check/session.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+constexpr double kShrinkSeconds = 20;
+
+using Kind = Step::Kind;
+
+// Lavapipe 26 crashes in shaders that trace a top-level structure where some instance comes behind one that no ray can
+// meet: two instances are enough, the first with reference 0 or mask 0. So it does without the layer; the specification
+// says that an inactive object is "considered invisible to all rays", and allows every mask. Such ones at the end are
+// well.
+void showBeforeOthers(oracle::Scene &scene)
+{
+    bool others = false;
+    for (auto instance = scene.instances.rbegin(); instance != scene.instances.rend(); ++instance) {
+        if (others) {
+            instance->inactive = false;
+            instance->mask |= instance->mask == 0 ? 1u : 0u;
+        }
+        others |= !instance->inactive && instance->mask != 0;
+    }
+}
+
+// Whether the devices's limits allow the triangle in a micromap of these flags.
+bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags, const DeviceLimits &limits)
+{
+    if (triangle.format == kTwoState)
+        return triangle.level <= limits.maxLevel2;
+    return triangle.level <= ((flags & kLossy) != 0 ? limits.maxLossyLevel : limits.maxLevel4);
+}
+
+std::vector<oracle::MicromapTriangle> otherStates(Random &random, const oracle::SceneMicromap &micromap,
+                                                  const DeviceLimits &limits)
+{
+    std::vector<oracle::MicromapTriangle> triangles;
+    uint32_t maxLevel = 0;
+    for (const oracle::MicromapTriangle &old : micromap.triangles)
+        maxLevel = std::max(maxLevel, old.level);
+    while (triangles.size() < micromap.triangles.size()) {
+        oracle::MicromapTriangle triangle = oracle::randomTriangle(random, maxLevel);
+        if (allowed(triangle, micromap.flags, limits))
+            triangles.push_back(std::move(triangle));
+    }
+    return triangles;
+}
+
+} // namespace
+
+Limits smallScene(const DeviceLimits &limits)
+{
+    return {.maxLevel = 5,
+            .rays = 160,
+            .byteIndices = limits.byteIndices,
+            .objects = 3,
+            .meshes = 3,
+            .instances = 5,
+            .triangles = 12};
+}
+
+oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits &limits)
+{
+    oracle::Scene made = oracle::randomScene(random, scene);
+    for (oracle::SceneMicromap &micromap : made.micromaps) {
+        for (oracle::MicromapTriangle &triangle : micromap.triangles) {
+            while (!allowed(triangle, micromap.flags, limits))
+                triangle = oracle::randomTriangle(random, scene.maxLevel);
+        }
+    }
+    if (limits.seesOnlyLastInstances)
+        showBeforeOthers(made);
+    return made;
+}
+
+std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind kind, const DeviceLimits &limits)
+{
+    Step step{.kind = kind, .update = chance(random, 50)};
+    switch (kind) {
+    case Kind::CloneMicromap:
+    case Kind::CompactMicromap:
+    case Kind::ReloadMicromap:
+    case Kind::SetStates: {
+        std::vector<uint32_t> able;
+        for (uint32_t i = 0; i < scene.micromaps.size(); ++i) {
+            if (kind != Kind::CompactMicromap ||
+                (scene.micromaps[i].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0)
+                able.push_back(i);
+        }
+        if (able.empty())
+            return {};
+        step.target = able[below(random, static_cast<uint32_t>(able.size()))];
+        if (kind == Kind::SetStates)
+            step.states = otherStates(random, scene.micromaps[step.target], limits);
+        return step;
+    }
+    case Kind::SetIndices: {
+        std::vector<std::pair<uint32_t, uint32_t>> able;
+        for (uint32_t o = 0; o < scene.objects.size(); ++o) {
+            for (uint32_t m = 0; m < scene.objects[o].meshes.size(); ++m) {
+                if (scene.objects[o].meshes[m].micromap)
+                    able.emplace_back(o, m);
+            }
+        }
+        if (able.empty() || scene.micromaps.empty())
+            return {};
+        std::tie(step.target, step.other) = able[below(random, static_cast<uint32_t>(able.size()))];
+        const auto triangles = static_cast<uint32_t>(scene.objects[step.target].meshes[step.other].vertices.size() / 3);
+        step.micromapUse = oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
+        return step;
+    }
+    default:
+        step.target = below(random, static_cast<uint32_t>(scene.objects.size()));
+        step.other = below(random, static_cast<uint32_t>(scene.objects.size()));
+        return step;
+    }
+}
+
+void addSteps(Random &random, Case &c, std::span<const Kind> kinds, uint32_t count, const DeviceLimits &limits)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        const Kind kind = kinds[below(random, static_cast<uint32_t>(kinds.size()))];
+        if (std::optional<Step> step = randomStep(random, sceneAfter(c), kind, limits))
+            c.steps.push_back(std::move(*step));
+    }
+    // In the order in which they are carried out.
+    std::ranges::stable_partition(c.steps, [](const Step &step) { return step.kind < Kind::CloneTop; });
+}
+
+Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make)
+{
+    Random random(static_cast<Random::result_type>(seed ^ seed >> 32));
+    Case c = make(random, session.limits());
+    c.group = group;
+    c.seed = seed;
+    return runAndShrink(session, c, kShrinkSeconds);
+}
+
+} // namespace vellum::check

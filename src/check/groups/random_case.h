@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// What groups make random cases with.
+#pragma once
+
+#include "check/case/case.h"
+#include "check/group.h"
+#include "check/oracle/random_scene.h"
+
+namespace vellum::check
+{
+
+using oracle::Limits;
+using oracle::Random;
+
+// What a device allows.
+struct DeviceLimits {
+    Api api = Api::Khr;
+    bool byteIndices = false; // VK_INDEX_TYPE_UINT8 for micromaps
+    bool pipelines = false;   // ray tracing pipelines
+    bool hostCommands = false;
+    bool indirectBuilds = false;
+    uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
+    bool seesOnlyLastInstances = false; // Device::onLavapipe26
+};
+
+using MakeCase = Case (*)(Random &random, const DeviceLimits &limits);
+
+inline uint32_t below(Random &random, uint32_t n)
+{
+    return static_cast<uint32_t>(random() % n);
+}
+inline bool chance(Random &random, uint32_t percent)
+{
+    return below(random, 100) < percent;
+}
+
+// Limits of a small scene that most groups use.
+Limits smallScene(const DeviceLimits &limits);
+// A scene of these limits, with no levels above what the device allows.
+oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits &limits);
+// A random step of that kind; nothing where the scene has nothing that it could be done to.
+std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step::Kind kind, const DeviceLimits &limits);
+// Appends `count` steps of random kinds.
+void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32_t count, const DeviceLimits &limits);
+
+// Runs a case, and makes it smaller if it fails, for at most that many seconds.
+Outcome runAndShrink(Session &session, const Case &c, double seconds);
+// The same with a random case.
+Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make);
+
+// The groups of each file.
+std::span<const Group> resolutionGroups();
+std::span<const Group> buildGroups();
+std::span<const Group> objectGroups();
+
+} // namespace vellum::check

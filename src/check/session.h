@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// The devices of a process: one for each way to lay out memory, made when it is first needed.
+#pragma once
+
+#include <map>
+#include <utility>
+
+#include "check/gpu/device.h"
+#include "check/group.h"
+#include "check/groups/random_case.h"
+
+namespace vellum::check
+{
+
+class Session
+{
+public:
+    explicit Session(const SessionOptions &options);
+
+    [[nodiscard]] Device &device(Memory memory);
+    [[nodiscard]] const DeviceLimits &limits() const { return limits_; }
+    // What layers reported since the last call, errors only.
+    [[nodiscard]] std::vector<std::string> takeErrors();
+
+private:
+    SessionOptions options_;
+    DeviceLimits limits_;
+    std::mutex mutex_;
+    std::vector<std::string> errors_; // outlives the devices, which write to it
+    std::map<Memory, std::unique_ptr<Device>> devices_;
+};
+
+} // namespace vellum::check
