@@ -104,6 +104,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     commands["info"] = declareInfoCommand(app);
     commands["run"] = declareRunCommand(app);
     commands["verify"] = declareVerifyCommand(app);
+    commands["check"] = declareCheckCommand(app);
     commands["help"] = declareHelpCommand(app);
     for (CLI::App *subcommand : app.get_subcommands(std::function<bool(CLI::App *)>()))
         subcommand->get_help_ptr()->group(kGeneral);

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks that what --json prints is by src/cli/schema.json, for every subcommand, and that the schema rejects what it should.
 
-usage: check_schema.py VELLUM SCHEMA
+CHECK is a program of the tests that has vellum check with groups of its own.
+
+usage: check_schema.py VELLUM SCHEMA CHECK
 """
 import copy
 import json
@@ -10,11 +12,12 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+import xml.etree.ElementTree
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "inspect"))
 import made_up
 
-VELLUM, SCHEMA = sys.argv[1], json.loads(pathlib.Path(sys.argv[2]).read_text(encoding="utf-8"))
+VELLUM, SCHEMA, CHECK = sys.argv[1], json.loads(pathlib.Path(sys.argv[2]).read_text(encoding="utf-8")), sys.argv[3]
 TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "integer": int, "number": (int, float),
          "null": type(None)}
 KNOWN = {"$schema", "$id", "title", "description", "$defs", "$ref", "type", "properties", "required", "minimum", "maximum",
@@ -59,8 +62,8 @@ def faults(value, schema, place="$"):
     return found
 
 
-def report(*arguments, code=0):
-    done = subprocess.run([VELLUM, *map(str, arguments), "--json"], capture_output=True, text=True, timeout=300)
+def report(*arguments, code=0, program=VELLUM):
+    done = subprocess.run([program, *map(str, arguments), "--json"], capture_output=True, text=True, timeout=300)
     assert done.returncode == code, (arguments, done.returncode, done.stderr)
     value = json.loads(done.stdout)
     found = faults(value, SCHEMA)
@@ -87,6 +90,27 @@ with tempfile.TemporaryDirectory() as name:
     report("verify", "--strict", cut, tree, code=1)
     report("info")
     report("render", baked, "--mode", "compare", "--size", "32x32", "--frames", "2", "-o", folder / "picture.png")
+
+    out = folder / "check"
+    check = report("check", "--filter", "*.good.*", "--filter", "*.bad.*", "--filter", "*.crash.*", "--filter", "*.lost.*",
+                   "--filter", "*.skip.*", "-o", out, code=1, program=CHECK)
+    assert check == json.loads((out / "results.json").read_text(encoding="utf-8"))
+    for path in (out / "failures").glob("*.json"):
+        found = faults(json.loads(path.read_text(encoding="utf-8")), SCHEMA)
+        assert not found, (path, found)
+    # JUnit's XML and the CSV say the same.
+    named = {case["case"]: case["result"] for case in check["cases"]}
+    junit = {}
+    for case in xml.etree.ElementTree.parse(out / "junit.xml").iter("testcase"):
+        failure, skipped = case.find("failure"), case.find("skipped")
+        junit[case.get("name")] = failure.get("type") if failure is not None else "Skip" if skipped is not None else "Pass"
+        assert case.get("name").startswith(case.get("classname") + ".")
+    assert junit == named, (junit, named)
+    rows = [line.split(",") for line in (out / "results.csv").read_text(encoding="utf-8").splitlines()]
+    assert {name: status for name, status, _ in rows} == named and all(float(row[2]) >= 0 for row in rows)
+    for suite in xml.etree.ElementTree.parse(out / "junit.xml").iter("testsuite"):
+        assert int(suite.get("tests")) == len(suite.findall("testcase"))
+        assert int(suite.get("failures")) == len(suite.findall("testcase/failure"))
 
     # The schema is no use if it takes everything.
     assert faults({}, SCHEMA) and faults([], SCHEMA)

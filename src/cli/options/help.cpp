@@ -143,6 +143,8 @@ std::vector<OptionGroup> optionGroups(const CLI::App &app)
 {
     std::vector<OptionGroup> groups;
     for (const CLI::Option *option : app.get_options()) {
+        if (option->get_group().empty()) // hidden
+            continue;
         const auto group = std::find_if(groups.begin(), groups.end(),
                                         [&](const OptionGroup &g) { return g.name == option->get_group(); });
         if (group != groups.end())

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// The names of cases, "khr.resolution-query.0042", and their seeds.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "check/group.h"
+
+namespace vellum::cli
+{
+
+struct CaseId {
+    check::Api api = check::Api::Khr;
+    const check::Group *group = nullptr;
+    uint32_t number = 0;
+
+    friend bool operator==(const CaseId &, const CaseId &) = default;
+};
+
+const char *nameOf(check::Api api);
+// The name of the extension: "VK_KHR_opacity_micromap".
+const char *extensionOf(check::Api api);
+std::string nameOf(const CaseId &id);
+// Nothing if there is no such group, or the name is not of this form.
+std::optional<CaseId> parseCase(std::string_view name);
+// Null if there is none.
+const check::Group *findGroup(std::string_view name);
+
+// Depends on nothing else, so that a case stays the same from one run and one machine to the next.
+uint64_t seedOf(uint64_t seed, const CaseId &id);
+
+// "0x0123456789abcdef": numbers of 64 bits are strings in JSON.
+std::string hexadecimal(uint64_t number);
+std::optional<uint64_t> parseHexadecimal(std::string_view text);
+
+} // namespace vellum::cli

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/check/expectations.h"
+
+#include <algorithm>
+#include <fstream>
+#include <optional>
+#include <utility>
+
+#include "cli/base/error.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr std::pair<Verdict, const char *> kVerdicts[] = {
+    {Verdict::Pass, "Pass"},
+    {Verdict::Fail, "Fail"},
+    {Verdict::Skip, "Skip"},
+    {Verdict::Crash, "Crash"},
+    {Verdict::Timeout, "Timeout"},
+    {Verdict::Missing, "Missing"},
+    {Verdict::Flake, "Flake"},
+    {Verdict::KnownFlake, "KnownFlake"},
+    {Verdict::ExpectedFail, "ExpectedFail"},
+    {Verdict::ImprovedToPass, "UnexpectedImprovement(Pass)"},
+    {Verdict::ImprovedToFail, "UnexpectedImprovement(Fail)"},
+    {Verdict::ImprovedToSkip, "UnexpectedImprovement(Skip)"},
+};
+
+std::optional<Verdict> parseVerdict(const std::string &text)
+{
+    // Statuses of other test suites, which no case has here, but a shared file may.
+    if (text == "Warn" || text == "UnexpectedImprovement(Warn)")
+        return Verdict::Pass;
+    const auto *const found =
+        std::find_if(std::begin(kVerdicts), std::end(kVerdicts), [&](const auto &v) { return text == v.second; });
+    return found != std::end(kVerdicts) ? std::optional(found->first) : std::nullopt;
+}
+
+// deqp-runner's rules.
+Verdict compare(Verdict verdict, Verdict baseline)
+{
+    const bool failed = baseline == Verdict::Fail || baseline == Verdict::Crash || baseline == Verdict::Timeout ||
+                        baseline == Verdict::Missing;
+    switch (verdict) {
+    case Verdict::Pass: return failed ? Verdict::ImprovedToPass : verdict;
+    case Verdict::Skip: return failed ? Verdict::ImprovedToSkip : verdict;
+    case Verdict::Fail:
+        if (baseline == Verdict::Crash || baseline == Verdict::Timeout)
+            return Verdict::ImprovedToFail;
+        return baseline == Verdict::Fail || baseline == Verdict::ExpectedFail ? Verdict::ExpectedFail : verdict;
+    case Verdict::Crash:
+        return baseline == Verdict::Crash || baseline == Verdict::ExpectedFail ? Verdict::ExpectedFail : verdict;
+    case Verdict::Timeout: return baseline == Verdict::Timeout ? Verdict::ExpectedFail : verdict;
+    default: return verdict;
+    }
+}
+
+Verdict verdictOf(check::Status status)
+{
+    switch (status) {
+    case check::Status::Pass: return Verdict::Pass;
+    case check::Status::Fail: return Verdict::Fail;
+    case check::Status::Skip: return Verdict::Skip;
+    case check::Status::Timeout: return Verdict::Timeout;
+    case check::Status::Crash:
+    case check::Status::DeviceLost: break;
+    }
+    return Verdict::Crash;
+}
+
+} // namespace
+
+const char *nameOf(check::Status status)
+{
+    return status == check::Status::DeviceLost ? "DeviceLost" : nameOf(verdictOf(status));
+}
+
+const char *nameOf(Verdict verdict)
+{
+    return std::find_if(std::begin(kVerdicts), std::end(kVerdicts), [&](const auto &v) { return verdict == v.first; })
+        ->second;
+}
+
+bool isSuccess(Verdict verdict)
+{
+    switch (verdict) {
+    case Verdict::Pass:
+    case Verdict::Skip:
+    case Verdict::Flake:
+    case Verdict::KnownFlake:
+    case Verdict::ExpectedFail: return true;
+    default: return false;
+    }
+}
+
+void forEachLine(const std::filesystem::path &path,
+                 const std::function<void(const std::string &line, const std::string &place)> &use)
+{
+    std::ifstream file(path);
+    std::string line;
+    for (size_t number = 1; std::getline(file, line); ++number) {
+        line.erase(line.find_last_not_of(" \t\r") + 1);
+        if (!line.empty() && line.front() != '#')
+            use(line, path.string() + ":" + std::to_string(number));
+    }
+    if (!file.eof())
+        throw UsageError(path.string() + " cannot be read");
+}
+
+void Expectations::addBaseline(const std::filesystem::path &path)
+{
+    forEachLine(path, [this](const std::string &line, const std::string &place) {
+        const size_t comma = line.find(',');
+        const std::string rest = comma == std::string::npos ? "" : line.substr(comma + 1);
+        const std::optional<Verdict> verdict = parseVerdict(rest.substr(0, rest.find(',')));
+        if (!verdict || comma == 0)
+            throw UsageError(place + ": must be NAME,STATUS with a status of deqp-runner, got " + line);
+        if (!baseline_.emplace(line.substr(0, comma), *verdict).second)
+            throw UsageError(place + ": " + line.substr(0, comma) + " has two results");
+    });
+}
+
+void Expectations::addExpressions(const std::filesystem::path &path, Expressions &expressions)
+{
+    forEachLine(path, [&](const std::string &line, const std::string &place) {
+        const size_t comma = line.rfind(',');
+        if (comma != std::string::npos && parseVerdict(line.substr(comma + 1)))
+            throw UsageError(place + ": must be a regular expression without a status, got " + line);
+        try {
+            expressions.emplace_back(line);
+        } catch (const std::regex_error &) {
+            throw UsageError(place + ": must be a regular expression, got " + line);
+        }
+    });
+}
+
+bool Expectations::matches(const std::string &name, const Expressions &expressions)
+{
+    return std::any_of(expressions.begin(), expressions.end(),
+                       [&](const std::regex &expression) { return std::regex_search(name, expression); });
+}
+
+Verdict Expectations::verdictOn(const std::string &name, check::Status status) const
+{
+    const auto baseline = baseline_.find(name);
+    const Verdict verdict = verdictOf(status);
+    const Verdict compared = baseline == baseline_.end() ? verdict : compare(verdict, baseline->second);
+    return !isSuccess(compared) && matches(name, flakes_) ? Verdict::KnownFlake : compared;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is expected of cases, in the files of deqp-runner: a baseline of known failures, skips and flakes.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "check/group.h"
+
+namespace vellum::cli
+{
+
+const char *nameOf(check::Status status);
+
+// The statuses of deqp-runner, in which a lost device is a crash.
+enum class Verdict {
+    Pass,
+    Fail,
+    Skip,
+    Crash,
+    Timeout,
+    Missing, // not run, because the device could not be opened any more
+    Flake,   // failed, and passed when it was run again
+    KnownFlake,
+    ExpectedFail,
+    ImprovedToPass, // "UnexpectedImprovement(Pass)": the baseline has a failure
+    ImprovedToFail, // the baseline has a crash or a timeout
+    ImprovedToSkip,
+};
+// As results.csv has it.
+const char *nameOf(Verdict verdict);
+bool isSuccess(Verdict verdict);
+
+class Expectations
+{
+public:
+    // Adds the results of a file such as failures.csv: name,status[,duration]. Throws UsageError.
+    void addBaseline(const std::filesystem::path &path);
+    // Add regular expressions, one a line, which match a part of a name. Throw UsageError.
+    void addSkips(const std::filesystem::path &path) { addExpressions(path, skips_); }
+    void addFlakes(const std::filesystem::path &path) { addExpressions(path, flakes_); }
+
+    [[nodiscard]] bool skips(const std::string &name) const { return matches(name, skips_); }
+    [[nodiscard]] Verdict verdictOn(const std::string &name, check::Status status) const;
+
+private:
+    using Expressions = std::vector<std::regex>;
+    static void addExpressions(const std::filesystem::path &path, Expressions &expressions);
+    static bool matches(const std::string &name, const Expressions &expressions);
+
+    std::map<std::string, Verdict, std::less<>> baseline_;
+    Expressions skips_;
+    Expressions flakes_;
+};
+
+// The lines of a file without comments (#), spaces at their ends and empty lines; calls use(line, "FILE:NUMBER").
+// Throws UsageError where the file cannot be read.
+void forEachLine(const std::filesystem::path &path,
+                 const std::function<void(const std::string &line, const std::string &place)> &use);
+
+} // namespace vellum::cli

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/check/formats.h"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+#include "cli/base/numbers.h"
+#include "cli/base/report_parts.h"
+#include "gltf/file/json_writer.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr const char *kNotRun = "Missing";
+
+std::vector<const CaseResult *> byName(const std::vector<CaseResult> &results)
+{
+    std::vector<std::pair<std::string, const CaseResult *>> named;
+    for (const CaseResult &result : results)
+        named.emplace_back(nameOf(result.id), &result);
+    std::sort(named.begin(), named.end());
+    std::vector<const CaseResult *> sorted;
+    for (const auto &[name, result] : named)
+        sorted.push_back(result);
+    return sorted;
+}
+
+const char *statusOf(const CaseResult &result)
+{
+    return result.verdict == Verdict::Missing ? kNotRun : nameOf(result.status);
+}
+
+size_t count(const GroupTally &group, std::initializer_list<check::Status> statuses)
+{
+    size_t sum = 0;
+    for (const check::Status status : statuses)
+        if (const auto found = group.statuses.find(status); found != group.statuses.end())
+            sum += found->second;
+    return sum;
+}
+
+// Text or an attribute of XML 1.0, which has no way to write control characters.
+std::string xml(const std::string &text)
+{
+    std::string result;
+    for (const char c : text) {
+        switch (c) {
+        case '&': result += "&amp;"; break;
+        case '<': result += "&lt;"; break;
+        case '>': result += "&gt;"; break;
+        case '"': result += "&quot;"; break;
+        case '\n': result += "&#10;"; break;
+        default: result += static_cast<uint8_t>(c) < 0x20 && c != '\t' ? '?' : c;
+        }
+    }
+    return result;
+}
+
+std::string junitCase(const CaseResult &result)
+{
+    std::string text = fmt::format(R"(    <testcase classname="{}.{}" name="{}" time="{:.3f}")", nameOf(result.id.api),
+                                   result.id.group->name, nameOf(result.id), result.seconds);
+    if (!isSuccess(result.verdict))
+        return text + fmt::format("><failure type=\"{}\" message=\"{}\">{}</failure></testcase>\n",
+                                  nameOf(result.verdict), xml(causeOf(result)),
+                                  xml(result.details != nullptr ? result.details->text : ""));
+    if (result.verdict == Verdict::Skip)
+        return text + fmt::format("><skipped message=\"{}\"/></testcase>\n", xml(result.cause()));
+    if (result.verdict != Verdict::Pass)
+        return text + fmt::format("><system-out>{}: {}</system-out></testcase>\n", nameOf(result.verdict),
+                                  xml(causeOf(result)));
+    return text + "/>\n";
+}
+
+void writeGroup(const GroupTally &group, JsonWriter &json)
+{
+    using check::Status;
+    json.beginObject().member("api", nameOf(group.api)).member("group", group.group->name).member("cases", group.cases);
+    json.member("pass", count(group, {Status::Pass})).member("fail", count(group, {Status::Fail}));
+    json.member("skip", count(group, {Status::Skip})).member("crash", count(group, {Status::Crash}));
+    json.member("timeout", count(group, {Status::Timeout})).member("deviceLost", count(group, {Status::DeviceLost}));
+    json.member("rays", group.rays).member("seconds", group.seconds).end();
+}
+
+void writeCauses(const char *name, const std::vector<CauseTally> &causes, JsonWriter &json)
+{
+    json.list(name, causes, [&](const CauseTally &cause) {
+        json.beginObject().member("cause", cause.cause).member("cases", cause.count);
+        json.member("case", nameOf(cause.first->id));
+        if (const auto &details = cause.first->details; details != nullptr) {
+            json.member("detail", details->text);
+            if (!details->reproducer.empty())
+                json.member("reproducer", details->reproducer);
+        }
+        json.end();
+    });
+}
+
+void appendCauses(const char *heading, const std::vector<CauseTally> &causes, std::string &text)
+{
+    if (causes.empty())
+        return;
+    text += fmt::format("\n{}:\n", heading);
+    for (const CauseTally &cause : causes) {
+        text += fmt::format("  {}\n    {}, the first of which is {}\n", cause.cause, counted(cause.count, "case"),
+                            nameOf(cause.first->id));
+        if (const auto &details = cause.first->details; details != nullptr && !details->reproducer.empty())
+            text += fmt::format("    vellum check --replay {}\n", details->reproducer);
+    }
+}
+
+// "2 expected failures, 1 flake"; empty if everything is as the table says.
+std::string otherVerdicts(const CheckTally &tally)
+{
+    std::string text;
+    const auto add = [&](std::initializer_list<Verdict> verdicts, const char *one, const char *many) {
+        size_t sum = 0;
+        for (const Verdict verdict : verdicts)
+            if (const auto found = tally.verdicts.find(verdict); found != tally.verdicts.end())
+                sum += found->second;
+        if (sum != 0)
+            text += (text.empty() ? "" : ", ") + counted(sum, one, many);
+    };
+    add({Verdict::ExpectedFail}, "expected failure", nullptr);
+    add({Verdict::ImprovedToPass, Verdict::ImprovedToFail, Verdict::ImprovedToSkip}, "unexpected improvement", nullptr);
+    add({Verdict::Flake}, "flake", nullptr);
+    add({Verdict::KnownFlake}, "known flake", nullptr);
+    add({Verdict::Missing}, "case not run", "cases not run");
+    return text;
+}
+
+} // namespace
+
+std::string resultsCsv(const std::vector<CaseResult> &results)
+{
+    std::string text;
+    for (const CaseResult *result : byName(results))
+        text += fmt::format("{},{},{:.6f}\n", nameOf(result->id), nameOf(result->verdict), result->seconds);
+    return text;
+}
+
+std::string failuresCsv(const std::vector<CaseResult> &results)
+{
+    std::string text;
+    for (const CaseResult *result : byName(results))
+        if (!isSuccess(result->verdict))
+            text += fmt::format("{},{}\n", nameOf(result->id), nameOf(result->verdict));
+    return text;
+}
+
+std::string junitXml(const std::vector<CaseResult> &results)
+{
+    std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum check\">\n";
+    for (const GroupTally &group : tallyOf(results).groups) {
+        std::string cases;
+        size_t failures = 0;
+        size_t skipped = 0;
+        for (const CaseResult &result : results) {
+            if (result.id.api != group.api || result.id.group != group.group)
+                continue;
+            cases += junitCase(result);
+            failures += isSuccess(result.verdict) ? 0U : 1U;
+            skipped += result.verdict == Verdict::Skip ? 1U : 0U;
+        }
+        text +=
+            fmt::format("  <testsuite name=\"{}.{}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\" time=\"{:.3f}\">\n",
+                        nameOf(group.api), group.group->name, group.cases, failures, skipped, group.seconds);
+        text += cases + "  </testsuite>\n";
+    }
+    return text + "</testsuites>\n";
+}
+
+std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &results)
+{
+    const CheckTally tally = tallyOf(results);
+    JsonWriter json;
+    beginReport(json, "check");
+    json.member("device", facts.device.name).member("implementation", facts.device.implementation);
+    json.member("seed", hexadecimal(facts.seed)).member("seconds", facts.seconds);
+    json.member("interrupted", facts.interrupted);
+    json.list("groups", tally.groups, [&](const GroupTally &group) { writeGroup(group, json); });
+    writeCauses("failures", tally.failures, json);
+    writeCauses("flakes", tally.flakes, json);
+    json.list("cases", byName(results), [&](const CaseResult *result) {
+        json.beginObject().member("case", nameOf(result->id)).member("result", nameOf(result->verdict));
+        json.member("status", statusOf(*result)).member("seconds", result->seconds).member("rays", result->rays);
+        if (!result->cause().empty())
+            json.member("cause", result->cause());
+        json.end();
+    });
+    json.end();
+    return json.text() + "\n";
+}
+
+std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &results)
+{
+    using check::Status;
+    const CheckTally tally = tallyOf(results);
+    size_t width = 5;
+    for (const GroupTally &group : tally.groups)
+        width = std::max(width, group.group->name.size() + 4);
+    std::string text = fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9}\n", "group", width, "cases",
+                                   "pass", "fail", "skip", "crash", "timeout", "rays", "seconds");
+    for (const GroupTally &group : tally.groups)
+        text += fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9.1f}\n",
+                            fmt::format("{}.{}", nameOf(group.api), group.group->name), width, grouped(group.cases),
+                            grouped(count(group, {Status::Pass})), grouped(count(group, {Status::Fail})),
+                            grouped(count(group, {Status::Skip})),
+                            grouped(count(group, {Status::Crash, Status::DeviceLost})),
+                            grouped(count(group, {Status::Timeout})), grouped(group.rays), group.seconds);
+    appendCauses("failures", tally.failures, text);
+    appendCauses("flakes", tally.flakes, text);
+    const std::string others = otherVerdicts(tally);
+    size_t failures = 0;
+    for (const auto &[verdict, number] : tally.verdicts)
+        failures += isSuccess(verdict) ? 0U : number;
+    text += fmt::format("\n{}{}: {} in {:.1f} s, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
+                        counted(results.size(), "case"), facts.seconds,
+                        failures == 0 ? "no failure" : counted(failures, "failure"),
+                        others.empty() ? "" : " (" + others + ")");
+    return text;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/check/output_folder.h"
+
+#include "cli/base/error.h"
+#include "cli/base/output_file.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr const char *kResults = "results.json";
+constexpr const char *kFailures = "failures";
+
+} // namespace
+
+void writeText(const std::filesystem::path &path, const std::string &text)
+{
+    writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+}
+
+OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::move(path))
+{
+    std::error_code error;
+    if (std::filesystem::exists(path_, error) && !std::filesystem::is_directory(path_, error))
+        throw Error(path_.string() + " cannot be written: it is not a directory");
+    const bool foreign = std::filesystem::is_directory(path_, error) && !std::filesystem::is_empty(path_, error) &&
+                         !std::filesystem::exists(path_ / kResults, error);
+    if (foreign && !force)
+        throw Error(path_.string() + " has files that vellum check did not write; --force writes into it");
+    std::filesystem::create_directories(path_ / kFailures, error);
+    if (error)
+        throw Error(path_.string() + " cannot be written: " + error.message());
+}
+
+std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
+{
+    const std::string cause = std::string(nameOf(finished.outcome.status)) + finished.outcome.cause;
+    if (++written_[cause] > kMostReproducers)
+        return {};
+    const std::string name = nameOf(finished.id);
+    const std::filesystem::path path = path_ / kFailures / (name + ".json");
+    writeText(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
+                                     finished.outcome.reproducer}));
+    for (const check::Attachment &attachment : finished.outcome.attachments)
+        writeText(path_ / kFailures / (name + "." + attachment.extension), attachment.bytes);
+    return path.string();
+}
+
+void OutputFolder::writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const
+{
+    writeText(path_ / "results.csv", resultsCsv(results));
+    writeText(path_ / "failures.csv", failuresCsv(results));
+    writeText(path_ / "junit.xml", junitXml(results));
+    writeText(path_ / kResults, resultsJson(facts, results));
+}
+
+} // namespace vellum::cli

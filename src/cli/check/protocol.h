@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// What `vellum check` and its worker processes write to each other: a JSON object a line.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "check/group.h"
+
+namespace vellum::cli
+{
+
+// To the worker. It answers each with an Event::Device; or with an Event::Begin when the device is open, and an
+// Event::End; or with an Event::Error, after which it ends.
+struct Request {
+    enum class Kind { Describe, Run, Replay } kind = Kind::Run;
+    std::string group;              // Run
+    uint64_t seed = 0;              // Run
+    std::filesystem::path document; // Replay: of readReproducer
+};
+std::string write(const Request &request);
+// Throws Error.
+Request parseRequest(const std::string &line);
+
+struct DeviceSummary {
+    std::string name;
+    std::string implementation; // of micromaps, in words
+    bool khr = false;           // has VK_KHR_opacity_micromap
+    bool ext = false;
+
+    [[nodiscard]] bool has(check::Api api) const { return api == check::Api::Khr ? khr : ext; }
+};
+
+// From the worker.
+struct Event {
+    enum class Kind { Device, Begin, End, Error } kind = Kind::Begin;
+    DeviceSummary device;   // Device
+    check::Outcome outcome; // End
+    std::string message;    // Error
+};
+std::string write(const Event &event);
+// Throws Error.
+Event parseEvent(const std::string &line);
+
+// A file that --replay runs.
+struct Reproducer {
+    std::string name; // of the case
+    check::Api api = check::Api::Khr;
+    std::string group;
+    uint64_t seed = 0;
+    std::string shrunk; // JSON of the group; empty: the case is that of the seed
+};
+std::string write(const Reproducer &reproducer);
+// Throws UsageError.
+Reproducer readReproducer(const std::filesystem::path &path);
+
+} // namespace vellum::cli

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// What became of the cases.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cli/check/case_id.h"
+#include "cli/check/expectations.h"
+
+namespace vellum::cli
+{
+
+struct CaseResult {
+    CaseId id;
+    check::Status status = check::Status::Pass;
+    Verdict verdict = Verdict::Pass;
+    double seconds = 0;
+    uint64_t rays = 0;
+    // Of what did not pass, or else null.
+    struct Details {
+        std::string cause;
+        std::string text;
+        std::string reproducer; // its path; empty if there is none
+    };
+    std::shared_ptr<const Details> details;
+
+    [[nodiscard]] const std::string &cause() const;
+};
+
+// "Crash: SIGSEGV": results with the same are put together.
+std::string causeOf(const CaseResult &result);
+
+// The results of one group with one extension.
+struct GroupTally {
+    check::Api api = check::Api::Khr;
+    const check::Group *group = nullptr;
+    size_t cases = 0;
+    std::map<check::Status, size_t> statuses; // without cases that were not run
+    uint64_t rays = 0;
+    double seconds = 0;
+};
+
+// Failures with one cause.
+struct CauseTally {
+    std::string cause;
+    size_t count = 0;
+    const CaseResult *first = nullptr;
+};
+
+struct CheckTally {
+    std::vector<GroupTally> groups;
+    std::map<Verdict, size_t> verdicts;
+    std::vector<CauseTally> failures; // most frequent first
+    std::vector<CauseTally> flakes;
+};
+// Points to elements of `results`.
+CheckTally tallyOf(const std::vector<CaseResult> &results);
+
+} // namespace vellum::cli

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs cases in worker processes.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/check/case_id.h"
+#include "cli/check/expectations.h"
+#include "cli/check/protocol.h"
+#include "cli/check/schedule.h"
+
+namespace vellum::cli
+{
+
+struct RunSettings {
+    std::vector<std::string> workerOptions; // without --api
+    uint64_t seed = 0;
+    unsigned jobs = 1;
+    double timeout = 60;          // seconds of a case, of opening and of closing the device
+    std::optional<double> budget; // seconds after which no further case begins
+    std::filesystem::path replay; // runs this reproducer for each case; empty without
+};
+
+struct Finished {
+    CaseId id;
+    check::Outcome outcome;
+    Verdict verdict = Verdict::Pass;
+    double seconds = 0;
+};
+
+class Runner
+{
+public:
+    // `report` gets each result once it is final; `tick` is called now and then.
+    Runner(RunSettings settings, const Expectations &expectations, std::function<void(const Finished &)> report,
+           std::function<void()> tick);
+
+    // Until the end of the schedule, of the time, or an interruption.
+    void run(Schedule &schedule);
+    [[nodiscard]] double seconds() const;
+
+private:
+    class Slot;
+    using Clock = std::chrono::steady_clock;
+    static constexpr unsigned kMostFailedOpenings = 5;
+    static constexpr size_t kMostConfirmations = 3;
+
+    [[nodiscard]] bool timeIsOver() const { return settings_.budget && seconds() >= *settings_.budget; }
+    // The device cannot be opened any more.
+    [[nodiscard]] bool givesUp() const { return failedOpenings_ >= kMostFailedOpenings; }
+    // Reports skipped cases. Nothing at the end of the stream.
+    std::optional<CaseId> nextOf(Stream &stream);
+    // Whether a failure is to be run again.
+    bool mustConfirm(const Finished &finished);
+    void reportMissing(Schedule &schedule);
+
+    RunSettings settings_;
+    const Expectations &expectations_;
+    std::function<void(const Finished &)> report_;
+    std::function<void()> tick_;
+    Clock::time_point start_ = Clock::now();
+    double turn_ = 0;                     // seconds that a worker runs the cases of one stream
+    unsigned failedOpenings_ = 0;         // one after the other
+    std::map<std::string, size_t> again_; // failures that were run again, by cause
+};
+
+// The device that workers with these options test. Throws Error where there is none.
+DeviceSummary askForDevice(const std::vector<std::string> &workerOptions, double timeout);
+
+} // namespace vellum::cli

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/check/schedule.h"
+
+#include <algorithm>
+#include <fnmatch.h>
+#include <numeric>
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr uint32_t kMostSkippedByFilters = 10000;
+
+} // namespace
+
+bool Stream::atEnd()
+{
+    if (at_ < numbers_.size())
+        return false;
+    if (!wanted_)
+        return true;
+    const uint32_t first = std::max(group_->cases, numbers_.empty() ? 0 : numbers_.back() + 1);
+    for (uint32_t number = first; number - first < kMostSkippedByFilters; ++number) {
+        if (wanted_({api_, group_, number})) {
+            numbers_.assign(1, number);
+            at_ = 0;
+            return false;
+        }
+    }
+    wanted_ = nullptr;
+    return true;
+}
+
+CaseId Stream::next()
+{
+    return {api_, group_, numbers_[at_++]};
+}
+
+Stream *Schedule::choose()
+{
+    Stream *best = nullptr;
+    const auto better = [this](const Stream &a, const Stream &b) {
+        if (a.workers != b.workers)
+            return a.workers < b.workers;
+        return timed_ && a.seconds < b.seconds;
+    };
+    for (Stream &stream : streams_)
+        if (!stream.atEnd() && (best == nullptr || better(stream, *best)))
+            best = &stream;
+    return best;
+}
+
+size_t Schedule::remaining() const
+{
+    return std::accumulate(streams_.begin(), streams_.end(), size_t{0},
+                           [](size_t sum, const Stream &stream) { return sum + stream.remaining(); });
+}
+
+bool CaseSelection::accepts(const CaseId &id) const
+{
+    if (filters.empty())
+        return true;
+    const std::string name = nameOf(id);
+    return std::any_of(filters.begin(), filters.end(),
+                       [&](const std::string &filter) { return fnmatch(filter.c_str(), name.c_str(), 0) == 0; });
+}
+
+std::vector<CaseId> casesOf(const CaseSelection &selection)
+{
+    std::vector<CaseId> cases;
+    const auto add = [&](const CaseId &id) {
+        if (selection.accepts(id))
+            cases.push_back(id);
+    };
+    if (selection.listed) {
+        std::for_each(selection.list.begin(), selection.list.end(), add);
+        return cases;
+    }
+    for (const check::Api api : selection.apis)
+        for (const check::Group &group : check::groups())
+            for (uint32_t number = 0; number < group.cases; ++number)
+                add({api, &group, number});
+    return cases;
+}
+
+Schedule makeSchedule(const CaseSelection &selection)
+{
+    Schedule schedule;
+    const std::vector<CaseId> cases = casesOf(selection);
+    for (const check::Api api : {check::Api::Khr, check::Api::Ext}) {
+        for (const check::Group &group : check::groups()) {
+            std::vector<uint32_t> numbers;
+            for (const CaseId &id : cases)
+                if (id.api == api && id.group == &group)
+                    numbers.push_back(id.number);
+            const bool chosen = std::find(selection.apis.begin(), selection.apis.end(), api) != selection.apis.end();
+            Stream stream(api, group, std::move(numbers));
+            if (selection.endless && chosen)
+                stream.goOn([selection](const CaseId &id) { return selection.accepts(id); });
+            if (!stream.atEnd())
+                schedule.add(std::move(stream));
+        }
+    }
+    return schedule;
+}
+
+} // namespace vellum::cli

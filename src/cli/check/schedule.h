@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which cases run, and in which order.
+#pragma once
+
+#include <functional>
+#include <list>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/check/case_id.h"
+
+namespace vellum::cli
+{
+
+// The cases of one group with one extension, which a worker process runs one after the other.
+class Stream
+{
+public:
+    Stream(check::Api api, const check::Group &group, std::vector<uint32_t> numbers)
+        : api_(api), group_(&group), numbers_(std::move(numbers))
+    {
+    }
+    // Goes on with cases that are not part of a full run, those that `wanted` accepts.
+    void goOn(std::function<bool(const CaseId &)> wanted) { wanted_ = std::move(wanted); }
+
+    [[nodiscard]] check::Api api() const { return api_; }
+    [[nodiscard]] bool atEnd();
+    // Not at the end.
+    CaseId next();
+    // Those that remain, without those of goOn().
+    [[nodiscard]] size_t remaining() const { return numbers_.size() - at_; }
+
+    unsigned workers = 0; // that run its cases now
+    double seconds = 0;   // that its cases took
+
+private:
+    check::Api api_;
+    const check::Group *group_;
+    std::vector<uint32_t> numbers_;
+    size_t at_ = 0;
+    std::function<bool(const CaseId &)> wanted_;
+};
+
+class Schedule
+{
+public:
+    void add(Stream stream) { streams_.push_back(std::move(stream)); }
+    // All streams get the same time; without, each is run to its end.
+    void shareTime() { timed_ = true; }
+
+    // The stream that a worker runs next; null at the end.
+    Stream *choose();
+    [[nodiscard]] size_t remaining() const;
+    [[nodiscard]] size_t streams() const { return streams_.size(); }
+
+private:
+    std::list<Stream> streams_;
+    bool timed_ = false;
+};
+
+// What the command line selects.
+struct CaseSelection {
+    std::vector<check::Api> apis;
+    std::vector<std::string> filters; // globs; a case must match one of them, if there are any
+    std::vector<CaseId> list;         // only these, if `listed`
+    bool listed = false;
+    bool endless = false;
+
+    [[nodiscard]] bool accepts(const CaseId &id) const;
+};
+Schedule makeSchedule(const CaseSelection &selection);
+// The cases of a full run that a selection has.
+std::vector<CaseId> casesOf(const CaseSelection &selection);
+
+} // namespace vellum::cli

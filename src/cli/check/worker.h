@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// A worker process of `vellum check`: only here does the driver run, which may crash, hang and print what it likes.
+#pragma once
+
+#include "check/group.h"
+
+namespace vellum::cli
+{
+
+// Where a worker writes its events: a driver writes to stdout.
+inline constexpr int kEventDescriptor = 3;
+
+// Answers the requests of stdin until it ends. Returns an exit code.
+int runWorker(const check::SessionOptions &options);
+
+} // namespace vellum::cli

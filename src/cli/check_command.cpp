@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/check_options.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <fmt/format.h>
+#include <set>
+
+#include "cli/base/error.h"
+#include "cli/base/exit_code.h"
+#include "cli/base/interrupt.h"
+#include "cli/base/progress.h"
+#include "cli/check/formats.h"
+#include "cli/check/output_folder.h"
+#include "cli/check/runner.h"
+#include "cli/check/schedule.h"
+#include "cli/check/worker.h"
+#include "cli/render_command.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr int kNotRun = 125;
+constexpr double kQuickSeconds = 110;
+constexpr double kSecondsBetweenWrites = 30;
+
+// Of this process and of the workers, which inherit it.
+void prepareEnvironment(const CheckOptions &options)
+{
+    if (options.layer)
+        offerLayer(options.layerFolder);
+    if (options.forceEmulation)
+        setenv("VELLUM_FORCE_EMULATION", "1", 1);
+}
+
+std::vector<std::string> workerOptions(const CheckOptions &options)
+{
+    std::vector<std::string> words;
+    if (options.device)
+        words.insert(words.end(), {"--device", *options.device});
+    if (!options.layer)
+        words.emplace_back("--no-layer");
+    return words;
+}
+
+std::vector<CaseId> readCaseList(const std::filesystem::path &path)
+{
+    std::vector<CaseId> cases;
+    std::set<std::string> seen;
+    forEachLine(path, [&](const std::string &line, const std::string &place) {
+        const std::optional<CaseId> id = parseCase(line);
+        if (!id)
+            throw UsageError(place + ": there is no case " + line + "; vellum check --list prints them");
+        if (seen.insert(line).second)
+            cases.push_back(*id);
+    });
+    if (cases.empty())
+        throw UsageError(path.string() + " lists no cases");
+    return cases;
+}
+
+std::vector<check::Api> apisOf(const CheckOptions &options)
+{
+    if (!options.api || *options.api == "both")
+        return {check::Api::Khr, check::Api::Ext};
+    return {*options.api == "khr" ? check::Api::Khr : check::Api::Ext};
+}
+
+CaseSelection selectionOf(const CheckOptions &options)
+{
+    CaseSelection selection;
+    selection.apis = apisOf(options);
+    selection.filters = options.filters;
+    selection.endless = options.minutes.has_value();
+    if (options.caseList) {
+        selection.list = readCaseList(*options.caseList);
+        selection.listed = true;
+    }
+    return selection;
+}
+
+Expectations expectationsOf(const CheckOptions &options)
+{
+    Expectations expectations;
+    if (options.baseline)
+        expectations.addBaseline(*options.baseline);
+    for (const std::filesystem::path &path : options.skips)
+        expectations.addSkips(path);
+    for (const std::filesystem::path &path : options.flakes)
+        expectations.addFlakes(path);
+    return expectations;
+}
+
+RunSettings settingsOf(const CheckOptions &options)
+{
+    RunSettings settings;
+    settings.workerOptions = workerOptions(options);
+    settings.seed = options.seed;
+    settings.jobs = options.jobs;
+    settings.timeout = options.timeout;
+    if (options.quick)
+        settings.budget = kQuickSeconds;
+    if (options.minutes)
+        settings.budget = 60 * *options.minutes;
+    return settings;
+}
+
+// Without the extensions that the device lacks, unless --api or --caselist names them: their cases are then skipped.
+void removeMissing(const CheckOptions &options, const DeviceSummary &device, CaseSelection &selection)
+{
+    const auto lacks = [&](check::Api api) { return !device.has(api); };
+    if (std::all_of(selection.apis.begin(), selection.apis.end(), lacks))
+        throw Error(device.name + " has no " +
+                    (selection.apis.size() > 1 ? "opacity micromaps" : extensionOf(selection.apis.front())));
+    if (!options.api)
+        std::erase_if(selection.apis, lacks);
+}
+
+int list(const CheckOptions &options)
+{
+    for (const CaseId &id : casesOf(selectionOf(options)))
+        fmt::print("{}\n", nameOf(id));
+    return static_cast<int>(ExitCode::Success);
+}
+
+int printGroups()
+{
+    for (const check::Group &group : check::groups())
+        fmt::print("{} ({} cases)\n  {}\n  {}\n", group.name, group.cases, group.summary, group.sentences);
+    return static_cast<int>(ExitCode::Success);
+}
+
+// Collects the results and writes them.
+class Results
+{
+public:
+    Results(const CheckOptions &options, const DeviceSummary &device)
+        : options_(options), folder_(options.output, options.force)
+    {
+        facts_.device = device;
+        facts_.seed = options.seed;
+    }
+
+    void add(const Finished &finished)
+    {
+        CaseResult &result = results_.emplace_back();
+        result.id = finished.id;
+        result.status = finished.outcome.status;
+        result.verdict = finished.verdict;
+        result.seconds = finished.seconds;
+        result.rays = finished.outcome.rays;
+        if (finished.outcome.cause.empty() && result.status == check::Status::Pass)
+            return;
+        CaseResult::Details details{finished.outcome.cause, finished.outcome.detail, {}};
+        const bool ran = finished.verdict != Verdict::Missing && finished.verdict != Verdict::ExpectedFail;
+        if (ran && result.status != check::Status::Pass && result.status != check::Status::Skip)
+            details.reproducer = folder_.writeFailure(finished, seedOf(options_.seed, finished.id));
+        result.details = std::make_shared<CaseResult::Details>(std::move(details));
+    }
+
+    void writeSometimes(double seconds)
+    {
+        facts_.seconds = seconds;
+        if (seconds < nextWrite_ || results_.empty())
+            return;
+        nextWrite_ = seconds + kSecondsBetweenWrites;
+        folder_.writeResults(facts_, results_);
+    }
+
+    void write(double seconds, bool interrupted)
+    {
+        facts_.seconds = seconds;
+        facts_.interrupted = interrupted;
+        folder_.writeResults(facts_, results_);
+        if (options_.results)
+            writeText(*options_.results, resultsCsv(results_));
+        if (options_.junit)
+            writeText(*options_.junit, junitXml(results_));
+        std::fputs((options_.json ? resultsJson(facts_, results_) : resultsTable(facts_, results_)).c_str(), stdout);
+        std::fflush(stdout);
+    }
+
+    [[nodiscard]] size_t size() const { return results_.size(); }
+    [[nodiscard]] bool failed() const
+    {
+        return std::any_of(results_.begin(), results_.end(),
+                           [](const CaseResult &result) { return !isSuccess(result.verdict); });
+    }
+
+private:
+    const CheckOptions &options_;
+    OutputFolder folder_;
+    RunFacts facts_;
+    std::vector<CaseResult> results_;
+    double nextWrite_ = kSecondsBetweenWrites;
+};
+
+// Cases of a list or of --api whose extension the device lacks.
+void skipMissing(const DeviceSummary &device, CaseSelection &selection, Results &results)
+{
+    const auto lacks = [&](check::Api api) { return !device.has(api); };
+    for (const CaseId &id : casesOf(selection)) {
+        if (!lacks(id.api))
+            continue;
+        check::Outcome outcome;
+        outcome.status = check::Status::Skip;
+        outcome.cause = std::string("the device has no ") + extensionOf(id.api);
+        results.add({id, outcome, Verdict::Skip, 0});
+    }
+    std::erase_if(selection.apis, lacks);
+    std::erase_if(selection.list, [&](const CaseId &id) { return lacks(id.api); });
+}
+
+int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelection selection,
+             const Expectations &expectations)
+{
+    Results results(options, device);
+    skipMissing(device, selection, results);
+    Schedule schedule = makeSchedule(selection);
+    const size_t total = results.size() + schedule.remaining();
+    const RunSettings settings = settingsOf(options);
+    Progress progress("checking", !options.json);
+    Runner *running = nullptr;
+    Runner runner(
+        settings, expectations, [&](const Finished &finished) { results.add(finished); },
+        [&] {
+            const double seconds = running->seconds();
+            results.writeSometimes(seconds);
+            const size_t share = settings.budget ? static_cast<size_t>(1000 * seconds / *settings.budget) : 0;
+            const size_t cases = total == 0 ? 0 : 1000 * results.size() / total;
+            progress.update(std::min<size_t>(options.minutes ? share : std::max(share, cases), 1000), 1000);
+        });
+    running = &runner;
+    runner.run(schedule);
+    const bool interrupted = Interruptible::interrupted();
+    results.write(runner.seconds(), interrupted);
+    if (interrupted)
+        Interruptible::die();
+    return static_cast<int>(results.failed() ? ExitCode::Failed : ExitCode::Success);
+}
+
+int replay(const CheckOptions &options)
+{
+    const Reproducer reproducer = readReproducer(*options.replay);
+    std::optional<CaseId> id = parseCase(reproducer.name);
+    if (!id || id->api != reproducer.api || id->group->name != reproducer.group)
+        throw UsageError(options.replay->string() + ": there is no case " + reproducer.name);
+    RunSettings settings = settingsOf(options);
+    settings.replay = std::filesystem::absolute(*options.replay);
+    Schedule schedule;
+    schedule.add(Stream(id->api, *id->group, {id->number}));
+    const Expectations none;
+    std::optional<Finished> result;
+    Runner runner(
+        settings, none, [&](const Finished &finished) { result = finished; }, [] {});
+    runner.run(schedule);
+    if (Interruptible::interrupted() || !result)
+        Interruptible::die();
+    const check::Outcome &outcome = result->outcome;
+    fmt::print("{}: {}{}\n", reproducer.name, nameOf(outcome.status),
+               outcome.cause.empty() ? "" : ": " + outcome.cause);
+    if (!outcome.detail.empty())
+        fmt::print("{}\n", outcome.detail);
+    return static_cast<int>(isSuccess(result->verdict) ? ExitCode::Success : ExitCode::Failed);
+}
+
+} // namespace
+
+int checkCommand(const CheckOptions &options)
+{
+    if (options.worker)
+        return runWorker({options.device, apisOf(options).front(), options.layer});
+    if (options.groups)
+        return printGroups();
+    if (options.list)
+        return list(options);
+    const Interruptible interruptible;
+    prepareEnvironment(options);
+    if (options.replay)
+        return replay(options);
+    CaseSelection selection = selectionOf(options);
+    const Expectations expectations = expectationsOf(options);
+    if (casesOf(selection).empty() && !selection.endless)
+        throw UsageError("no case is selected; vellum check --list prints them");
+    DeviceSummary device;
+    try {
+        device = askForDevice(workerOptions(options), options.timeout);
+        removeMissing(options, device, selection);
+    } catch (const Error &error) {
+        if (Interruptible::interrupted())
+            Interruptible::die();
+        std::fprintf(stderr, "vellum: %s\n", error.what());
+        return kNotRun;
+    }
+    return runCases(options, device, std::move(selection), expectations);
+}
+
+} // namespace vellum::cli

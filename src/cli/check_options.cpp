@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/check_options.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+#include <thread>
+
+#include "cli/base/error.h"
+#include "cli/commands.h"
+#include "cli/options/checks.h"
+#include "cli/options/help.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr const char *kCheckDetails = R"(
+Tests a device's opacity micromaps, its own or those of the layer, with random cases of VK_KHR_opacity_micromap and
+VK_EXT_opacity_micromap, whose results are compared with an oracle on the CPU. A case is named API.GROUP.NUMBER, such as
+khr.resolution-query.0042; --seed and its name determine it. Cases run in processes of their own: a crash, a hang and a lost
+device are results. A failure is run again in a new process; if it then passes, it is a flake.
+
+FOLDER gets results.csv and failures.csv as deqp-runner writes them, junit.xml, results.json, and in failures/ the first
+three failing cases of each cause as files for --replay, with what explains them.
+
+The files of --baseline, --skips and --flakes are those of deqp-runner. A baseline has a line NAME,STATUS for each known
+failure; an earlier failures.csv is one. Skips and flakes are regular expressions that match a part of a name, one a line;
+lines that begin with # are comments.
+
+Exit status:
+  0    no failure; known failures and flakes are none
+  1    failures, or cases of the baseline that improved
+  2    usage error: nothing was run
+  125  nothing was run: there is no device with opacity micromaps
+
+Examples:
+  vellum check --quick
+      about two minutes, on the most powerful device
+  vellum check --device radeon --no-layer --jobs 4 --baseline fails.txt --skips skips.txt --output results
+      the driver's own micromaps, in continuous integration
+  vellum check --filter 'khr.update.*' --minutes 60 --seed 7
+      new cases of one group for an hour
+  vellum check --replay vellum-check/failures/khr.update.0012.json
+      one failure again
+)";
+
+constexpr uint32_t kMostJobs = 4; // without --jobs
+
+void declareSelection(CLI::App &command, CheckOptions &options)
+{
+    command.option_defaults()->group(kSelection);
+    command.add_option("--filter", options.filters, "Only cases that match this glob; repeatable")
+        ->type_name("GLOB")
+        ->take_all();
+    command.add_option("--caselist", options.caseList, "Only the cases of this file, a name a line")->type_name("FILE");
+    command.add_option("--skips", options.skips, "Do not run the cases that match a line of this file; repeatable")
+        ->type_name("FILE")
+        ->take_all();
+    command.add_flag("--quick", options.quick, "About two minutes, shared by all groups");
+    command
+        .add_option("--minutes", options.minutes, "Run for this long, shared by all groups; new cases without an end")
+        ->check(between(0.001, 100000))
+        ->type_name("MINUTES");
+    command.add_option("--seed", options.seed, "Another number makes other cases [1]")
+        ->check(wholeBetween(0, UINT64_MAX))
+        ->type_name("NUMBER");
+    command.add_option("--replay", options.replay, "Run the case of this file, which an earlier run wrote")
+        ->type_name("FILE");
+    command.add_flag("--list", options.list, "Print the names of the cases instead of running them");
+    command.add_flag("--groups", options.groups, "Print what each group tests instead of running it");
+}
+
+void declareOutput(CLI::App &command, CheckOptions &options)
+{
+    command.option_defaults()->group(kOutput);
+    command.add_option("-o,--output", options.output, "The folder to write to [vellum-check]")->type_name("FOLDER");
+    command.add_flag("--force", options.force, "Write into a folder that has other files");
+    command.add_option("--results", options.results, "Write results.csv here as well")->type_name("FILE");
+    command.add_option("--junit", options.junit, "Write junit.xml here as well")->type_name("FILE");
+    command.add_option("--baseline", options.baseline, "Known failures, which do not fail the run")->type_name("FILE");
+    command
+        .add_option("--flakes", options.flakes,
+                    "Failures of cases that match a line of this file do not fail the run; repeatable")
+        ->type_name("FILE")
+        ->take_all();
+    command.add_flag("--json", options.json, "Print JSON");
+}
+
+void declareDevice(CLI::App &command, CheckOptions &options)
+{
+    command.option_defaults()->group(kDevice);
+    takesWords(*command.add_option("-a,--api", options.api, "The extension to test [those that the device has]"),
+               {"khr", "ext", "both"});
+    command.add_option("-d,--device", options.device, "The Vulkan device: its number or a part of its name")
+        ->type_name("DEVICE");
+    command.add_flag("!--no-layer", options.layer, "Do not enable the layer: test the driver's own micromaps");
+    command.add_flag("--force-emulation", options.forceEmulation, "Emulate even where the driver has micromaps");
+    command
+        .add_option("--layer-path", options.layerFolder,
+                    "Folder of the layer's manifest, instead of the one installed with this program")
+        ->type_name("FOLDER");
+    command.add_option("-j,--jobs", options.jobs, "Worker processes at a time [one for each processor, at most 4]")
+        ->check(wholeBetween(1, 256))
+        ->type_name("COUNT");
+    command.add_option("--timeout", options.timeout, "Seconds after which a case counts as hung [60]")
+        ->check(between(0.1, 86400))
+        ->type_name("SECONDS");
+    command.add_flag("--worker", options.worker, "")->group("");
+}
+
+void checkTogether(const CheckOptions &options)
+{
+    if (options.quick && options.minutes)
+        throw UsageError("--quick and --minutes exclude each other");
+    if (options.minutes && options.caseList)
+        throw UsageError("--minutes makes new cases, so it takes no --caselist");
+    if (options.replay &&
+        (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
+        throw UsageError("--replay runs one case, so it takes no option that selects cases");
+    if (options.forceEmulation && !options.layer)
+        throw UsageError("--force-emulation is for the layer, which --no-layer does without");
+}
+
+} // namespace
+
+std::function<int()> declareCheckCommand(CLI::App &app)
+{
+    const auto options = std::make_shared<CheckOptions>();
+    options->jobs = std::clamp(std::thread::hardware_concurrency(), 1U, kMostJobs);
+    CLI::App &command =
+        *app.add_subcommand("check", "Tests the opacity micromaps of a Vulkan device with random cases");
+    command.footer(kCheckDetails);
+    declareSelection(command, *options);
+    declareOutput(command, *options);
+    declareDevice(command, *options);
+    return [options] {
+        checkTogether(*options);
+        return checkCommand(*options);
+    };
+}
+
+} // namespace vellum::cli

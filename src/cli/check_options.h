@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// The options of `vellum check`, and what runs it once they are parsed.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vellum::cli
+{
+
+struct CheckOptions {
+    std::optional<std::string> device;
+    std::optional<std::string> api; // ext, khr or both; what the device has without
+    bool layer = true;
+    bool forceEmulation = false;
+    std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program
+    std::vector<std::string> filters;
+    std::optional<std::filesystem::path> caseList;
+    std::optional<std::filesystem::path> replay;
+    std::optional<std::filesystem::path> baseline;
+    std::vector<std::filesystem::path> skips;
+    std::vector<std::filesystem::path> flakes;
+    std::optional<double> minutes;
+    bool quick = false;
+    uint32_t jobs = 1;
+    uint64_t seed = 1;
+    double timeout = 60; // seconds
+    std::filesystem::path output = "vellum-check";
+    std::optional<std::filesystem::path> results; // besides those in `output`
+    std::optional<std::filesystem::path> junit;
+    bool force = false;
+    bool list = false;
+    bool groups = false;
+    bool json = false;
+    bool worker = false;
+};
+
+// Returns the exit code. Throws Error.
+int checkCommand(const CheckOptions &options);
+
+} // namespace vellum::cli

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// `vellum check`: what becomes of cases that pass, fail, crash, hang and lie.
+#include <csignal>
+#include <gtest/gtest.h>
+
+#include "check/results.h"
+
+using namespace vellum::test;
+
+namespace
+{
+
+using Statuses = std::map<std::string, std::string>;
+
+constexpr int kNotRun = 125;
+
+class Check : public testing::Test
+{
+protected:
+    // The cases of these filters with VK_KHR_opacity_micromap.
+    CheckRun run(std::vector<std::string> filters, std::vector<std::string> arguments = {},
+                 const Environment &environment = {})
+    {
+        for (const std::string &filter : filters)
+            arguments.insert(arguments.end(), {"--filter", "khr." + filter});
+        return runCheck(folder_, arguments, environment);
+    }
+
+    TemporaryFolder folder_;
+};
+
+} // namespace
+
+TEST_F(Check, Pass)
+{
+    const CheckRun check = run({"good.*"});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.errors;
+    EXPECT_EQ(check.results, (Statuses{{"khr.good.0000", "Pass"},
+                                       {"khr.good.0001", "Pass"},
+                                       {"khr.good.0002", "Pass"},
+                                       {"khr.good.0003", "Pass"},
+                                       {"khr.good.0004", "Pass"}}));
+    EXPECT_TRUE(check.failures.empty());
+    EXPECT_EQ(lineOf(check.outcome, "khr.good").substr(0, 82),
+              "khr.good        5        5       0       0       0       0             50       0.")
+        << check.outcome.output;
+}
+
+TEST_F(Check, FailuresWithOneCauseArePutTogether)
+{
+    const CheckRun check = run({"bad.*"}, {"--jobs", "1"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.results.size(), 5U);
+    EXPECT_EQ(check.failures, check.results);
+    EXPECT_EQ(check.results.at("khr.bad.0003"), "Fail");
+    EXPECT_NE(check.outcome.output.find("  Fail: expected opaque, found \"transparent\" & <unknown>\n"
+                                        "    5 cases, the first of which is khr.bad.0000\n"
+                                        "    vellum check --replay " +
+                                        (folder_ / "out/failures/khr.bad.0000.json").string() + "\n"),
+              std::string::npos)
+        << check.outcome.output;
+    EXPECT_EQ(textOf(folder_ / "out/failures/khr.bad.0000.txt"), "an account");
+    EXPECT_EQ(textOf(folder_ / "out/failures/khr.bad.0000.png"), std::string("\x89PNG\0\xff", 6));
+    EXPECT_TRUE(std::filesystem::exists(folder_ / "out/failures/khr.bad.0002.json"));
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out/failures/khr.bad.0003.json")) << "three of a cause are enough";
+}
+
+TEST_F(Check, WhatTheDeviceLacksIsSkipped)
+{
+    const CheckRun check = run({"skip.*", "good.0000"});
+    EXPECT_EQ(check.outcome.exitCode, 0);
+    EXPECT_EQ(check.results,
+              (Statuses{{"khr.good.0000", "Pass"}, {"khr.skip.0000", "Skip"}, {"khr.skip.0001", "Skip"}}));
+}
+
+TEST_F(Check, ACrashNamesItsSignalAndTheRunGoesOn)
+{
+    const CheckRun check = run({"crash.*", "good.0000"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.results,
+              (Statuses{{"khr.crash.0000", "Crash"}, {"khr.crash.0001", "Crash"}, {"khr.good.0000", "Pass"}}));
+    EXPECT_NE(check.outcome.output.find("  Crash: SIGSEGV\n    2 cases"), std::string::npos) << check.outcome.output;
+}
+
+TEST_F(Check, CrashesBetweenOtherCasesLoseNoResult)
+{
+    const CheckRun check = run({"sometimes.*"}, {"--jobs", "2"});
+    EXPECT_EQ(check.results.size(), 30U);
+    EXPECT_FALSE(check.failures.empty());
+    EXPECT_LT(check.failures.size(), 30U);
+    for (const auto &[name, status] : check.failures)
+        EXPECT_EQ(status, "Crash") << name;
+}
+
+TEST_F(Check, AFailedAssertionIsTheCause)
+{
+    const CheckRun check = run({"assertion.*"}, {"--json"});
+    EXPECT_NE(check.outcome.output.find("\"Crash: SIGABRT: driver.c:12: draw: Assertion `false' failed.\""),
+              std::string::npos)
+        << check.outcome.output;
+    EXPECT_NE(check.outcome.output.find("chatter"), std::string::npos);
+}
+
+TEST_F(Check, HungProcessesAreKilled)
+{
+    const CheckRun check = run({"hang*", "good.0000"}, {"--timeout", "1"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.results,
+              (Statuses{{"khr.good.0000", "Pass"}, {"khr.hang.0000", "Timeout"}, {"khr.hang-twice.0000", "Timeout"}}));
+}
+
+TEST_F(Check, ALostDeviceIsACrash)
+{
+    const CheckRun check = run({"lost.*"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.results, (Statuses{{"khr.lost.0000", "Crash"}, {"khr.lost.0001", "Crash"}}));
+    EXPECT_NE(check.outcome.output.find("  DeviceLost: vkQueueSubmit\n    2 cases"), std::string::npos)
+        << check.outcome.output;
+}
+
+TEST_F(Check, AProcessThatEndsInACaseIsACrash)
+{
+    const CheckRun check = run({"exit.*", "throw.*"});
+    EXPECT_EQ(check.results, (Statuses{{"khr.exit.0000", "Crash"}, {"khr.throw.0000", "Fail"}}));
+    EXPECT_NE(check.outcome.output.find("Fail: exception: no memory"), std::string::npos) << check.outcome.output;
+}
+
+TEST_F(Check, ACrashAfterTheLastCaseCounts)
+{
+    const CheckRun check = run({"end.*"}, {"--jobs", "1"});
+    EXPECT_EQ(check.results, (Statuses{{"khr.end.0000", "Pass"}, {"khr.end.0001", "Pass"}, {"khr.end.0002", "Crash"}}));
+    EXPECT_NE(check.outcome.output.find("Crash: SIGSEGV when the device was closed"), std::string::npos)
+        << check.outcome.output;
+}
+
+TEST_F(Check, WhatADriverPrintsIsNoResult)
+{
+    const CheckRun check = run({"junk.*", "events.*"});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.output;
+    EXPECT_EQ(check.results.size(), 5U);
+    EXPECT_EQ(check.outcome.output.find("event"), check.outcome.output.find("events")) << "only the group's name";
+}
+
+TEST_F(Check, WhatPassesTheSecondTimeIsAFlake)
+{
+    const CheckRun check = run({"flake.*"}, {}, {{"VELLUM_FAKE_FOLDER", folder_.path().string()}});
+    EXPECT_EQ(check.outcome.exitCode, 0);
+    EXPECT_EQ(check.results, (Statuses{{"khr.flake.0000", "Flake"}, {"khr.flake.0001", "Flake"}}));
+    EXPECT_NE(check.outcome.output.find("2 flakes"), std::string::npos) << check.outcome.output;
+}
+
+TEST_F(Check, ADeviceThatCannotBeOpenedEndsTheRun)
+{
+    for (const char *behaviour : {"throw", "crash"}) {
+        const CheckRun check = run({"good.*", "sometimes.*"}, {"--jobs", "1"}, {{"VELLUM_FAKE_OPEN", behaviour}});
+        EXPECT_EQ(check.outcome.exitCode, 1);
+        EXPECT_EQ(check.results.size(), 35U);
+        EXPECT_EQ(check.results.at("khr.good.0000"), "Crash");
+        EXPECT_EQ(check.results.at("khr.sometimes.0029"), "Missing");
+        EXPECT_NE(check.outcome.output.find("the device cannot be opened"), std::string::npos) << check.outcome.output;
+    }
+    const CheckRun check = run({"good.0000"}, {"--timeout", "1"}, {{"VELLUM_FAKE_OPEN", "hang"}});
+    EXPECT_EQ(check.results, (Statuses{{"khr.good.0000", "Timeout"}}));
+}
+
+TEST_F(Check, WithoutADeviceNothingRuns)
+{
+    for (const char *device : {"none", "crash"}) {
+        const CheckRun check = run({"good.*"}, {}, {{"VELLUM_FAKE_DEVICE", device}});
+        EXPECT_EQ(check.outcome.exitCode, kNotRun);
+        EXPECT_EQ(check.outcome.errorLines(), 1) << check.outcome.errors;
+        EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+    }
+    EXPECT_EQ(run({"good.*"}, {"--api", "khr"}, {{"VELLUM_FAKE_DEVICE", "ext"}}).outcome.exitCode, kNotRun);
+}
+
+TEST_F(Check, Interruption)
+{
+    const std::filesystem::path output = folder_ / "out";
+    const Outcome outcome = interruptVellum(
+        {"check", "--filter", "khr.good.*", "--filter", "khr.hang.*", "--jobs", "1", "--output", output.string()},
+        SIGINT, 1500);
+    EXPECT_EQ(outcome.signal, SIGINT);
+    EXPECT_EQ(statusesIn(output / "results.csv").size(), 5U) << outcome.errors;
+    EXPECT_NE(outcome.output.find("interrupted"), std::string::npos) << outcome.output;
+}

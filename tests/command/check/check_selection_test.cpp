@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+// `vellum check`: which cases run, what is expected of them, and replaying.
+#include <gtest/gtest.h>
+#include <regex>
+
+#include "check/results.h"
+
+using namespace vellum::test;
+
+namespace
+{
+
+using Statuses = std::map<std::string, std::string>;
+
+class CheckSelection : public testing::Test
+{
+protected:
+    CheckRun run(const std::vector<std::string> &arguments, const Environment &environment = {})
+    {
+        return runCheck(folder_, arguments, environment);
+    }
+    // The path of a file with this content.
+    std::string file(const std::string &name, const std::string &text)
+    {
+        writeFile(folder_ / name, text);
+        return (folder_ / name).string();
+    }
+
+    TemporaryFolder folder_;
+};
+
+std::vector<std::string> linesOfText(const std::string &text)
+{
+    std::vector<std::string> lines;
+    for (size_t at = 0; at < text.size();) {
+        const size_t end = std::min(text.find('\n', at), text.size());
+        lines.push_back(text.substr(at, end - at));
+        at = end + 1;
+    }
+    return lines;
+}
+
+} // namespace
+
+TEST_F(CheckSelection, ListIsACaseList)
+{
+    const Outcome list = runVellum({"check", "--list", "--filter", "*.good.000[01]", "--filter", "khr.skip.*"});
+    EXPECT_EQ(linesOfText(list.output), (std::vector<std::string>{"khr.good.0000", "khr.good.0001", "khr.skip.0000",
+                                                                  "khr.skip.0001", "ext.good.0000", "ext.good.0001"}));
+    const CheckRun check = run({"--caselist", file("cases", "# of today\n\n" + list.output)});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.errors;
+    EXPECT_EQ(check.results.size(), 6U);
+    const Outcome ext = runVellum({"check", "--list", "--api", "ext"});
+    EXPECT_EQ(ext.output.find("khr."), std::string::npos);
+}
+
+TEST_F(CheckSelection, Groups)
+{
+    const Outcome groups = runVellum({"check", "--groups"});
+    EXPECT_EQ(groups.exitCode, 0);
+    EXPECT_EQ(groups.output.substr(0, groups.output.find("bad")), "good (5 cases)\n  Passes\n  Section 1\n");
+}
+
+TEST_F(CheckSelection, ExtensionsOfTheDevice)
+{
+    const std::vector<std::string> good = {"--filter", "*.good.*"};
+    EXPECT_EQ(run(good).results.size(), 10U);
+    EXPECT_EQ(run(good, {{"VELLUM_FAKE_DEVICE", "ext"}}).results.size(), 5U);
+    const CheckRun both = run({"--filter", "*.good.0000", "--api", "both"}, {{"VELLUM_FAKE_DEVICE", "khr"}});
+    EXPECT_EQ(both.results, (Statuses{{"ext.good.0000", "Skip"}, {"khr.good.0000", "Pass"}}));
+}
+
+TEST_F(CheckSelection, SeedsAreStable)
+{
+    const std::vector<std::string> arguments = {"--filter", "khr.bad.0002"};
+    const auto seedOf = [&](const std::vector<std::string> &more) {
+        std::vector<std::string> all = arguments;
+        all.insert(all.end(), more.begin(), more.end());
+        run(all);
+        const std::string text = textOf(folder_ / "out/failures/khr.bad.0002.json");
+        std::smatch match;
+        EXPECT_TRUE(std::regex_search(text, match, std::regex("\"seed\": \"(0x[0-9a-f]{16})\""))) << text;
+        return match[1].str();
+    };
+    const std::string seed = seedOf({});
+    EXPECT_EQ(seed, "0x4cbf5e65d5416b27") << "the cases of everybody's baselines change";
+    EXPECT_EQ(seedOf({"--seed", "1"}), seed);
+    EXPECT_EQ(seedOf({"--filter", "khr.bad.*", "--jobs", "3"}), seed) << "the other cases do not matter";
+    EXPECT_NE(seedOf({"--seed", "2"}), seed);
+}
+
+TEST_F(CheckSelection, MinutesMakeNewCases)
+{
+    const CheckRun check = run({"--filter", "khr.good.*", "--minutes", "0.03", "--jobs", "2"});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.errors;
+    EXPECT_GT(check.results.size(), 5U);
+    EXPECT_TRUE(check.results.contains("khr.good.0000"));
+    EXPECT_TRUE(check.results.contains("khr.good.0005"));
+    const CheckRun one = run({"--filter", "khr.good.0002", "--minutes", "1"});
+    EXPECT_EQ(one.results, (Statuses{{"khr.good.0002", "Pass"}})) << "there are no others";
+}
+
+TEST_F(CheckSelection, QuickRunsEachGroup)
+{
+    const CheckRun check = run({"--filter", "*.good.*", "--filter", "*.junk.*", "--quick"});
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.errors;
+    EXPECT_EQ(check.results.size(), 16U);
+}
+
+TEST_F(CheckSelection, BaselineIsDeqpRunners)
+{
+    const std::string baseline = file("fails.txt", "# known\n"
+                                                   "khr.bad.0000,Fail\n"
+                                                   "khr.bad.0001,Crash\n"
+                                                   "khr.bad.0002,ExpectedFail,1.5\n"
+                                                   "khr.crash.0000,Crash\n"
+                                                   "khr.crash.0001,Fail\n"
+                                                   "khr.good.0000,Fail\n"
+                                                   "khr.good.0001,Pass\n"
+                                                   "khr.good.0002,Timeout\n"
+                                                   "khr.skip.0000,Crash\n"
+                                                   "khr.lost.0000,Crash\n"
+                                                   "khr.other.0000,Fail\n");
+    const CheckRun check = run({"--baseline", baseline, "--filter", "khr.bad.*", "--filter", "khr.crash.*", "--filter",
+                                "khr.good.*", "--filter", "khr.skip.*", "--filter", "khr.lost.0000"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    const Statuses expected = {
+        {"khr.bad.0000", "ExpectedFail"},  {"khr.bad.0001", "UnexpectedImprovement(Fail)"},
+        {"khr.bad.0002", "ExpectedFail"},  {"khr.bad.0003", "Fail"},
+        {"khr.bad.0004", "Fail"},          {"khr.crash.0000", "ExpectedFail"},
+        {"khr.crash.0001", "Crash"},       {"khr.good.0000", "UnexpectedImprovement(Pass)"},
+        {"khr.good.0001", "Pass"},         {"khr.good.0002", "UnexpectedImprovement(Pass)"},
+        {"khr.good.0003", "Pass"},         {"khr.good.0004", "Pass"},
+        {"khr.lost.0000", "ExpectedFail"}, {"khr.skip.0000", "UnexpectedImprovement(Skip)"},
+        {"khr.skip.0001", "Skip"},
+    };
+    EXPECT_EQ(check.results, expected);
+    Statuses failures = expected;
+    std::erase_if(failures, [](const auto &entry) {
+        return entry.second == "Pass" || entry.second == "Skip" || entry.second == "ExpectedFail";
+    });
+    EXPECT_EQ(check.failures, failures);
+}
+
+TEST_F(CheckSelection, FailuresAreTheNextBaseline)
+{
+    const std::vector<std::string> filters = {"--filter", "khr.bad.*", "--filter", "khr.crash.*"};
+    EXPECT_EQ(run(filters).outcome.exitCode, 1);
+    const std::string baseline = file("baseline.csv", textOf(folder_ / "out/failures.csv"));
+    std::vector<std::string> again = filters;
+    again.insert(again.end(), {"--baseline", baseline});
+    const CheckRun check = run(again);
+    EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.output;
+    EXPECT_EQ(textOf(folder_ / "out/failures.csv"), "");
+    EXPECT_NE(check.outcome.output.find("7 expected failures"), std::string::npos) << check.outcome.output;
+}
+
+TEST_F(CheckSelection, SkipsAndFlakes)
+{
+    const std::string skips = file("skips.txt", "# too slow\nkhr.hang.*\n");
+    const std::string flakes = file("flakes.txt", "bad.000[12]$\n");
+    const CheckRun check = run({"--skips", skips, "--flakes", flakes, "--filter", "khr.hang.*", "--filter",
+                                "khr.hang-twice.*", "--filter", "khr.bad.000[123]", "--timeout", "30"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.results, (Statuses{{"khr.bad.0001", "KnownFlake"},
+                                       {"khr.bad.0002", "KnownFlake"},
+                                       {"khr.bad.0003", "Fail"},
+                                       {"khr.hang-twice.0000", "Skip"},
+                                       {"khr.hang.0000", "Skip"}}));
+}
+
+TEST_F(CheckSelection, Replay)
+{
+    run({"--filter", "khr.bad.0000", "--filter", "khr.crash.0000"});
+    const std::string failures = (folder_ / "out/failures/").string();
+    const Outcome shrunk = runVellum({"check", "--replay", failures + "khr.bad.0000.json"});
+    EXPECT_EQ(shrunk.exitCode, 1);
+    EXPECT_EQ(shrunk.output, "khr.bad.0000: Fail: replayed {\"triangles\":1}\n") << shrunk.errors;
+    const Outcome whole = runVellum({"check", "--replay", failures + "khr.crash.0000.json"});
+    EXPECT_EQ(whole.exitCode, 1);
+    EXPECT_EQ(whole.output, "khr.crash.0000: Crash: SIGSEGV\n") << whole.errors;
+    const std::string good =
+        std::regex_replace(textOf(failures + "khr.bad.0000.json"), std::regex("triangles"), "good");
+    const Outcome passes = runVellum({"check", "--replay", file("good.json", good)});
+    EXPECT_EQ(passes.exitCode, 0) << passes.errors;
+}
+
+TEST_F(CheckSelection, OtherFilesStay)
+{
+    std::filesystem::create_directory(folder_ / "out");
+    writeFile(folder_ / "out/results.csv", "of another program");
+    EXPECT_EQ(run({"--filter", "khr.good.0000"}).outcome.exitCode, 1);
+    EXPECT_EQ(textOf(folder_ / "out/results.csv"), "of another program");
+    EXPECT_EQ(run({"--filter", "khr.good.0000", "--force"}).outcome.exitCode, 0);
+    EXPECT_EQ(run({"--filter", "khr.good.0000"}).outcome.exitCode, 0) << "of an earlier run";
+}
+
+TEST_F(CheckSelection, OutputThatCannotBeWritten)
+{
+    writeFile(folder_ / "out", "a file");
+    const CheckRun check = run({"--filter", "khr.good.0000"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.outcome.errorLines(), 1) << check.outcome.errors;
+}
+
+TEST_F(CheckSelection, WrongCommandLines)
+{
+    const std::string good = "khr.good.0000\n";
+    const std::vector<std::vector<std::string>> wrong = {
+        {"--filter", "khr.none.*"},
+        {"--caselist", file("unknown", good + "khr.none.0000\n")},
+        {"--caselist", file("short", "khr.good.0\n")},
+        {"--caselist", file("empty", "# nothing\n")},
+        {"--caselist", (folder_ / "missing").string()},
+        {"--baseline", file("status", "khr.good.0000,Broken\n")},
+        {"--baseline", file("no-status", good)},
+        {"--baseline", file("twice", "khr.good.0000,Fail\nkhr.good.0000,Fail\n")},
+        {"--skips", file("expression", "khr.good.(\n")},
+        {"--flakes", file("baseline", "khr.good.0000,Fail\n")},
+        {"--replay", file("text", "no JSON")},
+        {"--replay", file("report", "{\"command\": \"bake\"}")},
+        {"--replay", (folder_ / "missing").string()},
+        {"--quick", "--minutes", "1"},
+        {"--minutes", "1", "--caselist", file("good", good)},
+        {"--api", "vulkan"},
+        {"--jobs", "0"},
+        {"--timeout", "-1"},
+        {"--seed", "one"},
+        {"--worker"},
+    };
+    for (const std::vector<std::string> &arguments : wrong) {
+        const CheckRun check = run(arguments);
+        EXPECT_EQ(check.outcome.exitCode, 2) << arguments.front() << " " << arguments.back() << check.outcome.errors;
+        EXPECT_EQ(check.outcome.errorLines(), 1) << check.outcome.errors;
+        EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+    }
+}

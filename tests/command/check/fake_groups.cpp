@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// Groups and a device that stand for those of `vellum check`, and behave as badly as a driver may.
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <unistd.h>
+
+#include "check/group.h"
+#include "cli/base/error.h"
+#include "cli/check/case_id.h"
+#include "cli/check/device.h"
+
+namespace vellum::check
+{
+
+class Session
+{
+public:
+    ~Session()
+    {
+        if (crashesAtEnd)
+            std::raise(SIGSEGV);
+    }
+    Session() = default;
+    Session(const Session &) = delete;
+    Session &operator=(const Session &) = delete;
+
+    bool crashesAtEnd = false;
+};
+
+namespace
+{
+
+std::string variable(const char *name)
+{
+    const char *value = std::getenv(name);
+    return value != nullptr ? value : "";
+}
+
+Outcome pass(Session &, uint64_t)
+{
+    Outcome outcome;
+    outcome.rays = 10;
+    return outcome;
+}
+
+Outcome fail(Session &, uint64_t seed)
+{
+    Outcome outcome;
+    outcome.status = Status::Fail;
+    outcome.cause = "expected opaque, found \"transparent\" & <unknown>";
+    outcome.detail = "seed " + cli::hexadecimal(seed) + "\nsecond line";
+    outcome.reproducer = R"({"triangles": 1})";
+    outcome.rays = 3;
+    outcome.attachments.push_back({"txt", "an account"});
+    outcome.attachments.push_back({"png", std::string("\x89PNG\0\xff", 6)});
+    return outcome;
+}
+
+Outcome skip(Session &, uint64_t)
+{
+    Outcome outcome;
+    outcome.status = Status::Skip;
+    outcome.cause = "the device has no pipelines";
+    return outcome;
+}
+
+Outcome crash(Session &, uint64_t)
+{
+    std::raise(SIGSEGV);
+    return {};
+}
+
+Outcome assertion(Session &, uint64_t)
+{
+    std::fputs("chatter\ndriver.c:12: draw: Assertion `false' failed.\n", stderr);
+    std::abort();
+}
+
+Outcome hang(Session &, uint64_t)
+{
+    for (;;)
+        pause();
+}
+
+// Leaves a process behind that keeps everything open.
+Outcome hangTwice(Session &session, uint64_t seed)
+{
+    if (fork() == 0)
+        std::signal(SIGTERM, SIG_IGN);
+    return hang(session, seed);
+}
+
+Outcome lose(Session &, uint64_t)
+{
+    Outcome outcome;
+    outcome.status = Status::DeviceLost;
+    outcome.cause = "vkQueueSubmit";
+    return outcome;
+}
+
+Outcome exitEarly(Session &, uint64_t)
+{
+    _exit(0);
+}
+
+Outcome throwError(Session &, uint64_t)
+{
+    throw std::runtime_error("no memory");
+}
+
+Outcome printJunk(Session &, uint64_t)
+{
+    std::printf("{\"event\":\"end\",\"status\":\"Fail\"}\n%s", std::string(300000, 'x').c_str());
+    std::fflush(stdout);
+    std::fputs("{\"event\":\"error\",\"message\":\"junk\"}\n", stderr);
+    return {};
+}
+
+Outcome writeEvents(Session &, uint64_t)
+{
+    return write(3, "junk\n{}\n", 8) == 8 ? Outcome() : throw std::runtime_error("no descriptor");
+}
+
+// Fails the first time only.
+Outcome flake(Session &session, uint64_t seed)
+{
+    const std::string mark = variable("VELLUM_FAKE_FOLDER") + "/" + cli::hexadecimal(seed);
+    const int file = open(mark.c_str(), O_CREAT | O_EXCL | O_WRONLY, 0600);
+    if (file < 0)
+        return pass(session, seed);
+    close(file);
+    return fail(session, seed);
+}
+
+Outcome crashSometimes(Session &session, uint64_t seed)
+{
+    return seed % 3 == 0 ? crash(session, seed) : pass(session, seed);
+}
+
+Outcome crashAtEnd(Session &session, uint64_t)
+{
+    session.crashesAtEnd = true;
+    return {};
+}
+
+constexpr Group kGroups[] = {
+    {"good", "Passes", "Section 1", 5, pass},
+    {"bad", "Fails", "Section 2", 5, fail},
+    {"skip", "Skips", "Section 3", 2, skip},
+    {"crash", "Crashes", "", 2, crash},
+    {"assertion", "Aborts", "", 1, assertion},
+    {"hang", "Hangs", "", 1, hang},
+    {"hang-twice", "Hangs with another process", "", 1, hangTwice},
+    {"lost", "Loses the device", "", 2, lose},
+    {"exit", "Ends the process", "", 1, exitEarly},
+    {"throw", "Throws", "", 1, throwError},
+    {"junk", "Prints", "", 3, printJunk},
+    {"events", "Writes what is no event", "", 2, writeEvents},
+    {"flake", "Fails once", "", 2, flake},
+    {"sometimes", "Crashes sometimes", "", 30, crashSometimes},
+    {"end", "Crashes when the device is closed", "", 3, crashAtEnd},
+};
+
+} // namespace
+
+std::span<const Group> groups()
+{
+    return kGroups;
+}
+
+std::shared_ptr<Session> openSession(const SessionOptions &)
+{
+    const std::string behaviour = variable("VELLUM_FAKE_OPEN");
+    if (behaviour == "throw")
+        throw std::runtime_error("no device today");
+    if (behaviour == "crash")
+        std::raise(SIGSEGV);
+    auto session = std::make_shared<Session>();
+    if (behaviour == "hang")
+        hang(*session, 0);
+    return session;
+}
+
+Outcome replay(Session &, const std::string &reproducer)
+{
+    Outcome outcome;
+    outcome.status = reproducer.find("good") == std::string::npos ? Status::Fail : Status::Pass;
+    outcome.cause = "replayed " + reproducer;
+    return outcome;
+}
+
+} // namespace vellum::check
+
+namespace vellum::cli
+{
+
+DeviceSummary describeDevice(const check::SessionOptions &options)
+{
+    const std::string device = check::variable("VELLUM_FAKE_DEVICE");
+    if (device == "none")
+        throw Error("there is no Vulkan device");
+    if (device == "crash")
+        std::raise(SIGSEGV);
+    return {options.device.value_or("fake"), "fake", device != "ext", device != "khr"};
+}
+
+} // namespace vellum::cli
