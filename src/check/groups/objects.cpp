@@ -17,7 +17,7 @@ Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind>
     constexpr std::array memories{Memory::Apart, Memory::Packed, Memory::PackedToTheEnd};
     Case c{.memory = memories[below(random, 3)], .scene = makeScene(random, smallScene(limits), limits)};
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
-        micromap.flags |= chance(random, 60) ? VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT : 0u;
+        micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     addSteps(random, c, kinds, 1 + below(random, most), limits);
     if (limits.pipelines && chance(random, 15))
         c.trace.method = TracePlan::Method::Pipeline;

@@ -42,8 +42,8 @@ std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
     const std::filesystem::path path = path_ / kFailures / (name + ".json");
     writeText(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
                                      finished.outcome.reproducer}));
-    for (const check::Attachment &attachment : finished.outcome.attachments)
-        writeText(path_ / kFailures / (name + "." + attachment.extension), attachment.bytes);
+    for (const check::OutcomeFile &file : finished.outcome.files)
+        writeText(path_ / kFailures / (name + "." + file.extension), file.bytes);
     return path.string();
 }
 

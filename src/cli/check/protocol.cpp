@@ -124,8 +124,8 @@ void writeOutcome(const check::Outcome &outcome, JsonWriter &json)
 {
     json.member("status", nameOf(outcome.status)).member("cause", outcome.cause).member("detail", outcome.detail);
     json.member("reproducer", outcome.reproducer).member("rays", hexadecimal(outcome.rays));
-    json.list("attachments", outcome.attachments, [&](const check::Attachment &attachment) {
-        json.beginObject().member("extension", attachment.extension).member("hex", hexOf(attachment.bytes)).end();
+    json.list("files", outcome.files, [&](const check::OutcomeFile &file) {
+        json.beginObject().member("extension", file.extension).member("hex", hexOf(file.bytes)).end();
     });
 }
 
@@ -133,9 +133,9 @@ check::Outcome readOutcome(const Reader &reader)
 {
     check::Outcome outcome{statusOf(reader.text("status")), reader.text("cause"),     reader.text("detail"),
                            reader.text("reproducer"),       reader.hexNumber("rays"), {}};
-    reader.forEach("attachments", [&](const rapidjson::Value &attachment) {
-        outcome.attachments.push_back(
-            {Reader::textOf(attachment, "extension"), bytesOf(Reader::textOf(attachment, "hex"))});
+    reader.forEach("files", [&](const rapidjson::Value &file) {
+        outcome.files.push_back(
+            {Reader::textOf(file, "extension"), bytesOf(Reader::textOf(file, "hex"))});
     });
     return outcome;
 }

@@ -56,8 +56,8 @@ Outcome fail(Session &, uint64_t seed)
     outcome.detail = "seed " + cli::hexadecimal(seed) + "\nsecond line";
     outcome.reproducer = R"({"triangles": 1})";
     outcome.rays = 3;
-    outcome.attachments.push_back({"txt", "an account"});
-    outcome.attachments.push_back({"png", std::string("\x89PNG\0\xff", 6)});
+    outcome.files.push_back({"txt", "an account"});
+    outcome.files.push_back({"png", std::string("\x89PNG\0\xff", 6)});
     return outcome;
 }
 
