@@ -41,16 +41,7 @@ uint32_t deviceNumber(const SessionOptions &options)
 
 Session::Session(const SessionOptions &options) : options_(options)
 {
-    const Device &gpu = device(Memory::Apart);
-    limits_ = {.api = options.api,
-               .byteIndices = gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME),
-               .pipelines = gpu.has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME),
-               .hostCommands = gpu.hasMicromapHostCommands(),
-               .indirectBuilds = gpu.hasIndirectBuilds(),
-               .maxLevel2 = gpu.maxLevel(kTwoState),
-               .maxLevel4 = gpu.maxLevel(kFourState),
-               .maxLossyLevel = gpu.maxLossyLevel(),
-               .seesOnlyLastInstances = gpu.onLavapipe26()};
+    limits_ = limitsOf(device(Memory::Apart));
 }
 
 Device &Session::device(Memory memory)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compare_scenes.h"
 
+#include "check/groups/random_case.h"
+
 #include <cstdio>
 #include <cstdlib>
 
@@ -13,27 +15,6 @@ uint32_t setting(const char *name, uint32_t otherwise)
     return value != nullptr ? static_cast<uint32_t>(std::strtoul(value, nullptr, 0)) : otherwise;
 }
 
-namespace
-{
-
-// Lavapipe 26 crashes in shaders that trace a top-level structure where some instance comes behind one that no ray can
-// meet: two instances are enough, the first with reference 0 or mask 0. So it does without the layer; the specification
-// says that an inactive object is "considered invisible to all rays", and allows every mask. Such ones at the end are
-// well.
-void showBeforeOthers(Scene &scene)
-{
-    bool others = false;
-    for (auto instance = scene.instances.rbegin(); instance != scene.instances.rend(); ++instance) {
-        if (others) {
-            instance->inactive = false;
-            instance->mask |= instance->mask == 0 ? 1u : 0u;
-        }
-        others |= !instance->inactive && instance->mask != 0;
-    }
-}
-
-} // namespace
-
 void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minimum, const TraceScene &trace)
 {
     const uint32_t seed = setting("VELLUM_ORACLE_SEED", 20260519);
@@ -43,9 +24,7 @@ void compareScenes(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t
     int faults = 0;
     for (uint32_t s = 0; s < scenes; ++s) {
         Random random(seed + s);
-        Scene scene = randomScene(random, limits);
-        if (gpu.onLavapipe26())
-            showBeforeOthers(scene);
+        const Scene scene = vellum::check::makeScene(random, limits, vellum::check::limitsOf(gpu));
         std::vector<Hits> hits;
         for (const vt::Ray &ray : scene.rays)
             hits.push_back(allHits(scene, ray));

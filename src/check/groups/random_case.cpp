@@ -30,7 +30,7 @@ void showBeforeOthers(oracle::Scene &scene)
     }
 }
 
-// Whether the devices's limits allow the triangle in a micromap of these flags.
+// Whether the device's limits allow the triangle in a micromap of these flags.
 bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags, const DeviceLimits &limits)
 {
     if (triangle.format == kTwoState)
@@ -54,6 +54,19 @@ std::vector<oracle::MicromapTriangle> otherStates(Random &random, const oracle::
 }
 
 } // namespace
+
+DeviceLimits limitsOf(const Device &gpu)
+{
+    return {.api = gpu.khr() ? Api::Khr : Api::Ext,
+            .byteIndices = gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME),
+            .pipelines = gpu.has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME),
+            .hostCommands = gpu.hasMicromapHostCommands(),
+            .indirectBuilds = gpu.hasIndirectBuilds(),
+            .maxLevel2 = gpu.maxLevel(kTwoState),
+            .maxLevel4 = gpu.maxLevel(kFourState),
+            .maxLossyLevel = gpu.maxLossyLevel(),
+            .seesOnlyLastInstances = gpu.onLavapipe26()};
+}
 
 Limits smallScene(const DeviceLimits &limits)
 {

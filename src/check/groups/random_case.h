@@ -23,6 +23,8 @@ struct DeviceLimits {
     bool seesOnlyLastInstances = false; // Device::onLavapipe26
 };
 
+DeviceLimits limitsOf(const Device &gpu);
+
 using MakeCase = Case (*)(Random &random, const DeviceLimits &limits);
 
 inline uint32_t below(Random &random, uint32_t n)

@@ -108,7 +108,7 @@ TEST_F(Top, OnlyPlainInstances)
 }
 
 // Reference 0: no ray meets the instance, which is counted all the same. Lavapipe 26 crashes where another one comes
-// behind it, without the layer too (tests/oracle/compare_scenes.cpp).
+// behind it, without the layer too (src/check/groups/random_case.cpp).
 TEST_F(Top, InactiveInstances)
 {
     const std::vector<Shown> shown{{7, 1}, {8, 2}, {9, kNoMicromap}, {10, 3}, {11, 1}};
