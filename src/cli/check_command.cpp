@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <fmt/format.h>
 #include <set>
+#include <unistd.h>
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
@@ -155,10 +156,15 @@ public:
         if (finished.outcome.cause.empty() && result.status == check::Status::Pass)
             return;
         CaseResult::Details details{finished.outcome.cause, finished.outcome.detail, {}};
+        std::replace(details.cause.begin(), details.cause.end(), '\n', ' ');
         const bool ran = finished.verdict != Verdict::Missing && finished.verdict != Verdict::ExpectedFail;
         if (ran && result.status != check::Status::Pass && result.status != check::Status::Skip)
-            details.reproducer = folder_.writeFailure(finished, seedOf(options_.seed, finished.id));
+            tryToWrite(
+                [&] { details.reproducer = folder_.writeFailure(finished, seedOf(options_.seed, finished.id)); });
         result.details = std::make_shared<CaseResult::Details>(std::move(details));
+        if (!isSuccess(result.verdict) && announced_.insert(causeOf(result)).second)
+            std::fprintf(stderr, "%s%s: %s\n", isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "", nameOf(result.id).c_str(),
+                         causeOf(result).c_str());
     }
 
     void writeSometimes(double seconds)
@@ -167,20 +173,23 @@ public:
         if (seconds < nextWrite_ || results_.empty())
             return;
         nextWrite_ = seconds + kSecondsBetweenWrites;
-        folder_.writeResults(facts_, results_);
+        tryToWrite([&] { folder_.writeResults(facts_, results_); });
     }
 
+    // Throws Error when everything that can be written is written.
     void write(double seconds, bool interrupted)
     {
         facts_.seconds = seconds;
         facts_.interrupted = interrupted;
-        folder_.writeResults(facts_, results_);
-        if (options_.results)
-            writeText(*options_.results, resultsCsv(results_));
-        if (options_.junit)
-            writeText(*options_.junit, junitXml(results_));
         std::fputs((options_.json ? resultsJson(facts_, results_) : resultsTable(facts_, results_)).c_str(), stdout);
         std::fflush(stdout);
+        tryToWrite([&] { folder_.writeResults(facts_, results_); });
+        if (options_.results)
+            tryToWrite([&] { writeText(*options_.results, resultsCsv(results_)); });
+        if (options_.junit)
+            tryToWrite([&] { writeText(*options_.junit, junitXml(results_)); });
+        if (!error_.empty())
+            throw Error(error_);
     }
 
     [[nodiscard]] size_t size() const { return results_.size(); }
@@ -191,10 +200,23 @@ public:
     }
 
 private:
+    // A full disk does not end the run.
+    template <typename Write>
+    void tryToWrite(Write &&write)
+    {
+        try {
+            write();
+        } catch (const Error &error) {
+            error_ = error.what();
+        }
+    }
+
     const CheckOptions &options_;
     OutputFolder folder_;
     RunFacts facts_;
     std::vector<CaseResult> results_;
+    std::set<std::string> announced_; // causes
+    std::string error_;               // of writing
     double nextWrite_ = kSecondsBetweenWrites;
 };
 
@@ -222,7 +244,7 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
     Schedule schedule = makeSchedule(selection);
     const size_t total = results.size() + schedule.remaining();
     const RunSettings settings = settingsOf(options);
-    Progress progress("checking", !options.json);
+    auto progress = std::make_optional<Progress>("checking", !options.json);
     Runner *running = nullptr;
     Runner runner(
         settings, expectations, [&](const Finished &finished) { results.add(finished); },
@@ -231,39 +253,44 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
             results.writeSometimes(seconds);
             const size_t share = settings.budget ? static_cast<size_t>(1000 * seconds / *settings.budget) : 0;
             const size_t cases = total == 0 ? 0 : 1000 * results.size() / total;
-            progress.update(std::min<size_t>(options.minutes ? share : std::max(share, cases), 1000), 1000);
+            progress->update(std::min<size_t>(options.minutes ? share : std::max(share, cases), 1000), 1000);
         });
     running = &runner;
     runner.run(schedule);
     const bool interrupted = Interruptible::interrupted();
+    progress.reset();
     results.write(runner.seconds(), interrupted);
     if (interrupted)
         Interruptible::die();
     return static_cast<int>(results.failed() ? ExitCode::Failed : ExitCode::Success);
 }
 
-int replay(const CheckOptions &options)
+// The case of --replay.
+CaseId caseOf(const std::filesystem::path &path)
 {
-    const Reproducer reproducer = readReproducer(*options.replay);
-    std::optional<CaseId> id = parseCase(reproducer.name);
+    const Reproducer reproducer = readReproducer(path);
+    const std::optional<CaseId> id = parseCase(reproducer.name);
     if (!id || id->api != reproducer.api || id->group->name != reproducer.group)
-        throw UsageError(options.replay->string() + ": there is no case " + reproducer.name);
+        throw UsageError(path.string() + ": there is no case " + reproducer.name);
+    return *id;
+}
+
+int replay(const CheckOptions &options, const CaseId &id)
+{
     RunSettings settings = settingsOf(options);
     settings.replay = std::filesystem::absolute(*options.replay);
     Schedule schedule;
-    schedule.add(Stream(id->api, *id->group, {id->number}));
+    schedule.add(Stream(id.api, *id.group, {id.number}));
     const Expectations none;
     std::optional<Finished> result;
     Runner runner(
         settings, none, [&](const Finished &finished) { result = finished; }, [] {});
     runner.run(schedule);
-    if (Interruptible::interrupted() || !result)
+    if (Interruptible::interrupted())
         Interruptible::die();
-    const check::Outcome &outcome = result->outcome;
-    fmt::print("{}: {}{}\n", reproducer.name, nameOf(outcome.status),
-               outcome.cause.empty() ? "" : ": " + outcome.cause);
-    if (!outcome.detail.empty())
-        fmt::print("{}\n", outcome.detail);
+    fmt::print("{}: {}\n", nameOf(id), causeOf(result->outcome));
+    if (!result->outcome.detail.empty())
+        fmt::print("{}\n", result->outcome.detail);
     return static_cast<int>(isSuccess(result->verdict) ? ExitCode::Success : ExitCode::Failed);
 }
 
@@ -279,9 +306,12 @@ int checkCommand(const CheckOptions &options)
         return list(options);
     const Interruptible interruptible;
     prepareEnvironment(options);
-    if (options.replay)
-        return replay(options);
     CaseSelection selection = selectionOf(options);
+    if (options.replay) {
+        selection.listed = true;
+        selection.list = {caseOf(*options.replay)};
+        selection.apis = {selection.list.front().api};
+    }
     const Expectations expectations = expectationsOf(options);
     if (casesOf(selection).empty() && !selection.endless)
         throw UsageError("no case is selected; vellum check --list prints them");
@@ -295,6 +325,8 @@ int checkCommand(const CheckOptions &options)
         std::fprintf(stderr, "vellum: %s\n", error.what());
         return kNotRun;
     }
+    if (options.replay)
+        return replay(options, selection.list.front());
     return runCases(options, device, std::move(selection), expectations);
 }
 

@@ -178,7 +178,7 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
     JsonWriter json;
     beginReport(json, "check");
     json.member("device", facts.device.name).member("implementation", facts.device.implementation);
-    json.member("seed", hexadecimal(facts.seed)).member("seconds", facts.seconds);
+    json.member("seed", std::to_string(facts.seed)).member("seconds", facts.seconds);
     json.member("interrupted", facts.interrupted);
     json.list("groups", tally.groups, [&](const GroupTally &group) { writeGroup(group, json); });
     writeCauses("failures", tally.failures, json);

@@ -35,8 +35,7 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
 
 std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
 {
-    const std::string cause = std::string(nameOf(finished.outcome.status)) + finished.outcome.cause;
-    if (++written_[cause] > kMostReproducers)
+    if (++written_[causeOf(finished.outcome)] > kMostReproducers)
         return {};
     const std::string name = nameOf(finished.id);
     const std::filesystem::path path = path_ / kFailures / (name + ".json");

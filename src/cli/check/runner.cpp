@@ -57,7 +57,11 @@ check::Outcome outcomeOf(check::Status status, std::string cause, const std::str
     check::Outcome outcome;
     outcome.status = status;
     outcome.cause = std::move(cause);
-    outcome.detail = printed.empty() ? "" : "The last output was:\n" + printed;
+    if (printed.empty())
+        return outcome;
+    outcome.detail = "The last output was:\n";
+    for (const char c : printed)
+        outcome.detail += (c >= ' ' && c <= '~') || c == '\n' || c == '\t' ? c : '?';
     return outcome;
 }
 
@@ -75,6 +79,11 @@ private:
 };
 
 } // namespace
+
+std::string causeOf(const check::Outcome &outcome)
+{
+    return nameOf(outcome.status) + (outcome.cause.empty() ? "" : ": " + outcome.cause);
+}
 
 // A worker process at a time, and the case that it runs.
 class Runner::Slot
@@ -223,6 +232,8 @@ void Runner::Slot::finish(check::Outcome outcome)
     if (failure_) {
         if (isSuccess(verdict))
             failure_->verdict = Verdict::Flake;
+        else
+            ++runner_.confirmed_[causeOf(failure_->outcome)];
         runner_.report_(*std::exchange(failure_, std::nullopt));
         return;
     }
@@ -301,12 +312,12 @@ std::optional<CaseId> Runner::nextOf(Stream &stream)
     return std::nullopt;
 }
 
-bool Runner::mustConfirm(const Finished &finished)
+bool Runner::mustConfirm(const Finished &finished) const
 {
     if (isSuccess(finished.verdict) || !settings_.replay.empty())
         return false;
-    size_t &count = again_[nameOf(finished.outcome.status) + finished.outcome.cause];
-    return ++count <= kMostConfirmations;
+    const auto confirmed = confirmed_.find(causeOf(finished.outcome));
+    return confirmed == confirmed_.end() || confirmed->second < kMostConfirmations;
 }
 
 void Runner::reportMissing(Schedule &schedule)

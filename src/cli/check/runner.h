@@ -34,6 +34,9 @@ struct Finished {
     double seconds = 0;
 };
 
+// "Crash: SIGSEGV": results with the same are put together.
+std::string causeOf(const check::Outcome &outcome);
+
 class Runner
 {
 public:
@@ -57,7 +60,7 @@ private:
     // Reports skipped cases. Nothing at the end of the stream.
     std::optional<CaseId> nextOf(Stream &stream);
     // Whether a failure is to be run again.
-    bool mustConfirm(const Finished &finished);
+    [[nodiscard]] bool mustConfirm(const Finished &finished) const;
     void reportMissing(Schedule &schedule);
 
     RunSettings settings_;
@@ -65,9 +68,9 @@ private:
     std::function<void(const Finished &)> report_;
     std::function<void()> tick_;
     Clock::time_point start_ = Clock::now();
-    double turn_ = 0;                     // seconds that a worker runs the cases of one stream
-    unsigned failedOpenings_ = 0;         // one after the other
-    std::map<std::string, size_t> again_; // failures that were run again, by cause
+    double turn_ = 0;                         // seconds that a worker runs the cases of one stream
+    unsigned failedOpenings_ = 0;             // one after the other
+    std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };
 
 // The device that workers with these options test. Throws Error where there is none.

@@ -149,6 +149,16 @@ TEST_F(Check, WhatPassesTheSecondTimeIsAFlake)
     EXPECT_NE(check.outcome.output.find("2 flakes"), std::string::npos) << check.outcome.output;
 }
 
+TEST_F(Check, ResultsThatCannotBeWrittenArePrinted)
+{
+    const Outcome full = runVellumWithFileLimit(
+        {"check", "--filter", "*.bad.*", "--filter", "*.good.*", "--output", (folder_ / "full").string()}, 2000);
+    EXPECT_EQ(full.exitCode, 1) << full.errors;
+    EXPECT_NE(full.output.find("    10 cases, the first of which is "), std::string::npos) << full.output;
+    EXPECT_EQ(linesOf(folder_ / "full/results.csv").size(), 20U);
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "full/results.json")) << "nothing is half-written";
+}
+
 TEST_F(Check, ADeviceThatCannotBeOpenedEndsTheRun)
 {
     for (const char *behaviour : {"throw", "crash"}) {
