@@ -37,11 +37,11 @@ void prepareEnvironment(const CheckOptions &options)
         setenv("VELLUM_FORCE_EMULATION", "1", 1);
 }
 
-std::vector<std::string> workerOptions(const CheckOptions &options)
+std::vector<std::string> workerOptions(const CheckOptions &options, const std::optional<std::string> &device)
 {
     std::vector<std::string> words;
-    if (options.device)
-        words.insert(words.end(), {"--device", *options.device});
+    if (device)
+        words.insert(words.end(), {"--device", *device});
     if (!options.layer)
         words.emplace_back("--no-layer");
     return words;
@@ -95,10 +95,10 @@ Expectations expectationsOf(const CheckOptions &options)
     return expectations;
 }
 
-RunSettings settingsOf(const CheckOptions &options)
+RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
 {
     RunSettings settings;
-    settings.workerOptions = workerOptions(options);
+    settings.workerOptions = workerOptions(options, std::to_string(device.number));
     settings.seed = options.seed;
     settings.jobs = options.jobs;
     settings.timeout = options.timeout;
@@ -243,7 +243,7 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
     skipMissing(device, selection, results);
     Schedule schedule = makeSchedule(selection);
     const size_t total = results.size() + schedule.remaining();
-    const RunSettings settings = settingsOf(options);
+    const RunSettings settings = settingsOf(options, device);
     auto progress = std::make_optional<Progress>("checking", !options.json);
     Runner *running = nullptr;
     Runner runner(
@@ -275,9 +275,9 @@ CaseId caseOf(const std::filesystem::path &path)
     return *id;
 }
 
-int replay(const CheckOptions &options, const CaseId &id)
+int replay(const CheckOptions &options, const DeviceSummary &device, const CaseId &id)
 {
-    RunSettings settings = settingsOf(options);
+    RunSettings settings = settingsOf(options, device);
     settings.replay = std::filesystem::absolute(*options.replay);
     Schedule schedule;
     schedule.add(Stream(id.api, *id.group, {id.number}));
@@ -317,7 +317,7 @@ int checkCommand(const CheckOptions &options)
         throw UsageError("no case is selected; vellum check --list prints them");
     DeviceSummary device;
     try {
-        device = askForDevice(workerOptions(options), options.timeout);
+        device = askForDevice(workerOptions(options, options.device), options.timeout);
         removeMissing(options, device, selection);
     } catch (const Error &error) {
         if (Interruptible::interrupted())
@@ -326,7 +326,7 @@ int checkCommand(const CheckOptions &options)
         return kNotRun;
     }
     if (options.replay)
-        return replay(options, selection.list.front());
+        return replay(options, device, selection.list.front());
     return runCases(options, device, std::move(selection), expectations);
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/device.h"
 
+#include <algorithm>
+#include <vector>
+
 #include "cli/vulkan/context.h"
 
 namespace vellum::cli
@@ -10,7 +13,11 @@ DeviceSummary describeDevice(const check::SessionOptions &options)
 {
     const Instance instance(options.layer);
     const DeviceInfo device = chooseDevice(instance, options.device);
-    return {device.name, device.implementation, device.khrMicromaps, device.extMicromaps};
+    const std::vector<DeviceInfo> all = listDevices(instance);
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const DeviceInfo &info) { return info.handle == device.handle; });
+    return {static_cast<size_t>(found - all.begin()), device.name, device.implementation, device.khrMicromaps,
+            device.extMicromaps};
 }
 
 } // namespace vellum::cli

@@ -164,7 +164,9 @@ std::string write(const Event &event)
     json.beginObject().member("event", kEvents.at(static_cast<size_t>(event.kind)));
     switch (event.kind) {
     case Event::Kind::Device:
-        json.member("name", event.device.name).member("implementation", event.device.implementation);
+        json.member("number", hexadecimal(event.device.number))
+            .member("name", event.device.name)
+            .member("implementation", event.device.implementation);
         json.member("khr", event.device.khr ? "yes" : "no").member("ext", event.device.ext ? "yes" : "no");
         break;
     case Event::Kind::Begin: break;
@@ -182,8 +184,8 @@ Event parseEvent(const std::string &line)
     event.kind = kindOf<Event::Kind>(reader.text("event"), kEvents);
     switch (event.kind) {
     case Event::Kind::Device:
-        event.device = {reader.text("name"), reader.text("implementation"), reader.text("khr") == "yes",
-                        reader.text("ext") == "yes"};
+        event.device = {reader.hexNumber("number"), reader.text("name"), reader.text("implementation"),
+                        reader.text("khr") == "yes", reader.text("ext") == "yes"};
         break;
     case Event::Kind::Begin: break;
     case Event::Kind::End: event.outcome = readOutcome(reader); break;

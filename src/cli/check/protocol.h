@@ -25,6 +25,7 @@ std::string write(const Request &request);
 Request parseRequest(const std::string &line);
 
 struct DeviceSummary {
+    size_t number = 0; // in Vulkan's list, for --device
     std::string name;
     std::string implementation; // of micromaps, in words
     bool khr = false;           // has VK_KHR_opacity_micromap

@@ -174,8 +174,10 @@ std::span<const Group> groups()
     return kGroups;
 }
 
-std::shared_ptr<Session> openSession(const SessionOptions &)
+std::shared_ptr<Session> openSession(const SessionOptions &options)
 {
+    if (options.device != "7")
+        throw std::runtime_error("another device than the one that was chosen");
     const std::string behaviour = variable("VELLUM_FAKE_OPEN");
     if (behaviour == "throw")
         throw std::runtime_error("no device today");
@@ -207,7 +209,7 @@ DeviceSummary describeDevice(const check::SessionOptions &options)
         throw Error("there is no Vulkan device");
     if (device == "crash")
         std::raise(SIGSEGV);
-    return {options.device.value_or("fake"), "fake", device != "ext", device != "khr"};
+    return {7, options.device.value_or("fake"), "fake", device != "ext", device != "khr"};
 }
 
 } // namespace vellum::cli
