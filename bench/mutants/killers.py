@@ -4,6 +4,7 @@ import dataclasses
 import os
 import pathlib
 import resource
+import shutil
 import signal
 import subprocess
 import tempfile
@@ -17,12 +18,17 @@ SURVIVED = "survived"
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One program of a killer. {layer} in a word stands for the mutant's folder, {out} for a temporary one."""
+    """One program of a killer.
+
+    {layer} in a word stands for the mutant's folder, and {out} for a temporary one that is laid out like a build:
+    {out}/lib is the mutant's folder, and {out}/bin has a copy of `vellum`, which takes the layer from there.
+    """
     name: str
     words: tuple
     environment: tuple = ()
     seconds: float = 240     # after which it counts as hanging
     cpu_seconds: int = 60    # the same, of all threads together
+    vellum: pathlib.Path | None = None
 
 
 def read_steps(path, programs):
@@ -38,12 +44,12 @@ def read_steps(path, programs):
 
 
 def environment(folder):
-    """The variables by which the tests and all other programs find the layer."""
-    variables = dict(os.environ)
+    """With the variable by which the tests find the layer. In others, loader 1.3.239 may prefer a later folder."""
+    variables = {name: value for name, value in os.environ.items() if name != "VK_LAYER_PATH"}
     for manifest in sorted(pathlib.Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json")):
         variables.setdefault("VK_DRIVER_FILES", str(manifest))
         variables.setdefault("VK_ICD_FILENAMES", str(manifest))
-    return variables | {"VELLUM_TEST_LAYER": str(folder), "VK_LAYER_PATH": str(folder)}
+    return variables | {"VELLUM_TEST_LAYER": str(folder)}
 
 
 def run_step(step, folder, log):
@@ -55,6 +61,10 @@ def run_step(step, folder, log):
 
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as out:
+        os.symlink(folder, pathlib.Path(out, "lib"))
+        pathlib.Path(out, "bin").mkdir()
+        if step.vellum:
+            shutil.copy(step.vellum, pathlib.Path(out, "bin", "vellum"))
         words = [word.replace("{layer}", str(folder)).replace("{out}", out) for word in step.words]
         with subprocess.Popen(words, env=environment(folder) | dict(step.environment), stdin=subprocess.DEVNULL,
                               stdout=log, stderr=subprocess.STDOUT, preexec_fn=limit, start_new_session=True) as child:
@@ -95,8 +105,8 @@ def kill_mutant(steps, layers, name, stage):
 
 
 def check_steps(program, arguments, seconds):
-    """`vellum check`: 1 stands for findings, and what the original layer does not return, such as 125, for a broken layer."""
-    return [Step("check", (str(program), "check", *arguments), (), seconds, 100000)]
+    """`vellum check` finds something (1), or cannot run (125), which the original layer does not cause."""
+    return [Step("check", ("{out}/bin/vellum", "check", *arguments), (), seconds, 100000, program)]
 
 
 def cts_steps(root, deqp, cases, seconds):

@@ -29,13 +29,14 @@ def table(results, equivalent):
     builds = results.of_stage("build")
     count = collections.Counter(record["result"] for record in builds.values())
     judged = {name for name in builds if builds[name]["result"] == "built" and name in equivalent}
-    alive = [name for name in builds if builds[name]["result"] == "built" and name not in judged]
+    run = {name for name, stage in results.records if stage != "build"}
+    alive = [name for name in builds if builds[name]["result"] == "built" and name not in judged and name in run]
     seconds = [record["seconds"] for record in builds.values()]
     lines = ["| mutants | |", "|---|--:|", f"| chosen | {len(builds)} |",
              f"| stillborn: do not compile | {count['stillborn']} |",
              f"| equivalent: the same binary | {count['same']} |",
              f"| equivalent: judged | {len(judged)} |",
-             f"| counted | {len(alive)} |",
+             f"| counted: a killer was run against them | {len(alive)} |",
              f"| seconds to build one, median | {median(seconds):.1f} |", "",
              "| killer | mutants | killed | share | seconds to kill, median |", "|---|--:|--:|--:|--:|"]
     killed_by_any = set()

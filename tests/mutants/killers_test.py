@@ -44,6 +44,13 @@ class Killers(unittest.TestCase):
         code = "import os, sys; sys.exit(os.environ['VELLUM_TEST_LAYER'] != sys.argv[1] or os.environ['NAME'] != 'a=b')"
         self.assertEqual(self.kill(step(code, environment=(("NAME", "a=b"),)))["result"], "survived")
 
+    def test_vellum_takes_the_layer_of_its_prefix(self):
+        program = self.folder / "program"
+        program.write_text('#!/bin/sh\ntest "$(readlink "$(dirname "$0")/../lib")" = "$3" && test "$2" = --quick\n')
+        program.chmod(0o755)
+        (only,) = killers.check_steps(program, ["--quick", "{layer}"], 60)
+        self.assertEqual(self.kill(only)["result"], "survived")
+
     def test_list_of_tests(self):
         path = self.folder / "tests.txt"
         path.write_text("# comment\n\nprogram A.*:-B.* X=1 Y=2\n")

@@ -9,7 +9,7 @@ import report
 from results import Results
 
 BUILDS = {"a.h:1:flag:0": "built", "a.h:2:flag:0": "built", "b/c.h:1:constant:0": "built", "a.h:3:flag:0": "stillborn",
-          "a.h:4:flag:0": "same", "a.h:5:flag:0": "built"}
+          "a.h:4:flag:0": "same", "a.h:5:flag:0": "built", "a.h:6:flag:0": "built"}
 
 
 class Report(unittest.TestCase):
@@ -26,8 +26,8 @@ class Report(unittest.TestCase):
 
     def test_table(self):
         lines = report.report(self.results, {"a.h:5:flag:0": "why"})
-        for line in ("| chosen | 6 |", "| stillborn: do not compile | 1 |", "| equivalent: the same binary | 1 |",
-                     "| equivalent: judged | 1 |", "| counted | 3 |", "| tests | 3 | 1 | 33.3 % | 1.0 |",
+        for line in ("| chosen | 7 |", "| stillborn: do not compile | 1 |", "| equivalent: the same binary | 1 |",
+                     "| equivalent: judged | 1 |", "| counted: a killer was run against them | 3 |", "| tests | 3 | 1 | 33.3 % | 1.0 |",
                      "| check | 1 | 1 | 100.0 % | 3.0 |", "| any of them | 3 | 2 | 66.7 % | |", "| flag | 2 | 2 |",
                      "| b | 1 | 0 |"):
             self.assertIn(line, lines)
