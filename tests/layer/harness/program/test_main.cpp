@@ -61,11 +61,20 @@ namespace
         thread.join();
 }
 
+// Folders where the loader looks for layers. VELLUM_TEST_LAYER names the folder of another build of Vellum's layer,
+// such as a mutant (bench/mutants), that replaces this build's.
+std::string layerFolders()
+{
+    const std::string folders = VELLUM_TEST_LAYER_PATH;
+    const char *other = std::getenv("VELLUM_TEST_LAYER");
+    return other ? other + folders.substr(folders.find(':')) : folders;
+}
+
 // ThreadSanitizer ends the process when a library goes that a suppression names (tests/tsan.supp), and knows no names
 // of functions in others that have gone.
 [[maybe_unused]] void keepLibrariesLoaded()
 {
-    const std::string folders = VELLUM_TEST_LAYER_PATH;
+    const std::string folders = layerFolders();
     for (const std::string &name : {std::string("libvulkan_lvp.so"),
                                     folders.substr(0, folders.find(':')) + "/libVkLayer_vellum_opacity_micromap.so"})
         dlopen(name.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
@@ -88,7 +97,7 @@ int main(int argc, char **argv)
     // VK_LAYER_PATH would hide VK_ADD_LAYER_PATH; implicit layers of this machine are not under test.
     unsetenv("VK_LAYER_PATH");
     unsetenv("VK_INSTANCE_LAYERS");
-    setenv("VK_ADD_LAYER_PATH", VELLUM_TEST_LAYER_PATH, 1);
+    setenv("VK_ADD_LAYER_PATH", layerFolders().c_str(), 1);
     setenv("VK_LOADER_LAYERS_DISABLE", "~implicit~", 1);
 #ifdef VELLUM_TEST_ICD
     // Lavapipe, unless the environment names another driver's manifest (docs/conformance.md).

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Killers: programs that are run with a mutant as the layer. One that fails, crashes or hangs kills it."""
+import dataclasses
+import os
+import pathlib
+import resource
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+
+from builder import LIBRARY, folder_name
+
+MEMORY = 12 << 30  # bytes of address space of a program
+SURVIVED = "survived"
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One program of a killer.
+
+    {layer} in a word stands for the mutant's folder, and {out} for a temporary one that is laid out like a build:
+    {out}/lib is the mutant's folder, and {out}/bin has a copy of `vellum`, which takes the layer from there.
+    """
+    name: str
+    words: tuple
+    environment: tuple = ()
+    seconds: float = 240     # after which it counts as hanging
+    cpu_seconds: int = 60    # the same, of all threads together
+    vellum: pathlib.Path | None = None
+
+
+def read_steps(path, programs):
+    """The steps of a list of tests: program, GoogleTest filter, variables."""
+    steps = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.strip() and not line.startswith("#"):
+            program, tests, *variables = line.split()
+            words = (str(programs / program), f"--gtest_filter={tests}", "--gtest_brief=1", "--gtest_fail_fast")
+            steps.append(Step(" ".join([program, tests, *variables]), words,
+                              tuple(variable.split("=", 1) for variable in variables)))
+    return steps
+
+
+def environment(folder):
+    """With the variable by which the tests find the layer. In others, loader 1.3.239 may prefer a later folder."""
+    variables = {name: value for name, value in os.environ.items() if name != "VK_LAYER_PATH"}
+    for manifest in sorted(pathlib.Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json")):
+        variables.setdefault("VK_DRIVER_FILES", str(manifest))
+        variables.setdefault("VK_ICD_FILENAMES", str(manifest))
+    return variables | {"VELLUM_TEST_LAYER": str(folder)}
+
+
+def run_step(step, folder, log):
+    """How it ended: None if the program found nothing; and its seconds."""
+    def limit():
+        resource.setrlimit(resource.RLIMIT_CPU, (step.cpu_seconds, step.cpu_seconds + 5))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory() as out:
+        os.symlink(folder, pathlib.Path(out, "lib"))
+        pathlib.Path(out, "bin").mkdir()
+        if step.vellum:
+            shutil.copy(step.vellum, pathlib.Path(out, "bin", "vellum"))
+        words = [word.replace("{layer}", str(folder)).replace("{out}", out) for word in step.words]
+        with subprocess.Popen(words, env=environment(folder) | dict(step.environment), stdin=subprocess.DEVNULL,
+                              stdout=log, stderr=subprocess.STDOUT, preexec_fn=limit, start_new_session=True) as child:
+            try:
+                child.wait(step.seconds)
+            except subprocess.TimeoutExpired:
+                pass
+            hung = child.returncode is None or child.returncode == -signal.SIGXCPU
+            try:
+                os.killpg(child.pid, signal.SIGKILL)  # whatever it left behind
+            except ProcessLookupError:
+                pass
+            child.wait()
+    seconds = time.monotonic() - begin
+    if hung:
+        return "hang", seconds
+    if child.returncode < 0:
+        return signal.Signals(-child.returncode).name, seconds
+    return f"exit {child.returncode}" if child.returncode else None, seconds
+
+
+def kill(steps, folder, log_path):
+    """Runs steps until one kills the layer in a folder. Returns what a result holds."""
+    begin = time.monotonic()
+    with open(log_path, "wb") as log:
+        for step in steps:
+            how, _ = run_step(step, folder, log)
+            if how:
+                return {"result": "killed", "by": step.name, "how": how, "seconds": round(time.monotonic() - begin, 1)}
+    return {"result": SURVIVED, "seconds": round(time.monotonic() - begin, 1)}
+
+
+def kill_mutant(steps, layers, name, stage):
+    folder = (layers / folder_name(name)).resolve()
+    if not (folder / LIBRARY).exists():
+        raise SystemExit(f"{folder} holds no layer")
+    return kill(steps, folder, folder / f"{stage}.log")
+
+
+def check_steps(program, arguments, seconds):
+    """`vellum check` finds something (1), or cannot run (125), which the original layer does not cause."""
+    return [Step("check", ("{out}/bin/vellum", "check", *arguments), (), seconds, 100000, program)]
+
+
+def cts_steps(root, deqp, cases, seconds):
+    words = (str(root / "scripts/run-cts"), "--deqp", str(deqp), "--cases", str(cases), "--layer-path", "{layer}",
+             "--out", "{out}", "--jobs", "1", "--timeout", "20")
+    return [Step("cts", words, (), seconds, 100000)]

@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Tests how killers end, with Python programs in place of tests, and the file of results."""
+import pathlib
+import sys
+import tempfile
+import unittest
+
+import killers
+from results import Results
+
+
+def step(code, **values):
+    return killers.Step("step", (sys.executable, "-c", code, "{layer}"), **values)
+
+
+class Killers(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def kill(self, *steps):
+        return killers.kill(steps, self.folder, self.folder / "log")
+
+    def test_survivor(self):
+        self.assertEqual(self.kill(step("pass"), step("pass"))["result"], "survived")
+
+    def test_the_first_failure_ends_it(self):
+        after = step("import sys, pathlib; pathlib.Path(sys.argv[1], 'ran').write_text('')")
+        result = self.kill(step("pass"), step("print('found'); raise SystemExit(1)"), after)
+        self.assertEqual((result["result"], result["by"], result["how"]), ("killed", "step", "exit 1"))
+        self.assertFalse((self.folder / "ran").exists())
+        self.assertIn("found", (self.folder / "log").read_text())
+
+    def test_crash(self):
+        self.assertEqual(self.kill(step("import os; os.abort()"))["how"], "SIGABRT")
+
+    def test_hang(self):
+        self.assertEqual(self.kill(step("import time; time.sleep(60)", seconds=0.2))["how"], "hang")
+        self.assertEqual(self.kill(step("while True: pass", cpu_seconds=1))["how"], "hang")
+
+    def test_layer(self):
+        code = "import os, sys; sys.exit(os.environ['VELLUM_TEST_LAYER'] != sys.argv[1] or os.environ['NAME'] != 'a=b')"
+        self.assertEqual(self.kill(step(code, environment=(("NAME", "a=b"),)))["result"], "survived")
+
+    def test_vellum_takes_the_layer_of_its_prefix(self):
+        program = self.folder / "program"
+        program.write_text('#!/bin/sh\ntest "$(readlink "$(dirname "$0")/../lib")" = "$3" && test "$2" = --quick\n')
+        program.chmod(0o755)
+        (only,) = killers.check_steps(program, ["--quick", "{layer}"], 60)
+        self.assertEqual(self.kill(only)["result"], "survived")
+
+    def test_list_of_tests(self):
+        path = self.folder / "tests.txt"
+        path.write_text("# comment\n\nprogram A.*:-B.* X=1 Y=2\n")
+        (only,) = killers.read_steps(path, pathlib.Path("bin"))
+        self.assertEqual(only.words[:2], ("bin/program", "--gtest_filter=A.*:-B.*"))
+        self.assertEqual(dict(only.environment), {"X": "1", "Y": "2"})
+
+    def test_results(self):
+        path = self.folder / "results.jsonl"
+        Results(path).add("a", "build", result="built")
+        Results(path).add("a", "tests", result="killed")
+        again = Results(path)
+        again.add("b", "build", result="same")
+        again = Results(path)
+        self.assertEqual(again.stages(), ["build", "tests"])
+        self.assertEqual(again.find("a", "tests")["result"], "killed")
+        self.assertEqual(list(again.of_stage("build")), ["a", "b"])
+
+
+if __name__ == "__main__":
+    unittest.main()
