@@ -2,6 +2,8 @@
 // All faults, and the levels of the faulty driver.
 #include "faults/faults.h"
 
+#include <array>
+
 namespace driver
 {
 
@@ -129,10 +131,10 @@ std::span<const Quirk> allQuirks()
          "RADV, which compiles the table into one shader"},
         {"second-queue-loses-micromaps", Level::Commands,
          "command buffers that build micromaps are executed by the first queue only",
-         "programs with one queue, and drivers that were tested with them"},
+         "programs with one queue, and drivers that were tested with them", "queues"},
         {"indirect-build-with-host-counts", Level::Commands,
-         "an indirect build takes its primitive counts from ppMaxPrimitiveCounts",
-         "a build that is sized for the most"},
+         "an indirect build takes its primitive counts from ppMaxPrimitiveCounts", "a build that is sized for the most",
+         "capable"},
         // process.cpp
         {"hangs", Level::Process, "waiting for the device never returns", "a GPU hang without recovery"},
         {"dies", Level::Process, "the process aborts when a command buffer is ended", "an assertion of a driver"},
@@ -161,12 +163,13 @@ std::span<const NamedLevel> allLevels()
 } // namespace driver
 
 // For tests and scripts, which find it in this library. Member 0 of fault i is its name, 1 what is wrong, 2 what it
-// imitates; null behind the last fault.
+// imitates, 3 the quirks that it needs; null behind the last fault.
 extern "C" __attribute__((visibility("default"))) const char *vellumFault(unsigned i, unsigned member);
 extern "C" const char *vellumFault(unsigned i, unsigned member)
 {
     const auto all = driver::allQuirks();
     if (i >= all.size())
         return nullptr;
-    return member == 0 ? all[i].name : member == 1 ? all[i].claim : all[i].imitates;
+    const driver::Quirk &fault = all[i];
+    return std::array{fault.name, fault.claim, fault.imitates, fault.quirks}.at(member);
 }

@@ -2,6 +2,9 @@
 // Faults in shaders: the driver compiles other SPIR-V than the application's.
 #include "faults/faults.h"
 
+#include <deque>
+
+#include "layer/base/pnext.h"
 #include "spirv/module/code.h"
 #include "spirv/module/integers.h"
 #include "spirv/module/ray_instructions.h"
@@ -12,6 +15,7 @@ namespace
 {
 
 using namespace vellum::spirv;
+using vellum::layer::Chain;
 constexpr Level kLevel = Level::Shaders;
 
 constexpr uint32_t kTerminateOnFirstHit = 0x004;
@@ -101,20 +105,91 @@ std::vector<uint32_t> withTrueMode(Words words)
     return out;
 }
 
+std::vector<uint32_t> changed(void *key, const VkShaderModuleCreateInfo &info)
+{
+    std::vector<uint32_t> words(info.pCode, info.pCode + info.codeSize / 4);
+    for (const FlagFault &fault : kFlagFaults) {
+        if (has(key, fault.name))
+            words = withFlags(words, fault.change);
+    }
+    return has(key, "mode-constant-true") ? withTrueMode(words) : words;
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL createModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
-    std::vector<uint32_t> words(info->pCode, info->pCode + info->codeSize / 4);
-    for (const FlagFault &fault : kFlagFaults) {
-        if (has(keyOf(handle), fault.name))
-            words = withFlags(words, fault.change);
+    const std::vector<uint32_t> words = changed(keyOf(handle), *info);
+    VkShaderModuleCreateInfo own = *info;
+    own.codeSize = words.size() * 4;
+    own.pCode = words.data();
+    return DRIVER_NEXT(vkCreateShaderModule)(handle, &own, allocator, module);
+}
+
+// Stages of pipelines whose modules are given in their pNext chains.
+class Stages
+{
+public:
+    Stages(void *key, std::span<const VkPipelineShaderStageCreateInfo> stages) : stages_(stages.begin(), stages.end())
+    {
+        for (VkPipelineShaderStageCreateInfo &stage : stages_) {
+            Chain &chain = chains_.emplace_back(stage.pNext);
+            auto *info = chain.edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+            if (stage.module != VK_NULL_HANDLE || info == nullptr)
+                continue;
+            const std::vector<uint32_t> &words = words_.emplace_back(changed(key, *info));
+            info->codeSize = words.size() * 4;
+            info->pCode = words.data();
+            stage.pNext = chain.head();
+        }
     }
-    if (has(keyOf(handle), "mode-constant-true"))
-        words = withTrueMode(words);
-    VkShaderModuleCreateInfo changed = *info;
-    changed.codeSize = words.size() * 4;
-    changed.pCode = words.data();
-    return DRIVER_NEXT(vkCreateShaderModule)(handle, &changed, allocator, module);
+    [[nodiscard]] const VkPipelineShaderStageCreateInfo *data() const { return stages_.data(); }
+
+private:
+    std::vector<VkPipelineShaderStageCreateInfo> stages_;
+    std::deque<Chain> chains_;
+    std::deque<std::vector<uint32_t>> words_;
+};
+
+template <class Info>
+struct Pipelines {
+    Pipelines(void *key, std::span<const Info> given) : infos(given.begin(), given.end())
+    {
+        for (Info &info : infos)
+            info.pStages = stages.emplace_back(key, std::span(info.pStages, info.stageCount)).data();
+    }
+    std::vector<Info> infos;
+    std::deque<Stages> stages;
+};
+
+VKAPI_ATTR VkResult VKAPI_CALL createCompute(VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                             const VkComputePipelineCreateInfo *infos,
+                                             const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
+    std::deque<Stages> stages;
+    for (VkComputePipelineCreateInfo &info : own)
+        info.stage = *stages.emplace_back(keyOf(handle), std::span(&info.stage, 1)).data();
+    return DRIVER_NEXT(vkCreateComputePipelines)(handle, cache, count, own.data(), allocator, pipelines);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createGraphics(VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                              const VkGraphicsPipelineCreateInfo *infos,
+                                              const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    const Pipelines<VkGraphicsPipelineCreateInfo> own(keyOf(handle), {infos, count});
+    return DRIVER_NEXT(vkCreateGraphicsPipelines)(handle, cache, count, own.infos.data(), allocator, pipelines);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createRayTracing(VkDevice handle, VkDeferredOperationKHR operation,
+                                                VkPipelineCache cache, uint32_t count,
+                                                const VkRayTracingPipelineCreateInfoKHR *infos,
+                                                const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    const auto create = DRIVER_NEXT(vkCreateRayTracingPipelinesKHR);
+    if (operation != VK_NULL_HANDLE) // which may read the copies later
+        return create(handle, operation, cache, count, infos, allocator, pipelines);
+    const Pipelines<VkRayTracingPipelineCreateInfoKHR> own(keyOf(handle), {infos, count});
+    return create(handle, operation, cache, count, own.infos.data(), allocator, pipelines);
 }
 
 } // namespace
@@ -123,6 +198,9 @@ LevelRows shaderRows()
 {
     static const Row device[]{
         {"vkCreateShaderModule", DRIVER_FUNCTION(createModule)},
+        {"vkCreateComputePipelines", DRIVER_FUNCTION(createCompute)},
+        {"vkCreateGraphicsPipelines", DRIVER_FUNCTION(createGraphics)},
+        {"vkCreateRayTracingPipelinesKHR", DRIVER_FUNCTION(createRayTracing)},
     };
     return {device, {}};
 }

@@ -83,8 +83,10 @@ LevelRows garbageRows();
 struct Quirk {
     const char *name;
     Level level;
-    const char *claim;         // with what the specification says that allows it; of a fault, what is wrong
-    const char *imitates = ""; // of a fault: the driver, engine or tool that had it, or the mistake behind it
+    const char *claim; // with what the specification says that allows it; of a fault, what is wrong
+    // of faults
+    const char *imitates = ""; // the driver, engine or tool that had it, or the mistake behind it
+    const char *quirks = "";   // of the mock driver, without which it does not show
 };
 struct NamedLevel {
     Level level;

@@ -40,7 +40,7 @@ std::string specializedMode(Gpu &gpu)
     const auto micromap = built(gpu, uniform({1}));
     const RowScene scene(gpu, micromap.get(), 1);
     const Ray ray{.origin = {0.3f, 0.3f, 1}};
-    Tracer tracer(gpu, withMode(tracer_comp, Mode::Specialized));
+    Tracer tracer(gpu, withMode(tracer_comp, Mode::Specialized), {.inlineModule = true});
     return tracer.trace(scene.tlas(), std::span(&ray, 1))[0].committed == kTriangle ? "micromap" : "no micromap";
 }
 

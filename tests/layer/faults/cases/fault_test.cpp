@@ -5,7 +5,7 @@
 #include "harness/mock_driver.h"
 
 #include <csignal>
-#include <set>
+#include <map>
 
 #include <unistd.h>
 
@@ -98,15 +98,17 @@ TEST(Faults, AllHaveCases)
     const Gpu gpu({.validation = false, .spy = false, .fault = "hangs"}); // loads the library
     const auto fault =
         testDriverFunction<const char *(*)(unsigned, unsigned)>("vellumFault", "libvellum_test_faulty_driver.so");
-    std::set<std::string> missing;
+    std::map<std::string, std::string> missing; // and their quirks
     for (unsigned i = 0; fault(i, 0) != nullptr; ++i) {
         EXPECT_STRNE(fault(i, 1), "");
         EXPECT_STRNE(fault(i, 2), "");
-        missing.insert(fault(i, 0));
+        missing.emplace(fault(i, 0), fault(i, 3));
     }
-    for (const Case &c : allCases())
+    for (const Case &c : allCases()) {
+        EXPECT_EQ(missing[c.fault], c.quirks) << c.fault;
         missing.erase(c.fault);
-    EXPECT_EQ(missing, (std::set<std::string>{"dies", "hangs"})); // FaultyProcess
+    }
+    EXPECT_EQ(missing, (std::map<std::string, std::string>{{"dies", ""}, {"hangs", ""}})); // FaultyProcess
 }
 
 TEST(Faults, UnknownNamesAreRejected)
