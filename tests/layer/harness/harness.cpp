@@ -12,7 +12,8 @@ constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_mock_driver"; // below everything
 constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower"; // below that, with the quirks "ext" and "emulating"
-constexpr const char *kForcingLayer = "VK_LAYER_VELLUM_test_forcing"; // above everything, see forcing/forcing.h
+constexpr const char *kFaultyLayer = "VK_LAYER_VELLUM_test_faulty_driver"; // above Vellum's layer
+constexpr const char *kForcingLayer = "VK_LAYER_VELLUM_test_forcing";      // above everything, see forcing/forcing.h
 
 // Messages that tests leave alone, and why: most of them the program gets without Vellum's layer, too.
 struct FalseAlarm {
@@ -97,6 +98,8 @@ std::vector<std::string> layersOf(const Options &options, const std::string &qui
     const bool old = options.oldValidation && !has("ext");
     if (kHasValidation && options.validation && (old || validationIsNew()))
         layers.insert(validationOfTests() == Validation::Above ? layers.begin() : layers.end(), kValidationLayer);
+    if (!options.fault.empty())
+        layers.insert(layers.begin(), kFaultyLayer);
     if (options.vellum && std::getenv("VELLUM_FORCING") != nullptr)
         layers.insert(layers.begin(), kForcingLayer);
     if (quirks.find_first_not_of(',') != std::string::npos)
@@ -144,12 +147,14 @@ public:
         if (options.validate)
             setenv("VELLUM_VALIDATE", "1", 1);
         setenv("VELLUM_TEST_MOCK_DRIVER", quirksOf(options).c_str(), 1);
+        setenv("VELLUM_TEST_FAULT", options.fault.c_str(), 1);
     }
     LayerEnvironment(const LayerEnvironment &) = delete;
     LayerEnvironment &operator=(const LayerEnvironment &) = delete;
     ~LayerEnvironment()
     {
-        for (const char *name : {"VELLUM_TEST_MOCK_DRIVER", "VELLUM_VALIDATE", "VELLUM_LOWER_ASSUME_MICROMAPS"})
+        for (const char *name :
+             {"VELLUM_TEST_MOCK_DRIVER", "VELLUM_TEST_FAULT", "VELLUM_VALIDATE", "VELLUM_LOWER_ASSUME_MICROMAPS"})
             unsetenv(name);
     }
 };

@@ -25,15 +25,15 @@ inline unsigned serializedTrailer()
     return chosenQuirk("ext") && std::getenv("VELLUM_FORCE_EMULATION") == nullptr ? 16 : 0;
 }
 
-// By its name. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an
+// By its name, of the library in that file. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an
 // instance was made.
 template <class Function>
-Function testDriverFunction(const char *name)
+Function testDriverFunction(const char *name, const std::string &file = "libvellum_test_mock_driver.so")
 {
     const std::string folders = std::getenv("VK_ADD_LAYER_PATH");
     for (size_t begin = 0; begin != std::string::npos;) {
         const size_t end = folders.find(':', begin);
-        const std::string path = folders.substr(begin, end - begin) + "/libvellum_test_mock_driver.so";
+        const std::string path = folders.substr(begin, end - begin) + '/' + file;
         const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
         if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD)) {
             if (void *symbol = dlsym(library, name))
@@ -41,7 +41,7 @@ Function testDriverFunction(const char *name)
         }
         begin = end == std::string::npos ? end : end + 1;
     }
-    throw std::runtime_error("the mock driver is not there");
+    throw std::runtime_error(file + " is not loaded");
 }
 
 } // namespace vt

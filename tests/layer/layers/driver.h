@@ -26,6 +26,7 @@ namespace driver
 
 // From the application's side to lavapipe's.
 enum class Level {
+    // of the mock driver
     Deferral,
     Spy,
     Ext,
@@ -38,7 +39,17 @@ enum class Level {
     Addresses,
     Replay,
     IndirectBuilds,
-    Garbage
+    Garbage,
+    // of the faulty driver (faults/faults.h)
+    Process,
+    Shaders,
+    Instances,
+    Attachments,
+    Copies,
+    Generic,
+    Micromaps,
+    Commands,
+    Submissions
 };
 
 struct Row {
@@ -72,9 +83,21 @@ LevelRows garbageRows();
 struct Quirk {
     const char *name;
     Level level;
-    const char *claim; // with what the specification says that allows it
+    const char *claim; // with what the specification says that allows it; of a fault, what is wrong
+    // of faults
+    const char *imitates = ""; // the driver, engine or tool that had it, or the mistake behind it
+    const char *quirks = "";   // of the mock driver, without which it does not show
 };
+struct NamedLevel {
+    Level level;
+    LevelRows rows;
+    bool always = false; // also where no chosen quirk belongs to it
+};
+// What the layer is made of: the mock driver in quirks.cpp, the faulty driver in faults/faults.cpp.
 std::span<const Quirk> allQuirks();
+std::span<const NamedLevel> allLevels();
+// The environment variable with the names of the chosen quirks.
+extern const char *const kQuirkVariable;
 
 // The dispatch key.
 template <class Handle>
@@ -86,6 +109,7 @@ void *keyOf(Handle handle)
 // Whether the device or instance has the quirk.
 bool has(void *key, std::string_view quirk);
 VkInstance instanceOf(void *key);
+VkDevice deviceOf(void *key);
 
 // The next level's command; null where neither it nor lavapipe has one.
 PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The entry of the mock driver: instances, devices, and which level's function is called.
+// The entry of the mock driver and of the faulty driver: instances, devices, and which level's function is called.
 #include "layers/driver.h"
 
 #include <algorithm>
@@ -26,11 +26,6 @@ struct Messenger {
 };
 std::vector<Messenger> messengers;
 
-struct NamedLevel {
-    Level level;
-    LevelRows rows;
-};
-
 // A second row of a name would never be called.
 void expectOnce(std::span<const Row> rows)
 {
@@ -45,23 +40,13 @@ void expectOnce(std::span<const Row> rows)
 
 std::span<const NamedLevel> levels()
 {
-    static const NamedLevel all[]{
-        {Level::Deferral, deferralRows()}, {Level::Spy, spyRows()},
-        {Level::Ext, extRows()},           {Level::Failures, failureRows()},
-        {Level::Caches, cacheRows()},      {Level::Limits, limitRows()},
-        {Level::Queues, queueRows()},      {Level::Structures, structureRows()},
-        {Level::Memory, memoryRows()},     {Level::Addresses, addressRows()},
-        {Level::Replay, replayRows()},     {Level::IndirectBuilds, indirectBuildRows()},
-        {Level::Garbage, garbageRows()},
-    };
-    static const bool checked = [] {
-        for (const NamedLevel &level : all) {
+    static const std::span<const NamedLevel> all = [] {
+        for (const NamedLevel &level : allLevels()) {
             expectOnce(level.rows.device);
             expectOnce(level.rows.instance);
         }
-        return true;
+        return allLevels();
     }();
-    static_cast<void>(checked);
     return all;
 }
 
@@ -101,7 +86,8 @@ std::shared_ptr<const Quirks> quirksOf(const char *list)
         if (name.empty())
             continue;
         if (quirk == all.end()) {
-            std::fprintf(stderr, "mock driver: there is no quirk '%.*s'\n", static_cast<int>(name.size()), name.data());
+            std::fprintf(stderr, "%s: there is no '%.*s'\n", kQuirkVariable, static_cast<int>(name.size()),
+                         name.data());
             return nullptr;
         }
         chosen->names.emplace(name);
@@ -127,7 +113,7 @@ const Row *rowBehind(const Quirks &quirks, const Level *after, std::span<const R
                      std::string_view name, bool always = false)
 {
     for (const NamedLevel &level : levels()) {
-        if ((after != nullptr && level.level <= *after) || !quirks.levels.contains(level.level))
+        if ((after != nullptr && level.level <= *after) || !(level.always || quirks.levels.contains(level.level)))
             continue;
         const Row *row = rowOf(level.rows.*rows, name);
         if (row != nullptr && (row->when == nullptr || row->when()) && (!always || row->where == Row::Where::Always))
@@ -158,12 +144,13 @@ Link *linkOf(const void *chain, VkStructureType type)
 }
 
 constexpr const char *kAlwaysWanted[]{"vkCreateDebugUtilsMessengerEXT", "vkDestroyDebugUtilsMessengerEXT",
-                                      "vkGetPhysicalDeviceQueueFamilyProperties"};
+                                      "vkGetPhysicalDeviceQueueFamilyProperties",
+                                      "vkGetPhysicalDeviceMemoryProperties"};
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance)
 {
-    const auto quirks = quirksOf(std::getenv("VELLUM_TEST_MOCK_DRIVER"));
+    const auto quirks = quirksOf(std::getenv(kQuirkVariable));
     if (quirks == nullptr)
         return VK_ERROR_LAYER_NOT_PRESENT;
     auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);
@@ -308,6 +295,12 @@ VkInstance instanceOf(void *key)
     std::lock_guard lock(mutex);
     const auto device = devices.find(key);
     return device != devices.end() ? device->second.instance : instances.at(key).handle;
+}
+
+VkDevice deviceOf(void *key)
+{
+    std::lock_guard lock(mutex);
+    return devices.at(key).handle;
 }
 
 PFN_vkVoidFunction nextFunction(Level level, void *key, const char *name)

@@ -5,6 +5,8 @@
 namespace driver
 {
 
+const char *const kQuirkVariable = "VELLUM_TEST_MOCK_DRIVER";
+
 std::span<const Quirk> allQuirks()
 {
     static constexpr Quirk quirks[]{
@@ -64,6 +66,20 @@ std::span<const Quirk> allQuirks()
          "bufferDeviceAddressCaptureReplay"},
     };
     return quirks;
+}
+
+std::span<const NamedLevel> allLevels()
+{
+    static const NamedLevel all[]{
+        {Level::Deferral, deferralRows()}, {Level::Spy, spyRows()},
+        {Level::Ext, extRows()},           {Level::Failures, failureRows()},
+        {Level::Caches, cacheRows()},      {Level::Limits, limitRows()},
+        {Level::Queues, queueRows()},      {Level::Structures, structureRows()},
+        {Level::Memory, memoryRows()},     {Level::Addresses, addressRows()},
+        {Level::Replay, replayRows()},     {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Garbage, garbageRows()},
+    };
+    return all;
 }
 
 } // namespace driver

@@ -1,0 +1,169 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Does `vellum check` find the planted faults? Runs it once with each fault of the tests' faulty driver, a layer above
+Vellum's (tests/layer/faults), and prints how many it finds and how soon.
+
+  faults.py --build build/release                       each fault with vellum check --quick
+  faults.py --build build/release --fault index-stride --fault base-twice --seed 7
+  faults.py --build build/release --list                prints the faults, what is wrong, and what they imitate
+  faults.py --build build/release -- --minutes 10       other options of vellum check
+
+A run ends with the first failure. A fault counts as found when vellum check has written a failing case, or has returned 1.
+First a run without a fault must find nothing. --output writes the table as JSON.
+"""
+import argparse
+import collections
+import contextlib
+import ctypes
+import json
+import os
+import pathlib
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+FAULTY = "VK_LAYER_VELLUM_test_faulty_driver"
+VELLUM = "VK_LAYER_VELLUM_opacity_micromap"
+MOCK = "VK_LAYER_VELLUM_test_mock_driver"
+TEST_LAYERS = "tests/layer/layers"
+POLL_SECONDS = 0.2
+
+Fault = collections.namedtuple("Fault", "name claim imitates quirks")
+Result = collections.namedtuple("Result", "fault outcome seconds case")
+
+
+def known_faults(build):
+    """The faults of the library, which end with the four of whole processes."""
+    library = ctypes.CDLL(str(build / TEST_LAYERS / "libvellum_test_faulty_driver.so"))
+    library.vellumFault.restype = ctypes.c_char_p
+    faults = []
+    while library.vellumFault(len(faults), 0):
+        faults.append(Fault(*(library.vellumFault(len(faults), member).decode() for member in range(4))))
+    return faults
+
+
+def place_layers(build, folder, names):
+    """Manifests in folders of their own, because old loaders order layers by folder. Returns the search path."""
+    folders = []
+    for number, name in enumerate(names):
+        source = build / ("lib" if name == VELLUM else TEST_LAYERS)
+        manifest = source / (name.replace("VK_LAYER_VELLUM_", "VkLayer_vellum_") + ".json")
+        content = json.loads(manifest.read_text(encoding="utf-8"))
+        content["layer"]["library_path"] = str((source / content["layer"]["library_path"]).resolve())
+        place = folder / str(number)
+        place.mkdir()
+        (place / manifest.name).write_text(json.dumps(content), encoding="utf-8")
+        folders.append(str(place))
+    return ":".join(folders)
+
+
+def environment(build, folder, fault):
+    variables = {name: value for name, value in os.environ.items() if name != "VK_LAYER_PATH"}
+    for manifest in sorted(pathlib.Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json")):
+        variables.setdefault("VK_DRIVER_FILES", str(manifest))
+        variables.setdefault("VK_ICD_FILENAMES", str(manifest))
+    layers = [FAULTY, VELLUM] + ([MOCK] if fault.quirks else [])
+    return variables | {"VELLUM_TEST_FAULT": fault.name, "VELLUM_TEST_MOCK_DRIVER": fault.quirks,
+                        "VK_INSTANCE_LAYERS": ":".join(layers), "VK_ADD_LAYER_PATH": place_layers(build, folder, layers)}
+
+
+def first_failure(output):
+    """The first failing case that was written, if any."""
+    failures = sorted((output / "failures").glob("*.json"), key=lambda path: path.stat().st_mtime)
+    return failures[0].stem if failures else None
+
+
+def stop(child):
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+
+
+def run(program, words, build, fault, seconds):
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        output = folder / "output"
+        begin = time.monotonic()
+        with open(folder / "log", "w+b") as log, \
+             subprocess.Popen([program, "check", "--output", str(output), *words],
+                              env=environment(build, folder, fault), stdin=subprocess.DEVNULL, stdout=log,
+                              stderr=subprocess.STDOUT, start_new_session=True) as child:
+            case = None
+            while not case and child.poll() is None and time.monotonic() - begin < seconds:
+                time.sleep(POLL_SECONDS)
+                case = first_failure(output)
+            elapsed = time.monotonic() - begin
+            code = child.poll()
+            stop(child)
+            case = case or first_failure(output)
+            if case or code == 1:
+                return Result(fault, "found", elapsed, case)
+            if code == 0:
+                return Result(fault, "missed", elapsed, None)
+            if code is None:
+                return Result(fault, "no end", elapsed, None)
+            log.seek(0)
+            sys.stderr.write(log.read().decode(errors="replace"))
+            raise SystemExit(f"{fault.name or 'no fault'}: vellum check returned {code}")
+
+
+def table(results, seed):
+    lines = ["| fault | what is wrong | result | seconds | first failing case |", "|---|---|---|---|---|"]
+    lines += [f"| {r.fault.name} | {r.fault.claim} | {r.outcome} | {r.seconds:.1f} | {r.case or ''} |" for r in results]
+    found = [r.seconds for r in results if r.outcome == "found"]
+    summary = f"found {len(found)} / planted {len(results)} with seed {seed}"
+    if found:
+        summary += f", median {statistics.median(found):.1f} seconds, longest {max(found):.1f}"
+    return "\n".join(lines + ["", summary])
+
+
+def select(known, names, parser):
+    by_name = {fault.name: fault for fault in known}
+    for name in names:
+        if name not in by_name:
+            parser.error(f"there is no fault {name}")
+    return [by_name[name] for name in names] or known
+
+
+def parse():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", type=pathlib.Path, required=True, help="a build folder with tests")
+    parser.add_argument("--program", help="instead of the vellum of the build folder")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--fault", action="append", default=[], help="only this one; repeatable")
+    parser.add_argument("--seconds", type=float, default=600, help="after which a run is stopped [%(default)s]")
+    parser.add_argument("--output", type=pathlib.Path, help="a file for the results as JSON")
+    parser.add_argument("--list", action="store_true")
+    parser.add_argument("words", nargs="*", default=["--quick"], help="options of vellum check [--quick]")
+    options = parser.parse_args()
+    options.faults = select(known_faults(options.build), options.fault, parser)
+    return options
+
+
+def main():
+    options = parse()
+    if options.list:
+        for fault in options.faults:
+            print(f"{fault.name}\n    {fault.claim}\n    like {fault.imitates}")
+        return 0
+    program = options.program or str(options.build / "bin/vellum")
+    words = ["--seed", str(options.seed), *options.words]
+    clean = run(program, words, options.build, Fault("", "", "", ""), options.seconds)
+    if clean.outcome != "missed":
+        raise SystemExit(f"without a fault: {clean.outcome}, {clean.case}")
+    results = []
+    for fault in options.faults:
+        results.append(run(program, words, options.build, fault, options.seconds))
+        print(f"{results[-1].outcome:>7} {results[-1].seconds:6.1f} s  {fault.name}", file=sys.stderr, flush=True)
+    print(table(results, options.seed))
+    if options.output:
+        rows = [{"fault": r.fault.name, "result": r.outcome, "seconds": round(r.seconds, 1), "case": r.case} for r in results]
+        options.output.write_text(json.dumps({"seed": options.seed, "faults": rows}, indent=2) + "\n", encoding="utf-8")
+    return 0 if all(r.outcome == "found" for r in results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+// Faults of attachments.cpp.
+#include "faults/cases/cases.h"
+
+namespace faults
+{
+namespace
+{
+
+using namespace vt;
+
+// The states of triangles with these micromap indices.
+std::string statesBy(Gpu &gpu, MicromapInput input, Attachment attachment)
+{
+    const auto micromap = built(gpu, std::move(input));
+    const auto triangles = static_cast<uint32_t>(attachment.indices.size());
+    return RowScene(gpu, micromap.get(), triangles, std::move(attachment)).states();
+}
+
+std::string baseWithoutIndices(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({3, 0, 1, 2}));
+    return RowScene(gpu, micromap.get(), 3, {.base = 1}).states();
+}
+
+std::string baseTwice(Gpu &gpu)
+{
+    return statesBy(gpu, uniform({3, 0, 1, 2}), {.indexType = VK_INDEX_TYPE_UINT32, .indices = {0, 1}, .base = 1});
+}
+
+std::string baseOnSpecial(Gpu &gpu)
+{
+    return statesBy(gpu, uniform({3, 2}), {.indexType = VK_INDEX_TYPE_UINT16, .indices = {-1, -2}, .base = 2});
+}
+
+std::string indexBytes(Gpu &gpu)
+{
+    return statesBy(gpu, uniform({0, 1, 2}), {.indexType = VK_INDEX_TYPE_UINT8_EXT, .indices = {1, 0, 2, 1}});
+}
+
+std::string shortSpecial(Gpu &gpu)
+{
+    return statesBy(gpu, uniform({0}), {.indexType = VK_INDEX_TYPE_UINT16, .indices = {-1, -2, -3, -4}});
+}
+
+std::string lowByte(Gpu &gpu)
+{
+    MicromapInput input;
+    for (int i = 0; i < 256; ++i)
+        input.add(0, kFourState, std::array{uint8_t{1}});
+    return statesBy(gpu, std::move(input), {.indexType = VK_INDEX_TYPE_UINT32, .indices = {0xfb, 0xfc, 0xfd, 0xff}});
+}
+
+std::string indexStride(Gpu &gpu)
+{
+    return statesBy(gpu, uniform({0, 1, 2}), {.indexType = VK_INDEX_TYPE_UINT32, .indices = {0, 1, 2}, .stride = 8});
+}
+
+std::string nullMicromap(Gpu &gpu)
+{
+    return RowScene(gpu, nullptr, 3, {.indexType = VK_INDEX_TYPE_UINT16, .indices = {-1, -3, -4}}).states();
+}
+
+std::string twoGeometries(Gpu &gpu)
+{
+    const auto first = built(gpu, uniform({0})), second = built(gpu, uniform({1}));
+    Geometry left{.vertices = triangleRow(1)}, right{.vertices = triangleRow(1, {1.5f, 0, 0})};
+    left.micromap = Attachment{first.get()};
+    right.micromap = Attachment{second.get()};
+    const Blas blas(gpu, {left, right});
+    return statesOf(gpu, Tlas(gpu, {instance(blas, {}, 1)}), 2);
+}
+
+std::string opaqueGeometry(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1, 2, 3}));
+    return RowScene(gpu, micromap.get(), 4, {}, VK_GEOMETRY_OPAQUE_BIT_KHR).states();
+}
+
+std::string skippedTriangle(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1, 2}));
+    Geometry geometry{.vertices = triangleRow(3), .skippedTriangles = 1};
+    geometry.micromap = Attachment{.micromap = micromap.get(), .indexType = VK_INDEX_TYPE_UINT32, .indices = {0, 1, 2}};
+    const Blas blas(gpu, {geometry});
+    return statesOf(gpu, Tlas(gpu, {instance(blas, {}, 1)}), 3).substr(1);
+}
+
+std::string unknownSpecial(Gpu &gpu)
+{
+    return statesBy(gpu, uniform({0}), {.indexType = VK_INDEX_TYPE_UINT32, .indices = {-3, -4}});
+}
+
+constexpr VkBuildAccelerationStructureFlagsKHR kUpdate =
+    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR |
+    VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
+
+// After an update with other indices, or with another micromap.
+std::string updated(Gpu &gpu, std::vector<int32_t> indices, MicromapInput other)
+{
+    const auto first = built(gpu, uniform({0, 1})), second = built(gpu, std::move(other));
+    Attachment attachment{.indexType = VK_INDEX_TYPE_UINT32, .indices = {0, 1}};
+    RowScene scene(gpu, first.get(), 2, attachment, 0, kUpdate);
+    attachment.indices = std::move(indices);
+    scene.update(second.get(), attachment);
+    return scene.states();
+}
+
+std::string updatedSame(Gpu &gpu)
+{
+    return updated(gpu, {0, 1}, uniform({0, 1}));
+}
+
+std::string updatedIndices(Gpu &gpu)
+{
+    return updated(gpu, {1, 0}, uniform({0, 1}));
+}
+
+std::string updatedMicromap(Gpu &gpu)
+{
+    return updated(gpu, {0, 1}, uniform({2, 3}));
+}
+
+std::string changedOriginal(Gpu &gpu)
+{
+    const auto original = built(gpu, uniform({0})), other = built(gpu, uniform({1}));
+    const Micromap clone(gpu, *original, original->size());
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, original->handle(), clone.handle(), VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    });
+    buildFrom(gpu, *other, *original);
+    return statesOfMicromap(gpu, clone);
+}
+
+std::string compacted(Gpu &gpu)
+{
+    const auto original = built(gpu, uniform({0, 1, 2, 0}), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    const Micromap target(gpu, *original, original->size());
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, original->handle(), target.handle(), VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    });
+    return statesOfMicromap(gpu, target);
+}
+
+} // namespace
+
+std::span<const Case> attachmentCases()
+{
+    static const std::array cases{
+        Case{"base-without-indices", baseWithoutIndices, "012", "301"},
+        Case{"base-twice", baseTwice, "01", "12"},
+        Case{"base-on-special-indices", baseOnSpecial, "01", "23"},
+        Case{"index-8-as-16", indexBytes, "1021", "1333"},
+        Case{"special-index-not-extended", shortSpecial, "0123", "3333"},
+        Case{"special-index-by-low-byte", lowByte, "1111", "1320"},
+        Case{"index-stride", indexStride, "012", "031"},
+        Case{"null-micromap-opaque", nullMicromap, "023", "111"},
+        Case{"micromap-of-first-geometry", twoGeometries, "01", "00"},
+        Case{"opaque-geometry-without-micromap", opaqueGeometry, "0123", "1111"},
+        Case{"primitive-offset-moves-indices", skippedTriangle, "01", "12"},
+        Case{"special-unknown-swapped", unknownSpecial, "23", "32"},
+        Case{"update-drops-micromap", updatedSame, "01", "nn"},
+        Case{"update-keeps-indices", updatedIndices, "10", "01"},
+        Case{"update-keeps-micromap", updatedMicromap, "23", "01"},
+        Case{"clone-is-shallow", changedOriginal, "0", "1"},
+        Case{"compaction-loses-last-triangle", compacted, "0120", "0123"},
+    };
+    return cases;
+}
+
+} // namespace faults

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// Faults of copies.cpp and generic.cpp.
+#include "faults/cases/cases.h"
+
+namespace faults
+{
+namespace
+{
+
+using namespace vt;
+
+// The sizes of micromaps, queried by `commands` commands.
+std::vector<uint64_t> sizes(Gpu &gpu, std::span<const MicromapHandle> micromaps, VkQueryType type, bool together)
+{
+    const auto count = static_cast<uint32_t>(micromaps.size());
+    const VkQueryType queried = micromapQueryType(gpu, type);
+    const QueryPool pool(gpu, queried, count);
+    gpu.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, count);
+        for (uint32_t i = 0; i < count; i += together ? count : 1)
+            recordMicromapProperties(gpu, commands, micromaps.subspan(i, together ? count : 1), queried, pool, i);
+    });
+    std::vector<uint64_t> values;
+    for (uint32_t i = 0; i < count; ++i)
+        values.push_back(pool.value(i));
+    return values;
+}
+
+std::string order(const std::vector<uint64_t> &values)
+{
+    return values[0] < values[1] ? "smaller first" : values[0] > values[1] ? "larger first" : "equal";
+}
+
+// Of a small micromap and a large one.
+std::string orderOfSizes(Gpu &gpu, VkQueryType type, bool together)
+{
+    const auto small = built(gpu, uniform({0}), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    MicromapInput many;
+    for (uint32_t i = 0; i < 100; ++i)
+        many.add(3, kFourState, [i] {
+            std::vector<uint8_t> states(64, 1);
+            states[i % 64] = static_cast<uint8_t>(i / 64 * 2);
+            return states;
+        }());
+    const auto large = built(gpu, std::move(many), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    return order(sizes(gpu, std::array{small->handle(), large->handle()}, type, together));
+}
+
+std::string compactedSizes(Gpu &gpu)
+{
+    return orderOfSizes(gpu, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, true);
+}
+
+std::string serializedSizes(Gpu &gpu)
+{
+    return orderOfSizes(gpu, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, false);
+}
+
+Guarded serialized(Gpu &gpu, const Micromap &micromap)
+{
+    const uint64_t size =
+        sizes(gpu, std::array{micromap.handle()}, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, true)[0];
+    Guarded data(gpu, size, 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    gpu.submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu, commands, micromap.handle(), data.address()); });
+    return data;
+}
+
+std::string deserializedAgain(Gpu &gpu)
+{
+    const auto old = built(gpu, uniform({0})), other = built(gpu, uniform({1}));
+    const Guarded data = serialized(gpu, *other);
+    gpu.submit([&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu, commands, data.address(), old->handle()); });
+    return statesOfMicromap(gpu, *old);
+}
+
+std::string header(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1, 2, 3}, 5));
+    const Guarded data = serialized(gpu, *micromap);
+    std::array<uint64_t, 2> stated{};
+    std::memcpy(stated.data(), data.bytes() + 2 * VK_UUID_SIZE, sizeof stated);
+    return stated[0] == stated[1] ? "equal" : "different";
+}
+
+// Two structures in one buffer; the first one is built last, by a handle that ends where the buffer does.
+std::string sharedRange(Gpu &gpu)
+{
+    constexpr VkDeviceSize kSecond = 1 << 16, kSize = 1 << 17;
+    const Buffer buffer(gpu, kSize, gpu.structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    Blas second(gpu);
+    second.placeIn(buffer.handle(), kSecond);
+    second.build({Geometry{.vertices = triangleRow(1)}});
+    const std::vector<uint8_t> before(buffer.bytes() + kSecond, buffer.bytes() + kSize);
+    auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = buffer.handle(), .size = kSize, .type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR});
+    VkAccelerationStructureKHR generic = VK_NULL_HANDLE;
+    VT_CHECK(gpu.vk().CreateAccelerationStructureKHR(gpu.device(), &info, nullptr, &generic));
+    Blas prepared(gpu);
+    prepared.prepare({Geometry{.vertices = triangleRow(2)}});
+    VkAccelerationStructureBuildGeometryInfoKHR build = prepared.buildInfo();
+    build.dstAccelerationStructure = generic;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = prepared.ranges();
+    gpu.submit(
+        [&](VkCommandBuffer commands) { gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &build, &ranges); });
+    gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), generic, nullptr);
+    return std::equal(before.begin(), before.end(), buffer.bytes() + kSecond) ? "intact" : "overwritten";
+}
+
+} // namespace
+
+std::span<const Case> copyCases()
+{
+    static const std::array cases{
+        Case{"compacted-size-of-another", compactedSizes, "smaller first", "larger first"},
+        Case{"query-of-previous", serializedSizes, "smaller first", "equal"},
+        Case{"deserialization-keeps-old", deserializedAgain, "1", "0"},
+        Case{"serialized-header-size", header, "different", "equal"},
+        Case{"generic-cleared-to-its-end", sharedRange, "intact", "overwritten"},
+    };
+    return cases;
+}
+
+} // namespace faults

@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Tests bench/faults/faults.py with a script in place of vellum."""
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[4]
+BUILD = os.environ.get("VELLUM_BUILD")
+
+PROGRAM = """#!{python}
+import os, pathlib, sys, time
+words = sys.argv
+output = pathlib.Path(words[words.index("--output") + 1])
+layers = [sorted(pathlib.Path(folder).iterdir())[0].name for folder in os.environ["VK_ADD_LAYER_PATH"].split(":")]
+pathlib.Path("{log}").open("a").write(" ".join(words[4:] + layers) + chr(10))
+fault = os.environ["VELLUM_TEST_FAULT"]
+if fault == "index-stride":
+    (output / "failures").mkdir(parents=True)
+    (output / "failures" / "khr.resolution-query.0003.json").write_text("{{}}")
+    time.sleep(600)
+if fault == "hangs":
+    time.sleep(600)
+sys.exit({{"dies": 1, "does-nothing": 2, "": {clean}}}.get(fault, 0))
+"""
+
+
+class Script(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def run_script(self, faults, *words, clean=0):
+        program = self.folder / "program"
+        program.write_text(PROGRAM.format(python=sys.executable, log=self.folder / "log", clean=clean))
+        program.chmod(0o755)
+        chosen = [word for fault in faults for word in ("--fault", fault)]
+        return subprocess.run([sys.executable, ROOT / "bench/faults/faults.py", "--build", BUILD, "--program", program,
+                               *chosen, *words], capture_output=True, text=True, check=False)
+
+    def calls(self):
+        return (self.folder / "log").read_text().splitlines()
+
+    def test_found_and_missed(self):
+        file = self.folder / "results.json"
+        ended = self.run_script(["index-stride", "dies", "base-twice", "hangs"], "--seed", "7", "--seconds", "2",
+                                "--output", str(file), "--", "--minutes", "1")
+        self.assertEqual(ended.returncode, 1)
+        rows = json.loads(file.read_text())["faults"]
+        self.assertEqual([(row["fault"], row["result"], row["case"]) for row in rows],
+                         [("index-stride", "found", "khr.resolution-query.0003"), ("dies", "found", None),
+                          ("base-twice", "missed", None), ("hangs", "no end", None)])
+        self.assertIn("found 2 / planted 4 with seed 7, median", ended.stdout)
+        self.assertEqual(len(self.calls()), 5)
+        self.assertTrue(self.calls()[0].startswith("--seed 7 --minutes 1 "))
+
+    def test_order_of_layers(self):
+        self.run_script(["second-queue-loses-micromaps"])
+        above, vellum = "VkLayer_vellum_test_faulty_driver.json", "VkLayer_vellum_opacity_micromap.json"
+        self.assertEqual(self.calls(), [f"--seed 1 --quick {above} {vellum}",
+                                        f"--seed 1 --quick {above} {vellum} VkLayer_vellum_test_mock_driver.json"])
+
+    def test_all_found(self):
+        self.assertEqual(self.run_script(["dies"]).returncode, 0)
+
+    def test_findings_without_a_fault(self):
+        ended = self.run_script(["dies"], clean=1)
+        self.assertIn("without a fault: found", ended.stderr)
+
+    def test_a_run_that_fails(self):
+        ended = self.run_script(["does-nothing"])
+        self.assertIn("does-nothing: vellum check returned 2", ended.stderr)
+
+    def test_unknown_fault(self):
+        self.assertIn("there is no fault nonsense", self.run_script(["nonsense"]).stderr)
+
+    def test_list(self):
+        self.assertIn("indexStride is ignored", self.run_script([], "--list").stdout)
+
+
+if __name__ == "__main__":
+    unittest.main()

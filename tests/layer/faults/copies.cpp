@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+// Faults in copies, serialized data, and queries of sizes.
+#include "faults/faults.h"
+
+#include <map>
+#include <set>
+
+namespace faults
+{
+namespace
+{
+
+constexpr Level kLevel = Level::Copies;
+
+std::mutex mutex;
+std::map<uint64_t, uint64_t> clones;    // and what they are clones of
+std::map<uint64_t, uint64_t> triangles; // of micromaps
+std::map<uint64_t, uint32_t> lost;      // by compaction
+std::map<uint64_t, uint64_t> places;    // where the memory of a micromap begins
+std::set<uint64_t> filledPlaces;        // with a micromap, which may be gone
+std::map<std::pair<void *, VkQueryType>, uint64_t> lastQueried;
+
+void fill(uint64_t micromap) // under the lock
+{
+    clones.erase(micromap);
+    lost.erase(micromap);
+    if (const auto place = places.find(micromap); place != places.end())
+        filledPlaces.insert(place->second);
+}
+
+void noteCopy(void *key, uint64_t source, uint64_t target, bool compact)
+{
+    std::lock_guard lock(mutex);
+    const auto count = triangles.find(source);
+    if (count == triangles.end()) // no micromap
+        return;
+    fill(target);
+    triangles[target] = count->second;
+    if (!compact && has(key, "clone-is-shallow"))
+        clones[target] = source;
+    if (compact && has(key, "compaction-loses-last-triangle") && count->second > 0)
+        lost[target] = static_cast<uint32_t>(count->second) - 1;
+}
+
+void forget(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    std::erase_if(clones, [micromap](const auto &c) { return c.first == micromap || c.second == micromap; });
+    std::erase_if(lastQueried, [micromap](const auto &q) { return q.second == micromap; });
+    triangles.erase(micromap);
+    lost.erase(micromap);
+    places.erase(micromap);
+}
+
+void notePlace(uint64_t micromap, uint64_t place)
+{
+    std::lock_guard lock(mutex);
+    places[micromap] = place;
+}
+
+// Whether deserialization leaves the micromap's memory as it is.
+bool keepsOld(void *key, uint64_t target)
+{
+    std::lock_guard lock(mutex);
+    const auto place = places.find(target);
+    const bool filled = place != places.end() && filledPlaces.contains(place->second);
+    fill(target);
+    return filled && has(key, "deserialization-keeps-old");
+}
+
+// The structures that are queried instead.
+template <class Handle>
+std::vector<Handle> queriedInstead(void *key, std::span<const Handle> all, VkQueryType type, bool compactedSize)
+{
+    std::vector<Handle> instead(all.begin(), all.end());
+    if (compactedSize && has(key, "compacted-size-of-another"))
+        std::rotate(instead.begin(), instead.begin() + 1, instead.end());
+    if (!has(key, "query-of-previous"))
+        return instead;
+    std::lock_guard lock(mutex);
+    for (Handle &handle : instead) {
+        uint64_t &last = lastQueried[{key, type}];
+        const uint64_t current = numberOf(handle);
+        if (last != 0)
+            handle = handleOf<Handle>(last);
+        last = current;
+    }
+    return instead;
+}
+
+VKAPI_ATTR void VKAPI_CALL writeMicromapProperties(VkCommandBuffer handle, uint32_t count, const VkMicromapEXT *all,
+                                                   VkQueryType type, VkQueryPool pool, uint32_t first)
+{
+    const auto instead = queriedInstead<VkMicromapEXT>(keyOf(handle), {all, count}, type,
+                                                       type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
+    DRIVER_NEXT(vkCmdWriteMicromapsPropertiesEXT)(handle, count, instead.data(), type, pool, first);
+}
+
+VKAPI_ATTR void VKAPI_CALL writeStructureProperties(VkCommandBuffer handle, uint32_t count,
+                                                    const VkAccelerationStructureKHR *all, VkQueryType type,
+                                                    VkQueryPool pool, uint32_t first)
+{
+    const auto instead = queriedInstead<VkAccelerationStructureKHR>(
+        keyOf(handle), {all, count}, type, type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR);
+    DRIVER_NEXT(vkCmdWriteAccelerationStructuresPropertiesKHR)(handle, count, instead.data(), type, pool, first);
+}
+
+VKAPI_ATTR void VKAPI_CALL copyMicromap(VkCommandBuffer handle, const VkCopyMicromapInfoEXT *info)
+{
+    noteCopy(keyOf(handle), numberOf(info->src), numberOf(info->dst), info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    DRIVER_NEXT(vkCmdCopyMicromapEXT)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL copyStructure(VkCommandBuffer handle, const VkCopyAccelerationStructureInfoKHR *info)
+{
+    noteCopy(keyOf(handle), numberOf(info->src), numberOf(info->dst),
+             info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+    DRIVER_NEXT(vkCmdCopyAccelerationStructureKHR)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL restoreMicromap(VkCommandBuffer handle, const VkCopyMemoryToMicromapInfoEXT *info)
+{
+    if (!keepsOld(keyOf(handle), numberOf(info->dst)))
+        DRIVER_NEXT(vkCmdCopyMemoryToMicromapEXT)(handle, info);
+}
+
+VKAPI_ATTR void VKAPI_CALL restoreStructure(VkCommandBuffer handle,
+                                            const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    if (!keepsOld(keyOf(handle), numberOf(info->dst)))
+        DRIVER_NEXT(vkCmdCopyMemoryToAccelerationStructureKHR)(handle, info);
+}
+
+// The header of serialized data: two UUIDs, its own size, and the size of what is restored from it.
+void changeHeader(VkCommandBuffer handle, VkDeviceAddress data)
+{
+    if (has(keyOf(handle), "serialized-header-size"))
+        afterExecution(handle, [data] {
+            uint64_t *sizes = hostPointer<uint64_t>(data + 2 * VK_UUID_SIZE);
+            sizes[1] = sizes[0];
+        });
+}
+
+VKAPI_ATTR void VKAPI_CALL saveMicromap(VkCommandBuffer handle, const VkCopyMicromapToMemoryInfoEXT *info)
+{
+    DRIVER_NEXT(vkCmdCopyMicromapToMemoryEXT)(handle, info);
+    changeHeader(handle, info->dst.deviceAddress);
+}
+
+VKAPI_ATTR void VKAPI_CALL saveStructure(VkCommandBuffer handle, const VkCopyAccelerationStructureToMemoryInfoKHR *info)
+{
+    DRIVER_NEXT(vkCmdCopyAccelerationStructureToMemoryKHR)(handle, info);
+    changeHeader(handle, info->dst.deviceAddress);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createMicromap(VkDevice handle, const VkMicromapCreateInfoEXT *info,
+                                              const VkAllocationCallbacks *allocator, VkMicromapEXT *micromap)
+{
+    const VkResult result = DRIVER_NEXT(vkCreateMicromapEXT)(handle, info, allocator, micromap);
+    const auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = info->buffer});
+    if (result == VK_SUCCESS)
+        notePlace(numberOf(*micromap), DRIVER_NEXT(vkGetBufferDeviceAddress)(handle, &query) + info->offset);
+    return result;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL createStructure2(VkDevice handle, const VkAccelerationStructureCreateInfo2KHR *info,
+                                                const VkAllocationCallbacks *allocator,
+                                                VkAccelerationStructureKHR *structure)
+{
+    const VkResult result = DRIVER_NEXT(vkCreateAccelerationStructure2KHR)(handle, info, allocator, structure);
+    if (result == VK_SUCCESS && info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        notePlace(numberOf(*structure), info->addressRange.address);
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice handle, VkMicromapEXT micromap,
+                                           const VkAllocationCallbacks *allocator)
+{
+    forget(numberOf(micromap));
+    DRIVER_NEXT(vkDestroyMicromapEXT)(handle, micromap, allocator);
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
+                                            const VkAllocationCallbacks *allocator)
+{
+    forget(numberOf(structure));
+    DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
+}
+
+} // namespace
+
+uint64_t originalOf(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    const auto found = clones.find(micromap);
+    return found == clones.end() ? micromap : found->second;
+}
+
+uint32_t lostTriangleOf(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    const auto found = lost.find(micromap);
+    return found == lost.end() ? UINT32_MAX : found->second;
+}
+
+void noteBuilt(uint64_t micromap, uint64_t count)
+{
+    std::lock_guard lock(mutex);
+    fill(micromap);
+    triangles[micromap] = count;
+}
+
+LevelRows copyRows()
+{
+    static const Row device[]{
+        {"vkCmdWriteMicromapsPropertiesEXT", DRIVER_FUNCTION(writeMicromapProperties)},
+        {"vkCmdWriteAccelerationStructuresPropertiesKHR", DRIVER_FUNCTION(writeStructureProperties)},
+        {"vkCmdCopyMicromapEXT", DRIVER_FUNCTION(copyMicromap)},
+        {"vkCmdCopyAccelerationStructureKHR", DRIVER_FUNCTION(copyStructure)},
+        {"vkCmdCopyMemoryToMicromapEXT", DRIVER_FUNCTION(restoreMicromap)},
+        {"vkCmdCopyMemoryToAccelerationStructureKHR", DRIVER_FUNCTION(restoreStructure)},
+        {"vkCmdCopyMicromapToMemoryEXT", DRIVER_FUNCTION(saveMicromap)},
+        {"vkCmdCopyAccelerationStructureToMemoryKHR", DRIVER_FUNCTION(saveStructure)},
+        {"vkCreateMicromapEXT", DRIVER_FUNCTION(createMicromap)},
+        {"vkCreateAccelerationStructure2KHR", DRIVER_FUNCTION(createStructure2)},
+        {"vkDestroyMicromapEXT", DRIVER_FUNCTION(destroyMicromap)},
+        {"vkDestroyAccelerationStructureKHR", DRIVER_FUNCTION(destroyStructure)},
+    };
+    return {device, {}};
+}
+
+} // namespace faults

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// All faults, and the levels of the faulty driver.
+#include "faults/faults.h"
+
+#include <array>
+
+namespace driver
+{
+
+const char *const kQuirkVariable = "VELLUM_TEST_FAULT";
+
+std::span<const Quirk> allQuirks()
+{
+    static constexpr const char *kOffByDefault = "a parameter that most programs leave at its default";
+    static constexpr const char *kNarrow = "a field that is stored with too few bits";
+    static constexpr const char *kCaching = "a driver that keeps what it made before, keyed by the handle";
+    static constexpr Quirk faults[]{
+        // attachments.cpp
+        {"base-without-indices", Level::Attachments, "baseTriangle is ignored without an index buffer", kOffByDefault},
+        {"base-twice", Level::Attachments, "baseTriangle is added to each index twice",
+         "an offset that is applied when indices are read and when triangles are fetched"},
+        {"base-on-special-indices", Level::Attachments, "baseTriangle is added to special indices as well",
+         "a shader that adds the base before it compares"},
+        {"index-8-as-16", Level::Attachments, "8-bit micromap indices are read as 16-bit ones",
+         "EXT drivers, whose vertex indices have 16 bits at least"},
+        {"special-index-not-extended", Level::Attachments,
+         "8- and 16-bit special indices are compared with the 32-bit values, so that they are ordinary ones",
+         "a shader that zero-extends indices"},
+        {"special-index-by-low-byte", Level::Attachments,
+         "every index whose low byte is one of 0xFC to 0xFF is a special one", "a comparison of 8-bit values"},
+        {"index-stride", Level::Attachments, "indexStride is ignored: indices are tightly packed", kOffByDefault},
+        {"null-micromap-opaque", Level::Attachments,
+         "where there is no micromap, every special index means fully opaque",
+         "null handles that disable a shader path"},
+        {"micromap-of-first-geometry", Level::Attachments,
+         "all geometries of a structure use the micromap of the first one that has one",
+         "engines with one geometry in each structure, and drivers that were tested with them"},
+        {"opaque-geometry-without-micromap", Level::Attachments,
+         "geometries with VK_GEOMETRY_OPAQUE_BIT_KHR have no micromap", "an opaque fast path that is chosen first"},
+        {"primitive-offset-moves-indices", Level::Attachments,
+         "primitiveOffset also moves into the buffer of micromap indices", "vertex indices, where it does"},
+        {"special-unknown-swapped", Level::Attachments,
+         "the special indices unknown-transparent and unknown-opaque are exchanged", "-3 and -4, swapped"},
+        {"update-drops-micromap", Level::Attachments, "an update of a structure removes its micromaps",
+         "updates that rewrite all leaves"},
+        {"update-keeps-indices", Level::Attachments, "an update of a structure keeps its micromap indices", kCaching},
+        {"update-keeps-micromap", Level::Attachments, "an update of a structure keeps its micromaps", kCaching},
+        {"clone-is-shallow", Level::Attachments, "a clone of a micromap shows what the original becomes later",
+         "reference-counted storage"},
+        {"compaction-loses-last-triangle", Level::Attachments,
+         "the last triangle of a compacted micromap is unknown-opaque", "an exclusive bound"},
+        // micromaps.cpp
+        {"usage-pointers-as-first", Level::Micromaps, "every element of ppUsageCounts is read as the first one",
+         kOffByDefault},
+        {"triangle-stride", Level::Micromaps, "triangleArrayStride is ignored: triangles are tightly packed",
+         kOffByDefault},
+        {"two-state-as-four", Level::Micromaps, "2-state data is read as 4-state data",
+         "a format that is read from the first triangle"},
+        {"level-0-as-1", Level::Micromaps, "triangles of level 0 are read as ones of level 1",
+         "hardware whose lowest level is 1"},
+        {"data-offset-16-bits", Level::Micromaps, "dataOffset has 16 bits", kNarrow},
+        {"four-state-as-two", Level::Micromaps, "4-state data is read as 2-state data",
+         "a format that is read from the first triangle"},
+        {"highest-level-truncated", Level::Micromaps, "triangles of level 12 are read as ones of level 11",
+         "hardware whose highest level is 11"},
+        {"micro-triangle-index-16-bits", Level::Micromaps, "the index of a micro-triangle has 16 bits", kNarrow},
+        {"curve-mirrored-on-odd-levels", Level::Micromaps,
+         "on odd levels the curve of micro-triangles runs in the opposite direction",
+         "a curve that is flipped once too often"},
+        {"opaque-becomes-unknown", Level::Micromaps,
+         "opaque micro-triangles are unknown-opaque, so that any-hit shaders run for them", "drivers that play safe"},
+        {"unknown-states-swapped", Level::Micromaps, "the states unknown-transparent and unknown-opaque are exchanged",
+         "2 and 3, swapped"},
+        {"lossy-opaque-to-transparent", Level::Micromaps,
+         "a lossy build makes opaque micro-triangles beside transparent ones transparent",
+         "lossy compression by majority, where only unknown is allowed"},
+        {"micromap-built-once", Level::Micromaps, "a micromap that is built again keeps its content", kCaching},
+        {"only-first-micromap-build", Level::Micromaps, "of several micromaps in one build command, one is built",
+         "engines that build one at a time"},
+        {"micromap-built-late", Level::Micromaps,
+         "builds of micromaps are executed at the end of the command buffer, whatever barriers follow them",
+         "a missing barrier"},
+        {"host-build-returns-early", Level::Micromaps,
+         "vkBuildMicromapsEXT returns before it has built: the micromap is there after the next submission",
+         "a deferred operation that nobody waits for"},
+        // instances.cpp
+        {"disable-in-first-instance-only", Level::Instances,
+         "VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS counts in the first instance only",
+         "a flag that is read from record 0"},
+        {"instance-2-state-ignored", Level::Instances, "VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE is ignored",
+         "a flag that no engine sets"},
+        {"custom-index-16-bits", Level::Instances, "instanceCustomIndex has 16 bits", kNarrow},
+        {"instance-mask-7-bits", Level::Instances, "the highest bit of an instance's mask is ignored", kNarrow},
+        {"mirrored-instance-faces-away", Level::Instances,
+         "an instance whose transform mirrors has front and back faces exchanged",
+         "facing that is computed in world space"},
+        {"force-opaque-disables-micromaps", Level::Instances,
+         "VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR also makes transparent micro-triangles opaque",
+         "an opaque fast path that is chosen first"},
+        {"update-keeps-instance-flags", Level::Instances, "an update of a top-level structure keeps instance flags",
+         "updates that rewrite transforms only"},
+        {"copy-loses-instance-flags", Level::Instances, "instances of a cloned top-level structure have no flags",
+         "copies that convert instances"},
+        // copies.cpp
+        {"compacted-size-of-another", Level::Copies,
+         "where one command queries several compacted sizes, each is that of the next structure",
+         "a shifted array index"},
+        {"query-of-previous", Level::Copies, "a query of a size returns that of the structure queried before",
+         "a result that is read before it is written"},
+        {"deserialization-keeps-old", Level::Copies, "a micromap is not deserialized into memory that held one before",
+         kCaching},
+        {"serialized-header-size", Level::Copies,
+         "the header of serialized data states the size of the data as the size that deserialization needs",
+         "two adjacent fields"},
+        // generic.cpp
+        {"generic-cleared-to-its-end", Level::Generic,
+         "a build clears the whole range of a GENERIC structure, which other structures may share",
+         "lavapipe 25.0.7, under programs like vkd3d-proton"},
+        // shaders.cpp
+        {"mode-constant-true", Level::Shaders,
+         "a specialization constant of the execution mode that defaults to false defaults to true",
+         "the driver of dxil-spirv's issue 282"},
+        {"ray-2-state-ignored", Level::Shaders, "the ray flag ForceOpacityMicromap2State is ignored",
+         "a flag that no engine sets"},
+        {"cull-opaque-ignored", Level::Shaders, "the ray flag CullOpaque is ignored",
+         "hardware that culls by the geometry's flag"},
+        {"terminating-rays-ignore-2-state", Level::Shaders,
+         "rays with TerminateOnFirstHit ignore ForceOpacityMicromap2State", "a second traversal loop for shadow rays"},
+        // commands.cpp
+        {"null-record-skips-any-hit", Level::Commands, "no any-hit shader runs where a hit table has a null record",
+         "RADV, which compiles the table into one shader"},
+        {"second-queue-loses-micromaps", Level::Commands,
+         "command buffers that build micromaps are executed by the first queue only",
+         "programs with one queue, and drivers that were tested with them", "queues"},
+        {"indirect-build-with-host-counts", Level::Commands,
+         "an indirect build takes its primitive counts from ppMaxPrimitiveCounts", "a build that is sized for the most",
+         "capable"},
+        // process.cpp
+        {"hangs", Level::Process, "waiting for the device never returns", "a GPU hang without recovery"},
+        {"dies", Level::Process, "the process aborts when a command buffer is ended", "an assertion of a driver"},
+        {"loses-device", Level::Process, "every submission and wait returns VK_ERROR_DEVICE_LOST", "a GPU reset"},
+        {"does-nothing", Level::Process, "submissions succeed and execute nothing", "a stub driver"},
+    };
+    return faults;
+}
+
+std::span<const NamedLevel> allLevels()
+{
+    static const NamedLevel all[]{
+        {Level::Process, faults::processRows(), true},
+        {Level::Shaders, faults::shaderRows(), true},
+        {Level::Instances, faults::instanceRows(), true},
+        {Level::Attachments, faults::attachmentRows(), true},
+        {Level::Copies, faults::copyRows(), true},
+        {Level::Generic, faults::genericRows(), true},
+        {Level::Micromaps, faults::micromapRows(), true},
+        {Level::Commands, faults::commandRows(), true},
+        {Level::Submissions, faults::submissionRows(), true},
+    };
+    return all;
+}
+
+} // namespace driver
+
+// For tests and scripts, which find it in this library. Member 0 of fault i is its name, 1 what is wrong, 2 what it
+// imitates, 3 the quirks that it needs; null behind the last fault.
+extern "C" __attribute__((visibility("default"))) const char *vellumFault(unsigned i, unsigned member);
+extern "C" const char *vellumFault(unsigned i, unsigned member)
+{
+    const auto all = driver::allQuirks();
+    if (i >= all.size())
+        return nullptr;
+    const driver::Quirk &fault = all[i];
+    return std::array{fault.name, fault.claim, fault.imitates, fault.quirks}.at(member);
+}

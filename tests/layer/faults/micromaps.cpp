@@ -1,0 +1,363 @@
+// SPDX-License-Identifier: Apache-2.0
+// Faults in builds of micromaps: their inputs, and when they are executed.
+#include "faults/faults.h"
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "faults/micromap_input.h"
+
+namespace faults
+{
+namespace
+{
+
+constexpr Level kLevel = Level::Micromaps;
+
+constexpr uint8_t kTransparent = 0, kOpaque = 1, kUnknownTransparent = 2, kUnknownOpaque = 3;
+constexpr uint16_t kTwoState = VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT;
+constexpr uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
+
+// --- what is read instead ---
+
+void firstUsagePointer(MicromapInput &input)
+{
+    if (input.usagePointers)
+        input.usages.assign(input.usages.size(), input.usages.front());
+}
+
+void packedTriangles(MicromapInput &input)
+{
+    input.stride = sizeof(VkMicromapTriangleEXT);
+}
+
+void twoStateAsFour(VkMicromapTriangleEXT &triangle)
+{
+    triangle.format = kFourState;
+}
+
+void levelZeroAsOne(VkMicromapTriangleEXT &triangle)
+{
+    triangle.subdivisionLevel = std::max<uint16_t>(triangle.subdivisionLevel, 1);
+}
+
+void shortOffset(VkMicromapTriangleEXT &triangle)
+{
+    triangle.dataOffset &= 0xffff;
+}
+
+// --- what becomes of the states ---
+
+void fourStateAsTwo(MicromapTriangle &triangle)
+{
+    if (triangle.format != kFourState)
+        return;
+    const std::vector<uint8_t> four = triangle.states;
+    for (size_t i = 0; i < four.size(); ++i)
+        triangle.states[i] = four[i / 2] >> (i % 2) & 1;
+}
+
+void highestLevel(MicromapTriangle &triangle)
+{
+    const std::vector<uint8_t> given = triangle.states;
+    for (size_t i = 0; triangle.level == kHighestLevel && i < given.size(); ++i)
+        triangle.states[i] = given[i / 4];
+}
+
+void shortIndex(MicromapTriangle &triangle)
+{
+    for (size_t i = 0x10000; i < triangle.states.size(); ++i)
+        triangle.states[i] = triangle.states[i & 0xffff];
+}
+
+void mirroredOddLevels(MicromapTriangle &triangle)
+{
+    if (triangle.level % 2 == 1)
+        std::reverse(triangle.states.begin(), triangle.states.end());
+}
+
+void replaceStates(MicromapTriangle &triangle, std::array<uint8_t, 4> states)
+{
+    for (uint8_t &state : triangle.states)
+        state = triangle.format == kFourState ? states[state] : state;
+}
+
+void opaqueUnknown(MicromapTriangle &triangle)
+{
+    replaceStates(triangle, {kTransparent, kUnknownOpaque, kUnknownTransparent, kUnknownOpaque});
+}
+
+void unknownSwapped(MicromapTriangle &triangle)
+{
+    replaceStates(triangle, {kTransparent, kOpaque, kUnknownOpaque, kUnknownTransparent});
+}
+
+void lossyTransparent(MicromapTriangle &triangle)
+{
+    if (!triangle.lossy)
+        return;
+    // The four micro-triangles of one of the level above become alike.
+    for (size_t i = 0; i + 4 <= triangle.states.size(); i += 4) {
+        const auto begin = triangle.states.begin() + static_cast<ptrdiff_t>(i), end = begin + 4;
+        if (std::find(begin, end, kTransparent) != end)
+            std::replace(begin, end, kOpaque, kTransparent);
+    }
+}
+
+struct Fault {
+    const char *name;
+    void (*parameters)(MicromapInput &) = nullptr;
+    void (*header)(VkMicromapTriangleEXT &) = nullptr; // also changes the usage counts alike
+    void (*states)(MicromapTriangle &) = nullptr;
+};
+constexpr Fault kFaults[]{
+    {"usage-pointers-as-first", firstUsagePointer},
+    {"triangle-stride", packedTriangles},
+    {"two-state-as-four", nullptr, twoStateAsFour},
+    {"level-0-as-1", nullptr, levelZeroAsOne},
+    {"data-offset-16-bits", nullptr, shortOffset},
+    {"four-state-as-two", nullptr, nullptr, fourStateAsTwo},
+    {"highest-level-truncated", nullptr, nullptr, highestLevel},
+    {"micro-triangle-index-16-bits", nullptr, nullptr, shortIndex},
+    {"curve-mirrored-on-odd-levels", nullptr, nullptr, mirroredOddLevels},
+    {"opaque-becomes-unknown", nullptr, nullptr, opaqueUnknown},
+    {"unknown-states-swapped", nullptr, nullptr, unknownSwapped},
+    {"lossy-opaque-to-transparent", nullptr, nullptr, lossyTransparent},
+};
+
+// The chosen one; only the first counts.
+const Fault *chosen(void *key)
+{
+    const auto found = std::find_if(std::begin(kFaults), std::end(kFaults),
+                                    [key](const Fault &fault) { return has(key, fault.name); });
+    return found == std::end(kFaults) ? nullptr : found;
+}
+
+// What both sizes and builds see.
+void changeParameters(void *key, MicromapInput &input)
+{
+    const Fault *fault = chosen(key);
+    if (fault == nullptr)
+        return;
+    if (fault->parameters != nullptr)
+        fault->parameters(input);
+    for (VkMicromapUsageEXT &usage : input.usages) {
+        VkMicromapTriangleEXT triangle{0, static_cast<uint16_t>(usage.subdivisionLevel),
+                                       static_cast<uint16_t>(usage.format)};
+        if (fault->header != nullptr && usage.subdivisionLevel <= kHighestLevel)
+            fault->header(triangle);
+        usage.subdivisionLevel = triangle.subdivisionLevel;
+        usage.format = triangle.format;
+    }
+}
+
+void changeInput(VkCommandBuffer commands, MicromapInput &input)
+{
+    changeParameters(keyOf(commands), input);
+    const Fault *fault = chosen(keyOf(commands));
+    if (fault != nullptr && (fault->header != nullptr || fault->states != nullptr))
+        rewriteWhenExecuted(commands, input, fault->header, fault->states);
+}
+
+// --- builds that are not executed, or later ---
+
+std::mutex mutex;
+std::set<uint64_t> built;
+std::map<VkCommandBuffer, std::vector<std::function<void()>>> late;
+
+bool dropped(void *key, uint64_t micromap, bool first)
+{
+    std::lock_guard lock(mutex);
+    const bool again = !built.insert(micromap).second;
+    return (again && has(key, "micromap-built-once")) || (!first && has(key, "only-first-micromap-build"));
+}
+
+void forget(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    built.erase(micromap);
+}
+
+// Vulkan's structures for one build, which point into themselves.
+template <class Info>
+struct Build {
+    explicit Build(const Info &given) : info(given), input(given) {}
+    Info info;
+    MicromapInput input;
+    VkAccelerationStructureGeometryKHR geometry{};
+    VkAccelerationStructureGeometryMicromapDataKHR data{};
+    std::vector<VkMicromapUsageKHR> usages;
+
+    void put()
+    {
+        if constexpr (std::is_same_v<Info, VkMicromapBuildInfoEXT>)
+            putInto(info, input);
+        else
+            putInto(info, input, geometry, data, usages);
+    }
+};
+
+bool isMicromap(const VkMicromapBuildInfoEXT &)
+{
+    return true;
+}
+bool isMicromap(const BuildInfo &info)
+{
+    return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+
+// The builds of a command as the driver executes them.
+template <class Info>
+class Builds
+{
+public:
+    Builds(VkCommandBuffer commands, std::span<const Info> infos, const RangeInfo *const *ranges)
+    {
+        bool first = true;
+        for (size_t i = 0; i < infos.size(); ++i) {
+            auto build = isMicromap(infos[i]) ? std::make_unique<Build<Info>>(infos[i]) : nullptr;
+            if (build) {
+                const uint64_t target = build->input.target;
+                if (dropped(keyOf(commands), target, std::exchange(first, false)))
+                    continue;
+                noteBuilt(target, triangleCount(build->input));
+                changeInput(commands, build->input);
+                build->put();
+            }
+            infos_.push_back(build ? build->info : infos[i]);
+            ranges_.push_back(ranges != nullptr ? ranges[i] : nullptr);
+            if (build)
+                builds_.push_back(std::move(build));
+        }
+    }
+    [[nodiscard]] bool onlyMicromaps() const { return builds_.size() == infos_.size(); }
+    [[nodiscard]] uint32_t count() const { return static_cast<uint32_t>(infos_.size()); }
+    [[nodiscard]] const Info *infos() const { return infos_.data(); }
+    [[nodiscard]] const RangeInfo *const *ranges() const { return ranges_.data(); }
+
+private:
+    std::vector<std::unique_ptr<Build<Info>>> builds_;
+    std::vector<Info> infos_;
+    std::vector<const RangeInfo *> ranges_;
+};
+
+// Records the builds, now or at the end of the command buffer.
+template <class Info, class Record>
+void recordBuilds(VkCommandBuffer handle, std::span<const Info> infos, const RangeInfo *const *ranges, Record record)
+{
+    const auto builds = std::make_shared<Builds<Info>>(handle, infos, ranges);
+    if (builds->count() == 0)
+        return;
+    if (!builds->onlyMicromaps() || !has(keyOf(handle), "micromap-built-late"))
+        return record(*builds);
+    std::lock_guard lock(mutex);
+    late[handle].push_back([builds, record] { record(*builds); });
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer handle, uint32_t count,
+                                             const VkMicromapBuildInfoEXT *infos)
+{
+    recordBuilds<VkMicromapBuildInfoEXT>(handle, {infos, count}, nullptr, [handle](const auto &builds) {
+        DRIVER_NEXT(vkCmdBuildMicromapsEXT)(handle, builds.count(), builds.infos());
+    });
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdBuildStructures(VkCommandBuffer handle, uint32_t count, const BuildInfo *infos,
+                                              const RangeInfo *const *ranges)
+{
+    recordBuilds<BuildInfo>(handle, {infos, count}, ranges, [handle](const auto &builds) {
+        DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, builds.count(), builds.infos(), builds.ranges());
+    });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL begin(VkCommandBuffer handle, const VkCommandBufferBeginInfo *info)
+{
+    {
+        std::lock_guard lock(mutex);
+        late.erase(handle);
+    }
+    return DRIVER_NEXT(vkBeginCommandBuffer)(handle, info);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL end(VkCommandBuffer handle)
+{
+    std::vector<std::function<void()>> functions;
+    {
+        std::lock_guard lock(mutex);
+        functions = std::exchange(late[handle], {});
+    }
+    for (const auto &function : functions)
+        function();
+    return DRIVER_NEXT(vkEndCommandBuffer)(handle);
+}
+
+VKAPI_ATTR void VKAPI_CALL micromapSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
+                                         const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
+{
+    Build<VkMicromapBuildInfoEXT> build(*info);
+    changeParameters(keyOf(handle), build.input);
+    build.put();
+    DRIVER_NEXT(vkGetMicromapBuildSizesEXT)(handle, type, &build.info, sizes);
+}
+
+VKAPI_ATTR void VKAPI_CALL structureSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
+                                          const BuildInfo *info, const uint32_t *most,
+                                          VkAccelerationStructureBuildSizesInfoKHR *sizes)
+{
+    if (!isMicromap(*info))
+        return DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, most, sizes);
+    Build<BuildInfo> build(*info);
+    changeParameters(keyOf(handle), build.input);
+    build.put();
+    DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, &build.info, most, sizes);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL hostBuild(VkDevice handle, VkDeferredOperationKHR operation, uint32_t count,
+                                         const VkMicromapBuildInfoEXT *infos)
+{
+    const auto build = DRIVER_NEXT(vkBuildMicromapsEXT);
+    if (operation != VK_NULL_HANDLE || !has(keyOf(handle), "host-build-returns-early"))
+        return build(handle, operation, count, infos);
+    for (const VkMicromapBuildInfoEXT &info : std::span(infos, count)) {
+        const auto own = std::make_shared<Build<VkMicromapBuildInfoEXT>>(info);
+        own->put();
+        afterNextSubmission(keyOf(handle), [=] { build(handle, VK_NULL_HANDLE, 1, &own->info); });
+    }
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice handle, VkMicromapEXT micromap,
+                                           const VkAllocationCallbacks *allocator)
+{
+    forget(numberOf(micromap));
+    DRIVER_NEXT(vkDestroyMicromapEXT)(handle, micromap, allocator);
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
+                                            const VkAllocationCallbacks *allocator)
+{
+    forget(numberOf(structure));
+    DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
+}
+
+} // namespace
+
+LevelRows micromapRows()
+{
+    static const Row device[]{
+        {"vkCmdBuildMicromapsEXT", DRIVER_FUNCTION(cmdBuildMicromaps)},
+        {"vkCmdBuildAccelerationStructuresKHR", DRIVER_FUNCTION(cmdBuildStructures)},
+        {"vkGetMicromapBuildSizesEXT", DRIVER_FUNCTION(micromapSizes)},
+        {"vkGetAccelerationStructureBuildSizesKHR", DRIVER_FUNCTION(structureSizes)},
+        {"vkBuildMicromapsEXT", DRIVER_FUNCTION(hostBuild)},
+        {"vkBeginCommandBuffer", DRIVER_FUNCTION(begin)},
+        {"vkEndCommandBuffer", DRIVER_FUNCTION(end)},
+        {"vkDestroyMicromapEXT", DRIVER_FUNCTION(destroyMicromap)},
+        {"vkDestroyAccelerationStructureKHR", DRIVER_FUNCTION(destroyStructure)},
+    };
+    return {device, {}};
+}
+
+} // namespace faults
