@@ -58,7 +58,7 @@ SUBSYSTEMS = {
         "khr_over_ext": ("base",), "gpubake": ("base",),
     },
     "bake": below("numbers", "texture", ""),
-    "check": below("shaders", "gpu", "oracle", "case", "groups", ""),
+    "check": below("shaders", "gpu", "oracle", "case", "groups"),
     "gltf": below("file", "data", "", "micromaps"),
     "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "inspect", "", "manual"),
 }

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "check/session.h"
+#include "check/groups/session.h"
 
 namespace vellum::check
 {

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "check/case/case.h"
-#include "check/group.h"
+#include "check/groups/group.h"
 #include "check/oracle/random_scene.h"
 
 namespace vellum::check

@@ -7,7 +7,7 @@
 
 #include "check/gpu/tracer.h"
 
-namespace vellum::check
+namespace vellum::check::oracle
 {
 
 enum class Outcome { Ignored, Opaque, NonOpaque, Culled };
@@ -63,4 +63,4 @@ inline Outcome outcomeOf(int state, bool geometryOpaque, uint32_t instanceFlags,
     }
 }
 
-} // namespace vellum::check
+} // namespace vellum::check::oracle

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "check/group.h"
+#include "check/groups/group.h"
 
 namespace vellum::cli
 {

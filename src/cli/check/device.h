@@ -2,7 +2,7 @@
 // Which device is checked.
 #pragma once
 
-#include "check/group.h"
+#include "check/groups/group.h"
 #include "cli/check/protocol.h"
 
 namespace vellum::cli

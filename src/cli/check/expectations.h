@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "check/group.h"
+#include "check/groups/group.h"
 
 namespace vellum::cli
 {

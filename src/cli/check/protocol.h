@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "check/group.h"
+#include "check/groups/group.h"
 
 namespace vellum::cli
 {

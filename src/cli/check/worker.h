@@ -2,7 +2,7 @@
 // A worker process of `vellum check`: only here does the driver run, which may crash, hang and print what it likes.
 #pragma once
 
-#include "check/group.h"
+#include "check/groups/group.h"
 
 namespace vellum::cli
 {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <unistd.h>
 
-#include "check/group.h"
+#include "check/groups/group.h"
 #include "cli/base/error.h"
 #include "cli/check/case_id.h"
 #include "cli/check/device.h"

@@ -10,11 +10,16 @@
 #include <gtest/gtest.h>
 
 #include "check/gpu/device.h"
+#include "check/oracle/outcome.h"
 
 namespace vt
 {
 
 using namespace vellum::check;
+using oracle::kBox;
+using oracle::kNoMicromap;
+using oracle::Outcome;
+using oracle::outcomeOf;
 namespace newer = vellum::newer;
 
 // Which extension the tests go through: the environment variable VELLUM_TEST_API says "ext" or "khr".

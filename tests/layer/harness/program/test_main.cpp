@@ -105,7 +105,7 @@ int main(int argc, char **argv)
     setenv("VK_DRIVER_FILES", driver ? driver : VELLUM_TEST_ICD, 1);
     setenv("VK_ICD_FILENAMES", driver ? driver : VELLUM_TEST_ICD, 1);
 #endif
-    vellum::check::everyTriangleHasMicromap = std::getenv("VELLUM_FORCING") != nullptr;
+    vellum::check::oracle::everyTriangleHasMicromap = std::getenv("VELLUM_FORCING") != nullptr;
     setenv("GALLIVM_PERF", "nopt", 0);
     setenv("MESA_SHADER_CACHE_DIR", VELLUM_TEST_SHADER_CACHE, 0);
     testing::InitGoogleTest(&argc, argv);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/session.h"
+#include "check/groups/session.h"
 
 #include "check/case/case.h"
 

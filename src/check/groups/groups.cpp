@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/group.h"
+#include "check/groups/group.h"
 
 #include "check/groups/random_case.h"
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "check/gpu/device.h"
-#include "check/group.h"
+#include "check/groups/group.h"
 #include "check/groups/random_case.h"
 
 namespace vellum::check
