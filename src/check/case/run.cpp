@@ -8,18 +8,6 @@
 namespace vellum::check
 {
 
-oracle::Scene sceneAfter(const Case &c)
-{
-    oracle::Scene scene = c.scene;
-    for (const Step &step : c.steps) {
-        if (step.kind == Step::Kind::SetStates)
-            scene.micromaps[step.target].triangles = step.states;
-        if (step.kind == Step::Kind::SetIndices)
-            scene.objects[step.target].meshes[step.other].micromap = step.micromapUse;
-    }
-    return scene;
-}
-
 namespace
 {
 

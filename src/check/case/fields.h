@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fields of a case, listed once for all that reads or writes them. An archive has these functions, each with a
+// field's name and the field:
+//   value (a default), name (a table, a default), bits (a table), floats, states: one value
+//   vectors, indices: lists of numbers
+//   object, list: a structure or a list of them, whose fields a function lists
+//   optional: std::optional of a structure
+#pragma once
+
+#include "check/case/names.h"
+
+namespace vellum::check::fields
+{
+
+// Each takes a structure, const or not.
+template <class Archive, class T>
+void ofMicromapTriangle(Archive &archive, T &triangle)
+{
+    archive.always("level", triangle.level);
+    archive.name("format", triangle.format, kFormatNames);
+    archive.states("states", triangle.states);
+}
+
+template <class Archive, class T>
+void ofMicromap(Archive &archive, T &micromap)
+{
+    archive.bits("flags", micromap.flags, kMicromapFlagNames);
+    archive.value("triangleStride", micromap.triangleStride, uint32_t{sizeof(VkMicromapTriangleEXT)});
+    archive.value("usagePointers", micromap.usagePointers, false);
+    archive.list("triangles", micromap.triangles, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
+}
+
+template <class Archive, class T>
+void ofUse(Archive &archive, T &use)
+{
+    archive.value("micromap", use.micromap, std::optional<uint32_t>());
+    archive.name("indexType", use.indexType, kIndexTypeNames);
+    archive.indices("indices", use.indices);
+    archive.value("base", use.base, 0u);
+    archive.value("stride", use.stride, std::optional<uint32_t>());
+    archive.value("indexOffset", use.indexOffset, 0u);
+}
+
+template <class Archive, class T>
+void ofMesh(Archive &archive, T &mesh)
+{
+    archive.value("opaque", mesh.opaque, false);
+    archive.vectors("vertices", mesh.vertices);
+    archive.vectors("boxes", mesh.boxes);
+    archive.value("skippedTriangles", mesh.skippedTriangles, 0u);
+    archive.optional("micromap", mesh.micromap, [](auto &a, auto &use) { ofUse(a, use); });
+}
+
+template <class Archive, class T>
+void ofObject(Archive &archive, T &object)
+{
+    archive.list("meshes", object.meshes, [](auto &a, auto &mesh) { ofMesh(a, mesh); });
+}
+
+template <class Archive, class T>
+void ofInstance(Archive &archive, T &instance)
+{
+    archive.always("object", instance.object);
+    archive.vectors("transform", instance.transform.matrix);
+    archive.value("customIndex", instance.customIndex, 0u);
+    archive.value("mask", instance.mask, 0xffu);
+    archive.bits("flags", instance.flags, kInstanceFlagNames);
+    archive.value("inactive", instance.inactive, false);
+}
+
+template <class Archive, class T>
+void ofRay(Archive &archive, T &ray)
+{
+    const Ray standard;
+    archive.floats("origin", ray.origin);
+    archive.floats("direction", ray.direction);
+    archive.value("tMin", ray.tMin, standard.tMin);
+    archive.value("tMax", ray.tMax, standard.tMax);
+    archive.bits("flags", ray.flags, kRayFlagNames);
+    archive.value("cullMask", ray.cullMask, standard.cullMask);
+    archive.name("rule", ray.rule, kRuleNames, standard.rule);
+    archive.value("generate", ray.generate, standard.generate);
+}
+
+template <class Archive, class T>
+void ofScene(Archive &archive, T &scene)
+{
+    archive.list("micromaps", scene.micromaps, [](auto &a, auto &micromap) { ofMicromap(a, micromap); });
+    archive.list("objects", scene.objects, [](auto &a, auto &object) { ofObject(a, object); });
+    archive.list("instances", scene.instances, [](auto &a, auto &instance) { ofInstance(a, instance); });
+    archive.list("rays", scene.rays, [](auto &a, auto &ray) { ofRay(a, ray); });
+}
+
+template <class Archive, class T>
+void ofBuild(Archive &archive, T &build)
+{
+    const BuildPlan standard;
+    archive.name("micromaps", build.micromaps, kBuildCommandNames, standard.micromaps);
+    archive.name("structures", build.structures, kBuildCommandNames, standard.structures);
+    archive.value("together", build.together, standard.together);
+    archive.value("threads", build.threads, standard.threads);
+    archive.value("instancePointers", build.instancePointers, standard.instancePointers);
+}
+
+template <class Archive, class T>
+void ofStep(Archive &archive, T &step)
+{
+    archive.name("kind", step.kind, kStepNames);
+    archive.value("target", step.target, 0u);
+    archive.value("other", step.other, 0u);
+    archive.value("update", step.update, false);
+    archive.list("states", step.states, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
+    archive.optional("micromapUse", step.micromapUse, [](auto &a, auto &use) { ofUse(a, use); });
+}
+
+template <class Archive, class T>
+void ofTrace(Archive &archive, T &trace)
+{
+    const TracePlan standard;
+    archive.name("method", trace.method, kMethodNames, standard.method);
+    archive.name("stage", trace.stage, kStageNames, standard.stage);
+    archive.name("flags", trace.flags, kFlagSourceNames, standard.flags);
+    archive.name("mode", trace.mode, kModeNames, standard.mode);
+    archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
+    archive.value("libraries", trace.libraries, standard.libraries);
+    archive.value("inlineModules", trace.inlineModules, standard.inlineModules);
+    archive.value("dynamicStackSize", trace.dynamicStackSize, standard.dynamicStackSize);
+}
+
+template <class Archive, class T>
+void ofCase(Archive &archive, T &c)
+{
+    archive.value("group", c.group, std::string());
+    archive.value("seed", c.seed, uint64_t{0});
+    archive.name("memory", c.memory, kMemoryNames, Memory::Apart);
+    archive.object("scene", c.scene, [](auto &a, auto &scene) { ofScene(a, scene); });
+    archive.object("build", c.build, [](auto &a, auto &build) { ofBuild(a, build); });
+    archive.list("steps", c.steps, [](auto &a, auto &step) { ofStep(a, step); });
+    archive.object("trace", c.trace, [](auto &a, auto &trace) { ofTrace(a, trace); });
+}
+
+} // namespace vellum::check::fields

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the values of a case are called in files and accounts.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "check/case/case.h"
+
+namespace vellum::check
+{
+
+template <class T>
+struct Name {
+    T value;
+    std::string_view name;
+};
+using Bit = Name<uint32_t>;
+
+inline constexpr uint64_t kMostStates = uint64_t{1} << 28; // of all micromaps of a case
+inline constexpr char kStateLetters[] = "TOto";            // transparent and opaque, in lower case: unknown
+
+inline constexpr std::array kMemoryNames{
+    Name<Memory>{Memory::Apart, "apart"},
+    Name<Memory>{Memory::Packed, "packed"},
+    Name<Memory>{Memory::PackedToTheEnd, "packed-to-the-end"},
+};
+
+inline constexpr std::array kBuildCommandNames{
+    Name<BuildCommand>{BuildCommand::Device, "device"},
+    Name<BuildCommand>{BuildCommand::Indirect, "indirect"},
+    Name<BuildCommand>{BuildCommand::Host, "host"},
+};
+
+inline constexpr std::array kStepNames{
+    Name<Step::Kind>{Step::Kind::CloneObject, "clone-object"},
+    Name<Step::Kind>{Step::Kind::CompactObject, "compact-object"},
+    Name<Step::Kind>{Step::Kind::ReloadObject, "reload-object"},
+    Name<Step::Kind>{Step::Kind::UpdateObject, "update-object"},
+    Name<Step::Kind>{Step::Kind::RebuildObject, "rebuild-object"},
+    Name<Step::Kind>{Step::Kind::MoveObject, "move-object"},
+    Name<Step::Kind>{Step::Kind::RenameObject, "rename-object"},
+    Name<Step::Kind>{Step::Kind::CloneMicromap, "clone-micromap"},
+    Name<Step::Kind>{Step::Kind::CompactMicromap, "compact-micromap"},
+    Name<Step::Kind>{Step::Kind::ReloadMicromap, "reload-micromap"},
+    Name<Step::Kind>{Step::Kind::SetStates, "set-states"},
+    Name<Step::Kind>{Step::Kind::SetIndices, "set-indices"},
+    Name<Step::Kind>{Step::Kind::CloneTop, "clone-top"},
+    Name<Step::Kind>{Step::Kind::CompactTop, "compact-top"},
+    Name<Step::Kind>{Step::Kind::ReloadTop, "reload-top"},
+};
+static_assert(kStepNames.size() == static_cast<size_t>(Step::Kind::Count));
+
+inline constexpr std::array kMethodNames{
+    Name<TracePlan::Method>{TracePlan::Method::Query, "query"},
+    Name<TracePlan::Method>{TracePlan::Method::Pipeline, "pipeline"},
+};
+inline constexpr std::array kFlagSourceNames{
+    Name<TracePlan::Flags>{TracePlan::Flags::RunTime, "run-time"},
+    Name<TracePlan::Flags>{TracePlan::Flags::Specialized, "specialized"},
+};
+inline constexpr std::array kModeNames{
+    Name<TracePlan::Mode>{TracePlan::Mode::True, "true"},
+    Name<TracePlan::Mode>{TracePlan::Mode::SpecializedTrue, "specialized-true"},
+    Name<TracePlan::Mode>{TracePlan::Mode::SpecializedFalse, "specialized-false"},
+};
+inline constexpr std::array kStageNames{
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_COMPUTE_BIT, "VK_SHADER_STAGE_COMPUTE_BIT"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_VERTEX_BIT, "VK_SHADER_STAGE_VERTEX_BIT"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_FRAGMENT_BIT, "VK_SHADER_STAGE_FRAGMENT_BIT"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_RAYGEN_BIT_KHR, "VK_SHADER_STAGE_RAYGEN_BIT_KHR"},
+};
+
+inline constexpr std::array kFormatNames{
+    Name<uint16_t>{kTwoState, "VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT"},
+    Name<uint16_t>{kFourState, "VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT"},
+};
+inline constexpr std::array kIndexTypeNames{
+    Name<VkIndexType>{VK_INDEX_TYPE_NONE_KHR, "VK_INDEX_TYPE_NONE_KHR"},
+    Name<VkIndexType>{VK_INDEX_TYPE_UINT8_EXT, "VK_INDEX_TYPE_UINT8_EXT"},
+    Name<VkIndexType>{VK_INDEX_TYPE_UINT16, "VK_INDEX_TYPE_UINT16"},
+    Name<VkIndexType>{VK_INDEX_TYPE_UINT32, "VK_INDEX_TYPE_UINT32"},
+};
+inline constexpr std::array kRuleNames{
+    Name<uint32_t>{kNever, "never"},
+    Name<uint32_t>{kAlways, "always"},
+    Name<uint32_t>{kHash, "hash"},
+};
+
+inline constexpr std::array kMicromapFlagNames{
+    Bit{VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT, "VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT"},
+    Bit{VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT, "VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT"},
+    Bit{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, "VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT"},
+    Bit{kLossy, "VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR"},
+};
+inline constexpr std::array kInstanceFlagNames{
+    Bit{VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR,
+        "VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR"},
+    Bit{VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR, "VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR"},
+    Bit{VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR, "VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR"},
+    Bit{VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR, "VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR"},
+    Bit{kFlagTwoState, "VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT"},
+    Bit{kFlagDisable, "VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT"},
+};
+// Of SPIR-V.
+inline constexpr std::array kRayFlagNames{
+    Bit{kRayOpaque, "OpaqueKHR"},
+    Bit{kRayNoOpaque, "NoOpaqueKHR"},
+    Bit{kRayTerminateOnFirstHit, "TerminateOnFirstHitKHR"},
+    Bit{kRayCullBack, "CullBackFacingTrianglesKHR"},
+    Bit{kRayCullFront, "CullFrontFacingTrianglesKHR"},
+    Bit{kRayCullOpaque, "CullOpaqueKHR"},
+    Bit{kRayCullNoOpaque, "CullNoOpaqueKHR"},
+    Bit{kRaySkipTriangles, "SkipTrianglesKHR"},
+    Bit{kRaySkipBoxes, "SkipAABBsKHR"},
+    Bit{kRayForceTwoState, "ForceOpacityMicromap2StateEXT"},
+};
+
+// "?": no such value.
+template <class T, size_t N>
+constexpr std::string_view nameOf(const std::array<Name<T>, N> &names, T value)
+{
+    for (const Name<T> &name : names)
+        if (name.value == value)
+            return name.name;
+    return "?";
+}
+
+template <class T, size_t N>
+constexpr bool isNamed(const std::array<Name<T>, N> &names, T value)
+{
+    return nameOf(names, value) != "?";
+}
+
+template <size_t N>
+constexpr uint32_t allOf(const std::array<Bit, N> &bits)
+{
+    uint32_t all = 0;
+    for (const Bit &bit : bits)
+        all |= bit.value;
+    return all;
+}
+
+} // namespace vellum::check

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// Makes cases that fail smaller.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+
+#include "check/case/case.h"
+
+namespace vellum::check
+{
+
+struct ShrinkLimits {
+    double seconds = 60;
+    uint32_t runs = 3000;
+    std::optional<uint32_t> ray; // that is wrong in the first case (Verdict::ray)
+};
+
+struct Shrunk {
+    Case smallest;
+    uint32_t runs = 0;
+    bool complete = false; // nothing more can be removed; false: a limit was reached
+    // How often the smallest case failed when it was run that many times in the end. A case that does not fail each
+    // time is chosen only if the first case does not either.
+    uint32_t failures = 0;
+    uint32_t confirmations = 0;
+};
+
+using StillFails = std::function<bool(const Case &)>;
+
+// The smallest case found for which stillFails is true, which must be so for c. Every case that stillFails gets is
+// valid (validity.h).
+Shrunk shrink(const Case &c, const StillFails &stillFails, const ShrinkLimits &limits);
+
+} // namespace vellum::check

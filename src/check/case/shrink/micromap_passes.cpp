@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "check/case/shrink/passes.h"
+#include "check/case/shrink/removal.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+using oracle::MeshMicromap;
+using oracle::MicromapTriangle;
+using EditTriangle = std::function<void(MicromapTriangle &)>;
+using EditUse = std::function<void(MeshMicromap &)>;
+
+bool isUniform(const MicromapTriangle &triangle)
+{
+    return std::ranges::all_of(triangle.states, [&](uint8_t state) { return state == triangle.states[0]; });
+}
+
+// An edit for each triangle of a micromap, of the scene and of steps.
+std::vector<Edit> editsOfTriangles(const Case &best, const std::function<bool(const MicromapTriangle &)> &of,
+                                   const EditTriangle &edit)
+{
+    std::vector<Edit> edits;
+    Case copy = best;
+    for (uint32_t i = 0; i < copy.scene.micromaps.size(); ++i) {
+        size_t list = 0;
+        forEachStates(copy, i, [&](std::vector<MicromapTriangle> &triangles) {
+            for (size_t t = 0; t < triangles.size(); ++t) {
+                if (!of(triangles[t]))
+                    continue;
+                edits.emplace_back([i, list, t, edit](Case &c) {
+                    size_t k = 0;
+                    forEachStates(c, i, [&](std::vector<MicromapTriangle> &found) {
+                        if (k++ == list)
+                            edit(found[t]);
+                    });
+                });
+            }
+            ++list;
+        });
+    }
+    return edits;
+}
+
+void makeUniform(Attempts &attempts)
+{
+    for (const uint8_t state : {uint8_t{1}, uint8_t{0}, uint8_t{2}, uint8_t{3}}) {
+        attempts.attemptAll(editsOfTriangles(
+            attempts.best(),
+            [&](const MicromapTriangle &t) { return !isUniform(t) && std::ranges::count(t.states, state) > 0; },
+            [state](MicromapTriangle &t) { std::ranges::fill(t.states, state); }));
+    }
+}
+
+// Which of the states of a finer triangle a coarser one gets: those of the same part of each micro-triangle, or the
+// first ones.
+constexpr size_t kFirstStates = 4;
+
+void lowerBy(MicromapTriangle &triangle, uint32_t levels, size_t part)
+{
+    levels = std::min(levels, triangle.level);
+    triangle.level -= levels;
+    std::vector<uint8_t> states(size_t{1} << (2 * triangle.level));
+    for (size_t i = 0; i < states.size(); ++i) {
+        size_t from = i;
+        for (uint32_t l = 0; l < levels && part != kFirstStates; ++l)
+            from = 4 * from + part;
+        states[i] = triangle.states[from];
+    }
+    triangle.states = std::move(states);
+}
+
+void lowerLevels(Attempts &attempts)
+{
+    const auto lower = [&](uint32_t levels, size_t part, bool uniform) {
+        attempts.attemptAll(editsOfTriangles(
+            attempts.best(), [&](const MicromapTriangle &t) { return t.level > 0 && isUniform(t) == uniform; },
+            [levels, part](MicromapTriangle &t) { lowerBy(t, levels, part); }));
+    };
+    for (const uint32_t levels : {12u, 4u, 2u, 1u, 1u, 1u})
+        lower(levels, 0, true);
+    for (const uint32_t levels : {12u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u}) {
+        for (size_t part = 0; part <= kFirstStates; ++part)
+            lower(levels, part, false);
+    }
+}
+
+// All micro-triangles but those that matter get the state that most have.
+void fillStates(Attempts &attempts)
+{
+    constexpr size_t kStretches = 256;
+    std::vector<Edit> all;
+    for (size_t stretch = 0; stretch < kStretches; ++stretch) {
+        const auto range = [stretch](const MicromapTriangle &t) {
+            const size_t size = std::max<size_t>(t.states.size() / kStretches, 1);
+            const size_t from = std::min(stretch * size, t.states.size());
+            return std::pair(from, std::min(from + size, t.states.size()));
+        };
+        const auto usual = [](const MicromapTriangle &t) {
+            std::array<size_t, 4> counts{};
+            for (const uint8_t state : t.states)
+                ++counts[state & 3];
+            return static_cast<uint8_t>(std::ranges::max_element(counts) - counts.begin());
+        };
+        const auto edits = editsOfTriangles(
+            attempts.best(),
+            [&](const MicromapTriangle &t) {
+                const auto [from, to] = range(t);
+                const uint8_t state = usual(t);
+                return std::any_of(t.states.begin() + static_cast<ptrdiff_t>(from),
+                                   t.states.begin() + static_cast<ptrdiff_t>(to),
+                                   [&](uint8_t other) { return other != state; });
+            },
+            [range, usual](MicromapTriangle &t) {
+                const auto [from, to] = range(t);
+                std::fill(t.states.begin() + static_cast<ptrdiff_t>(from),
+                          t.states.begin() + static_cast<ptrdiff_t>(to), usual(t));
+            });
+        all.insert(all.end(), edits.begin(), edits.end());
+    }
+    attempts.attemptAll(all);
+}
+
+// An edit for each use that `of` is true for.
+std::vector<Edit> editsOfUses(const Case &best, const std::function<bool(const MeshMicromap &)> &of,
+                              const EditUse &edit)
+{
+    std::vector<Edit> edits;
+    Case copy = best;
+    size_t number = 0;
+    forEachUse(copy, [&](const MeshMicromap &use) {
+        const size_t n = number++;
+        if (of(use))
+            edits.emplace_back([n, edit](Case &c) {
+                size_t k = 0;
+                forEachUse(c, [&](MeshMicromap &found) {
+                    if (k++ == n)
+                        edit(found);
+                });
+            });
+    });
+    return edits;
+}
+
+bool isDirect(const MeshMicromap &use)
+{
+    return use.indexType == VK_INDEX_TYPE_NONE_KHR;
+}
+
+// No index buffer: as if it held 0, 1, 2...
+void makeDirect(MeshMicromap &use)
+{
+    if (!use.indices.empty() && use.indices[0] > 0)
+        use.base += static_cast<uint32_t>(use.indices[0]);
+    for (size_t i = 0; i < use.indices.size(); ++i)
+        use.indices[i] = static_cast<int32_t>(i);
+    use.indexType = VK_INDEX_TYPE_NONE_KHR;
+    use.stride.reset();
+    use.indexOffset = 0;
+}
+
+void removeBase(MeshMicromap &use)
+{
+    for (int32_t &index : use.indices)
+        if (index >= 0 && !isDirect(use))
+            index += static_cast<int32_t>(use.base);
+    use.base = 0;
+}
+
+} // namespace
+
+void simplifyMicromaps(Attempts &attempts)
+{
+    makeUniform(attempts);
+    lowerLevels(attempts);
+    fillStates(attempts);
+    attempts.attemptAll(editsOfTriangles(
+        attempts.best(),
+        [](const MicromapTriangle &t) { return std::ranges::any_of(t.states, [](uint8_t s) { return s > 1; }); },
+        [](MicromapTriangle &t) {
+            for (uint8_t &state : t.states)
+                state &= 1;
+        }));
+    attempts.attemptAll(editsOfTriangles(
+        attempts.best(), [](const MicromapTriangle &t) { return t.format != kFourState; },
+        [](MicromapTriangle &t) { t.format = kFourState; }));
+    std::vector<Edit> edits;
+    for (size_t i = 0; i < attempts.best().scene.micromaps.size(); ++i) {
+        for (uint32_t bit = 1; bit != 0; bit <<= 1)
+            if ((attempts.best().scene.micromaps[i].flags & bit) != 0)
+                edits.emplace_back([i, bit](Case &c) { c.scene.micromaps[i].flags &= ~bit; });
+        edits.emplace_back([i](Case &c) { c.scene.micromaps[i].triangleStride = sizeof(VkMicromapTriangleEXT); });
+        edits.emplace_back([i](Case &c) { c.scene.micromaps[i].usagePointers = false; });
+    }
+    attempts.attemptAll(edits);
+}
+
+void simplifyUses(Attempts &attempts)
+{
+    const auto attempt = [&](const std::function<bool(const MeshMicromap &)> &of, const EditUse &edit) {
+        attempts.attemptAll(editsOfUses(attempts.best(), of, edit));
+    };
+    attempt([](const MeshMicromap &use) { return use.stride.has_value(); },
+            [](MeshMicromap &use) {
+                if (use.stride == 0u && !use.indices.empty())
+                    std::ranges::fill(use.indices, use.indices[0]);
+                use.stride.reset();
+            });
+    attempt([](const MeshMicromap &use) { return use.indexOffset != 0; },
+            [](MeshMicromap &use) { use.indexOffset = 0; });
+    attempt([](const MeshMicromap &use) { return use.base != 0; }, removeBase);
+    attempt([](const MeshMicromap &use) { return use.base != 0; }, [](MeshMicromap &use) { use.base = 0; });
+    attempt([](const MeshMicromap &use) { return use.base > 1; }, [](MeshMicromap &use) { use.base = 1; });
+    attempt([](const MeshMicromap &use) { return std::ranges::any_of(use.indices, [](int32_t i) { return i > 0; }); },
+            [](MeshMicromap &use) {
+                for (int32_t &index : use.indices)
+                    index = isDirect(use) ? index : std::min(index, 0);
+            });
+    attempt(
+        [](const MeshMicromap &use) {
+            return use.micromap && std::ranges::all_of(use.indices, [](int32_t i) { return i < 0; });
+        },
+        [](MeshMicromap &use) { use.micromap.reset(); });
+    attempt([](const MeshMicromap &use) { return !isDirect(use); }, makeDirect);
+    attempt([](const MeshMicromap &use) { return !isDirect(use) && use.indexType != VK_INDEX_TYPE_UINT32; },
+            [](MeshMicromap &use) {
+                use.indexType = VK_INDEX_TYPE_UINT32;
+                use.stride.reset();
+                use.indexOffset = 0;
+            });
+}
+
+} // namespace vellum::check

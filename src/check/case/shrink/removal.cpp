@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/shrink/removal.h"
+
+#include <algorithm>
+
+#include "check/case/step.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+using oracle::Mesh;
+using oracle::MeshMicromap;
+using Kind = Step::Kind;
+
+template <class T>
+void eraseFrom(std::vector<T> &list, size_t from, size_t count)
+{
+    from = std::min(from, list.size());
+    count = std::min(count, list.size() - from);
+    list.erase(list.begin() + static_cast<ptrdiff_t>(from), list.begin() + static_cast<ptrdiff_t>(from + count));
+}
+
+void eraseSteps(Case &c, const std::function<bool(const Step &)> &which)
+{
+    std::erase_if(c.steps, which);
+}
+
+void closeGap(uint32_t &number, uint32_t removed)
+{
+    number -= number > removed ? 1u : 0u;
+}
+
+bool isDirect(const MeshMicromap &use)
+{
+    return use.indexType == VK_INDEX_TYPE_NONE_KHR;
+}
+
+void removeIndices(MeshMicromap &use, size_t from, size_t count)
+{
+    if (use.indices.empty())
+        return;
+    const int32_t first = use.indices[0];
+    if (isDirect(use))
+        from = use.indices.size() - std::min(count, use.indices.size());
+    eraseFrom(use.indices, from, count);
+    if (use.stride == 0u && !use.indices.empty())
+        use.indices[0] = first; // which all triangles read
+}
+
+// The position that a triangle of a micromap has when others are removed.
+size_t positionAfter(size_t position, size_t from, size_t count)
+{
+    return position < from ? position : position < from + count ? from : position - count;
+}
+
+// `triangles`: of the micromap, before they are removed.
+void renumber(MeshMicromap &use, const std::vector<oracle::MicromapTriangle> &triangles, size_t from, size_t count)
+{
+    const size_t base = positionAfter(use.base, from, count);
+    for (int32_t &index : use.indices) {
+        if (index < 0 || isDirect(use))
+            continue;
+        const size_t position = static_cast<size_t>(index) + use.base;
+        if (position >= from && position < from + count)
+            index = position < triangles.size() && !triangles[position].states.empty()
+                        ? -1 - static_cast<int32_t>(triangles[position].states[0])
+                        : -1;
+        else
+            index = static_cast<int32_t>(positionAfter(position, from, count) - base);
+    }
+    use.base = static_cast<uint32_t>(base);
+}
+
+} // namespace
+
+void forEachUse(Case &c, uint32_t object, uint32_t mesh, const std::function<void(MeshMicromap &)> &function)
+{
+    if (auto &use = c.scene.objects[object].meshes[mesh].micromap)
+        function(*use);
+    for (Step &step : c.steps)
+        if (step.kind == Kind::SetIndices && step.target == object && step.other == mesh && step.micromapUse)
+            function(*step.micromapUse);
+}
+
+void forEachUse(Case &c, const std::function<void(MeshMicromap &)> &function)
+{
+    for (uint32_t o = 0; o < c.scene.objects.size(); ++o)
+        for (uint32_t m = 0; m < c.scene.objects[o].meshes.size(); ++m)
+            forEachUse(c, o, m, function);
+}
+
+bool isUsed(const Case &c, uint32_t micromap)
+{
+    const auto uses = [&](const std::optional<MeshMicromap> &use) { return use && use->micromap == micromap; };
+    return std::ranges::any_of(c.steps, [&](const Step &step) { return uses(step.micromapUse); }) ||
+           std::ranges::any_of(c.scene.objects, [&](const oracle::Object &object) {
+               return std::ranges::any_of(object.meshes, [&](const Mesh &mesh) { return uses(mesh.micromap); });
+           });
+}
+
+void forEachStates(Case &c, uint32_t micromap,
+                   const std::function<void(std::vector<oracle::MicromapTriangle> &)> &function)
+{
+    function(c.scene.micromaps[micromap].triangles);
+    for (Step &step : c.steps)
+        if (step.kind == Kind::SetStates && step.target == micromap)
+            function(step.states);
+}
+
+void removeObject(Case &c, uint32_t object)
+{
+    std::erase_if(c.scene.instances, [&](const oracle::Instance &instance) { return instance.object == object; });
+    for (oracle::Instance &instance : c.scene.instances)
+        closeGap(instance.object, object);
+    eraseSteps(c, [&](const Step &step) {
+        return targetOf(step.kind) == Target::Object &&
+               (step.target == object || (step.kind == Kind::MoveObject && step.other == object));
+    });
+    for (Step &step : c.steps) {
+        if (targetOf(step.kind) == Target::Object)
+            closeGap(step.target, object);
+        if (step.kind == Kind::MoveObject)
+            closeGap(step.other, object);
+    }
+    eraseFrom(c.scene.objects, object, 1);
+}
+
+void removeMesh(Case &c, uint32_t object, uint32_t mesh)
+{
+    const auto ofMeshes = [&](const Step &step) { return step.kind == Kind::SetIndices && step.target == object; };
+    eraseSteps(c, [&](const Step &step) { return ofMeshes(step) && step.other == mesh; });
+    for (Step &step : c.steps)
+        if (ofMeshes(step))
+            closeGap(step.other, mesh);
+    eraseFrom(c.scene.objects[object].meshes, mesh, 1);
+}
+
+void removeTriangles(Case &c, uint32_t object, uint32_t mesh, size_t from, size_t count, bool withMicromap)
+{
+    Mesh &of = c.scene.objects[object].meshes[mesh];
+    if (!of.boxes.empty())
+        return eraseFrom(of.boxes, from, count);
+    if (withMicromap && of.micromap && of.micromap->micromap && isDirect(*of.micromap)) {
+        const uint32_t micromap = *of.micromap->micromap;
+        const size_t first = from + of.micromap->base;
+        // The mesh's own base stays: what is removed is at it or behind.
+        removeMicromapTriangles(c, micromap, first, count);
+    }
+    forEachUse(c, object, mesh, [&](MeshMicromap &use) { removeIndices(use, from, count); });
+    eraseFrom(of.vertices, 3 * from, 3 * count);
+}
+
+void removeMicromap(Case &c, uint32_t micromap)
+{
+    const auto drop = [&](std::optional<MeshMicromap> &use) {
+        if (use && use->micromap == micromap)
+            use.reset();
+        if (use && use->micromap)
+            closeGap(*use->micromap, micromap);
+    };
+    for (oracle::Object &object : c.scene.objects)
+        for (Mesh &mesh : object.meshes)
+            drop(mesh.micromap);
+    eraseSteps(c, [&](const Step &step) { return targetOf(step.kind) == Target::Micromap && step.target == micromap; });
+    for (Step &step : c.steps) {
+        drop(step.micromapUse);
+        if (targetOf(step.kind) == Target::Micromap)
+            closeGap(step.target, micromap);
+    }
+    eraseFrom(c.scene.micromaps, micromap, 1);
+}
+
+void removeMicromapTriangles(Case &c, uint32_t micromap, size_t from, size_t count)
+{
+    const std::vector<oracle::MicromapTriangle> &triangles = c.scene.micromaps[micromap].triangles;
+    forEachUse(c, [&](MeshMicromap &use) {
+        if (use.micromap == micromap)
+            renumber(use, triangles, from, count);
+    });
+    forEachStates(c, micromap, [&](auto &states) { eraseFrom(states, from, count); });
+}
+
+} // namespace vellum::check

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <set>
+
+#include "check/case/shrink/passes.h"
+#include "check/case/shrink/removal.h"
+#include "check/case/step.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+template <class List>
+auto erase(List list)
+{
+    return [list](Case &c, size_t from, size_t count) {
+        auto &of = list(c);
+        const auto begin = of.begin() + static_cast<ptrdiff_t>(from);
+        of.erase(begin, begin + static_cast<ptrdiff_t>(count));
+    };
+}
+
+// Removes one after the other.
+template <class RemoveOne>
+auto eachOf(RemoveOne removeOne)
+{
+    return [removeOne](Case &c, size_t from, size_t count) {
+        for (size_t i = from + count; i-- > from;)
+            removeOne(c, static_cast<uint32_t>(i));
+    };
+}
+
+void removeRays(Attempts &attempts, std::optional<uint32_t> ray)
+{
+    const size_t count = attempts.best().scene.rays.size();
+    if (ray && *ray < count)
+        attempts.attempt([&](Case &c) { c.scene.rays = {c.scene.rays[*ray]}; });
+    attempts.removeStretches(attempts.best().scene.rays.size(), erase([](Case & c) -> auto & { return c.scene.rays; }));
+}
+
+void removeSteps(Attempts &attempts)
+{
+    attempts.removeStretches(attempts.best().steps.size(), erase([](Case & c) -> auto & { return c.steps; }));
+    // What a step makes of the scene is so from the beginning.
+    for (size_t i = attempts.best().steps.size(); i-- > 0;) {
+        attempts.attempt([&](Case &c) {
+            const Step step = c.steps[i];
+            c.steps.erase(c.steps.begin() + static_cast<ptrdiff_t>(i));
+            applyTo(c.scene, step);
+        });
+    }
+}
+
+void removeObjects(Attempts &attempts)
+{
+    attempts.removeStretches(attempts.best().scene.instances.size(),
+                             erase([](Case & c) -> auto & { return c.scene.instances; }));
+    attempts.removeStretches(attempts.best().scene.objects.size(), eachOf(removeObject));
+    attempts.removeStretches(attempts.best().scene.objects.size(), eachOf([](Case &c, uint32_t object) {
+                                 for (oracle::Instance &instance : c.scene.instances)
+                                     if (instance.object == object)
+                                         instance.object = object == 0 ? 1 : 0;
+                                 removeObject(c, object);
+                             }));
+    for (uint32_t o = 0; o < attempts.best().scene.objects.size(); ++o)
+        attempts.removeStretches(attempts.best().scene.objects[o].meshes.size(),
+                                 eachOf([o](Case &c, uint32_t mesh) { removeMesh(c, o, mesh); }));
+}
+
+void removeTrianglesOfMeshes(Attempts &attempts)
+{
+    for (uint32_t o = 0; o < attempts.best().scene.objects.size(); ++o) {
+        for (uint32_t m = 0; m < attempts.best().scene.objects[o].meshes.size(); ++m) {
+            for (const bool withMicromap : {true, false}) {
+                const oracle::Mesh &mesh = attempts.best().scene.objects[o].meshes[m];
+                attempts.removeStretches(
+                    mesh.boxes.empty() ? mesh.vertices.size() / 3 : mesh.boxes.size(),
+                    [&](Case &c, size_t from, size_t count) { removeTriangles(c, o, m, from, count, withMicromap); });
+            }
+        }
+    }
+}
+
+// Of a micromap's triangles, those that no use refers to.
+std::vector<uint32_t> unusedTriangles(const Case &c, uint32_t micromap)
+{
+    std::set<size_t> used;
+    const auto add = [&](const std::optional<oracle::MeshMicromap> &use) {
+        if (use && use->micromap == micromap)
+            for (const int32_t index : use->indices)
+                if (index >= 0)
+                    used.insert(static_cast<size_t>(index) + use->base);
+    };
+    for (const oracle::Object &object : c.scene.objects)
+        for (const oracle::Mesh &mesh : object.meshes)
+            add(mesh.micromap);
+    for (const Step &step : c.steps)
+        add(step.micromapUse);
+    std::vector<uint32_t> unused;
+    for (uint32_t i = 0; i < c.scene.micromaps[micromap].triangles.size(); ++i)
+        if (!used.contains(i))
+            unused.push_back(i);
+    return unused;
+}
+
+void removeMicromaps(Attempts &attempts)
+{
+    const auto removeUnused = [&] {
+        attempts.attempt([](Case &c) {
+            for (uint32_t i = static_cast<uint32_t>(c.scene.micromaps.size()); i-- > 0;)
+                if (!isUsed(c, i))
+                    removeMicromap(c, i);
+        });
+    };
+    removeUnused();
+    std::vector<Edit> edits;
+    for (size_t o = 0; o < attempts.best().scene.objects.size(); ++o)
+        for (size_t m = 0; m < attempts.best().scene.objects[o].meshes.size(); ++m)
+            if (attempts.best().scene.objects[o].meshes[m].micromap)
+                edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].micromap.reset(); });
+    attempts.attemptAll(edits);
+    removeUnused();
+    attempts.removeStretches(attempts.best().scene.micromaps.size(), eachOf(removeMicromap));
+    for (uint32_t i = 0; i < attempts.best().scene.micromaps.size(); ++i) {
+        attempts.attempt([&](Case &c) {
+            const std::vector<uint32_t> unused = unusedTriangles(c, i);
+            for (size_t k = unused.size(); k-- > 0;)
+                removeMicromapTriangles(c, i, unused[k], 1);
+        });
+        attempts.removeStretches(
+            attempts.best().scene.micromaps[i].triangles.size(),
+            [&](Case &c, size_t from, size_t count) { removeMicromapTriangles(c, i, from, count); });
+    }
+}
+
+} // namespace
+
+void removeParts(Attempts &attempts, std::optional<uint32_t> ray)
+{
+    removeRays(attempts, ray);
+    removeSteps(attempts);
+    removeObjects(attempts);
+    removeMicromaps(attempts);
+    removeTrianglesOfMeshes(attempts);
+    removeMicromaps(attempts);
+}
+
+} // namespace vellum::check

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <array>
+#include <cmath>
+#include <span>
+
+#include "check/case/shrink/passes.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+using Kind = Step::Kind;
+
+constexpr VkTransformMatrixKHR kIdentity{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+
+// The ray as the object of the instance sees it, in double precision.
+Ray inObject(const Ray &ray, const VkTransformMatrixKHR &transform)
+{
+    const auto m = [&](size_t row, size_t column) { return double{transform.matrix[row % 3][column % 3]}; };
+    const auto cofactor = [&](size_t row, size_t column) {
+        return m(row + 1, column + 1) * m(row + 2, column + 2) - m(row + 1, column + 2) * m(row + 2, column + 1);
+    };
+    const double determinant = m(0, 0) * cofactor(0, 0) + m(0, 1) * cofactor(0, 1) + m(0, 2) * cofactor(0, 2);
+    Ray out = ray;
+    for (size_t column = 0; column < 3; ++column) {
+        double origin = 0, direction = 0;
+        for (size_t row = 0; row < 3; ++row) {
+            origin += cofactor(row, column) * (double{ray.origin[row]} - double{transform.matrix[row][3]});
+            direction += cofactor(row, column) * double{ray.direction[row]};
+        }
+        out.origin[column] = static_cast<float>(origin / determinant);
+        out.direction[column] = static_cast<float>(direction / determinant);
+    }
+    return out;
+}
+
+void simplifyTransforms(Attempts &attempts)
+{
+    const std::vector<oracle::Instance> &instances = attempts.best().scene.instances;
+    std::vector<Edit> translations, identities;
+    for (size_t i = 0; i < instances.size(); ++i) {
+        identities.emplace_back([i](Case &c) { c.scene.instances[i].transform = kIdentity; });
+        translations.emplace_back([i](Case &c) {
+            for (size_t row = 0; row < 3; ++row)
+                for (size_t column = 0; column < 3; ++column)
+                    c.scene.instances[i].transform.matrix[row][column] = row == column ? 1.0f : 0.0f;
+        });
+    }
+    attempts.attemptAll(identities);
+    if (instances.size() == 1) {
+        attempts.attempt([](Case &c) {
+            for (Ray &ray : c.scene.rays)
+                ray = inObject(ray, c.scene.instances[0].transform);
+            c.scene.instances[0].transform = kIdentity;
+        });
+    }
+    attempts.attemptAll(translations);
+}
+
+void simplifyInstances(Attempts &attempts)
+{
+    std::vector<Edit> edits;
+    const std::vector<oracle::Instance> &instances = attempts.best().scene.instances;
+    for (size_t i = 0; i < instances.size(); ++i) {
+        edits.emplace_back([i](Case &c) { c.scene.instances[i].customIndex = 0; });
+        edits.emplace_back([i](Case &c) { c.scene.instances[i].mask = 0xff; });
+        edits.emplace_back([i](Case &c) { c.scene.instances[i].inactive = false; });
+        for (uint32_t bit = 1; bit != 0; bit <<= 1)
+            if ((instances[i].flags & bit) != 0)
+                edits.emplace_back([i, bit](Case &c) { c.scene.instances[i].flags &= ~bit; });
+    }
+    const std::vector<oracle::Object> &objects = attempts.best().scene.objects;
+    for (size_t o = 0; o < objects.size(); ++o) {
+        for (size_t m = 0; m < objects[o].meshes.size(); ++m) {
+            edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].opaque = false; });
+            edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].skippedTriangles = 0; });
+        }
+    }
+    attempts.attemptAll(edits);
+}
+
+void simplifyRays(Attempts &attempts)
+{
+    std::vector<Edit> edits;
+    // All at once, as they must be where they are specialized.
+    for (uint32_t bit = 1; bit != 0; bit <<= 1)
+        edits.emplace_back([bit](Case &c) {
+            for (Ray &ray : c.scene.rays)
+                ray.flags &= ~bit;
+        });
+    const std::vector<Ray> &rays = attempts.best().scene.rays;
+    for (size_t i = 0; i < rays.size(); ++i) {
+        edits.emplace_back([i](Case &c) { c.scene.rays[i].generate = 0; });
+        edits.emplace_back([i](Case &c) { c.scene.rays[i].tMin = Ray().tMin; });
+        edits.emplace_back([i](Case &c) { c.scene.rays[i].tMax = Ray().tMax; });
+        edits.emplace_back([i](Case &c) { c.scene.rays[i].cullMask = Ray().cullMask; });
+        edits.emplace_back([i](Case &c) { c.scene.rays[i].rule = Ray().rule; });
+        for (uint32_t bit = 1; bit != 0 && rays.size() > 1; bit <<= 1)
+            if ((rays[i].flags & bit) != 0)
+                edits.emplace_back([i, bit](Case &c) { c.scene.rays[i].flags &= ~bit; });
+    }
+    attempts.attemptAll(edits);
+}
+
+void roundTo(std::span<float> values, float steps)
+{
+    for (float &value : values)
+        value = std::round(value * steps) / steps + 0.0f; // no -0
+}
+
+// Coordinates with few digits.
+void roundCoordinates(Attempts &attempts)
+{
+    for (const float steps : {1.0f, 10.0f, 100.0f, 1000.0f}) {
+        std::vector<Edit> edits;
+        const oracle::Scene &scene = attempts.best().scene;
+        for (size_t o = 0; o < scene.objects.size(); ++o)
+            for (size_t m = 0; m < scene.objects[o].meshes.size(); ++m)
+                edits.emplace_back([o, m, steps](Case &c) {
+                    for (Vec3 &vertex : c.scene.objects[o].meshes[m].vertices)
+                        roundTo(vertex, steps);
+                    for (VkAabbPositionsKHR &box : c.scene.objects[o].meshes[m].boxes)
+                        for (float *value : {&box.minX, &box.minY, &box.minZ, &box.maxX, &box.maxY, &box.maxZ})
+                            roundTo(std::span(value, 1), steps);
+                });
+        for (size_t i = 0; i < scene.instances.size(); ++i)
+            edits.emplace_back(
+                [i, steps](Case &c) { roundTo(std::span(&c.scene.instances[i].transform.matrix[0][0], 12), steps); });
+        for (size_t i = 0; i < scene.rays.size(); ++i) {
+            edits.emplace_back([i, steps](Case &c) { roundTo(c.scene.rays[i].origin, steps); });
+            edits.emplace_back([i, steps](Case &c) { roundTo(c.scene.rays[i].direction, steps); });
+            edits.emplace_back([i, steps](Case &c) {
+                Ray &ray = c.scene.rays[i];
+                for (float *value : {&ray.tMin, &ray.tMax, &ray.generate})
+                    roundTo(std::span(value, 1), steps);
+            });
+        }
+        attempts.attemptAll(edits);
+    }
+}
+
+// What a step does in a simpler case; itself if there is none.
+std::vector<Kind> simplerThan(Kind kind)
+{
+    switch (kind) {
+    case Kind::UpdateObject: return {Kind::CloneObject, Kind::RebuildObject};
+    case Kind::CompactObject:
+    case Kind::ReloadObject:
+    case Kind::RebuildObject:
+    case Kind::MoveObject:
+    case Kind::RenameObject: return {Kind::CloneObject};
+    case Kind::CompactMicromap:
+    case Kind::ReloadMicromap: return {Kind::CloneMicromap};
+    case Kind::CompactTop:
+    case Kind::ReloadTop: return {Kind::CloneTop};
+    default: return {};
+    }
+}
+
+} // namespace
+
+void simplifyScene(Attempts &attempts)
+{
+    simplifyInstances(attempts);
+    simplifyRays(attempts);
+    simplifyTransforms(attempts);
+    roundCoordinates(attempts);
+}
+
+void simplifyPlans(Attempts &attempts)
+{
+    std::vector<Edit> edits{
+        [](Case &c) { c.memory = Memory::Apart; },
+        [](Case &c) { c.build.micromaps = BuildCommand::Device; },
+        [](Case &c) { c.build.structures = BuildCommand::Device; },
+        [](Case &c) { c.build.together = false; },
+        [](Case &c) { c.build.threads = 1; },
+        [](Case &c) { c.build.instancePointers = false; },
+        [](Case &c) { c.trace.method = TracePlan::Method::Query; },
+        [](Case &c) { c.trace.stage = VK_SHADER_STAGE_COMPUTE_BIT; },
+        [](Case &c) { c.trace.flags = TracePlan::Flags::RunTime; },
+        [](Case &c) { c.trace.mode = TracePlan::Mode::True; },
+        [](Case &c) { c.trace.besideBuild = false; },
+        [](Case &c) { c.trace.libraries = false; },
+        [](Case &c) { c.trace.inlineModules = false; },
+        [](Case &c) { c.trace.dynamicStackSize = false; },
+    };
+    for (size_t i = 0; i < attempts.best().steps.size(); ++i)
+        edits.emplace_back([i](Case &c) { c.steps[i].update = false; });
+    attempts.attemptAll(edits);
+    for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
+        for (const Kind kind : simplerThan(attempts.best().steps[i].kind)) {
+            if (attempts.attempt([&](Case &c) {
+                    c.steps[i].kind = kind;
+                    c.steps[i].other = 0;
+                }))
+                break;
+        }
+    }
+}
+
+} // namespace vellum::check

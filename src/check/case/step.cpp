@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/step.h"
+
+namespace vellum::check
+{
+
+Target targetOf(Step::Kind kind)
+{
+    if (kind >= Step::Kind::CloneTop)
+        return Target::Top;
+    return kind >= Step::Kind::CloneMicromap && kind <= Step::Kind::SetStates ? Target::Micromap : Target::Object;
+}
+
+void applyTo(oracle::Scene &scene, const Step &step)
+{
+    if (step.kind == Step::Kind::SetStates)
+        scene.micromaps[step.target].triangles = step.states;
+    else if (step.kind == Step::Kind::SetIndices)
+        scene.objects[step.target].meshes[step.other].micromap = step.micromapUse;
+}
+
+oracle::Scene sceneAfter(const Case &c)
+{
+    oracle::Scene scene = c.scene;
+    for (const Step &step : c.steps)
+        applyTo(scene, step);
+    return scene;
+}
+
+} // namespace vellum::check

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/validity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fmt/format.h>
+#include <span>
+
+#include "check/case/names.h"
+#include "check/case/step.h"
+#include "check/oracle/scene_build.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+using oracle::MeshMicromap;
+using oracle::Scene;
+
+constexpr uint32_t kMostLevels = 12;
+// The hit records of an instance: the last offset of a kind and those of all geometries (recordOffset).
+constexpr size_t kMostMeshes = oracle::kBoxRecords - oracle::kRecordOffsets + 1;
+// So that no case takes all memory.
+constexpr uint64_t kMostBytes = uint64_t{1} << 28; // of a buffer
+constexpr uint32_t kMostThreads = 64;
+
+struct Broken {
+    std::string what;
+};
+
+template <class... T>
+void rule(bool holds, const std::string &where, fmt::format_string<T...> what, T &&...values)
+{
+    if (!holds)
+        throw Broken{where + ": " + fmt::format(what, std::forward<T>(values)...)};
+}
+
+bool finite(std::span<const float> values)
+{
+    return std::ranges::all_of(values, [](float value) { return std::isfinite(value); });
+}
+
+bool oneAtMost(uint32_t flags, uint32_t of)
+{
+    const uint32_t some = flags & of;
+    return (some & (some - 1)) == 0;
+}
+
+void checkMicromapTriangles(const std::vector<oracle::MicromapTriangle> &triangles, const std::string &where,
+                            uint64_t &states)
+{
+    rule(!triangles.empty(), where, "a micromap needs a triangle");
+    for (size_t i = 0; i < triangles.size(); ++i) {
+        const oracle::MicromapTriangle &triangle = triangles[i];
+        const std::string here = fmt::format("{}[{}]", where, i);
+        rule(isNamed(kFormatNames, triangle.format), here, "no such format");
+        rule(triangle.level <= kMostLevels, here, "level {} is above {}", triangle.level, kMostLevels);
+        const size_t expected = size_t{1} << (2 * triangle.level);
+        rule(triangle.states.size() == expected, here, "level {} has {} micro-triangles, not {}", triangle.level,
+             expected, triangle.states.size());
+        const uint8_t most = triangle.format == kTwoState ? 1 : 3;
+        rule(std::ranges::all_of(triangle.states, [&](uint8_t state) { return state <= most; }), here,
+             "the format lacks one of the states");
+        states += expected;
+        rule(states <= kMostStates, here, "more than {} micro-triangles in all", kMostStates);
+    }
+}
+
+void checkMicromap(const oracle::SceneMicromap &micromap, const std::string &where, uint64_t &states)
+{
+    checkMicromapTriangles(micromap.triangles, where + ".triangles", states);
+    rule((micromap.flags & ~allOf(kMicromapFlagNames)) == 0, where, "no such flag");
+    rule(oneAtMost(micromap.flags,
+                   VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT),
+         where, "fast builds and fast traces exclude each other");
+    rule(micromap.triangleStride >= sizeof(VkMicromapTriangleEXT) && micromap.triangleStride % 4 == 0, where,
+         "triangleStride {} is no multiple of 4 of at least {}", micromap.triangleStride,
+         sizeof(VkMicromapTriangleEXT));
+    rule(uint64_t{micromap.triangleStride} * micromap.triangles.size() <= kMostBytes, where,
+         "triangleStride {} is too large", micromap.triangleStride);
+}
+
+uint32_t bytesOf(VkIndexType type)
+{
+    return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT16 ? 2 : 1;
+}
+
+void checkUse(const Scene &scene, const MeshMicromap &use, size_t triangles, const std::string &where)
+{
+    const size_t count =
+        use.micromap && *use.micromap < scene.micromaps.size() ? scene.micromaps[*use.micromap].triangles.size() : 0;
+    rule(!use.micromap || count > 0, where, "micromap {} does not exist", use.micromap.value_or(0));
+    rule(isNamed(kIndexTypeNames, use.indexType), where, "no such index type");
+    rule(use.indices.size() == triangles, where, "{} indices for {} triangles", use.indices.size(), triangles);
+    const bool direct = use.indexType == VK_INDEX_TYPE_NONE_KHR;
+    const uint32_t size = bytesOf(use.indexType);
+    if (direct) {
+        rule(use.micromap.has_value(), where, "neither a micromap nor indices");
+        rule(!use.stride && use.indexOffset == 0, where, "a stride or an offset without indices");
+    } else {
+        const uint32_t stride = use.stride.value_or(size);
+        rule(stride % size == 0, where, "stride {} is no multiple of the index size", stride);
+        rule(use.indexOffset % size == 0, where, "indexOffset {} is no multiple of the index size", use.indexOffset);
+        rule(uint64_t{stride} * triangles + use.indexOffset <= kMostBytes, where, "stride or indexOffset too large");
+    }
+    // The last four values of a type are special indices.
+    const int64_t largest = (int64_t{1} << (8 * size)) - 5;
+    for (size_t i = 0; i < use.indices.size(); ++i) {
+        const int64_t index = use.indices[i];
+        rule(!direct || index == static_cast<int64_t>(i), where, "index {} without an index buffer is not {}", index,
+             i);
+        rule(index >= -4, where, "{} is no special index", index);
+        rule(direct || index <= largest, where, "index {} does not fit its type", index);
+        rule(index < 0 || use.micromap, where, "index {} without a micromap", index);
+        rule(index < 0 || static_cast<uint64_t>(index) + use.base < count, where,
+             "index {} and base {} are beyond the {} triangles of micromap {}", index, use.base, count,
+             use.micromap.value_or(0));
+    }
+}
+
+void checkMesh(const oracle::Mesh &mesh, const std::string &where)
+{
+    rule(mesh.vertices.empty() != mesh.boxes.empty(), where, "needs either triangles or boxes");
+    rule(mesh.vertices.size() % 3 == 0, where, "{} vertices are no whole triangles", mesh.vertices.size());
+    rule(std::ranges::all_of(mesh.vertices, [](const Vec3 &vertex) { return finite(vertex); }), where,
+         "a vertex is not finite");
+    for (const VkAabbPositionsKHR &box : mesh.boxes) {
+        rule(finite(std::array{box.minX, box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}), where,
+             "a box is not finite");
+        rule(box.minX <= box.maxX && box.minY <= box.maxY && box.minZ <= box.maxZ, where,
+             "a box has a minimum above its maximum"); // VUID-VkAabbPositionsKHR-minX-03546
+    }
+    rule(mesh.boxes.empty() || (!mesh.micromap && mesh.skippedTriangles == 0), where,
+         "boxes have neither micromaps nor triangles that are skipped");
+    rule(uint64_t{mesh.skippedTriangles} * 3 * sizeof(Vec3) <= kMostBytes, where, "skippedTriangles too large");
+}
+
+void checkObject(const Scene &scene, const oracle::Object &object, const std::string &where)
+{
+    rule(!object.meshes.empty() && object.meshes.size() <= kMostMeshes, where, "has {} meshes, not 1 to {}",
+         object.meshes.size(), kMostMeshes);
+    for (size_t i = 0; i < object.meshes.size(); ++i) {
+        const oracle::Mesh &mesh = object.meshes[i];
+        const std::string here = fmt::format("{}.meshes[{}]", where, i);
+        checkMesh(mesh, here);
+        rule(mesh.boxes.empty() == object.meshes[0].boxes.empty(), here,
+             "triangles and boxes in one object"); // VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792
+        if (mesh.micromap)
+            checkUse(scene, *mesh.micromap, mesh.vertices.size() / 3, here + ".micromap");
+    }
+}
+
+// VUID-VkTransformMatrixKHR-matrix-03799
+bool invertible(const VkTransformMatrixKHR &transform)
+{
+    const auto m = [&](int row, int column) { return double{transform.matrix[row][column]}; };
+    const double determinant = m(0, 0) * (m(1, 1) * m(2, 2) - m(1, 2) * m(2, 1)) -
+                               m(0, 1) * (m(1, 0) * m(2, 2) - m(1, 2) * m(2, 0)) +
+                               m(0, 2) * (m(1, 0) * m(2, 1) - m(1, 1) * m(2, 0));
+    return determinant != 0;
+}
+
+void checkInstance(const Scene &scene, const oracle::Instance &instance, const std::string &where)
+{
+    rule(instance.object < scene.objects.size(), where, "object {} does not exist", instance.object);
+    rule(finite(std::span(&instance.transform.matrix[0][0], 12)), where, "the transform is not finite");
+    rule(invertible(instance.transform), where, "the transform cannot be inverted");
+    rule(instance.customIndex <= 0xffffffu, where, "customIndex {} has more than 24 bits", instance.customIndex);
+    rule(instance.mask <= 0xffu, where, "mask {} has more than 8 bits", instance.mask);
+    rule((instance.flags & ~allOf(kInstanceFlagNames)) == 0, where, "no such flag");
+}
+
+void checkRay(const Ray &ray, const std::string &where)
+{
+    rule(finite(ray.origin) && finite(ray.direction) && finite(std::array{ray.tMin, ray.tMax, ray.generate}), where,
+         "is not finite");
+    rule(ray.tMin >= 0 && ray.tMin <= ray.tMax, where, "tMin {} is negative or above tMax {}", ray.tMin, ray.tMax);
+    rule(ray.generate == 0 || (ray.generate >= ray.tMin && ray.generate <= ray.tMax), where,
+         "generate {} is not between tMin and tMax", ray.generate);
+    rule((ray.flags & ~allOf(kRayFlagNames)) == 0, where, "no such flag");
+    // VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06889 to 06891
+    rule(oneAtMost(ray.flags, kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque) &&
+             oneAtMost(ray.flags, kRaySkipTriangles | kRayCullBack | kRayCullFront) &&
+             oneAtMost(ray.flags, kRaySkipTriangles | kRaySkipBoxes),
+         where, "flags that exclude each other");
+    rule(ray.cullMask <= 0xffu, where, "cullMask {} has more than 8 bits", ray.cullMask);
+    rule(isNamed(kRuleNames, ray.rule), where, "no such rule");
+}
+
+void checkUses(const Scene &scene, uint32_t micromap, const std::string &where)
+{
+    for (const oracle::Object &object : scene.objects)
+        for (const oracle::Mesh &mesh : object.meshes)
+            if (mesh.micromap && mesh.micromap->micromap == micromap)
+                checkUse(scene, *mesh.micromap, mesh.vertices.size() / 3, where);
+}
+
+// The scene is as the steps before have made it.
+void checkStep(const Scene &scene, const Step &step, const std::string &where, uint64_t &states)
+{
+    using Kind = Step::Kind;
+    rule(step.kind < Kind::Count, where, "no such step");
+    rule(step.kind == Kind::SetStates || step.states.empty(), where, "has states that it does not use");
+    rule(step.kind == Kind::SetIndices || !step.micromapUse, where, "has indices that it does not use");
+    const Target target = targetOf(step.kind);
+    rule(target != Target::Object || step.target < scene.objects.size(), where, "object {} does not exist",
+         step.target);
+    rule(target != Target::Micromap || step.target < scene.micromaps.size(), where, "micromap {} does not exist",
+         step.target);
+    if (step.kind == Kind::MoveObject) {
+        rule(step.other < scene.objects.size(), where, "object {} does not exist", step.other);
+    } else if (step.kind == Kind::CompactMicromap) {
+        // VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07502
+        rule((scene.micromaps[step.target].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0, where,
+             "micromap {} does not allow compaction", step.target);
+    } else if (step.kind == Kind::SetStates) {
+        checkMicromapTriangles(step.states, where + ".states", states);
+    } else if (step.kind == Kind::SetIndices) {
+        const std::vector<oracle::Mesh> &meshes = scene.objects[step.target].meshes;
+        rule(step.other < meshes.size(), where, "mesh {} does not exist", step.other);
+        rule(meshes[step.other].boxes.empty(), where, "mesh {} has boxes", step.other);
+        if (step.micromapUse)
+            checkUse(scene, *step.micromapUse, meshes[step.other].vertices.size() / 3, where + ".micromapUse");
+    }
+}
+
+void checkSteps(const Case &c, uint64_t &states)
+{
+    Scene scene = c.scene;
+    scene.rays.clear();
+    for (size_t i = 0; i < c.steps.size(); ++i) {
+        const Step &step = c.steps[i];
+        const std::string where = fmt::format("steps[{}]", i);
+        checkStep(scene, step, where, states);
+        applyTo(scene, step);
+        if (step.kind == Step::Kind::SetStates)
+            checkUses(scene, step.target, where);
+    }
+}
+
+void checkPlans(const Case &c)
+{
+    rule(isNamed(kMemoryNames, c.memory), "memory", "no such kind");
+    rule(isNamed(kBuildCommandNames, c.build.micromaps) && c.build.micromaps != BuildCommand::Indirect,
+         "build.micromaps", "are built on device or host");
+    rule(isNamed(kBuildCommandNames, c.build.structures) && c.build.structures != BuildCommand::Host,
+         "build.structures", "are built on the device");
+    rule(c.build.threads >= 1 && c.build.threads <= kMostThreads, "build.threads", "{} is not 1 to {}", c.build.threads,
+         kMostThreads);
+    rule(isNamed(kMethodNames, c.trace.method), "trace.method", "no such method");
+    rule(isNamed(kStageNames, c.trace.stage), "trace.stage", "no such stage");
+    rule(isNamed(kFlagSourceNames, c.trace.flags), "trace.flags", "no such source");
+    rule(isNamed(kModeNames, c.trace.mode), "trace.mode", "no such mode");
+    const auto other = [&](const Ray &ray) { return ray.flags != c.scene.rays[0].flags; };
+    rule(c.trace.flags != TracePlan::Flags::Specialized || std::ranges::none_of(c.scene.rays, other), "scene.rays",
+         "have different flags, which are specialized");
+}
+
+void check(const Case &c)
+{
+    const Scene &scene = c.scene;
+    rule(!scene.objects.empty() && !scene.instances.empty() && !scene.rays.empty(), "scene",
+         "needs an object, an instance and a ray");
+    uint64_t states = 0;
+    for (size_t i = 0; i < scene.micromaps.size(); ++i)
+        checkMicromap(scene.micromaps[i], fmt::format("scene.micromaps[{}]", i), states);
+    for (size_t i = 0; i < scene.objects.size(); ++i)
+        checkObject(scene, scene.objects[i], fmt::format("scene.objects[{}]", i));
+    for (size_t i = 0; i < scene.instances.size(); ++i)
+        checkInstance(scene, scene.instances[i], fmt::format("scene.instances[{}]", i));
+    for (size_t i = 0; i < scene.rays.size(); ++i)
+        checkRay(scene.rays[i], fmt::format("scene.rays[{}]", i));
+    checkSteps(c, states);
+    checkPlans(c);
+}
+
+} // namespace
+
+std::string invalid(const Case &c)
+{
+    try {
+        check(c);
+    } catch (const Broken &broken) {
+        return broken.what;
+    }
+    return {};
+}
+
+} // namespace vellum::check

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cases that fail by a made-up rule: what stays must be what the rule needs.
+#include "check/case/shrink.h"
+
+#include <algorithm>
+#include <gtest/gtest.h>
+
+#include "check/case/json.h"
+#include "check/case/validity.h"
+#include "check/oracle/cpu_trace.h"
+#include "random_case.h"
+
+namespace
+{
+
+using namespace vellum::check;
+using Kind = Step::Kind;
+using Fails = std::function<bool(const Case &)>;
+
+constexpr ShrinkLimits kPlenty{.seconds = 100, .runs = 20000};
+
+bool anyMesh(const Case &c, const std::function<bool(const oracle::Mesh &)> &is)
+{
+    return std::ranges::any_of(c.scene.objects,
+                               [&](const oracle::Object &object) { return std::ranges::any_of(object.meshes, is); });
+}
+
+// Uses a 2-state triangle of level 3 or above by 16-bit indices and a base.
+bool usesFineTwoStates(const Case &c)
+{
+    return anyMesh(c, [&](const oracle::Mesh &mesh) {
+        if (!mesh.micromap || mesh.micromap->indexType != VK_INDEX_TYPE_UINT16 || mesh.micromap->base == 0 ||
+            !mesh.micromap->micromap)
+            return false;
+        return std::ranges::any_of(mesh.micromap->indices, [&](int32_t index) {
+            if (index < 0)
+                return false;
+            const oracle::MicromapTriangle &triangle =
+                c.scene.micromaps[*mesh.micromap->micromap]
+                    .triangles[static_cast<uint32_t>(index) + mesh.micromap->base];
+            return triangle.format == kTwoState && triangle.level >= 3;
+        });
+    });
+}
+
+// An object of two meshes is updated after it was compacted.
+bool updatesCompacted(const Case &c)
+{
+    for (size_t i = 0; i < c.steps.size(); ++i)
+        for (size_t k = i + 1; k < c.steps.size(); ++k)
+            if (c.steps[i].kind == Kind::CompactObject && c.steps[k].kind == Kind::UpdateObject &&
+                c.steps[i].target == c.steps[k].target && c.scene.objects[c.steps[i].target].meshes.size() >= 2)
+                return true;
+    return false;
+}
+
+// A special index in an instance that disables micromaps, read with a stride.
+bool disablesSpecialIndex(const Case &c)
+{
+    return std::ranges::any_of(c.scene.instances, [&](const oracle::Instance &instance) {
+        return (instance.flags & kFlagDisable) != 0 &&
+               std::ranges::any_of(c.scene.objects[instance.object].meshes, [](const oracle::Mesh &mesh) {
+                   return mesh.micromap && mesh.micromap->stride.value_or(0) > 4 &&
+                          std::ranges::find(mesh.micromap->indices, -2) != mesh.micromap->indices.end();
+               });
+    });
+}
+
+// A ray meets an opaque micro-triangle of a mesh that is not opaque.
+bool meetsOpaqueMicroTriangle(const Case &c)
+{
+    const oracle::Scene scene = sceneAfter(c);
+    return std::ranges::any_of(scene.rays, [&](const Ray &ray) {
+        const oracle::Hits hits = oracle::allHits(scene, ray);
+        return !hits.unsure && std::ranges::any_of(hits.hits, [&](const oracle::Hit &hit) {
+            const oracle::Instance &instance = scene.instances[hit.instance];
+            const oracle::Mesh &mesh = scene.objects[instance.object].meshes[hit.geometry];
+            return ray.flags == 0 && instance.flags == 0 && !hit.box && mesh.micromap && !mesh.opaque &&
+                   mesh.micromap->indexOf(hit.primitive) >= 0 && hit.opacity == oracle::Opacity::Opaque;
+        });
+    });
+}
+
+// Micro-triangle 37 of some triangle is unknown between others that are opaque.
+bool hasUnknownBetween(const Case &c)
+{
+    return std::ranges::any_of(c.scene.micromaps, [](const oracle::SceneMicromap &micromap) {
+        return std::ranges::any_of(micromap.triangles, [](const oracle::MicromapTriangle &triangle) {
+            return triangle.states.size() >= 64 && triangle.states[37] == 3 && triangle.states[12] == 1;
+        });
+    });
+}
+
+// How large a case is.
+struct Size {
+    size_t rays, instances, objects, meshes, triangles, micromaps, micromapTriangles, states, steps;
+    bool operator==(const Size &) const = default;
+};
+
+void PrintTo(const Size &s, std::ostream *out)
+{
+    *out << s.rays << " rays, " << s.instances << " instances, " << s.objects << " objects, " << s.meshes << " meshes, "
+         << s.triangles << " triangles, " << s.micromaps << " micromaps, " << s.micromapTriangles
+         << " micromap triangles, " << s.states << " states, " << s.steps << " steps";
+}
+
+Size sizeOf(const Case &c)
+{
+    Size size{
+        c.scene.rays.size(), c.scene.instances.size(), c.scene.objects.size(), 0, 0, c.scene.micromaps.size(), 0, 0,
+        c.steps.size()};
+    for (const oracle::Object &object : c.scene.objects)
+        for (const oracle::Mesh &mesh : object.meshes) {
+            ++size.meshes;
+            size.triangles += mesh.vertices.size() / 3 + mesh.boxes.size();
+        }
+    for (const oracle::SceneMicromap &micromap : c.scene.micromaps)
+        for (const oracle::MicromapTriangle &triangle : micromap.triangles) {
+            ++size.micromapTriangles;
+            size.states += triangle.states.size();
+        }
+    return size;
+}
+
+struct Planted {
+    const char *name;
+    Fails fails;
+    Size smallest;
+};
+
+class Shrinking : public testing::TestWithParam<Planted>
+{
+protected:
+    // The first random cases that fail.
+    static std::vector<Case> failing(const Fails &fails, size_t count)
+    {
+        std::vector<Case> cases;
+        for (uint32_t seed = 1000; cases.size() < count && seed < 40000; ++seed)
+            if (Case c = randomCase(seed); fails(c))
+                cases.push_back(std::move(c));
+        EXPECT_EQ(cases.size(), count);
+        return cases;
+    }
+};
+
+TEST_P(Shrinking, LeavesWhatTheFailureNeeds)
+{
+    std::vector<uint32_t> runs;
+    size_t longest = 0;
+    for (const Case &c : failing(GetParam().fails, 20)) {
+        uint32_t calls = 0;
+        const Shrunk shrunk = shrink(
+            c,
+            [&](const Case &candidate) {
+                ++calls;
+                EXPECT_EQ(invalid(candidate), "");
+                return GetParam().fails(candidate);
+            },
+            kPlenty);
+        EXPECT_TRUE(GetParam().fails(shrunk.smallest));
+        EXPECT_TRUE(shrunk.complete);
+        EXPECT_EQ(shrunk.runs, calls);
+        EXPECT_EQ(shrunk.failures, 3u);
+        EXPECT_EQ(sizeOf(shrunk.smallest), GetParam().smallest) << toJson(shrunk.smallest);
+        // What the rules do not mention is as simple as can be.
+        EXPECT_EQ(shrunk.smallest.memory, Memory::Apart);
+        EXPECT_EQ(shrunk.smallest.build.threads, 1u);
+        EXPECT_EQ(shrunk.smallest.trace.method, TracePlan::Method::Query);
+        EXPECT_EQ(shrunk.smallest.scene.instances[0].customIndex, 0u);
+        EXPECT_EQ(shrunk.smallest.scene.rays[0].flags, 0u);
+        runs.push_back(shrunk.runs);
+        longest = std::max(longest, toJson(shrunk.smallest).size());
+    }
+    std::ranges::sort(runs);
+    std::printf("runs: median %u, at most %u; JSON of at most %zu bytes\n", runs[runs.size() / 2], runs.back(),
+                longest);
+}
+
+const Planted kPlanted[] = {
+    {"FineTwoStates", usesFineTwoStates, {1, 1, 1, 1, 1, 1, 2, 65, 0}},
+    {"UpdatesCompacted", updatesCompacted, {1, 1, 1, 2, 2, 0, 0, 0, 2}},
+    {"DisablesSpecialIndex", disablesSpecialIndex, {1, 1, 1, 1, 1, 0, 0, 0, 0}},
+    {"MeetsOpaqueMicroTriangle", meetsOpaqueMicroTriangle, {1, 1, 1, 1, 1, 1, 1, 1, 0}},
+    {"HasUnknownBetween", hasUnknownBetween, {1, 1, 1, 1, 1, 1, 1, 64, 0}},
+};
+
+INSTANTIATE_TEST_SUITE_P(, Shrinking, testing::ValuesIn(kPlanted),
+                         [](const auto &planted) { return std::string(planted.param.name); });
+
+Case failingCase()
+{
+    for (uint32_t seed = 0;; ++seed)
+        if (Case c = randomCase(seed); usesFineTwoStates(c))
+            return c;
+}
+
+TEST(ShrinkingLimits, BeginsWithTheWrongRay)
+{
+    Case c = failingCase();
+    c.scene.rays[17].tMax = 123;
+    std::vector<size_t> rays;
+    (void)shrink(c,
+                 [&](const Case &candidate) {
+                     rays.push_back(candidate.scene.rays.size());
+                     return std::ranges::any_of(candidate.scene.rays, [](const Ray &ray) { return ray.tMax == 123; });
+                 },
+                 {.seconds = 100, .runs = 10, .ray = 17});
+    EXPECT_EQ(rays.at(0), 1u);
+}
+
+TEST(ShrinkingLimits, EndsAfterItsRuns)
+{
+    uint32_t calls = 0;
+    const Shrunk shrunk = shrink(failingCase(),
+                                 [&](const Case &candidate) {
+                                     ++calls;
+                                     return usesFineTwoStates(candidate);
+                                 },
+                                 {.seconds = 100, .runs = 20});
+    EXPECT_EQ(calls, 20u + shrunk.confirmations);
+    EXPECT_FALSE(shrunk.complete);
+    EXPECT_TRUE(usesFineTwoStates(shrunk.smallest));
+    const Shrunk none = shrink(failingCase(), usesFineTwoStates, {.seconds = 0, .runs = 20});
+    EXPECT_EQ(toJson(none.smallest), toJson(failingCase()));
+}
+
+// A case that fails always, if it has several instances, and else every third time.
+TEST(ShrinkingLimits, GoesBackToACaseThatFailsAlways)
+{
+    Case c = failingCase();
+    c.scene.instances.resize(6, c.scene.instances[0]);
+    uint32_t calls = 0;
+    const Shrunk shrunk = shrink(
+        c,
+        [&](const Case &candidate) {
+            return usesFineTwoStates(candidate) && (candidate.scene.instances.size() >= 2 || ++calls % 3 == 0);
+        },
+        kPlenty);
+    EXPECT_EQ(shrunk.failures, 3u);
+    EXPECT_GE(shrunk.smallest.scene.instances.size(), 2u);
+    EXPECT_LT(shrunk.smallest.scene.rays.size(), c.scene.rays.size());
+}
+
+// One that never fails each time: how often is reported.
+TEST(ShrinkingLimits, ReportsHowOftenACaseFails)
+{
+    uint32_t calls = 0;
+    const Shrunk shrunk = shrink(
+        failingCase(), [&](const Case &candidate) { return usesFineTwoStates(candidate) && ++calls % 3 != 0; },
+        kPlenty);
+    EXPECT_EQ(shrunk.confirmations, 3u);
+    EXPECT_EQ(shrunk.failures, 2u);
+    EXPECT_TRUE(usesFineTwoStates(shrunk.smallest));
+}
+
+} // namespace

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/validity.h"
+
+#include <gtest/gtest.h>
+#include <limits>
+
+#include "random_case.h"
+
+namespace
+{
+
+using namespace vellum::check;
+
+// A change of a random case that breaks a rule, and what is said then, without the place.
+struct Break {
+    const char *what;
+    std::function<bool(Case &)> change; // false: the case lacks what it would change
+};
+
+oracle::MeshMicromap *useOf(Case &c, bool withIndices)
+{
+    for (oracle::Object &object : c.scene.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            if (mesh.micromap && mesh.micromap->micromap &&
+                (mesh.micromap->indexType != VK_INDEX_TYPE_NONE_KHR) == withIndices)
+                return &*mesh.micromap;
+    return nullptr;
+}
+
+oracle::Mesh *boxesOf(Case &c)
+{
+    for (oracle::Object &object : c.scene.objects)
+        if (!object.meshes[0].boxes.empty())
+            return &object.meshes[0];
+    return nullptr;
+}
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+const auto kAlwaysPossible = [](auto change) {
+    return [change](Case &c) {
+        change(c);
+        return true;
+    };
+};
+const auto kForIndices = [](auto change) {
+    return [change](Case &c) {
+        oracle::MeshMicromap *use = useOf(c, true);
+        if (use != nullptr)
+            change(*use, c);
+        return use != nullptr;
+    };
+};
+const auto kForBoxes = [](auto change) {
+    return [change](Case &c) {
+        oracle::Mesh *mesh = boxesOf(c);
+        if (mesh != nullptr)
+            change(*mesh);
+        return mesh != nullptr;
+    };
+};
+Step stepOf(Step::Kind kind, uint32_t target)
+{
+    return {.kind = kind, .target = target};
+}
+
+const Break kBreaks[] = {
+    {"needs an object, an instance and a ray", kAlwaysPossible([](Case &c) { c.scene.rays.clear(); })},
+    {"needs an object, an instance and a ray", kAlwaysPossible([](Case &c) { c.scene.instances.clear(); })},
+    {"does not exist",
+     kAlwaysPossible([](Case &c) { c.scene.instances[0].object = static_cast<uint32_t>(c.scene.objects.size()); })},
+    {"has more than 24 bits", kAlwaysPossible([](Case &c) { c.scene.instances[0].customIndex = 1u << 24; })},
+    {"the transform is not finite",
+     kAlwaysPossible([](Case &c) { c.scene.instances[0].transform.matrix[1][3] = kNan; })},
+    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.instances[0].flags |= 0x40; })},
+    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.rays[0].flags |= 0x800; })},
+    {"is not finite", kAlwaysPossible([](Case &c) { c.scene.rays[0].origin[2] = kNan; })},
+    {"is negative or above tMax", kAlwaysPossible([](Case &c) { c.scene.rays[0].tMax = -1; })},
+    {"is not between tMin and tMax", kAlwaysPossible([](Case &c) { c.scene.rays[0].generate = 2000; })},
+    {"flags that exclude each other",
+     kAlwaysPossible([](Case &c) { c.scene.rays[0].flags |= kRaySkipTriangles | kRaySkipBoxes; })},
+    {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 3; })},
+    {"have different flags, which are specialized", kAlwaysPossible([](Case &c) {
+         c.trace.flags = TracePlan::Flags::Specialized;
+         c.scene.rays[0].flags = 0;
+         c.scene.rays[1].flags = kRayOpaque;
+     })},
+    {"no such stage", kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TASK_BIT_EXT; })},
+    {"are built on device or host",
+     kAlwaysPossible([](Case &c) { c.build.micromaps = BuildCommand::Indirect; })},
+    {"are built on the device", kAlwaysPossible([](Case &c) { c.build.structures = BuildCommand::Host; })},
+    {"has 0 meshes, not 1 to 3", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
+    {"has 4 meshes, not 1 to 3",
+     kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.resize(4, c.scene.objects[0].meshes[0]); })},
+    {"needs either triangles or boxes", kAlwaysPossible([](Case &c) {
+         c.scene.objects[0].meshes[0].vertices.clear();
+         c.scene.objects[0].meshes[0].boxes.clear();
+     })},
+    {"has a minimum above its maximum", kForBoxes([](oracle::Mesh &mesh) { mesh.boxes[0].minY = 100; })},
+    {"boxes have neither micromaps", kForBoxes([](oracle::Mesh &mesh) { mesh.skippedTriangles = 1; })},
+    {"boxes have neither micromaps", kForBoxes([](oracle::Mesh &mesh) { mesh.micromap.emplace(); })},
+    {"are beyond the", kForIndices([](oracle::MeshMicromap &use, Case &) {
+         use.indices[0] = 0;
+         use.base = 100;
+     })},
+    {"does not fit its type", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         use.indexType = VK_INDEX_TYPE_UINT8_EXT;
+         use.stride.reset();
+         use.indexOffset = 0;
+         use.indices[0] = 252;
+         c.scene.micromaps[*use.micromap].triangles.resize(300, c.scene.micromaps[*use.micromap].triangles[0]);
+     })},
+    {"is no special index", kForIndices([](oracle::MeshMicromap &use, Case &) { use.indices[0] = -5; })},
+    {"without a micromap", kForIndices([](oracle::MeshMicromap &use, Case &) {
+         use.indices[0] = 0;
+         use.micromap.reset();
+     })},
+    {"is no multiple of the index size", kForIndices([](oracle::MeshMicromap &use, Case &) {
+         use.indexType = VK_INDEX_TYPE_UINT32;
+         use.stride = 6;
+     })},
+    {"indices for", kForIndices([](oracle::MeshMicromap &use, Case &) { use.indices.push_back(0); })},
+    {"the format lacks one of the states", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         oracle::MicromapTriangle &triangle = c.scene.micromaps[*use.micromap].triangles[0];
+         triangle.format = kTwoState;
+         triangle.states[0] = 2;
+     })},
+    {"a micromap needs a triangle",
+     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].triangles.clear(); })},
+    {"is no multiple of 4 of at least 8",
+     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].triangleStride = 4; })},
+    {"exclude each other",
+     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].flags |= 3; })},
+    {"without an index buffer is not",
+     [](Case &c) {
+         oracle::MeshMicromap *use = useOf(c, false);
+         if (use != nullptr)
+             use->indices[0] = -1;
+         return use != nullptr;
+     }},
+    {"does not exist", kAlwaysPossible([](Case &c) { c.steps = {stepOf(Step::Kind::UpdateObject, 77)}; })},
+    {"does not exist", kAlwaysPossible([](Case &c) { c.steps = {stepOf(Step::Kind::CloneMicromap, 77)}; })},
+    {"has states that it does not use", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::UpdateObject, 0)};
+         c.steps[0].states.resize(1);
+     })},
+    // A step takes triangles away that an index refers to, and a later one the reference.
+    {"are beyond the", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         const uint32_t micromap = *use.micromap;
+         use.indices[0] = 1;
+         use.base = 0;
+         c.scene.micromaps[micromap].triangles.resize(200, c.scene.micromaps[micromap].triangles[0]);
+         c.steps = {stepOf(Step::Kind::SetStates, micromap)};
+         c.steps[0].states = {c.scene.micromaps[micromap].triangles[0]};
+     })},
+};
+
+TEST(Invalid, RandomCasesAreValidAndBrokenOnesAreNot)
+{
+    for (const Break &broken : kBreaks) {
+        uint32_t found = 0;
+        for (uint32_t seed = 0; seed < 60; ++seed) {
+            Case c = randomCase(seed, 3);
+            ASSERT_EQ(invalid(c), "") << seed;
+            if (!broken.change(c))
+                continue;
+            ++found;
+            EXPECT_NE(invalid(c).find(broken.what), std::string::npos)
+                << broken.what << " expected of seed " << seed << ", not: " << invalid(c);
+        }
+        EXPECT_GT(found, 5u) << broken.what;
+    }
+}
+
+} // namespace
