@@ -189,7 +189,7 @@ Ray randomRay(Random &random, const Limits &limits)
     for (size_t i = 0; i < 3; ++i)
         ray.direction[i] = (target[i] - ray.origin[i]) * 0.2f;
     ray.tMin = chance(random, 50) ? 0 : between(random, 0, 5);
-    ray.tMax = chance(random, 60) ? 1000 : between(random, 3, 12);
+    ray.tMax = chance(random, 60) ? 1000 : between(random, std::max(3.0f, ray.tMin + 1), 12);
     constexpr std::array opacity{0u, 0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque};
     ray.flags = opacity[below(random, opacity.size())];
     if (chance(random, 15))
