@@ -80,7 +80,7 @@ endfunction()
 
 # vellum_embed_stages(TARGET NAME prefix SOURCE file.glsl STAGES stage... [FLAGS ...] [TARGET_ENV env])
 # <prefix>_<stage> for each stage. The file finds out which it is by a macro, the stage's name in capitals.
-set(VELLUM_SUFFIXES_OF_STAGES vertex vert mesh mesh fragment frag compute comp query comp queries comp raygen rgen
+set(VELLUM_SUFFIXES_OF_STAGES vertex vert geometry geom task task mesh mesh fragment frag compute comp query comp queries comp raygen rgen
     miss rmiss closest_hit rchit any_hit rahit intersection rint callable rcall)
 function(vellum_embed_stages TARGET)
   cmake_parse_arguments(ARG "" "NAME;SOURCE;TARGET_ENV" "STAGES;FLAGS" ${ARGN})

@@ -21,7 +21,7 @@ void compare(vt::Gpu &gpu, const Limits &limits, uint32_t scenes, uint64_t minim
         const std::vector<vt::PipelineResult> results = tracer.trace(*built.scene, scene.rays, kCapacity);
         std::vector<Traced> traced;
         for (size_t i = 0; i < results.size(); ++i) {
-            const std::string fault = pipelineFault(scene, scene.rays[i], hits[i].hits, results[i]);
+            const std::string fault = pipelineFault(scene, scene.rays[i], hits[i].hits, results[i], toleranceFor(gpu));
             traced.push_back({fault, results[i].candidateCount, results[i].committed != vt::kNone});
         }
         return traced;

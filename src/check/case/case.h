@@ -64,22 +64,30 @@ struct Step {
 // How the rays are traced.
 struct TracePlan {
     enum class Method { Query, Pipeline };
-    // Where ray flags come from.
-    enum class Flags { RunTime, Specialized };
-    // The execution mode of modules with ray queries (VK_KHR_opacity_micromap).
-    enum class Mode { True, SpecializedTrue, SpecializedFalse };
+    // Where ray flags come from. Specialized, Literal: rays with the same flags are traced together, by a pipeline of
+    // their own, so they should have few different ones.
+    enum class Flags { RunTime, Specialized, Literal };
+    // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). False: sceneRule.
+    enum class Mode { True, False, SpecializedTrue, SpecializedFalse };
+    // The hit groups of a pipeline.
+    enum class Libraries { None, Two, Three, Nested };
 
     Method method = Method::Query;
-    // Query: the stage that has the ray query. VK_SHADER_STAGE_COMPUTE_BIT, _VERTEX_BIT, _FRAGMENT_BIT,
-    // _RAYGEN_BIT_KHR.
+    // Query: the stage that has the ray query: any that kQueryStages lists.
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
-    Flags flags = Flags::RunTime; // Specialized: all rays have the flags of the first
+    Flags flags = Flags::RunTime;
     Mode mode = Mode::True;
-    bool besideBuild = false; // traced while another structure is built by the same submission
+    bool byAddress = false;     // the acceleration structure is a device address instead of a descriptor
+    bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
+    bool besideBuild = false;   // traced while another structure is built by the same submission
     // Pipeline
-    bool libraries = false;
-    bool inlineModules = false;
+    Libraries libraries = Libraries::None;
     bool dynamicStackSize = false;
+    bool recursion = false;        // traced by a closest-hit shader
+    bool flags2 = false;           // VkPipelineCreateFlags2CreateInfo
+    bool withoutMicromaps = false; // without the micromap bit: sceneRule
+
+    bool operator==(const TracePlan &) const = default;
 };
 
 struct Case {

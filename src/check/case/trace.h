@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Traces the rays of a scene in every way that a plan can name, and judges what they met.
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,9 +15,44 @@
 namespace vellum::check
 {
 
+inline constexpr std::array kQueryStages{
+    VK_SHADER_STAGE_COMPUTE_BIT,     VK_SHADER_STAGE_VERTEX_BIT,           VK_SHADER_STAGE_GEOMETRY_BIT,
+    VK_SHADER_STAGE_FRAGMENT_BIT,    VK_SHADER_STAGE_TASK_BIT_EXT,         VK_SHADER_STAGE_MESH_BIT_EXT,
+    VK_SHADER_STAGE_RAYGEN_BIT_KHR,  VK_SHADER_STAGE_MISS_BIT_KHR,         VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR,
+    VK_SHADER_STAGE_ANY_HIT_BIT_KHR, VK_SHADER_STAGE_INTERSECTION_BIT_KHR, VK_SHADER_STAGE_CALLABLE_BIT_KHR,
+};
+
+// What the device lacks; nothing: it can trace by the plan.
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan);
+
+// The valid usage that tracing the scene by the plan would break: shaders that do not use micromaps may not trace
+// structures that have some.
+std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, const oracle::Scene &scene);
+
+// The pipelines of a plan. The device must outlive it, and lack nothing for the plan.
+class PlannedTracer
+{
+public:
+    using Record = std::function<void(VkCommandBuffer)>;
+
+    PlannedTracer(Device &gpu, const TracePlan &plan);
+    PlannedTracer(const PlannedTracer &) = delete;
+    PlannedTracer &operator=(const PlannedTracer &) = delete;
+    ~PlannedTracer();
+
+    // What is wrong with each ray of the scene, whose top level is `top`; empty: nothing, or the ray is unsure.
+    // hits: allHits of each. beside: recorded once, in a submission that traces, without a barrier between.
+    std::vector<std::string> faults(const Structure &top, const oracle::Scene &scene,
+                                    std::span<const oracle::Hits> hits, const Record &beside = {});
+
+private:
+    class Pipelines;
+    std::unique_ptr<Pipelines> pipelines_;
+};
+
+// The same with the tracer of the plan that the device keeps. beside: only by a plan of besideBuild.
 std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const oracle::Scene &scene,
                                      std::span<const oracle::Hits> hits, const TracePlan &plan,
-                                     const std::function<void(VkCommandBuffer)> &beside);
+                                     const PlannedTracer::Record &beside);
 
 } // namespace vellum::check

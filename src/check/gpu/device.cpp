@@ -84,8 +84,9 @@ void barrier(VkCommandBuffer commands)
 {
     const auto all = vkInit<VkMemoryBarrier>({.srcAccessMask = VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT,
                                               .dstAccessMask = VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT});
-    vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 1, &all,
-                         0, nullptr, 0, nullptr);
+    vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT,
+                         VK_PIPELINE_STAGE_ALL_COMMANDS_BIT | VK_PIPELINE_STAGE_HOST_BIT, 0, 1, &all, 0, nullptr, 0,
+                         nullptr);
 }
 
 Device::Device(DeviceOptions options) : options_(std::move(options))
@@ -100,6 +101,7 @@ Device::~Device()
 {
     if (device_ != VK_NULL_HANDLE) {
         vkDeviceWaitIdle(device_);
+        kept_.clear();
         arena_.reset();
         vkDestroyCommandPool(device_, pool_, nullptr);
         vkDestroyDevice(device_, nullptr);
@@ -317,6 +319,7 @@ void Device::createDevice()
     pipelineProperties_.pNext = nullptr;
     driver_.pNext = nullptr;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
+    knownFaults_ = check::knownFaults(driver_.driverID, properties.properties.driverVersion);
     lavapipe26_ = driver_.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
     if (khr())

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "check/gpu/api.h"
+#include "check/gpu/known_faults.h"
 #include "vellum/vulkan_opacity_micromap.h"
 #include "vk/vk_init.h"
 
@@ -12,12 +13,14 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <typeindex>
 #include <vector>
 
 namespace vellum::check
@@ -51,6 +54,8 @@ struct DeviceOptions {
     // Buffers for acceleration structures have VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT. The rule that demands it
     // (VUID-VkAccelerationStructureCreateInfoKHR-pInfo-09542, by its number) is younger than the extension.
     bool addressedStructures = true;
+    // Vellum's layer emulates micromaps: intersection shaders may miss some ray flags (docs/limitations.md, tracer.h).
+    bool vellumIntersectionLimits = false;
     std::vector<std::string> extensions; // enabled where the device has them, with their features
     Memory memory = Memory::Apart;
     // Called with the messages of layers and the driver, on whichever thread they come.
@@ -123,6 +128,7 @@ struct DeviceOptions {
     X(CmdBeginTransformFeedback2EXT)                                                                                   \
     X(CmdEndTransformFeedback2EXT)                                                                                     \
     X(CmdDrawIndirectByteCount2EXT)                                                                                    \
+    X(CmdDrawMeshTasksEXT)                                                                                             \
     X(CmdDrawMeshTasksIndirectEXT)                                                                                     \
     X(CmdDrawMeshTasksIndirectCountEXT)                                                                                \
     X(CmdBindTransformFeedbackBuffersEXT)                                                                              \
@@ -226,7 +232,12 @@ public:
     [[nodiscard]] VkQueue queue() const { return queue_; }
     [[nodiscard]] VkCommandPool pool() const { return pool_; }
     [[nodiscard]] bool has(const char *deviceExtension) const;
-    // Lavapipe of Mesa 26 or newer, whose faults some scenes have to avoid: each says which.
+    [[nodiscard]] const std::vector<KnownFault> &knownFaults() const { return knownFaults_; }
+    [[nodiscard]] bool hasFault(Fault fault) const
+    {
+        return std::any_of(knownFaults_.begin(), knownFaults_.end(), [&](const auto &f) { return f.fault == fault; });
+    }
+    // Lavapipe of Mesa 26 or newer, whose faults some tests have to avoid: each says which.
     [[nodiscard]] bool onLavapipe26() const { return lavapipe26_; }
     [[nodiscard]] const Commands &vk() const { return commands_; }
     // Null where memory is Memory::Apart.
@@ -283,6 +294,16 @@ public:
     void submit(const std::function<void(VkCommandBuffer)> &record);
     VkShaderModule shader(std::span<const uint32_t> words) const;
 
+    // An object that a user of the device keeps with it, one of each type; destroyed before the device.
+    template <class T>
+    std::shared_ptr<T> kept()
+    {
+        std::shared_ptr<void> &object = kept_[std::type_index(typeid(T))];
+        if (!object)
+            object = std::make_shared<T>();
+        return std::static_pointer_cast<T>(object);
+    }
+
     // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
     // Reports what is wrong: to DeviceOptions::onFault, or keeps it for takeFaults.
@@ -305,9 +326,11 @@ private:
     std::vector<VkQueueFamilyProperties> families_;
     std::unique_ptr<Arena> arena_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
+    std::map<std::type_index, std::shared_ptr<void>> kept_;
     Commands commands_;
     std::vector<std::string> extensions_;
     uint32_t scratchAlignment_ = 0;
+    std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
     bool indirectBuilds_ = false, micromapHostCommands_ = false;
     std::array<uint32_t, 3> maxLevels_{};
@@ -332,7 +355,7 @@ private:
 void checkResult(VkResult result, const char *what);
 #define CHECK_VK(call) ::vellum::check::checkResult((call), #call)
 
-// Everything before it happens before everything after it.
+// Everything before it happens before everything after it, and before the host reads.
 void barrier(VkCommandBuffer commands);
 
 } // namespace vellum::check

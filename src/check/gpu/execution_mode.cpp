@@ -7,11 +7,30 @@
 namespace vellum::check
 {
 
-std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode)
+namespace
 {
-    constexpr uint32_t kCapability = 17, kEntryPoint = 15, kDecorate = 71, kTypeBool = 20, kTypeVoid = 19;
-    constexpr uint32_t kSource = 3, kExecutionModeId = 331, kFalse = 42, kTrue = 41, kSpecFalse = 49;
-    std::vector<uint32_t> out(words.begin(), words.begin() + 5);
+
+constexpr size_t kHeader = 5; // words before the first instruction
+constexpr uint32_t kSource = 3, kExtension = 10, kEntryPoint = 15, kCapability = 17, kTypeVoid = 19, kTypeBool = 20,
+                   kTrue = 41, kFalse = 42, kConstant = 43, kSpecFalse = 49, kSpecConstant = 50, kDecorate = 71,
+                   kExecutionModeId = 331;
+constexpr uint32_t kSpecId = 1; // a decoration
+
+// OpExtension
+template <size_t kSize>
+void putExtension(std::vector<uint32_t> &out, const char (&name)[kSize])
+{
+    constexpr size_t kWords = kSize / 4 + 1;
+    out.push_back((1 + kWords) << 16 | kExtension);
+    out.resize(out.size() + kWords);
+    std::memcpy(&out[out.size() - kWords], name, kSize);
+}
+
+} // namespace
+
+std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId)
+{
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
     if (mode == Mode::Absent)
         return {words.begin(), words.end()};
     const uint32_t constant = out[3]++;
@@ -23,14 +42,10 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode)
     };
     put(kCapability, {6032});
     bool named = false;
-    for (size_t at = 5; at < words.size(); at += words[at] >> 16) {
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
         const uint32_t opcode = words[at] & 0xffff;
         if (opcode != kCapability && !named) {
-            // OpExtension "SPV_KHR_opacity_micromap"
-            constexpr char kExtension[24 + 4] = "SPV_KHR_opacity_micromap";
-            out.push_back((1 + sizeof(kExtension) / 4) << 16 | 10);
-            out.resize(out.size() + sizeof(kExtension) / 4);
-            std::memcpy(&out[out.size() - sizeof(kExtension) / 4], kExtension, sizeof(kExtension));
+            putExtension(out, "SPV_KHR_opacity_micromap");
             named = true;
         }
         if (opcode == kEntryPoint)
@@ -40,7 +55,7 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode)
             begun = true;
         }
         if (opcode == kTypeVoid && !decorated) {
-            put(kDecorate, {constant, 1 /* SpecId */, 0});
+            put(kDecorate, {constant, kSpecId, specId});
             decorated = true;
         }
         out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
@@ -57,11 +72,46 @@ std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words)
 {
     constexpr uint32_t kRayQuery = 4472, kExecutionMode = 6032;
     bool queries = false, declared = false;
-    for (size_t at = 5; at < words.size() && words[at] == (2u << 16 | 17u); at += 2) {
+    for (size_t at = kHeader; at < words.size() && words[at] == (2u << 16 | 17u); at += 2) {
         queries = queries || words[at + 1] == kRayQuery;
         declared = declared || words[at + 1] == kExecutionMode;
     }
     return withMode(words, queries && !declared ? Mode::True : Mode::Absent);
+}
+
+std::vector<uint32_t> withMicromapFlag(std::span<const uint32_t> words)
+{
+    constexpr uint32_t kMicromapFlag = 5381; // RayTracingOpacityMicromapEXT
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    size_t at = kHeader;
+    for (; (words[at] & 0xffff) == kCapability; at += words[at] >> 16) {
+        if (words[at + 1] == kMicromapFlag)
+            return {words.begin(), words.end()};
+        out.insert(out.end(), {words[at], words[at + 1]});
+    }
+    out.insert(out.end(), {2u << 16 | kCapability, kMicromapFlag});
+    putExtension(out, "SPV_EXT_opacity_micromap");
+    out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at), words.end());
+    return out;
+}
+
+std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t specId, uint32_t value)
+{
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    uint32_t constant = 0;
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
+        const std::span<const uint32_t> instruction = words.subspan(at, words[at] >> 16);
+        const uint32_t opcode = instruction[0] & 0xffff;
+        if (opcode == kDecorate && instruction[2] == kSpecId && instruction[3] == specId)
+            constant = instruction[1];
+        else if (opcode == kSpecConstant && instruction[2] == constant)
+            out.insert(out.end(), {4u << 16 | kConstant, instruction[1], constant, value});
+        else
+            out.insert(out.end(), instruction.begin(), instruction.end());
+    }
+    if (constant == 0)
+        throw std::runtime_error("a module without the specialization constant");
+    return out;
 }
 
 } // namespace vellum::check

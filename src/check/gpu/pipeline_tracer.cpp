@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "shaders/pipeline_launcher.h"
 #include "shaders/pipeline_tracer_any_hit.h"
 #include "shaders/pipeline_tracer_closest_hit.h"
 #include "shaders/pipeline_tracer_intersection.h"
@@ -39,8 +40,17 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
         // the any-hit shader of one of them for both.
         {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_tracer_intersection},
     };
+    // launcher.rgen, whose rays are to hit a triangle
+    constexpr uint32_t kTriangle = 2;
+    const VkSpecializationInfo toTriangle{1, &entry, sizeof(kTriangle), &kTriangle};
+    PipelineStage *tracing = &pipeline.stages[0];
+    if (!setup.relay.empty()) {
+        pipeline.stages[0] = {VK_SHADER_STAGE_RAYGEN_BIT_KHR, pipeline_launcher, "main", &toTriangle};
+        tracing = &pipeline.stages.emplace_back(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, setup.relay);
+        pipeline.recursion = 2;
+    }
     if (setup.specializedFlags)
-        pipeline.stages[0].specialization = &specialization;
+        tracing->specialization = &specialization;
     for (PipelineStage &stage : pipeline.stages)
         stage.inlineModule = setup.inlineModules;
     pipeline.groups = {{.general = 0}, {.general = 1}};
@@ -50,36 +60,68 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
                                    .intersection = !group.box     ? kUnused
                                                    : group.anyHit ? 4u
                                                                   : 5u});
+    if (!setup.relay.empty())
+        pipeline.groups.push_back({.closestHit = static_cast<uint32_t>(pipeline.stages.size() - 1)});
     pipeline.layout = layout;
     pipeline.flags = setup.flags.value_or(gpu.options().micromaps ? kMicromapBit : 0);
     pipeline.flags2 = setup.flags2;
     pipeline.dynamicStackSize = setup.dynamicStackSize;
     if (setup.make)
         return setup.make(gpu, pipeline);
-    return {RayPipeline(gpu, pipeline), {}};
+    return {RayPipeline(gpu, pipeline), {}, {}};
 }
 
 } // namespace
 
 PipelineTracer::PipelineTracer(Device &gpu, const PipelineTracerSetup &setup)
-    : gpu_(gpu), resources_(gpu, 6, sizeof(Push), setup.otherPushConstants),
-      pipeline_(makePipeline(gpu, resources_.layout(), setup))
+    : gpu_(gpu), pushSize_(setup.relay.empty() ? kPushSize : sizeof(Push)),
+      resources_(gpu, 6, pushSize_, setup.otherPushConstants), pipeline_(makePipeline(gpu, resources_.layout(), setup)),
+      groups_(setup.groups)
 {
-    const auto place = [this](uint32_t group) { return pipeline_.groups.empty() ? group : pipeline_.groups[group]; };
     std::vector<std::optional<uint32_t>> names = setup.records;
     for (uint32_t i = 0; setup.records.empty() && i < setup.groups.size(); ++i)
         names.emplace_back(i);
     BindingRecords records;
-    records.raygen.group = place(0);
+    records.raygen.group = placeOf(0);
     if (setup.missRecord)
-        records.miss = {{place(1), {50}}};
+        records.miss = {{placeOf(1), {50}}};
     else
         records.miss = {{std::nullopt, {}}};
     for (uint32_t i = 0; i < names.size(); ++i)
-        records.hit.push_back({names[i] ? std::optional(place(2 + *names[i])) : std::nullopt, {100 + i}});
+        records.hit.push_back({names[i] ? std::optional(placeOf(2 + *names[i])) : std::nullopt, {100 + i}});
+    if (!setup.relay.empty()) {
+        helper_ = std::make_unique<HelperScene>(gpu, static_cast<uint32_t>(records.hit.size()));
+        records.hit.push_back({placeOf(2 + static_cast<uint32_t>(setup.groups.size())), {}});
+        push_.helper = helper_->address();
+    }
     table_ = std::make_unique<BindingTable>(gpu, pipeline_.pipeline, records);
     push_.sbtOffset = setup.sbtOffset;
     push_.sbtStride = setup.sbtStride;
+}
+
+uint32_t PipelineTracer::stackSize() const
+{
+    const RayPipeline &pipeline = pipeline_.pipeline;
+    const auto sizeOf = [&](uint32_t group, VkShaderGroupShaderKHR shader) {
+        return pipeline.stackSize(placeOf(group), shader);
+    };
+    const VkDeviceSize miss = sizeOf(1, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
+    VkDeviceSize closestHit = 0, anyHit = 0, intersection = 0;
+    for (uint32_t i = 0; i < groups_.size(); ++i) {
+        if (groups_[i].closestHit)
+            closestHit = std::max(closestHit, sizeOf(2 + i, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR));
+        if (groups_[i].anyHit)
+            anyHit = std::max(anyHit, sizeOf(2 + i, VK_SHADER_GROUP_SHADER_ANY_HIT_KHR));
+        if (groups_[i].box)
+            intersection = std::max(intersection, sizeOf(2 + i, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR));
+    }
+    VkDeviceSize size = sizeOf(0, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
+    if (helper_) {
+        const auto relay = static_cast<uint32_t>(2 + groups_.size());
+        closestHit = std::max(closestHit, sizeOf(relay, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR));
+        size += std::max(closestHit, miss);
+    }
+    return static_cast<uint32_t>(size + std::max({closestHit, miss, intersection + anyHit}));
 }
 
 void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
@@ -101,7 +143,7 @@ void PipelineTracer::bind(VkCommandBuffer commands) const
 {
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline_.pipeline.handle());
     resources_.bind(commands);
-    vkCmdPushConstants(commands, resources_.layout(), PipelineResources::kStages, 0, sizeof(push_), &push_);
+    vkCmdPushConstants(commands, resources_.layout(), PipelineResources::kStages, 0, pushSize_, &push_);
 }
 
 void PipelineTracer::dispatch(VkCommandBuffer commands) const

@@ -3,8 +3,10 @@
 // saw.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
+#include "check/gpu/helper_scene.h"
 #include "check/gpu/pipeline_builder.h"
 #include "check/gpu/tracer.h"
 
@@ -46,12 +48,14 @@ struct TracerGroup {
 
 struct MadePipeline {
     RayPipeline pipeline;
-    std::vector<uint32_t> groups; // where each group of the setup is in the pipeline; empty: at the same place
+    std::vector<uint32_t> groups;         // where each group of the setup is in the pipeline; empty: at the same place
+    std::vector<RayPipeline> libraries{}; // that it was made of
 };
 
 struct PipelineTracerSetup {
-    std::span<const uint32_t> raygen;         // empty: run-time flags
-    std::optional<uint32_t> specializedFlags; // specialization constant 0 of the ray generation shader
+    std::span<const uint32_t> raygen; // empty: run-time flags
+    std::span<const uint32_t> relay;  // not empty: a closest-hit shader that traces the rays instead, in recursion
+    std::optional<uint32_t> specializedFlags; // specialization constant 0 of either
     std::vector<TracerGroup> groups{{}, {.box = true}};
     // Hit records: the group of `groups` that each names, nothing for a zero record. Empty: one for each group.
     // The data of record i is 100 + i; that of the miss shader 50.
@@ -64,7 +68,8 @@ struct PipelineTracerSetup {
     bool dynamicStackSize = false;
     std::vector<VkPushConstantRange> otherPushConstants; // in the layout, for other stages
     // Makes the pipeline in another way: stages are ray generation, miss, closest-hit, any-hit, and intersection for
-    // groups with and without any-hit shader; groups are ray generation, miss, then `groups`.
+    // groups with and without any-hit shader, and the relay; groups are ray generation, miss, `groups`, and the
+    // relay's.
     std::function<MadePipeline(Device &, const PipelineSetup &)> make;
 };
 
@@ -86,6 +91,8 @@ public:
     [[nodiscard]] const RayPipeline &pipeline() const { return pipeline_.pipeline; }
     [[nodiscard]] const BindingTable &table() const { return *table_; }
     [[nodiscard]] const PipelineResources &resources() const { return resources_; }
+    // That an application computes for it ("Ray Tracing Pipeline Stack").
+    [[nodiscard]] uint32_t stackSize() const;
     [[nodiscard]] uint32_t rayCount() const { return push_.rayCount; }
     // Those of the bindings 1 and more.
     [[nodiscard]] std::array<const Buffer *, 6> buffers() const
@@ -97,12 +104,21 @@ private:
     struct Push {
         uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex, pad;
         VkDeviceAddress scene;
+        VkDeviceAddress helper; // only in recursion
     };
-    static_assert(sizeof(Push) == kPushSize);
+    static_assert(offsetof(Push, helper) == kPushSize);
 
     Device &gpu_;
+    uint32_t pushSize_;
+    std::unique_ptr<HelperScene> helper_;
     PipelineResources resources_;
+    [[nodiscard]] uint32_t placeOf(uint32_t group) const
+    {
+        return pipeline_.groups.empty() ? group : pipeline_.groups[group];
+    }
+
     MadePipeline pipeline_;
+    std::vector<TracerGroup> groups_;
     std::unique_ptr<BindingTable> table_;
     Buffer rays_, results_, candidates_, notes_, visits_, mores_;
     Push push_{};

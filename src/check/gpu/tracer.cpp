@@ -26,7 +26,8 @@ bool hashConfirms(uint32_t customIndex, uint32_t instance, uint32_t geometry, ui
 
 Tracer::Tracer(Device &gpu) : Tracer(gpu, tracer_comp) {}
 
-Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &setup) : gpu_(gpu)
+Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &setup)
+    : gpu_(gpu), pushStages_(pushStages(setup.stage))
 {
     const VkDevice device = gpu.device();
     std::array<VkDescriptorSetLayoutBinding, 4> bindings{};
@@ -35,29 +36,25 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
                        VK_SHADER_STAGE_ALL, nullptr};
     auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 4, .pBindings = bindings.data()});
     CHECK_VK(vkCreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout_));
-    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(Push)};
+    const VkPushConstantRange range{pushStages_, 0, sizeof(Push)};
     auto layout = vkInit<VkPipelineLayoutCreateInfo>(
         {.setLayoutCount = 1, .pSetLayouts = &setLayout_, .pushConstantRangeCount = 1, .pPushConstantRanges = &range});
     CHECK_VK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
 
-    auto inlined = vkInit<VkShaderModuleCreateInfo>();
-    const std::vector<uint32_t> code = gpu.code(words);
-    inlined.codeSize = code.size() * sizeof(uint32_t);
-    inlined.pCode = code.data();
-    const VkShaderModule module = setup.inlineModule ? VK_NULL_HANDLE : gpu.shader(words);
-    const VkSpecializationMapEntry entry{0, 0, sizeof(uint32_t)};
-    const uint32_t flags = setup.specializedFlags.value_or(0);
-    const VkSpecializationInfo specialization{1, &entry, sizeof(flags), &flags};
-    auto pipeline = vkInit<VkComputePipelineCreateInfo>(
-        {.stage = vkInit<VkPipelineShaderStageCreateInfo>(
-             {.pNext = setup.inlineModule ? &inlined : nullptr,
-              .stage = VK_SHADER_STAGE_COMPUTE_BIT,
-              .module = module,
-              .pName = "main",
-              .pSpecializationInfo = setup.specializedFlags ? &specialization : nullptr}),
-         .layout = layout_});
-    CHECK_VK(vkCreateComputePipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
-    vkDestroyShaderModule(device, module, nullptr);
+    std::array<uint32_t, 2> values{};
+    std::vector<VkSpecializationMapEntry> entries;
+    if (setup.specializedFlags) {
+        values[0] = *setup.specializedFlags;
+        entries.push_back({0, 0, sizeof(uint32_t)});
+    }
+    if (setup.specializedMode) {
+        values[1] = *setup.specializedMode;
+        entries.push_back({kModeConstant, sizeof(uint32_t), sizeof(VkBool32)});
+    }
+    const VkSpecializationInfo specialization{static_cast<uint32_t>(entries.size()), entries.data(), sizeof values,
+                                              values.data()};
+    program_ = makeStageProgram(gpu, layout_,
+                                {setup.stage, words, entries.empty() ? nullptr : &specialization, setup.inlineModule});
 
     const std::array<VkDescriptorPoolSize, 2> sizes{
         {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
@@ -71,7 +68,6 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
 
 Tracer::~Tracer()
 {
-    vkDestroyPipeline(gpu_.device(), pipeline_, nullptr);
     vkDestroyDescriptorPool(gpu_.device(), pool_, nullptr);
     vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
     vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
@@ -82,7 +78,7 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t
     rays_ = gpu_.upload(rays, kStorage);
     results_ = Buffer(gpu_, std::max<size_t>(rays.size(), 1) * sizeof(RawResult), kStorage);
     candidates_ = Buffer(gpu_, std::max<size_t>(rays.size() * capacity, 1) * sizeof(Candidate), kStorage);
-    push_ = {static_cast<uint32_t>(rays.size()), capacity, scene.address()};
+    push_ = {static_cast<uint32_t>(rays.size()), capacity, scene.address(), program_->helperScene()};
 
     const VkAccelerationStructureKHR handle = scene.handle();
     auto structure = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
@@ -108,14 +104,14 @@ void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t
 
 void Tracer::bind(VkCommandBuffer commands) const
 {
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline_);
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout_, 0, 1, &set_, 0, nullptr);
-    vkCmdPushConstants(commands, layout_, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof(push_), &push_);
+    program_->bind(commands);
+    vkCmdBindDescriptorSets(commands, program_->point(), layout_, 0, 1, &set_, 0, nullptr);
+    vkCmdPushConstants(commands, layout_, pushStages_, 0, sizeof(push_), &push_);
 }
 
 void Tracer::dispatch(VkCommandBuffer commands) const
 {
-    vkCmdDispatch(commands, (push_.rayCount + 63) / 64, 1, 1);
+    program_->launch(commands, push_.rayCount);
 }
 
 void Tracer::clearResults()

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Traces rays with shaders/tracer.comp and gives back what the shader saw.
+// Traces rays by ray queries with shaders/tracer.glsl and returns what the shader saw.
 #pragma once
 
 #include <cstdint>
 
 #include "check/gpu/scene.h"
+#include "check/gpu/stage_program.h"
 
 namespace vellum::check
 {
@@ -79,14 +80,18 @@ struct Result : RawResult {
 struct TracerSetup {
     std::optional<uint32_t> specializedFlags; // specialization constant 0
     bool inlineModule = false;                // VkShaderModuleCreateInfo in the stage's pNext
+    VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    std::optional<VkBool32> specializedMode; // specialization constant kModeConstant
 };
 
-// A compute pipeline with the bindings of tracer.comp.
+// A pipeline whose shader, of any stage, has the bindings of tracer.glsl.
 class Tracer
 {
 public:
+    static constexpr uint32_t kModeConstant = 1; // the id of the one by which the execution mode is specialized
+
     Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &setup = {});
-    explicit Tracer(Device &gpu); // run-time ray flags, bound acceleration structure
+    explicit Tracer(Device &gpu); // compute, run-time ray flags, bound acceleration structure
     Tracer(const Tracer &) = delete;
     Tracer &operator=(const Tracer &) = delete;
     ~Tracer();
@@ -110,12 +115,14 @@ private:
         uint32_t rayCount;
         uint32_t capacity;
         VkDeviceAddress scene;
+        VkDeviceAddress helper;
     };
 
     Device &gpu_;
     VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
-    VkPipeline pipeline_ = VK_NULL_HANDLE;
+    VkShaderStageFlags pushStages_;
+    std::unique_ptr<StageProgram> program_;
     VkDescriptorPool pool_ = VK_NULL_HANDLE;
     VkDescriptorSet set_ = VK_NULL_HANDLE;
     Buffer rays_, results_, candidates_;

@@ -14,10 +14,8 @@ constexpr double kShrinkSeconds = 20;
 
 using Kind = Step::Kind;
 
-// Lavapipe 26 crashes in shaders that trace a top-level structure where some instance comes behind one that no ray can
-// meet: two instances are enough, the first with reference 0 or mask 0. So it does without the layer; the specification
-// says that an inactive object is "considered invisible to all rays", and allows every mask. Such ones at the end are
-// well.
+// Fault::InstanceBehindInvisible. The specification says that an inactive object is "considered invisible to all rays",
+// and allows every mask.
 void showBeforeOthers(oracle::Scene &scene)
 {
     bool others = false;
@@ -65,7 +63,7 @@ DeviceLimits limitsOf(const Device &gpu)
             .maxLevel2 = gpu.maxLevel(kTwoState),
             .maxLevel4 = gpu.maxLevel(kFourState),
             .maxLossyLevel = gpu.maxLossyLevel(),
-            .seesOnlyLastInstances = gpu.onLavapipe26()};
+            .seesOnlyLastInstances = gpu.hasFault(Fault::InstanceBehindInvisible)};
 }
 
 Limits smallScene(const DeviceLimits &limits)

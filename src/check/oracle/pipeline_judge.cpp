@@ -26,8 +26,9 @@ namespace
 class PipelineJudge
 {
 public:
-    PipelineJudge(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const PipelineResult &result)
-        : scene_(scene), ray_(ray), hits_(hits), result_(result)
+    PipelineJudge(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const PipelineResult &result,
+                  const Tolerance &tolerance)
+        : scene_(scene), ray_(ray), hits_(hits), result_(result), tolerance_(tolerance)
     {
     }
 
@@ -91,12 +92,14 @@ private:
     {
         for (const BoxVisit &visit : result_.visits) {
             const Hit *hit = find(visit, true);
-            if (hit == nullptr && visit.reported != 3 && intersectionMayRunCulled(ray_.flags))
+            if (hit == nullptr && visit.reported != 3 && tolerance_.vellumIntersectionLimits &&
+                intersectionMayRunCulled(ray_.flags))
                 continue;
             if (hit == nullptr || !groupOf(*hit))
                 return describe("an intersection shader ran for a box that is not met", visit);
-            if (!intersectionMaySee(visit.flags, ray_.flags) || visit.record != 100 + recordOf(*hit) ||
-                visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
+            const bool flagsRight = visit.flags == ray_.flags || (tolerance_.vellumIntersectionLimits &&
+                                                                  intersectionMaySee(visit.flags, ray_.flags));
+            if (!flagsRight || visit.record != 100 + recordOf(*hit) || visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
                 return describe("what the intersection shader reads", visit);
             if (visit.reported == 3) {
                 if (!accepts(*hit))
@@ -162,11 +165,11 @@ private:
             return "the committed hit is none that may be";
         if (box && std::find(generated_.begin(), generated_.end(), hit) == generated_.end())
             return "the committed box was not reported";
-        // A report that is not accepted changes the attributes of the hit that stays on lavapipe (Mesa 25.0.7).
         const bool othersReported = std::any_of(result_.visits.begin(), result_.visits.end(), [&](const auto &visit) {
             return visit.reported != 0 && !(box && names(*hit, visit));
         });
-        if (!placed(*hit, result_, result_.hitKind) || (!othersReported && !attributed(*hit, result_)))
+        if (!placed(*hit, result_, result_.hitKind) ||
+            (!(othersReported && tolerance_.reportChangesAttributes) && !attributed(*hit, result_)))
             return describe("place of the committed hit", result_) + " t " + std::to_string(result_.t) + " u " +
                    std::to_string(result_.u) + " v " + std::to_string(result_.v) + " hit kind " +
                    std::to_string(result_.hitKind);
@@ -201,16 +204,22 @@ private:
     const Ray &ray_;
     const std::vector<Hit> &hits_;
     const PipelineResult &result_;
+    const Tolerance &tolerance_;
     std::vector<const Hit *> generated_;
     double limit_ = 0;
 };
 
 } // namespace
 
-std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits,
-                          const PipelineResult &result)
+Tolerance toleranceFor(const Device &gpu)
 {
-    return PipelineJudge(scene, ray, hits, result).fault();
+    return {gpu.options().vellumIntersectionLimits, gpu.hasFault(Fault::ReportChangesAttributes)};
+}
+
+std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits,
+                          const PipelineResult &result, const Tolerance &tolerance)
+{
+    return PipelineJudge(scene, ray, hits, result, tolerance).fault();
 }
 
 } // namespace vellum::check::oracle

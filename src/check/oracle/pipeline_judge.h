@@ -15,8 +15,15 @@ namespace vellum::check::oracle
 extern const std::array<TracerGroup, 5> kHitGroups;
 extern const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords;
 
+// What a device does otherwise than the specification says, and is not reported.
+struct Tolerance {
+    bool vellumIntersectionLimits = false; // DeviceOptions
+    bool reportChangesAttributes = false;  // Fault
+};
+Tolerance toleranceFor(const Device &gpu);
+
 // What is wrong with the result of a ray whose hits, by allHits, are not unsure; empty: nothing.
 std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits,
-                          const PipelineResult &result);
+                          const PipelineResult &result, const Tolerance &tolerance);
 
 } // namespace vellum::check::oracle

@@ -2,8 +2,8 @@
 #version 460
 #extension GL_EXT_ray_tracing : require
 #extension GL_GOOGLE_include_directive : require
-// tracer.comp as a ray tracing pipeline. One of RAYGEN, MISS, CLOSEST_HIT, ANY_HIT, INTERSECTION is defined. Variants of
-// the ray generation shader:
+// tracer.glsl as a ray tracing pipeline. One of RAYGEN, MISS, CLOSEST_HIT, ANY_HIT, INTERSECTION is defined, or TRACES:
+// what RAYGEN does, in a stage that may be another one. Variants of RAYGEN and TRACES:
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
 //   MIXED=n       some rays are traced by an instruction of its own with the constant n, where that is their flags
@@ -16,13 +16,16 @@
 #if defined(RAY_FLAGS) || defined(SPEC_FLAGS) || defined(MIXED)
 #extension GL_EXT_opacity_micromap : require
 #endif
+#ifdef RAYGEN
+#define TRACES
+#endif
 #include "pipeline_common.glsl"
 
-#ifndef RAYGEN
+#ifndef TRACES
 layout(shaderRecordEXT, std430) buffer Record { uint recordData[4]; };
 #endif
 
-#ifndef RAYGEN
+#ifndef TRACES
 // Functions, for the test that gives several entry points the same one.
 uint rayFlagsRead()
 {
@@ -56,7 +59,7 @@ struct Wide {
 #define ATTRIBUTES_RIGHT true
 #endif
 
-#if defined(RAYGEN)
+#if defined(TRACES)
 layout(location = 0) rayPayloadEXT Payload payload;
 
 #ifdef SPEC_FLAGS

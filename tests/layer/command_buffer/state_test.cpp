@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds recorded between an application's state commands must not change that state.
+#include "check/gpu/graphics.h"
 #include "command_buffer/state_scene.h"
-#include "harness/graphics.h"
 
 #include "harness/program/labels.h"
 #include "shaders/plain_fragment.h"

@@ -2,8 +2,8 @@
 // A row of 64 pixels for the tests of draws by address: shaders/address_draws.glsl draws points that write numbers.
 #pragma once
 
+#include "check/gpu/graphics.h"
 #include "device_address/address_ranges.h"
-#include "harness/graphics.h"
 
 namespace vt
 {

@@ -3,9 +3,9 @@
 // has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise that an application does not mix
 // special indices, which is part of the same extension.
 #include "check/gpu/execution_mode.h"
+#include "check/gpu/graphics.h"
 #include "check/gpu/pipeline_builder.h"
 #include "command_buffer/state_scene.h"
-#include "harness/graphics.h"
 #include "harness/harness.h"
 
 #include "harness/program/labels.h"

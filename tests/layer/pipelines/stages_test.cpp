@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray queries outside compute shaders.
+#include "check/gpu/graphics.h"
 #include "harness/columns.h"
-#include "harness/graphics.h"
 
 #include "harness/program/labels.h"
 #include "shaders/plain_fragment.h"

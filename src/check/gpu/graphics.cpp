@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "harness/graphics.h"
+#include "check/gpu/graphics.h"
 
-namespace vt
+namespace vellum::check
 {
 namespace
 {
@@ -10,23 +10,23 @@ constexpr VkFormat kFormat = VK_FORMAT_R8G8B8A8_UNORM;
 
 } // namespace
 
-RowImage::RowImage(Gpu &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage) : gpu_(gpu)
+RowImage::RowImage(Device &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage) : gpu_(gpu)
 {
     const VkDevice device = gpu.device();
     auto image = vkInit<VkImageCreateInfo>({.imageType = VK_IMAGE_TYPE_2D, .format = format, .extent = {width, 1, 1}});
     image.mipLevels = image.arrayLayers = 1;
     image.samples = VK_SAMPLE_COUNT_1_BIT;
     image.usage = usage;
-    VT_CHECK(vkCreateImage(device, &image, nullptr, &image_));
+    CHECK_VK(vkCreateImage(device, &image, nullptr, &image_));
     VkMemoryRequirements needs;
     vkGetImageMemoryRequirements(device, image_, &needs);
     auto allocation = vkInit<VkMemoryAllocateInfo>(
         {.allocationSize = needs.size, .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0)});
-    VT_CHECK(vkAllocateMemory(device, &allocation, nullptr, &memory_));
-    VT_CHECK(vkBindImageMemory(device, image_, memory_, 0));
+    CHECK_VK(vkAllocateMemory(device, &allocation, nullptr, &memory_));
+    CHECK_VK(vkBindImageMemory(device, image_, memory_, 0));
     auto view = vkInit<VkImageViewCreateInfo>(
         {.image = image_, .viewType = VK_IMAGE_VIEW_TYPE_2D, .format = format, .subresourceRange = kAll});
-    VT_CHECK(vkCreateImageView(device, &view, nullptr, &view_));
+    CHECK_VK(vkCreateImageView(device, &view, nullptr, &view_));
 }
 
 RowImage::~RowImage()
@@ -57,24 +57,36 @@ void RowState::setIn(VkGraphicsPipelineCreateInfo &pipeline) const
     pipeline.pColorBlendState = &blend;
 }
 
-Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width)
-    : gpu_(gpu), width_(width), image_(gpu, kFormat, width, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
+Graphics::Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width)
+    : gpu_(gpu), width_(width), mesh_(!shaders.mesh.empty()),
+      image_(gpu, kFormat, width, VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
 {
     const VkDevice device = gpu.device();
-    std::array<std::vector<uint32_t>, 2> code; // of inline modules
-    std::array<VkShaderModuleCreateInfo, 2> modules{};
-    std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
-    for (size_t i = 0; i < 2; ++i) {
-        const auto original = i == 0 ? shaders.vertex : shaders.fragment;
-        const auto &words = code[i] = gpu.code(original);
-        modules[i] =
-            vkInit<VkShaderModuleCreateInfo>({.codeSize = words.size() * sizeof(uint32_t), .pCode = words.data()});
-        stages[i] = vkInit<VkPipelineShaderStageCreateInfo>(
-            {.stage = i == 0 ? VK_SHADER_STAGE_VERTEX_BIT : VK_SHADER_STAGE_FRAGMENT_BIT, .pName = "main"});
+    struct Source {
+        VkShaderStageFlagBits stage;
+        std::span<const uint32_t> original;
+        std::vector<uint32_t> code; // of an inline module
+        VkShaderModuleCreateInfo module{};
+    };
+    std::array<Source, 5> sources{{{VK_SHADER_STAGE_VERTEX_BIT, shaders.vertex},
+                                   {VK_SHADER_STAGE_GEOMETRY_BIT, shaders.geometry},
+                                   {VK_SHADER_STAGE_TASK_BIT_EXT, shaders.task},
+                                   {VK_SHADER_STAGE_MESH_BIT_EXT, shaders.mesh},
+                                   {VK_SHADER_STAGE_FRAGMENT_BIT, shaders.fragment}}};
+    std::vector<VkPipelineShaderStageCreateInfo> stages; // that of the fragment shader last
+    for (Source &source : sources) {
+        if (source.original.empty())
+            continue;
+        source.code = gpu.code(source.original);
+        source.module = vkInit<VkShaderModuleCreateInfo>(
+            {.codeSize = source.code.size() * sizeof(uint32_t), .pCode = source.code.data()});
+        auto stage = vkInit<VkPipelineShaderStageCreateInfo>(
+            {.stage = source.stage, .pName = "main", .pSpecializationInfo = shaders.specialization});
         if (shaders.inlineModules)
-            stages[i].pNext = &modules[i];
+            stage.pNext = &source.module;
         else
-            stages[i].module = gpu.shader(original);
+            stage.module = gpu.shader(source.original);
+        stages.push_back(stage);
     }
     auto input = vkInit<VkPipelineVertexInputStateCreateInfo>();
     auto assembly = vkInit<VkPipelineInputAssemblyStateCreateInfo>({.topology = shaders.topology});
@@ -82,7 +94,7 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, ui
     state.rendering.pNext = shaders.pNext;
     auto pipeline = vkInit<VkGraphicsPipelineCreateInfo>();
     state.setIn(pipeline);
-    pipeline.stageCount = 2;
+    pipeline.stageCount = static_cast<uint32_t>(stages.size());
     pipeline.pStages = stages.data();
     pipeline.pVertexInputState = &input;
     pipeline.pInputAssemblyState = &assembly;
@@ -90,7 +102,7 @@ Graphics::Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, ui
     if (shaders.libraries)
         link(pipeline);
     else
-        VT_CHECK(vkCreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
+        CHECK_VK(vkCreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &pipeline, nullptr, &pipeline_));
     for (const VkPipelineShaderStageCreateInfo &stage : stages)
         vkDestroyShaderModule(device, stage.module, nullptr);
 }
@@ -112,14 +124,14 @@ void Graphics::link(const VkGraphicsPipelineCreateInfo &whole)
         auto depth = vkInit<VkPipelineDepthStencilStateCreateInfo>();
         part.pDepthStencilState = &depth;
         part.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
-        part.stageCount = i == 1 || i == 2 ? 1 : 0;
-        part.pStages = i == 2 ? whole.pStages + 1 : whole.pStages;
-        VT_CHECK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &part, nullptr, &parts_[i]));
+        part.stageCount = i == 1 ? whole.stageCount - 1 : i == 2 ? 1 : 0;
+        part.pStages = i == 2 ? whole.pStages + whole.stageCount - 1 : whole.pStages;
+        CHECK_VK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &part, nullptr, &parts_[i]));
     }
     auto libraries = vkInit<VkPipelineLibraryCreateInfoKHR>(
         {.libraryCount = static_cast<uint32_t>(parts_.size()), .pLibraries = parts_.data()});
     auto linked = vkInit<VkGraphicsPipelineCreateInfo>({.pNext = &libraries, .layout = whole.layout});
-    VT_CHECK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &linked, nullptr, &pipeline_));
+    CHECK_VK(vkCreateGraphicsPipelines(gpu_.device(), VK_NULL_HANDLE, 1, &linked, nullptr, &pipeline_));
 }
 
 Graphics::~Graphics()
@@ -148,8 +160,11 @@ void Graphics::draw(VkCommandBuffer commands, uint32_t vertices) const
                                               .colorAttachmentCount = 1,
                                               .pColorAttachments = &attachment});
     vkCmdBeginRendering(commands, &rendering);
-    vkCmdDraw(commands, vertices, 1, 0, 0);
+    if (mesh_)
+        gpu_.vk().CmdDrawMeshTasksEXT(commands, vertices, 1, 1);
+    else
+        vkCmdDraw(commands, vertices, 1, 0, 0);
     vkCmdEndRendering(commands);
 }
 
-} // namespace vt
+} // namespace vellum::check

@@ -3,7 +3,8 @@
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_ray_tracing : enable
 #extension GL_GOOGLE_include_directive : require
-// Traces one ray a thread and writes down everything a shader can see of it. Variants by definitions:
+// Traces a ray by a ray query in any stage and writes down everything a shader can see of it: one ray for each thread,
+// vertex, pixel, workgroup or launch. The stage is defined: COMPUTE, VERTEX, ... Variants by definitions:
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
@@ -13,8 +14,9 @@
 #if defined(RAY_FLAGS) || defined(SPEC_FLAGS)
 #extension GL_EXT_opacity_micromap : require
 #endif
-
-layout(local_size_x = 64) in;
+#if defined(TASK) || defined(MESH)
+#extension GL_EXT_mesh_shader : require
+#endif
 
 #include "ray.glsl"
 
@@ -65,9 +67,8 @@ bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint pr
     return rule == kAlways || (rule == kHash && ((h ^ (h >> 15u)) & 0x40u) != 0u);
 }
 
-void main()
+void traceRay(uint id)
 {
-    const uint id = gl_GlobalInvocationID.x;
     if (id >= push.rayCount)
         return;
     const Ray ray = rays[id];
@@ -142,3 +143,61 @@ void main()
     }
     results[id] = r;
 }
+
+#if defined(COMPUTE)
+layout(local_size_x = 64) in;
+void main()
+{
+    traceRay(gl_GlobalInvocationID.x);
+}
+#elif defined(VERTEX)
+void main()
+{
+    traceRay(uint(gl_VertexIndex));
+    gl_Position = vec4(0.0, 0.0, 0.0, 1.0);
+    gl_PointSize = 1.0;
+}
+#elif defined(GEOMETRY)
+layout(points) in;
+layout(points, max_vertices = 1) out;
+void main()
+{
+    traceRay(uint(gl_PrimitiveIDIn));
+}
+#elif defined(FRAGMENT)
+layout(location = 0) out vec4 color;
+void main()
+{
+    traceRay(uint(gl_FragCoord.x));
+    color = vec4(1.0);
+}
+#elif defined(TASK)
+layout(local_size_x = 1) in;
+void main()
+{
+    traceRay(gl_WorkGroupID.x);
+    EmitMeshTasksEXT(0u, 1u, 1u);
+}
+#elif defined(MESH)
+layout(local_size_x = 1) in;
+layout(points, max_vertices = 1, max_primitives = 1) out;
+void main()
+{
+    traceRay(gl_WorkGroupID.x);
+    SetMeshOutputsEXT(0u, 0u);
+}
+#else
+// Stages of ray tracing pipelines, which launcher.rgen calls.
+#if defined(CALLABLE)
+layout(location = 0) callableDataInEXT uint unused;
+#elif !defined(RAYGEN) && !defined(INTERSECTION)
+layout(location = 0) rayPayloadInEXT uint unused;
+#endif
+void main()
+{
+    traceRay(gl_LaunchIDEXT.x);
+#ifdef INTERSECTION
+    reportIntersectionEXT(1.0, 0u);
+#endif
+}
+#endif

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Graphics pipelines for the tests: points or one big triangle, drawn into an image of one row with dynamic rendering.
+// Graphics pipelines: points or one big triangle, drawn into an image of one row with dynamic rendering.
 #pragma once
 
 #include <cstdint>
 
-#include "check/gpu/tracer.h"
-#include "harness/harness.h"
+#include "check/gpu/device.h"
 
-namespace vt
+namespace vellum::check
 {
 
 // An image of one row, with its memory and view.
 class RowImage
 {
 public:
-    RowImage(Gpu &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage);
+    RowImage(Device &gpu, VkFormat format, uint32_t width, VkImageUsageFlags usage);
     RowImage(const RowImage &) = delete;
     RowImage &operator=(const RowImage &) = delete;
     ~RowImage();
@@ -24,7 +23,7 @@ public:
     static constexpr VkImageSubresourceRange kAll{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
 
 private:
-    Gpu &gpu_;
+    Device &gpu_;
     VkImage image_ = VK_NULL_HANDLE;
     VkDeviceMemory memory_ = VK_NULL_HANDLE;
     VkImageView view_ = VK_NULL_HANDLE;
@@ -56,10 +55,12 @@ public:
         std::span<const uint32_t> vertex, fragment;
         bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
         VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
-        const void *pNext = nullptr; // of the pipeline
-        bool libraries = false;      // it is linked of four (VK_EXT_graphics_pipeline_library)
+        const void *pNext = nullptr;                          // of the pipeline
+        bool libraries = false;                               // it is linked of four (VK_EXT_graphics_pipeline_library)
+        std::span<const uint32_t> geometry, task, mesh;       // mesh: instead of a vertex shader
+        const VkSpecializationInfo *specialization = nullptr; // of all shaders
     };
-    Graphics(Gpu &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width);
+    Graphics(Device &gpu, VkPipelineLayout layout, const Shaders &shaders, uint32_t width);
     Graphics(const Graphics &) = delete;
     Graphics &operator=(const Graphics &) = delete;
     ~Graphics();
@@ -68,17 +69,18 @@ public:
     {
         vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline_);
     }
-    // Renders with whatever is bound.
+    // Renders with whatever is bound; with a mesh shader that many workgroups.
     void draw(VkCommandBuffer commands, uint32_t vertices) const;
 
 private:
     void link(const VkGraphicsPipelineCreateInfo &whole);
 
-    Gpu &gpu_;
+    Device &gpu_;
     uint32_t width_;
+    bool mesh_;
     RowImage image_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
     std::vector<VkPipeline> parts_;
 };
 
-} // namespace vt
+} // namespace vellum::check

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Random scenes traced by every plan that a conformance case can name.
+#include "check/case/trace.h"
+#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/query_judge.h"
+#include "compare_scenes.h"
+
+namespace
+{
+
+using namespace oracle;
+using Plan = vellum::check::TracePlan;
+using vellum::check::missingFor;
+using vellum::check::PlannedTracer;
+
+// Few rays, and few different flags where they are constants of pipelines.
+Scene sceneFor(const vt::Gpu &gpu, const Plan &plan, Random &random)
+{
+    const bool queries = plan.method == Plan::Method::Query;
+    const bool without =
+        queries ? plan.mode == Plan::Mode::False || plan.mode == Plan::Mode::SpecializedFalse : plan.withoutMicromaps;
+    Scene scene = vellum::check::makeScene(random, {.micromaps = !without, .rays = 160, .lossy = gpu.khr()},
+                                           vellum::check::limitsOf(gpu));
+    for (size_t i = 0; plan.flags != Plan::Flags::RunTime && i < scene.rays.size(); ++i)
+        scene.rays[i].flags = scene.rays[i % 3].flags;
+    return scene;
+}
+
+class Plans : public vt::GpuTest
+{
+protected:
+    Plans() : GpuTest({.oldValidation = false, .newer = true}) {}
+
+    void expectNoFault(const Plan &plan, const std::string &name)
+    {
+        if (const auto missing = missingFor(gpu(), plan)) {
+            std::printf("%s: %s\n", name.c_str(), missing->c_str());
+            return;
+        }
+        PlannedTracer tracer(gpu(), plan);
+        Random random(setting("VELLUM_ORACLE_SEED", 20261122));
+        uint64_t rays = 0;
+        for (uint32_t s = 0; s < setting("VELLUM_ORACLE_SCENES", 6); ++s) {
+            const Scene scene = sceneFor(gpu(), plan, random);
+            const Built built = build(gpu(), scene);
+            std::vector<Hits> hits;
+            for (const vt::Ray &ray : scene.rays)
+                hits.push_back(allHits(scene, ray));
+            vt::Blas beside(gpu());
+            beside.prepare(geometriesOf(scene.objects[0], built.micromaps), structureFlags(gpu()));
+            const auto record = [&](VkCommandBuffer commands) { beside.record(commands); };
+            const std::vector<std::string> faults = tracer.faults(
+                *built.scene, scene, hits, plan.besideBuild ? PlannedTracer::Record(record) : PlannedTracer::Record{});
+            ASSERT_EQ(faults.size(), scene.rays.size());
+            for (size_t i = 0; i < faults.size(); ++i)
+                EXPECT_EQ(faults[i], "") << name << ", scene " << s << " ray " << i;
+            rays +=
+                static_cast<uint64_t>(std::count_if(hits.begin(), hits.end(), [](const Hits &h) { return !h.unsure; }));
+        }
+        EXPECT_GT(rays, 300u) << name;
+    }
+};
+
+constexpr std::array kFlags{Plan::Flags::RunTime, Plan::Flags::Specialized, Plan::Flags::Literal};
+constexpr std::array kModes{Plan::Mode::True, Plan::Mode::False, Plan::Mode::SpecializedTrue,
+                            Plan::Mode::SpecializedFalse};
+
+TEST_F(Plans, QueriesInEveryStage)
+{
+    uint32_t n = 0;
+    for (const VkShaderStageFlagBits stage : vellum::check::kQueryStages) {
+        for (const Plan::Flags flags : kFlags) {
+            ++n;
+            expectNoFault({.stage = stage,
+                           .flags = flags,
+                           .byAddress = n % 2 == 0,
+                           .inlineModules = n % 3 == 0,
+                           .besideBuild = n % 5 == 0},
+                          "stage " + std::to_string(stage) + " flags " + std::to_string(static_cast<int>(flags)));
+        }
+    }
+}
+
+TEST_F(Plans, QueriesWithEveryMode)
+{
+    for (const VkShaderStageFlagBits stage : {VK_SHADER_STAGE_COMPUTE_BIT, VK_SHADER_STAGE_FRAGMENT_BIT,
+                                              VK_SHADER_STAGE_RAYGEN_BIT_KHR, VK_SHADER_STAGE_ANY_HIT_BIT_KHR}) {
+        for (const Plan::Mode mode : kModes)
+            expectNoFault({.stage = stage, .flags = kFlags[uint32_t{stage} % 3], .mode = mode},
+                          "stage " + std::to_string(stage) + " mode " + std::to_string(static_cast<int>(mode)));
+    }
+}
+
+TEST_F(Plans, Pipelines)
+{
+    using Libraries = Plan::Libraries;
+    constexpr auto kPipeline = Plan::Method::Pipeline;
+    const std::vector<Plan> plans{
+        {.method = kPipeline},
+        {.method = kPipeline, .flags = Plan::Flags::Specialized, .byAddress = true},
+        {.method = kPipeline, .flags = Plan::Flags::Literal, .inlineModules = true},
+        {.method = kPipeline, .libraries = Libraries::Two},
+        {.method = kPipeline, .inlineModules = true, .libraries = Libraries::Three, .dynamicStackSize = true},
+        {.method = kPipeline, .byAddress = true, .libraries = Libraries::Nested, .flags2 = true},
+        {.method = kPipeline, .besideBuild = true, .dynamicStackSize = true},
+        {.method = kPipeline, .recursion = true},
+        {.method = kPipeline, .flags = Plan::Flags::Literal, .byAddress = true, .recursion = true, .flags2 = true},
+        {.method = kPipeline, .libraries = Libraries::Two, .dynamicStackSize = true, .recursion = true},
+        {.method = kPipeline, .withoutMicromaps = true},
+        {.method = kPipeline, .libraries = Libraries::Three, .recursion = true, .withoutMicromaps = true},
+    };
+    for (size_t i = 0; i < plans.size(); ++i)
+        expectNoFault(plans[i], "plan " + std::to_string(i));
+}
+
+} // namespace
