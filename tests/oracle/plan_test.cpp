@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Random scenes traced by every plan that a conformance case can name.
 #include "check/case/trace.h"
+#include "check/groups/random_case.h"
 #include "check/oracle/pipeline_judge.h"
 #include "check/oracle/query_judge.h"
 #include "compare_scenes.h"

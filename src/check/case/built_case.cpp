@@ -14,9 +14,26 @@ namespace
 
 constexpr VkBufferUsageFlags kSerializedUsage =
     VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
-constexpr VkDeviceSize kHeaderSize = 40; // where the header of serialized data has the size to deserialize to
+// Where the header of serialized data has these, after the version of 32 bytes.
+constexpr size_t kHeaderSerializedSize = 32;
+constexpr size_t kHeaderDeserializedSize = 40;
 
 using Kind = Step::Kind;
+
+uint64_t numberAt(const uint8_t *bytes, size_t offset)
+{
+    uint64_t number = 0;
+    std::memcpy(&number, bytes + offset, sizeof number);
+    return number;
+}
+
+bool compatible(const Device &gpu, const uint8_t *version)
+{
+    const auto info = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = version});
+    auto result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+    gpu.vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu.device(), &info, &result);
+    return result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
+}
 
 // A command buffer of a thread of its own.
 class Recording
@@ -86,16 +103,24 @@ bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene)
 
 BuiltCase::BuiltCase(Device &gpu, const Case &c) : gpu_(gpu), case_(c), scene_(c.scene)
 {
+    if (c.build.single)
+        prepareAll();
+    else
+        buildAll();
+}
+
+void BuiltCase::buildAll()
+{
     buildMicromaps();
     buildObjects();
-    for (const Step &step : c.steps) {
+    for (const Step &step : case_.steps) {
         if (step.kind < Kind::CloneTop)
             apply(step);
     }
     buildTop();
-    for (const Step &step : c.steps) {
+    for (const Step &step : case_.steps) {
         if (step.kind >= Kind::CloneTop)
-            applyToTop(step.kind);
+            applyToTop(step);
     }
 }
 
@@ -207,8 +232,10 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
 
 void BuiltCase::buildObjects()
 {
+    const bool indirect = case_.build.structures == BuildCommand::Indirect;
+    const uint32_t spare = indirect ? case_.build.spareTriangles : 0;
     for (uint32_t o = 0; o < scene_.objects.size(); ++o)
-        bottoms_.push_back({flagsOf(o), oracle::geometriesOf(scene_.objects[o], micromaps_), nullptr});
+        bottoms_.push_back({flagsOf(o), oracle::geometriesOf(scene_.objects[o], micromaps_, spare), nullptr});
     const auto prepare = [this](size_t i, SharedScratch *scratch) {
         Bottom &bottom = bottoms_[i];
         bottom.structure = std::make_unique<Blas>(gpu_);
@@ -217,7 +244,6 @@ void BuiltCase::buildObjects()
         bottom.structure->shareScratch(nullptr);
         return Writes{bottom.structure->range(), bottom.structure->scratchRange()};
     };
-    const bool indirect = case_.build.structures == BuildCommand::Indirect;
     if (case_.build.together) {
         std::vector<const Structure *> structures;
         Writes writes;
@@ -244,17 +270,69 @@ void BuiltCase::buildObjects()
 
 void BuiltCase::buildTop()
 {
-    std::vector<const Structure *> objects;
-    for (const Bottom &bottom : bottoms_)
-        objects.push_back(bottom.structure.get());
     auto tlas = std::make_unique<Tlas>(gpu_);
-    tlas->prepare(oracle::instancesOf(scene_, objects), VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR,
-                  VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
-                  case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array);
+    prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     execute("top level built", {tlas->range(), tlas->scratchRange()},
             [&](VkCommandBuffer commands) { tlas->record(commands); });
     tlas->forgetInput();
     top_ = std::move(tlas);
+}
+
+void BuiltCase::prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const
+{
+    std::vector<const Structure *> objects;
+    for (const Bottom &bottom : bottoms_)
+        objects.push_back(bottom.structure.get());
+    const bool updated =
+        std::ranges::any_of(case_.steps, [](const Step &step) { return step.kind == Kind::UpdateTop; });
+    tlas.prepare(
+        oracle::instancesOf(scene_, objects),
+        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
+            (updated ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR} : 0u),
+        mode, case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array);
+}
+
+void BuiltCase::updateTop()
+{
+    auto &tlas = static_cast<Tlas &>(*top_);
+    prepareTop(tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    execute("top level updated", {tlas.range(), tlas.scratchRange()},
+            [&](VkCommandBuffer commands) { tlas.record(commands); });
+    tlas.forgetInput();
+}
+
+// For BuildPlan::single: everything but recording.
+void BuiltCase::prepareAll()
+{
+    for (const oracle::SceneMicromap &from : scene_.micromaps)
+        micromaps_.push_back(std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags));
+    for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
+        Bottom &bottom = bottoms_.emplace_back();
+        bottom.flags = flagsOf(o);
+        bottom.geometries = oracle::geometriesOf(scene_.objects[o], micromaps_);
+        bottom.structure = std::make_unique<Blas>(gpu_);
+        bottom.structure->prepare(bottom.geometries, bottom.flags);
+    }
+    auto tlas = std::make_unique<Tlas>(gpu_);
+    prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    top_ = std::move(tlas);
+}
+
+void BuiltCase::recordAll(VkCommandBuffer commands) const
+{
+    std::vector<MicromapBuild> builds;
+    for (const auto &micromap : micromaps_)
+        builds.push_back({micromap->buildInfo(), micromap->handle()});
+    if (!builds.empty())
+        recordMicromapBuilds(gpu_, commands, builds);
+    barrier(commands);
+    std::vector<const Structure *> structures;
+    for (const Bottom &bottom : bottoms_)
+        structures.push_back(bottom.structure.get());
+    StructureBuilds(gpu_, structures).record(commands);
+    barrier(commands);
+    top_->record(commands);
+    barrier(commands);
 }
 
 void BuiltCase::buildObject(uint32_t object, bool update)
@@ -284,16 +362,30 @@ void BuiltCase::apply(const Step &step)
     switch (step.kind) {
     case Kind::CloneMicromap:
     case Kind::CompactMicromap:
-    case Kind::ReloadMicromap:
-        micromaps_[step.target] = copyOfMicromap(*micromaps_[step.target], step.kind);
+    case Kind::ReloadMicromap: {
+        const std::unique_ptr<Micromap> original = std::move(micromaps_[step.target]);
+        micromaps_[step.target] = copyOfMicromap(*original, step.kind);
+        if (!step.states.empty()) {
+            oracle::SceneMicromap other = scene_.micromaps[step.target];
+            other.triangles = step.states;
+            original->setInput(oracle::inputOf(other));
+            buildMicromap(*original);
+        }
+        // What the original's memory has is nothing that the copy depends on.
+        original->forget();
         return buildMicromapUsers(step.target, step.update);
+    }
     case Kind::SetStates: {
         scene_.micromaps[step.target].triangles = step.states;
         const oracle::SceneMicromap &from = scene_.micromaps[step.target];
-        auto micromap = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags);
-        execute("micromap built", {micromap->range(), micromap->scratchRange()},
-                [&](VkCommandBuffer commands) { micromap->record(commands); });
-        micromap->forgetInput();
+        std::unique_ptr<Micromap> micromap;
+        if (step.inPlace) {
+            micromap = std::move(micromaps_[step.target]);
+            micromap->setInput(oracle::inputOf(from));
+        } else {
+            micromap = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags);
+        }
+        buildMicromap(*micromap);
         micromaps_[step.target] = std::move(micromap);
         return buildMicromapUsers(step.target, step.update);
     }
@@ -325,31 +417,35 @@ void BuiltCase::applyToObject(const Step &step)
     }
 }
 
+void BuiltCase::buildMicromap(Micromap &micromap)
+{
+    execute("micromap built", {micromap.range(), micromap.scratchRange()},
+            [&](VkCommandBuffer commands) { micromap.record(commands); });
+    micromap.forgetInput();
+}
+
 // The old one is destroyed at once: no ray is traced until the structures that use it are built with the new one.
 std::unique_ptr<Micromap> BuiltCase::copyOfMicromap(const Micromap &source, Step::Kind kind)
 {
     const MicromapHandle handle = source.handle();
-    const auto size = [&](VkQueryType type) {
-        const VkQueryType own = micromapQueryType(gpu_, type);
-        return query(own, [&](VkCommandBuffer commands, VkQueryPool pool) {
-            recordMicromapProperties(gpu_, commands, std::span(&handle, 1), own, pool, 0);
-        });
-    };
     if (kind != Kind::ReloadMicromap) {
         const bool clone = kind == Kind::CloneMicromap;
         auto target = std::make_unique<Micromap>(
-            gpu_, source, clone ? source.size() : size(VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
+            gpu_, source, clone ? source.size() : sizeOf(source, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
         execute(clone ? "micromap cloned" : "micromap compacted", {target->range()}, [&](VkCommandBuffer commands) {
             recordMicromapCopy(gpu_, commands, handle, target->handle(),
                                clone ? VK_COPY_MICROMAP_MODE_CLONE_EXT : VK_COPY_MICROMAP_MODE_COMPACT_EXT);
         });
         return target;
     }
-    const Guarded data(gpu_, size(VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
+    const Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
     execute("micromap serialized", {data.range()},
             [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, handle, data.address()); });
-    uint64_t bytes = 0;
-    std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
+    if (!micromapIsCompatible(gpu_, data.bytes()))
+        gpu_.fault("the device does not accept the version of a micromap that it serialized");
+    const uint64_t bytes = numberAt(data.bytes(), kHeaderDeserializedSize);
+    if (numberAt(data.bytes(), kHeaderSerializedSize) > data.size())
+        gpu_.fault("the header of a serialized micromap has a size above that of the query");
     auto target = std::make_unique<Micromap>(gpu_, source, bytes);
     execute("micromap deserialized", {target->range()}, [&](VkCommandBuffer commands) {
         recordMemoryToMicromap(gpu_, commands, data.address(), target->handle());
@@ -375,8 +471,11 @@ void BuiltCase::reload(const Structure &source, Structure &target)
                        kSerializedUsage);
     execute("serialized", {data.range()},
             [&](VkCommandBuffer commands) { recordSerialize(gpu_, commands, source, data.address()); });
-    uint64_t bytes = 0;
-    std::memcpy(&bytes, data.bytes() + kHeaderSize, sizeof bytes);
+    if (!compatible(gpu_, data.bytes()))
+        gpu_.fault("the device does not accept the version of a structure that it serialized");
+    const uint64_t bytes = numberAt(data.bytes(), kHeaderDeserializedSize);
+    if (numberAt(data.bytes(), kHeaderSerializedSize) > data.size())
+        gpu_.fault("the header of a serialized structure has a size above that of the query");
     target.create(bytes);
     execute("deserialized", {target.range()}, [&](VkCommandBuffer commands) {
         auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
@@ -416,9 +515,14 @@ void BuiltCase::moveObject(Bottom &moved, uint32_t other)
     built.structure = std::move(over);
 }
 
-void BuiltCase::applyToTop(Step::Kind kind)
+void BuiltCase::applyToTop(const Step &step)
 {
-    auto target = std::make_unique<Structure>(gpu_, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR);
+    const Kind kind = step.kind;
+    if (kind == Kind::UpdateTop) {
+        scene_.instances = step.instances;
+        return updateTop();
+    }
+    auto target = std::make_unique<Tlas>(gpu_);
     if (kind == Kind::ReloadTop) {
         reload(*top_, *target);
     } else {
@@ -433,36 +537,71 @@ void BuiltCase::applyToTop(Step::Kind kind)
     top_ = std::move(target);
 }
 
-void BuiltCase::recordBuildBeside(VkCommandBuffer commands)
+void BuiltCase::recordWithRays(VkCommandBuffer commands)
 {
+    if (case_.build.single)
+        recordAll(commands);
+    if (!case_.trace.besideBuild)
+        return;
     Bottom &bottom = bottoms_[0];
     beside_ = std::make_unique<Blas>(gpu_);
     beside_->prepare(bottom.geometries, bottom.flags);
     beside_->record(commands);
 }
 
-void BuiltCase::finishBuildBeside()
+// The last of the queries that are recorded.
+uint64_t BuiltCase::query(VkQueryType type, uint32_t count,
+                          const std::function<void(VkCommandBuffer, VkQueryPool)> &record)
 {
-    if (beside_)
-        beside_->forgetInput();
-}
-
-uint64_t BuiltCase::query(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &record)
-{
-    const QueryPool pool(gpu_, type);
+    const QueryPool pool(gpu_, type, count);
     execute("query", {}, [&](VkCommandBuffer commands) {
-        vkCmdResetQueryPool(commands, pool, 0, 1);
+        vkCmdResetQueryPool(commands, pool, 0, count);
         record(commands, pool);
     });
-    return pool.value();
+    return pool.value(count - 1);
 }
 
+// A query of one, and one of it behind all others that can be asked: both must say the same.
 VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
 {
-    const VkAccelerationStructureKHR handle = structure.handle();
-    return query(type, [&](VkCommandBuffer commands, VkQueryPool pool) {
-        gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &handle, type, pool, 0);
-    });
+    std::vector<VkAccelerationStructureKHR> all;
+    for (const Bottom &bottom : bottoms_) {
+        if (bottom.structure && (type != VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR ||
+                                 (bottom.flags & VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR) != 0))
+            all.push_back(bottom.structure->handle());
+    }
+    all.push_back(structure.handle());
+    const auto ask = [&](std::span<const VkAccelerationStructureKHR> of) {
+        return query(type, static_cast<uint32_t>(of.size()), [&](VkCommandBuffer commands, VkQueryPool pool) {
+            gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, static_cast<uint32_t>(of.size()), of.data(),
+                                                                  type, pool, 0);
+        });
+    };
+    const VkDeviceSize one = ask(std::span(&all.back(), 1));
+    if (ask(all) != one)
+        gpu_.fault("a query of several sizes of acceleration structures differs from a query of one");
+    return one;
+}
+
+VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of)
+{
+    const VkQueryType type = micromapQueryType(gpu_, of);
+    std::vector<MicromapHandle> all;
+    for (size_t i = 0; i < micromaps_.size(); ++i) {
+        if (micromaps_[i] && (of != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
+                              (scene_.micromaps[i].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0))
+            all.push_back(micromaps_[i]->handle());
+    }
+    all.push_back(micromap.handle());
+    const auto ask = [&](std::span<const MicromapHandle> some) {
+        return query(type, static_cast<uint32_t>(some.size()), [&](VkCommandBuffer commands, VkQueryPool pool) {
+            recordMicromapProperties(gpu_, commands, some, type, pool, 0);
+        });
+    };
+    const VkDeviceSize one = ask(std::span(&all.back(), 1));
+    if (ask(all) != one)
+        gpu_.fault("a query of several sizes of micromaps differs from a query of one");
+    return one;
 }
 
 } // namespace vellum::check

@@ -22,10 +22,8 @@ public:
     BuiltCase &operator=(const BuiltCase &) = delete;
 
     [[nodiscard]] const Structure &top() const { return *top_; }
-    // Records a build of an object in new memory, which replaces the object when the work is done.
-    void recordBuildBeside(VkCommandBuffer commands);
-    // What the build wrote to, and what it replaces.
-    void finishBuildBeside();
+    // Records what the case has in the submission that traces: all builds, or one in new memory beside the rays.
+    void recordWithRays(VkCommandBuffer commands);
 
 private:
     struct Bottom {
@@ -41,12 +39,18 @@ private:
         std::function<Writes(size_t, VkCommandBuffer, SharedScratch &)> record;
     };
 
+    void buildAll();
     void buildMicromaps();
     void buildObjects();
     void buildTop();
     void apply(const Step &step);
     void applyToObject(const Step &step);
-    void applyToTop(Step::Kind kind);
+    void applyToTop(const Step &step);
+    void prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const;
+    void updateTop();
+    void prepareAll();
+    void recordAll(VkCommandBuffer commands) const;
+    void buildMicromap(Micromap &micromap);
 
     [[nodiscard]] VkBuildAccelerationStructureFlagsKHR flagsOf(uint32_t object) const;
     void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
@@ -60,8 +64,10 @@ private:
     void runOnThreads(const Work &work);
     // Executes, and reports what else was written to.
     void execute(const std::string &what, const Writes &writes, const Record &record);
-    [[nodiscard]] uint64_t query(VkQueryType type, const std::function<void(VkCommandBuffer, VkQueryPool)> &record);
+    [[nodiscard]] uint64_t query(VkQueryType type, uint32_t count,
+                                 const std::function<void(VkCommandBuffer, VkQueryPool)> &record);
     [[nodiscard]] VkDeviceSize sizeOf(const Structure &structure, VkQueryType type);
+    [[nodiscard]] VkDeviceSize sizeOf(const Micromap &micromap, VkQueryType type);
 
     Device &gpu_;
     const Case &case_;

@@ -26,6 +26,9 @@ struct BuildPlan {
     bool together = false;         // all micromaps by one command, all bottom-level structures by another
     uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
+    bool single = false;           // everything by one command buffer, with the rays; without steps only
+    // Indirect builds allow that many triangles more than they build: ppMaxPrimitiveCounts.
+    uint32_t spareTriangles = 0;
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps
@@ -41,24 +44,27 @@ struct Step {
         MoveObject,   // cloned, and `other` built in its memory by the same submission
         RenameObject, // a second handle at the same address
         // On a micromap; the structures that use it are built again (`update`: updated).
-        CloneMicromap,
+        CloneMicromap, // and the original built again with `states`, if there are any
         CompactMicromap,
         ReloadMicromap,
-        SetStates, // built anew with `states`
+        SetStates, // built anew with `states`, which have the levels and formats of before if `inPlace`
         // On a mesh.
         SetIndices, // `micromapUse` instead of what it had; the structure is updated (`update`) or built again
         // On the top level.
         CloneTop,
         CompactTop,
         ReloadTop,
+        UpdateTop, // updated with `instances`
         Count
     };
     Kind kind = Kind::CloneObject;
     uint32_t target = 0; // an object or a micromap
     uint32_t other = 0;  // MoveObject: another object. SetIndices: a mesh of the object
     bool update = false;
+    bool inPlace = false; // by the same handle
     std::vector<oracle::MicromapTriangle> states;
     std::optional<oracle::MeshMicromap> micromapUse;
+    std::vector<oracle::Instance> instances;
 };
 
 // How the rays are traced.

@@ -54,6 +54,7 @@ void ofMesh(Archive &archive, T &mesh)
 template <class Archive, class T>
 void ofObject(Archive &archive, T &object)
 {
+    archive.bits("flags", object.flags, kStructureFlagNames);
     archive.list("meshes", object.meshes, [](auto &a, auto &mesh) { ofMesh(a, mesh); });
 }
 
@@ -85,6 +86,7 @@ void ofRay(Archive &archive, T &ray)
 template <class Archive, class T>
 void ofScene(Archive &archive, T &scene)
 {
+    archive.value("edge", scene.edge, std::decay_t<T>().edge);
     archive.list("micromaps", scene.micromaps, [](auto &a, auto &micromap) { ofMicromap(a, micromap); });
     archive.list("objects", scene.objects, [](auto &a, auto &object) { ofObject(a, object); });
     archive.list("instances", scene.instances, [](auto &a, auto &instance) { ofInstance(a, instance); });
@@ -100,6 +102,8 @@ void ofBuild(Archive &archive, T &build)
     archive.value("together", build.together, standard.together);
     archive.value("threads", build.threads, standard.threads);
     archive.value("instancePointers", build.instancePointers, standard.instancePointers);
+    archive.value("single", build.single, standard.single);
+    archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);
 }
 
 template <class Archive, class T>
@@ -109,8 +113,10 @@ void ofStep(Archive &archive, T &step)
     archive.value("target", step.target, 0u);
     archive.value("other", step.other, 0u);
     archive.value("update", step.update, false);
+    archive.value("inPlace", step.inPlace, false);
     archive.list("states", step.states, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
     archive.optional("micromapUse", step.micromapUse, [](auto &a, auto &use) { ofUse(a, use); });
+    archive.list("instances", step.instances, [](auto &a, auto &instance) { ofInstance(a, instance); });
 }
 
 template <class Archive, class T>
@@ -121,10 +127,14 @@ void ofTrace(Archive &archive, T &trace)
     archive.name("stage", trace.stage, kStageNames, standard.stage);
     archive.name("flags", trace.flags, kFlagSourceNames, standard.flags);
     archive.name("mode", trace.mode, kModeNames, standard.mode);
-    archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
-    archive.value("libraries", trace.libraries, standard.libraries);
+    archive.value("byAddress", trace.byAddress, standard.byAddress);
     archive.value("inlineModules", trace.inlineModules, standard.inlineModules);
+    archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
+    archive.name("libraries", trace.libraries, kLibrariesNames, standard.libraries);
     archive.value("dynamicStackSize", trace.dynamicStackSize, standard.dynamicStackSize);
+    archive.value("recursion", trace.recursion, standard.recursion);
+    archive.value("flags2", trace.flags2, standard.flags2);
+    archive.value("withoutMicromaps", trace.withoutMicromaps, standard.withoutMicromaps);
 }
 
 template <class Archive, class T>

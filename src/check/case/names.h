@@ -52,6 +52,7 @@ inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::CloneTop, "clone-top"},
     Name<Step::Kind>{Step::Kind::CompactTop, "compact-top"},
     Name<Step::Kind>{Step::Kind::ReloadTop, "reload-top"},
+    Name<Step::Kind>{Step::Kind::UpdateTop, "update-top"},
 };
 static_assert(kStepNames.size() == static_cast<size_t>(Step::Kind::Count));
 
@@ -62,17 +63,33 @@ inline constexpr std::array kMethodNames{
 inline constexpr std::array kFlagSourceNames{
     Name<TracePlan::Flags>{TracePlan::Flags::RunTime, "run-time"},
     Name<TracePlan::Flags>{TracePlan::Flags::Specialized, "specialized"},
+    Name<TracePlan::Flags>{TracePlan::Flags::Literal, "literal"},
 };
 inline constexpr std::array kModeNames{
     Name<TracePlan::Mode>{TracePlan::Mode::True, "true"},
+    Name<TracePlan::Mode>{TracePlan::Mode::False, "false"},
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedTrue, "specialized-true"},
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedFalse, "specialized-false"},
+};
+inline constexpr std::array kLibrariesNames{
+    Name<TracePlan::Libraries>{TracePlan::Libraries::None, "none"},
+    Name<TracePlan::Libraries>{TracePlan::Libraries::Two, "two"},
+    Name<TracePlan::Libraries>{TracePlan::Libraries::Three, "three"},
+    Name<TracePlan::Libraries>{TracePlan::Libraries::Nested, "nested"},
 };
 inline constexpr std::array kStageNames{
     Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_COMPUTE_BIT, "VK_SHADER_STAGE_COMPUTE_BIT"},
     Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_VERTEX_BIT, "VK_SHADER_STAGE_VERTEX_BIT"},
     Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_FRAGMENT_BIT, "VK_SHADER_STAGE_FRAGMENT_BIT"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_GEOMETRY_BIT, "VK_SHADER_STAGE_GEOMETRY_BIT"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_TASK_BIT_EXT, "VK_SHADER_STAGE_TASK_BIT_EXT"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_MESH_BIT_EXT, "VK_SHADER_STAGE_MESH_BIT_EXT"},
     Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_RAYGEN_BIT_KHR, "VK_SHADER_STAGE_RAYGEN_BIT_KHR"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_MISS_BIT_KHR, "VK_SHADER_STAGE_MISS_BIT_KHR"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, "VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_ANY_HIT_BIT_KHR, "VK_SHADER_STAGE_ANY_HIT_BIT_KHR"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_INTERSECTION_BIT_KHR, "VK_SHADER_STAGE_INTERSECTION_BIT_KHR"},
+    Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_CALLABLE_BIT_KHR, "VK_SHADER_STAGE_CALLABLE_BIT_KHR"},
 };
 
 inline constexpr std::array kFormatNames{
@@ -96,6 +113,17 @@ inline constexpr std::array kMicromapFlagNames{
     Bit{VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT, "VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT"},
     Bit{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, "VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT"},
     Bit{kLossy, "VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR"},
+};
+// Of bottom-level structures. The others follow from what is done with them.
+inline constexpr std::array kStructureFlagNames{
+    Bit{VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR,
+        "VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR"},
+    Bit{VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR,
+        "VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR"},
+    Bit{VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR, "VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR"},
+    Bit{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR"},
+    Bit{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR,
+        "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR"},
 };
 inline constexpr std::array kInstanceFlagNames{
     Bit{VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR,

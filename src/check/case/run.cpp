@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <array>
-#include <mutex>
-
 #include "check/case/built_case.h"
 #include "check/case/trace.h"
 
@@ -28,7 +25,9 @@ std::string missing(const Device &gpu, const Case &c)
                 return "a subdivision level is above the limit of the device";
         }
     }
-    return missingFor(gpu, c.trace).value_or("");
+    if (const auto lacks = missingFor(gpu, c.trace))
+        return *lacks;
+    return sceneRule(gpu, c.trace, sceneAfter(c)).value_or("");
 }
 
 // A fault without what varies from case to case: numbers become #.
@@ -70,9 +69,10 @@ Verdict run(Device &gpu, const Case &c)
     std::vector<std::string> faults;
     {
         BuiltCase built(gpu, c);
-        faults = traceFaults(gpu, built.top(), after, hits, c.trace,
-                             [&](VkCommandBuffer commands) { built.recordBuildBeside(commands); });
-        built.finishBuildBeside();
+        PlannedTracer::Record withRays;
+        if (c.build.single || c.trace.besideBuild)
+            withRays = [&](VkCommandBuffer commands) { built.recordWithRays(commands); };
+        faults = traceFaults(gpu, built.top(), after, hits, c.trace, withRays);
     }
     for (size_t i = 0; i < faults.size(); ++i) {
         verdict.rays += hits[i].unsure ? 0u : 1u;

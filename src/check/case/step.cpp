@@ -17,6 +17,8 @@ void applyTo(oracle::Scene &scene, const Step &step)
         scene.micromaps[step.target].triangles = step.states;
     else if (step.kind == Step::Kind::SetIndices)
         scene.objects[step.target].meshes[step.other].micromap = step.micromapUse;
+    else if (step.kind == Step::Kind::UpdateTop)
+        scene.instances = step.instances;
 }
 
 oracle::Scene sceneAfter(const Case &c)

@@ -183,7 +183,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
         tracers->all.emplace_back(pipelines, std::make_unique<PlannedTracer>(gpu, pipelines));
         found = std::prev(tracers->all.end());
     }
-    return found->second->faults(top, scene, hits, plan.besideBuild ? beside : PlannedTracer::Record{});
+    return found->second->faults(top, scene, hits, beside);
 }
 
 } // namespace vellum::check

@@ -50,7 +50,7 @@ private:
     std::unique_ptr<Pipelines> pipelines_;
 };
 
-// The same with the tracer of the plan that the device keeps. beside: only by a plan of besideBuild.
+// The same with the tracer of the plan that the device keeps.
 std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const oracle::Scene &scene,
                                      std::span<const oracle::Hits> hits, const TracePlan &plan,
                                      const PlannedTracer::Record &beside);

@@ -138,6 +138,10 @@ void checkMesh(const oracle::Mesh &mesh, const std::string &where)
 
 void checkObject(const Scene &scene, const oracle::Object &object, const std::string &where)
 {
+    rule((object.flags & ~allOf(kStructureFlagNames)) == 0, where, "no such flag");
+    rule(oneAtMost(object.flags, VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
+                                     VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR),
+         where, "fast builds and fast traces exclude each other");
     rule(!object.meshes.empty() && object.meshes.size() <= kMostMeshes, where, "has {} meshes, not 1 to {}",
          object.meshes.size(), kMostMeshes);
     for (size_t i = 0; i < object.meshes.size(); ++i) {
@@ -201,8 +205,11 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
 {
     using Kind = Step::Kind;
     rule(step.kind < Kind::Count, where, "no such step");
-    rule(step.kind == Kind::SetStates || step.states.empty(), where, "has states that it does not use");
+    rule(step.kind == Kind::SetStates || step.kind == Kind::CloneMicromap || step.states.empty(), where,
+         "has states that it does not use");
     rule(step.kind == Kind::SetIndices || !step.micromapUse, where, "has indices that it does not use");
+    rule(step.kind == Kind::UpdateTop || step.instances.empty(), where, "has instances that it does not use");
+    rule(step.kind == Kind::SetStates || !step.inPlace, where, "is not in place");
     const Target target = targetOf(step.kind);
     rule(target != Target::Object || step.target < scene.objects.size(), where, "object {} does not exist",
          step.target);
@@ -214,8 +221,24 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
         // VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07502
         rule((scene.micromaps[step.target].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0, where,
              "micromap {} does not allow compaction", step.target);
-    } else if (step.kind == Kind::SetStates) {
+    } else if (step.kind == Kind::SetStates || (step.kind == Kind::CloneMicromap && !step.states.empty())) {
         checkMicromapTriangles(step.states, where + ".states", states);
+        // Of the same size, so that they can be built in the same memory.
+        rule((step.kind == Kind::SetStates && !step.inPlace) ||
+                 std::ranges::equal(
+                     step.states, scene.micromaps[step.target].triangles,
+                     [](const auto &a, const auto &b) { return a.level == b.level && a.format == b.format; }),
+             where, "other levels or formats than the micromap has");
+    } else if (step.kind == Kind::UpdateTop) {
+        rule(step.instances.size() == scene.instances.size(), where, "{} instances, not {}", step.instances.size(),
+             scene.instances.size());
+        for (size_t i = 0; i < step.instances.size(); ++i) {
+            checkInstance(scene, step.instances[i], fmt::format("{}.instances[{}]", where, i));
+            // VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667 and its neighbours: what an update must not change.
+            rule(step.instances[i].inactive == scene.instances[i].inactive &&
+                     step.instances[i].object == scene.instances[i].object,
+                 where, "instance {} has another object or is no longer active", i);
+        }
     } else if (step.kind == Kind::SetIndices) {
         const std::vector<oracle::Mesh> &meshes = scene.objects[step.target].meshes;
         rule(step.other < meshes.size(), where, "mesh {} does not exist", step.other);
@@ -252,14 +275,15 @@ void checkPlans(const Case &c)
     rule(isNamed(kStageNames, c.trace.stage), "trace.stage", "no such stage");
     rule(isNamed(kFlagSourceNames, c.trace.flags), "trace.flags", "no such source");
     rule(isNamed(kModeNames, c.trace.mode), "trace.mode", "no such mode");
-    const auto other = [&](const Ray &ray) { return ray.flags != c.scene.rays[0].flags; };
-    rule(c.trace.flags != TracePlan::Flags::Specialized || std::ranges::none_of(c.scene.rays, other), "scene.rays",
-         "have different flags, which are specialized");
+    rule(isNamed(kLibrariesNames, c.trace.libraries), "trace.libraries", "no such number");
+    rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
+    rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
 }
 
 void check(const Case &c)
 {
     const Scene &scene = c.scene;
+    rule(std::isfinite(scene.edge) && scene.edge > 0 && scene.edge < 0.1f, "scene.edge", "is not between 0 and 0.1");
     rule(!scene.objects.empty() && !scene.instances.empty() && !scene.rays.empty(), "scene",
          "needs an object, an instance and a ray");
     uint64_t states = 0;

@@ -82,6 +82,21 @@ std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> in
 Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags, SharedScratch *scratch)
     : gpu_(gpu), input_(std::move(input))
 {
+    describe(flags);
+    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
+    create(sizes.micromapSize);
+    upload(scratch, sizes.buildScratchSize);
+}
+
+void Micromap::setInput(MicromapInput input, SharedScratch *scratch)
+{
+    input_ = std::move(input);
+    describe(info_.flags);
+    upload(scratch, micromapSizes(gpu_, info_).buildScratchSize);
+}
+
+void Micromap::describe(VkBuildMicromapFlagsEXT flags)
+{
     usage_ = input_.usage();
     info_ = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT,
                                             .flags = flags,
@@ -89,13 +104,15 @@ Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT fla
                                             .usageCountsCount = static_cast<uint32_t>(usage_.size()),
                                             .pUsageCounts = input_.usagePointers ? nullptr : usage_.data(),
                                             .triangleArrayStride = input_.stride});
+    usagePointers_.clear();
     for (const VkMicromapUsageEXT &usage : usage_)
         usagePointers_.push_back(&usage);
     if (input_.usagePointers)
         info_.ppUsageCounts = usagePointers_.data();
-    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
-    create(sizes.micromapSize);
+}
 
+void Micromap::upload(SharedScratch *scratch, VkDeviceSize scratchSize)
+{
     std::vector<uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
     for (size_t i = 0; i < input_.triangles.size(); ++i)
         std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
@@ -103,7 +120,7 @@ Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT fla
     const VkDeviceSize alignment = micromapInputAlignment(gpu_);
     data_ = uploadAligned(gpu_, input_.data.data(), input_.data.size(), usage, alignment);
     triangles_ = uploadAligned(gpu_, strided.data(), strided.size(), usage, alignment);
-    scratch_ = scratchOf(gpu_, scratch, sizes.buildScratchSize);
+    scratch_ = scratchOf(gpu_, scratch, scratchSize);
     info_.dstMicromap = handle_.ext;
     info_.data.deviceAddress = data_.address();
     info_.triangleArray.deviceAddress = triangles_.address();
@@ -178,7 +195,7 @@ uint32_t Geometry::primitives() const
     if (!boxes.empty())
         return static_cast<uint32_t>(boxes.size());
     return static_cast<uint32_t>((indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() : indices.size()) / 3) -
-           skippedTriangles;
+           skippedTriangles - spareTriangles;
 }
 
 Structure::~Structure()
@@ -231,6 +248,7 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
                                                              .mode = mode,
                                                              .geometryCount = static_cast<uint32_t>(geometries_.size()),
                                                              .pGeometries = geometries_.data()});
+    maxPrimitives_.assign(maxPrimitives.begin(), maxPrimitives.end());
     auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                     &info_, maxPrimitives.data(), &sizes);
@@ -337,7 +355,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
         }
         geometries_.push_back(geometry);
         ranges_.push_back(range);
-        counts.push_back(range.primitiveCount);
+        counts.push_back(range.primitiveCount + input.spareTriangles);
     }
     prepareBuild(flags, mode, counts);
 }
@@ -361,7 +379,7 @@ StructureBuilds::StructureBuilds(Device &gpu, std::span<const Structure *const> 
         strides_.push_back(sizeof(all[0]));
         std::vector<uint32_t> &counts = counts_.emplace_back();
         for (uint32_t g = 0; g < geometries; ++g)
-            counts.push_back(structure->ranges()[g].primitiveCount);
+            counts.push_back(structure->maxPrimitives(g));
     }
     if (!indirect)
         return;

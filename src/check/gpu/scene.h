@@ -56,6 +56,8 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
+    // Prepares another build by the same handle, of an input that needs no more memory than the last.
+    void setInput(MicromapInput input, SharedScratch *scratch = nullptr);
     // The same input in host memory, for vkBuildMicromapsEXT.
     [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
     // Builds it by vkBuildMicromapsEXT.
@@ -72,6 +74,8 @@ public:
 
 private:
     void create(VkDeviceSize size);
+    void upload(SharedScratch *scratch, VkDeviceSize scratchSize);
+    void describe(VkBuildMicromapFlagsEXT flags);
 
     Device &gpu_;
     MicromapInput input_;
@@ -101,6 +105,7 @@ struct Geometry {
     VkGeometryFlagsKHR flags = 0;
     std::optional<Attachment> micromap;
     uint32_t skippedTriangles = 0; // primitiveOffset, in triangles
+    uint32_t spareTriangles = 0;   // at the end, that are not built, though sizes allow for them
     uint32_t firstVertex = 0;
 
     [[nodiscard]] uint32_t primitives() const;
@@ -136,6 +141,8 @@ public:
     void record(VkCommandBuffer commands) const;
     [[nodiscard]] const VkAccelerationStructureBuildGeometryInfoKHR &buildInfo() const { return info_; }
     [[nodiscard]] const VkAccelerationStructureBuildRangeInfoKHR *ranges() const { return ranges_.data(); }
+    // Primitives of a geometry that the memory is large enough for.
+    [[nodiscard]] uint32_t maxPrimitives(size_t geometry) const { return maxPrimitives_[geometry]; }
 
 protected:
     // Makes the structure where there is none or it is too small, the scratch memory, and the build info.
@@ -156,6 +163,7 @@ private:
     std::shared_ptr<Guarded> storage_, room_;
     std::shared_ptr<Guarded> scratch_;
     SharedScratch *sharedScratch_ = nullptr;
+    std::vector<uint32_t> maxPrimitives_;
     VkBuffer placedBuffer_ = VK_NULL_HANDLE;
     VkDeviceSize placedOffset_ = 0;
     VkAccelerationStructureBuildGeometryInfoKHR info_{};

@@ -13,9 +13,20 @@ Case builds(Random &random, const DeviceLimits &limits)
 {
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
     c.build.together = chance(random, 60);
-    if (limits.indirectBuilds && chance(random, 40))
+    if (limits.indirectBuilds && chance(random, 40)) {
         c.build.structures = BuildCommand::Indirect;
+        c.build.spareTriangles = below(random, 4);
+    }
     c.build.instancePointers = chance(random, 50);
+    return c;
+}
+
+// Builds and rays in one command buffer, with nothing but barriers between.
+Case single(Random &random, const DeviceLimits &limits)
+{
+    Case c{.scene = makeScene(random, smallScene(limits), limits)};
+    c.build.single = true;
+    c.build.instancePointers = chance(random, 30);
     return c;
 }
 
@@ -57,6 +68,10 @@ constexpr std::array kGroups{
           "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
           "ppUsageCounts; triangleArrayStride; arrayOfPointers",
           200, [](Session &s, uint64_t seed) { return runRandomCase(s, "builds", seed, builds); }},
+    Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
+          "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
+          "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",
+          150, [](Session &s, uint64_t seed) { return runRandomCase(s, "one-command-buffer", seed, single); }},
     Group{"host-builds", "micromaps that are built on the host", "vkBuildMicromapsEXT; micromapHostCommands", 60,
           [](Session &s, uint64_t seed) { return runRandomCase(s, "host-builds", seed, hostBuilds); }},
     Group{

@@ -39,7 +39,8 @@ Case serialization(Random &random, const DeviceLimits &limits)
 
 Case updates(Random &random, const DeviceLimits &limits)
 {
-    constexpr std::array kinds{Kind::UpdateObject, Kind::SetStates, Kind::SetIndices, Kind::RebuildObject};
+    constexpr std::array kinds{Kind::UpdateObject, Kind::SetStates, Kind::SetIndices, Kind::RebuildObject,
+                               Kind::UpdateTop};
     return withSteps(random, limits, kinds, 4);
 }
 

@@ -36,9 +36,17 @@ bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT f
     return triangle.level <= ((flags & kLossy) != 0 ? limits.maxLossyLevel : limits.maxLevel4);
 }
 
-std::vector<oracle::MicromapTriangle> otherStates(Random &random, const oracle::SceneMicromap &micromap,
+// sameSize: of the same levels and formats.
+std::vector<oracle::MicromapTriangle> otherStates(Random &random, const oracle::SceneMicromap &micromap, bool sameSize,
                                                   const DeviceLimits &limits)
 {
+    if (sameSize) {
+        std::vector<oracle::MicromapTriangle> triangles = micromap.triangles;
+        for (oracle::MicromapTriangle &triangle : triangles)
+            for (uint8_t &state : triangle.states)
+                state = static_cast<uint8_t>(below(random, triangle.format == kTwoState ? 2 : 4));
+        return triangles;
+    }
     std::vector<oracle::MicromapTriangle> triangles;
     uint32_t maxLevel = 0;
     for (const oracle::MicromapTriangle &old : micromap.triangles)
@@ -108,8 +116,10 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         if (able.empty())
             return {};
         step.target = able[below(random, static_cast<uint32_t>(able.size()))];
-        if (kind == Kind::SetStates)
-            step.states = otherStates(random, scene.micromaps[step.target], limits);
+        step.inPlace = kind == Kind::SetStates && chance(random, 50);
+        if (kind == Kind::SetStates || (kind == Kind::CloneMicromap && chance(random, 50)))
+            step.states =
+                otherStates(random, scene.micromaps[step.target], step.inPlace || kind != Kind::SetStates, limits);
         return step;
     }
     case Kind::SetIndices: {
@@ -127,6 +137,22 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         step.micromapUse = oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
         return step;
     }
+    case Kind::UpdateTop:
+        step.update = false;
+        step.instances = scene.instances;
+        for (oracle::Instance &instance : step.instances) {
+            const bool inactive = instance.inactive;
+            const uint32_t object = instance.object;
+            instance = oracle::randomInstance(random, 1, {});
+            instance.inactive = inactive;
+            instance.object = object;
+        }
+        if (limits.seesOnlyLastInstances)
+            return {};
+        return step;
+    case Kind::CloneTop:
+    case Kind::CompactTop:
+    case Kind::ReloadTop: return Step{.kind = kind};
     default:
         step.target = below(random, static_cast<uint32_t>(scene.objects.size()));
         step.other = below(random, static_cast<uint32_t>(scene.objects.size()));

@@ -2,6 +2,7 @@
 // Groups about what rays meet: the opacity of a hit by micromap, geometry, instance and ray.
 #include <array>
 
+#include "check/case/trace.h"
 #include "check/groups/random_case.h"
 
 namespace vellum::check
@@ -32,53 +33,6 @@ Case plain(Random &random, const DeviceLimits &limits)
                                                                        : TracePlan::Method::Query}};
 }
 
-// Few triangles with fine micromaps, up to the limits of the device.
-Case levels(Random &random, const DeviceLimits &limits)
-{
-    Limits scene = smallScene(limits);
-    scene.objects = scene.meshes = 1;
-    scene.instances = 2;
-    scene.triangles = 3;
-    const uint32_t most = std::max(limits.maxLevel2, limits.maxLevel4);
-    scene.maxLevel = chance(random, 15) ? most : std::min(most, 5 + below(random, 5));
-    Case c{.scene = makeScene(random, scene, limits)};
-    // Rays that meet few triangles can be compared where micro-triangles are small.
-    for (oracle::SceneMicromap &micromap : c.scene.micromaps) {
-        oracle::MicromapTriangle &first = micromap.triangles[0];
-        first.level = first.format == kTwoState ? std::min(limits.maxLevel2, scene.maxLevel)
-                                                : std::min(limits.maxLevel4, scene.maxLevel);
-        const uint32_t values = first.format == kTwoState ? 2 : 4;
-        first.states.resize(size_t{1} << 2 * first.level);
-        for (uint8_t &state : first.states)
-            state = static_cast<uint8_t>(below(random, values));
-    }
-    return c;
-}
-
-// A row of right-angled triangles in the plane z = 0, and rays at their micro-triangles.
-void addRow(Random &random, oracle::Scene &scene, uint32_t triangles, const Limits &limits)
-{
-    oracle::Mesh mesh;
-    mesh.opaque = chance(random, 50);
-    const auto y = 1.5f * static_cast<float>(scene.objects[0].meshes.size());
-    for (uint32_t t = 0; t < triangles; ++t) {
-        appendTriangle(mesh.vertices, {1.5f * static_cast<float>(t), y, 0});
-        for (uint32_t r = 0; r < 4; ++r) {
-            Ray ray = oracle::randomRay(random, limits);
-            const float u = 0.03f + 0.9f * static_cast<float>(below(random, 1000)) / 1000;
-            const float v = (1 - u) * (0.05f + 0.9f * static_cast<float>(below(random, 1000)) / 1000);
-            ray.origin = {1.5f * static_cast<float>(t) + u, y + v, 3};
-            ray.direction = {0, 0, -1};
-            ray.tMin = 0;
-            ray.tMax = 10;
-            ray.cullMask = 0xff;
-            ray.flags &= ~(kRayCullBack | kRayCullFront | kRaySkipTriangles);
-            scene.rays.push_back(ray);
-        }
-    }
-    scene.objects[0].meshes.push_back(mesh);
-}
-
 oracle::Instance oneInstance(Random &random)
 {
     oracle::Instance instance;
@@ -88,26 +42,93 @@ oracle::Instance oneInstance(Random &random)
     return instance;
 }
 
+// One object in one instance, which does not move it.
+oracle::Scene rowScene(Random &random)
+{
+    oracle::Scene scene;
+    scene.edge = 4e-6f; // rays along the axes, on triangles that are near the origin
+    scene.objects.resize(1);
+    scene.instances = {oneInstance(random)};
+    return scene;
+}
+
+// Adds a row of right-angled triangles in the plane z = 0, and rays that meet them at the centres of micro-triangles of
+// that level.
+void addRow(Random &random, oracle::Scene &scene, uint32_t triangles, uint32_t level, uint32_t raysOfEach)
+{
+    oracle::Mesh &mesh = scene.objects[0].meshes.emplace_back();
+    mesh.opaque = chance(random, 50);
+    const auto y = 1.5f * static_cast<float>(scene.objects[0].meshes.size() - 1);
+    for (uint32_t t = 0; t < triangles; ++t) {
+        const float x = 1.5f * static_cast<float>(t);
+        appendTriangle(mesh.vertices, {x, y, 0});
+        for (uint32_t r = 0; r < raysOfEach; ++r) {
+            Ray ray = oracle::randomRay(random, {});
+            const auto [u, v] = microTriangleCentre(below(random, 1u << (2 * level)), level);
+            ray.origin = {x + static_cast<float>(u), y + static_cast<float>(v), 3};
+            ray.direction = {0, 0, -1};
+            ray.tMin = 0;
+            ray.tMax = 10;
+            ray.cullMask = 0xff;
+            ray.generate = 0;
+            ray.flags &= ~(kRayCullBack | kRayCullFront | kRaySkipTriangles);
+            scene.rays.push_back(ray);
+        }
+    }
+}
+
+oracle::MicromapTriangle fineTriangle(Random &random, uint32_t level, uint16_t format)
+{
+    oracle::MicromapTriangle triangle{.level = level, .format = format};
+    triangle.states.resize(size_t{1} << (2 * level));
+    for (uint8_t &state : triangle.states)
+        state = static_cast<uint8_t>(below(random, format == kTwoState ? 2 : 4));
+    return triangle;
+}
+
+// A few triangles with fine micromaps of both formats, up to the limits of the device.
+Case levels(Random &random, const DeviceLimits &limits)
+{
+    Case c{.scene = rowScene(random)};
+    const bool two = chance(random, 50);
+    const uint32_t most = two ? limits.maxLevel2 : limits.maxLevel4;
+    const uint32_t level = chance(random, 20) ? most : below(random, std::min(most, 9u) + 1);
+    const uint32_t triangles = level > 9 ? 1 : 4;
+    oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
+    for (uint32_t i = 0; i < triangles; ++i) {
+        const uint16_t format = i % 2 == (two ? 0u : 1u) ? kTwoState : kFourState;
+        micromap.triangles.push_back(
+            fineTriangle(random, std::min(level, format == kTwoState ? limits.maxLevel2 : limits.maxLevel4), format));
+    }
+    addRow(random, c.scene, triangles, level, 48);
+    oracle::MeshMicromap &use = c.scene.objects[0].meshes[0].micromap.emplace();
+    use.micromap = 0;
+    for (uint32_t i = 0; i < triangles; ++i)
+        use.indices.push_back(static_cast<int32_t>(i));
+    return c;
+}
+
 // Every type of index with every special index, stride, offset and base, also of null micromaps.
 Case indices(Random &random, const DeviceLimits &limits)
 {
-    Limits scene = smallScene(limits);
-    scene.maxLevel = 3;
-    scene.objects = scene.meshes = 1;
-    scene.rays = 0;
-    Case c;
-    c.scene.objects.resize(1);
-    c.scene.instances = {oneInstance(random)};
-    // 200 triangles, so that indices of eight bits reach beyond 127, which are not special.
+    Case c{.scene = rowScene(random)};
+    // Many triangles, so that some have indices whose low bits are those of special indices of smaller types.
     oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
-    const uint32_t count = chance(random, 30) ? 200 : 12;
+    const uint32_t count = chance(random, 50) ? 12 : 700;
     for (uint32_t i = 0; i < count; ++i)
-        micromap.triangles.push_back(oracle::randomTriangle(random, scene.maxLevel));
+        micromap.triangles.push_back(oracle::randomTriangle(random, count < 100 ? 3 : 1));
     for (uint32_t m = 0; m < 3; ++m) {
         const uint32_t triangles = 4 + below(random, 8);
-        addRow(random, c.scene, triangles, scene);
+        addRow(random, c.scene, triangles, 4, 4);
+        std::optional<oracle::MeshMicromap> &use = c.scene.objects[0].meshes.back().micromap;
         if (chance(random, 85))
-            c.scene.objects[0].meshes.back().micromap = oracle::randomUse(random, c.scene, triangles, scene);
+            use = oracle::randomUse(random, c.scene, triangles, {.byteIndices = limits.byteIndices});
+        // 0xfc to 0xff are special in indices of 8 bits only.
+        if (use && use->micromap && use->base < 100 && count > 600 && use->indexType != VK_INDEX_TYPE_NONE_KHR &&
+            use->indexType != VK_INDEX_TYPE_UINT8_EXT) {
+            for (int32_t &index : use->indices)
+                index = index >= 0 && chance(random, 40) ? static_cast<int32_t>(0xfc + below(random, 4)) : index;
+        }
     }
     if (limits.pipelines && chance(random, 25))
         c.trace.method = TracePlan::Method::Pipeline;
@@ -138,19 +159,66 @@ Case flags(Random &random, const DeviceLimits &limits)
 
 Case lossy(Random &random, const DeviceLimits &limits)
 {
+    Case c{.scene = rowScene(random)};
+    oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
+    micromap.flags = kLossy;
+    const uint32_t level = std::min(below(random, 7), limits.maxLossyLevel);
+    for (uint32_t i = 0; i < 6; ++i)
+        micromap.triangles.push_back(chance(random, 50) ? fineTriangle(random, level, kFourState)
+                                                        : oracle::randomTriangle(random, level));
+    addRow(random, c.scene, 6, level, 24);
+    c.scene.objects[0].meshes[0].micromap = oracle::randomUse(random, c.scene, 6, {.byteIndices = limits.byteIndices});
+    return c;
+}
+
+// Ray queries in every stage, with ray flags and execution mode from everywhere.
+Case stages(Random &random, const DeviceLimits &limits)
+{
     Limits scene = smallScene(limits);
-    scene.lossy = true;
-    scene.triangles = 4;
-    scene.objects = 2;
+    scene.rays = 48;
     Case c{.scene = makeScene(random, scene, limits)};
-    if (c.scene.micromaps.empty() || limits.api == Api::Ext)
-        return c;
-    c.scene.micromaps[0].flags |= kLossy;
-    for (oracle::MicromapTriangle &triangle : c.scene.micromaps[0].triangles) {
-        while (triangle.format == kFourState && triangle.level > limits.maxLossyLevel)
-            triangle = oracle::randomTriangle(random, scene.maxLevel);
+    c.trace.stage = kQueryStages[below(random, kQueryStages.size())];
+    c.trace.byAddress = chance(random, 40);
+    c.trace.inlineModules = chance(random, 30);
+    c.trace.mode =
+        limits.api == Api::Khr && chance(random, 50) ? TracePlan::Mode::SpecializedTrue : TracePlan::Mode::True;
+    if (chance(random, 40)) {
+        c.trace.flags = TracePlan::Flags::Specialized;
+        for (Ray &ray : c.scene.rays)
+            ray.flags = c.scene.rays[0].flags;
     }
     return c;
+}
+
+// Ray tracing pipelines made in other ways.
+Case pipelinePlans(Random &random, const DeviceLimits &limits)
+{
+    Limits scene = smallScene(limits);
+    scene.rays = 64;
+    scene.micromaps = !chance(random, 20);
+    Case c{.scene = makeScene(random, scene, limits), .trace = {.method = TracePlan::Method::Pipeline}};
+    constexpr std::array libraries{TracePlan::Libraries::None, TracePlan::Libraries::Two, TracePlan::Libraries::Three,
+                                   TracePlan::Libraries::Nested};
+    c.trace.libraries = libraries[below(random, 4)];
+    c.trace.byAddress = chance(random, 30);
+    c.trace.inlineModules = chance(random, 30);
+    c.trace.dynamicStackSize = chance(random, 20);
+    c.trace.recursion = chance(random, 30);
+    c.trace.flags2 = chance(random, 30);
+    c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
+    return c;
+}
+
+// Shaders without the execution mode, where structures have no micromaps, and with it where the constant says so.
+Case executionMode(Random &random, const DeviceLimits &limits)
+{
+    Limits scene = smallScene(limits);
+    scene.rays = 64;
+    constexpr std::array modes{TracePlan::Mode::False, TracePlan::Mode::SpecializedFalse,
+                               TracePlan::Mode::SpecializedTrue};
+    const TracePlan::Mode mode = modes[below(random, modes.size())];
+    scene.micromaps = mode == TracePlan::Mode::SpecializedTrue;
+    return {.scene = makeScene(random, scene, limits), .trace = {.mode = mode}};
 }
 
 constexpr std::array kGroups{
@@ -185,6 +253,17 @@ constexpr std::array kGroups{
         "VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR: \"the implementation can additionally substitute any "
         "state to any of the UNKNOWN states\"",
         100, [](Session &s, uint64_t seed) { return runRandomCase(s, "lossy", seed, lossy); }},
+    Group{
+        "stages", "ray queries in every stage, with ray flags of run time and specialized ones",
+        "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
+        200, [](Session &s, uint64_t seed) { return runRandomCase(s, "stages", seed, stages); }},
+    Group{"pipeline-plans", "ray tracing pipelines of libraries, with inline modules, stack sizes, recursion, flags2",
+          "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR; "
+          "VK_KHR_pipeline_library",
+          200, [](Session &s, uint64_t seed) { return runRandomCase(s, "pipeline-plans", seed, pipelinePlans); }},
+    Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
+          "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
+          [](Session &s, uint64_t seed) { return runRandomCase(s, "execution-mode", seed, executionMode); }},
 };
 
 } // namespace

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <map>
+
+#include "check/case/json.h"
+#include "check/case/shrink.h"
 #include "check/groups/session.h"
 
 namespace vellum::check
@@ -34,9 +38,30 @@ Verdict verdictOf(Session &session, const Case &c)
     return verdict;
 }
 
+// Makes the case smaller, if there is time for it, and says what is wrong with it. Only the first failures of a cause
+// are made smaller: those that follow say no more.
+void explain(Session &session, const Case &c, const Verdict &verdict, double seconds, Outcome &outcome)
+{
+    static std::map<std::string, int> shrunk;
+    constexpr int kMostOfACause = 3;
+    outcome.detail = verdict.detail;
+    outcome.reproducer = toJson(c);
+    if (seconds <= 0 || shrunk[verdict.cause]++ >= kMostOfACause)
+        return;
+    const auto stillFails = [&](const Case &smaller) { return verdictOf(session, smaller).cause == verdict.cause; };
+    const Shrunk result = shrink(c, stillFails, {.seconds = seconds, .ray = verdict.ray});
+    outcome.reproducer = toJson(result.smallest);
+    const Verdict last = verdictOf(session, result.smallest);
+    if (last.failed())
+        outcome.detail = last.detail;
+    if (result.failures < result.confirmations)
+        outcome.detail +=
+            "\nfails " + std::to_string(result.failures) + " times of " + std::to_string(result.confirmations);
+}
+
 } // namespace
 
-Outcome runAndShrink(Session &session, const Case &c, double)
+Outcome runAndShrink(Session &session, const Case &c, double seconds)
 {
     Outcome outcome;
     try {
@@ -47,18 +72,19 @@ Outcome runAndShrink(Session &session, const Case &c, double)
         if (verdict.failed()) {
             outcome.status = Status::Fail;
             outcome.cause = verdict.cause;
-            outcome.detail = verdict.detail;
+            explain(session, c, verdict, seconds, outcome);
         }
     } catch (const VulkanError &error) {
         outcome.status = Status::DeviceLost;
         outcome.cause = outcome.detail = error.what();
+        outcome.reproducer = toJson(c);
     }
     return outcome;
 }
 
-Outcome replay(Session &, const std::string &)
+Outcome replay(Session &session, const std::string &reproducer)
 {
-    return {};
+    return runAndShrink(session, caseFromJson(reproducer), 0);
 }
 
 } // namespace vellum::check

@@ -11,7 +11,6 @@ namespace vellum::check::oracle
 namespace
 {
 
-constexpr double kEdge = 5e-5;     // in barycentrics
 constexpr double kDistance = 1e-4; // in t
 constexpr double kGrazing = 0.02;  // cosine
 
@@ -173,7 +172,7 @@ private:
         const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.
         const bool bad = std::abs(cosine) < kGrazing || area < 0.02;
-        const double margin = bad ? 0.05 : kEdge;
+        const double margin = bad ? 0.05 : double{scene_.edge};
         if (!(inside > -margin) || hit.t < double{ray_.tMin} - kDistance || hit.t > double{ray_.tMax} + kDistance)
             return;
         // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a
@@ -194,7 +193,7 @@ private:
                 state = choice == 0 ? state : static_cast<int>(1 + choice);
             }
         }
-        if (bad || edge < kEdge || nearEnds(hit.t)) {
+        if (bad || edge < double{scene_.edge} || nearEnds(hit.t)) {
             out_.unsure = true;
             return;
         }

@@ -104,29 +104,6 @@ VkTransformMatrixKHR randomTransform(Random &random)
     return out;
 }
 
-Instance randomInstance(Random &random, uint32_t objects, const Limits &limits)
-{
-    Instance instance{};
-    instance.object = below(random, objects);
-    instance.transform = randomTransform(random);
-    instance.customIndex = static_cast<uint32_t>(random()) & 0xffffffu;
-    instance.mask = chance(random, 70) ? 0xff : below(random, 256);
-    if (chance(random, 15))
-        instance.flags |= VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR;
-    if (chance(random, 15))
-        instance.flags |= VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR;
-    if (chance(random, 20))
-        instance.flags |= VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR;
-    else if (chance(random, 20))
-        instance.flags |= VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR;
-    if (limits.micromaps && chance(random, 25))
-        instance.flags |= kFlagTwoState;
-    if (limits.micromaps && chance(random, 15))
-        instance.flags |= kFlagDisable;
-    instance.inactive = chance(random, 4);
-    return instance;
-}
-
 } // namespace
 
 MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel)
@@ -165,13 +142,14 @@ MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, c
         use.micromap = number;
     const uint32_t spare = direct ? count - triangles : count - 1; // triangles that a base may skip
     use.base = use.micromap && spare > 0 && chance(random, 50) ? below(random, std::min(spare, 6u) + 1) : 0;
+    const uint32_t most = use.indexType == VK_INDEX_TYPE_UINT8_EXT ? 252 : 65532; // the rest is special
     for (uint32_t i = 0; i < triangles; ++i) {
         if (direct)
             use.indices.push_back(static_cast<int32_t>(i));
         else if (!use.micromap || chance(random, 20))
             use.indices.push_back(-1 - static_cast<int32_t>(below(random, 4)));
         else
-            use.indices.push_back(static_cast<int32_t>(below(random, std::min(count - use.base, 200u))));
+            use.indices.push_back(static_cast<int32_t>(below(random, std::min(count - use.base, most))));
     }
     if (!direct && chance(random, 25)) {
         const uint32_t size = use.indexType == VK_INDEX_TYPE_UINT32 ? 4 : use.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 1;
@@ -179,6 +157,29 @@ MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, c
         use.indexOffset = size * below(random, 4);
     }
     return use;
+}
+
+Instance randomInstance(Random &random, uint32_t objects, const Limits &limits)
+{
+    Instance instance{};
+    instance.object = below(random, objects);
+    instance.transform = randomTransform(random);
+    instance.customIndex = static_cast<uint32_t>(random()) & 0xffffffu;
+    instance.mask = chance(random, 70) ? 0xff : below(random, 256);
+    if (chance(random, 15))
+        instance.flags |= VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR;
+    if (chance(random, 15))
+        instance.flags |= VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR;
+    if (chance(random, 20))
+        instance.flags |= VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR;
+    else if (chance(random, 20))
+        instance.flags |= VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR;
+    if (limits.micromaps && chance(random, 25))
+        instance.flags |= kFlagTwoState;
+    if (limits.micromaps && chance(random, 15))
+        instance.flags |= kFlagDisable;
+    instance.inactive = chance(random, 4);
+    return instance;
 }
 
 Ray randomRay(Random &random, const Limits &limits)

@@ -31,5 +31,6 @@ MicromapTriangle randomTriangle(Random &random, uint32_t maxLevel);
 // How a mesh of that many triangles uses a micromap of the scene, which must not be empty, or a null one.
 MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, const Limits &limits);
 Ray randomRay(Random &random, const Limits &limits);
+Instance randomInstance(Random &random, uint32_t objects, const Limits &limits);
 
 } // namespace vellum::check::oracle

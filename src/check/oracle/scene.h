@@ -61,6 +61,8 @@ struct Instance {
 };
 
 struct Scene {
+    // Hits nearer than this to a line between micro-triangles, in barycentrics, are not compared: rounding decides.
+    float edge = 5e-5f;
     std::vector<SceneMicromap> micromaps;
     std::vector<Object> objects;
     std::vector<Instance> instances;

@@ -20,7 +20,8 @@ MicromapInput inputOf(const SceneMicromap &micromap)
     return input;
 }
 
-std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::unique_ptr<Micromap>> micromaps)
+std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::unique_ptr<Micromap>> micromaps,
+                                   uint32_t spareTriangles)
 {
     std::vector<Geometry> geometries;
     for (const Mesh &mesh : object.meshes) {
@@ -28,6 +29,12 @@ std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::un
         geometry.vertices.resize(size_t{3} * mesh.skippedTriangles);
         geometry.vertices.insert(geometry.vertices.end(), mesh.vertices.begin(), mesh.vertices.end());
         geometry.skippedTriangles = mesh.skippedTriangles;
+        geometry.spareTriangles = mesh.boxes.empty() ? spareTriangles : 0;
+        for (uint32_t i = 0; i < 3 * geometry.spareTriangles; ++i) {
+            Vec3 vertex = mesh.vertices[i % mesh.vertices.size()];
+            vertex[2] += 0.5f;
+            geometry.vertices.push_back(vertex);
+        }
         geometry.boxes = mesh.boxes;
         geometry.flags = mesh.opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
         if (mesh.micromap) {

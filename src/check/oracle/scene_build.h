@@ -23,7 +23,9 @@ uint32_t recordOffset(const Scene &scene, uint32_t instance);
 Built build(Device &gpu, const Scene &scene);
 // The parts of that.
 MicromapInput inputOf(const SceneMicromap &micromap);
-std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::unique_ptr<Micromap>> micromaps);
+// spareTriangles: copies of the first ones, that are not built.
+std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::unique_ptr<Micromap>> micromaps,
+                                   uint32_t spareTriangles = 0);
 VkBuildAccelerationStructureFlagsKHR structureFlags(const Device &gpu);
 std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
                                                             std::span<const Structure *const> objects);

@@ -153,7 +153,8 @@ std::vector<Kind> simplerThan(Kind kind)
     case Kind::CompactMicromap:
     case Kind::ReloadMicromap: return {Kind::CloneMicromap};
     case Kind::CompactTop:
-    case Kind::ReloadTop: return {Kind::CloneTop};
+    case Kind::ReloadTop:
+    case Kind::UpdateTop: return {Kind::CloneTop};
     default: return {};
     }
 }
@@ -177,23 +178,33 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.build.together = false; },
         [](Case &c) { c.build.threads = 1; },
         [](Case &c) { c.build.instancePointers = false; },
+        [](Case &c) { c.build.single = false; },
+        [](Case &c) { c.build.spareTriangles = 0; },
         [](Case &c) { c.trace.method = TracePlan::Method::Query; },
         [](Case &c) { c.trace.stage = VK_SHADER_STAGE_COMPUTE_BIT; },
         [](Case &c) { c.trace.flags = TracePlan::Flags::RunTime; },
         [](Case &c) { c.trace.mode = TracePlan::Mode::True; },
         [](Case &c) { c.trace.besideBuild = false; },
-        [](Case &c) { c.trace.libraries = false; },
+        [](Case &c) { c.trace.libraries = TracePlan::Libraries::None; },
+        [](Case &c) { c.trace.byAddress = false; },
         [](Case &c) { c.trace.inlineModules = false; },
+        [](Case &c) { c.trace.recursion = false; },
+        [](Case &c) { c.trace.flags2 = false; },
+        [](Case &c) { c.trace.withoutMicromaps = false; },
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
     for (size_t i = 0; i < attempts.best().steps.size(); ++i)
-        edits.emplace_back([i](Case &c) { c.steps[i].update = false; });
+        for (bool Step::*const flag : {&Step::update, &Step::inPlace})
+            edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
+    for (size_t i = 0; i < attempts.best().scene.objects.size(); ++i)
+        edits.emplace_back([i](Case &c) { c.scene.objects[i].flags = 0; });
     attempts.attemptAll(edits);
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
         for (const Kind kind : simplerThan(attempts.best().steps[i].kind)) {
             if (attempts.attempt([&](Case &c) {
                     c.steps[i].kind = kind;
                     c.steps[i].other = 0;
+                    c.steps[i].instances.clear();
                 }))
                 break;
         }
