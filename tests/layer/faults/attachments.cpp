@@ -396,8 +396,11 @@ private:
 VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count, const BuildInfo *infos,
                                     const RangeInfo *const *ranges)
 {
+    const auto build = DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR);
+    if (!hasAny(keyOf(handle), kLevel))
+        return build(handle, count, infos, ranges);
     const Builds builds(handle, {infos, count}, ranges);
-    DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, count, builds.infos(), ranges);
+    build(handle, count, builds.infos(), ranges);
 }
 
 void forgetMicromap(uint64_t micromap)

@@ -18,6 +18,7 @@ namespace faults
 
 using driver::deviceOf;
 using driver::has;
+using driver::hasAny;
 using driver::keyOf;
 using driver::Level;
 using driver::LevelRows;

@@ -174,6 +174,12 @@ bool dropped(void *key, uint64_t micromap, bool first)
     return (again && has(key, "micromap-built-once")) || (!first && has(key, "only-first-micromap-build"));
 }
 
+// Whether builds are looked at; those of attachments.cpp and copies.cpp use what is noted of them.
+bool looksAtBuilds(void *key)
+{
+    return hasAny(key, kLevel) || hasAny(key, Level::Attachments) || hasAny(key, Level::Copies);
+}
+
 void forget(uint64_t micromap)
 {
     std::lock_guard lock(mutex);
@@ -223,8 +229,10 @@ public:
                 if (dropped(keyOf(commands), target, std::exchange(first, false)))
                     continue;
                 noteBuilt(target, triangleCount(build->input));
-                changeInput(commands, build->input);
-                build->put();
+                if (chosen(keyOf(commands)) != nullptr || has(keyOf(commands), "micromap-built-late")) {
+                    changeInput(commands, build->input);
+                    build->put();
+                }
             }
             infos_.push_back(build ? build->info : infos[i]);
             ranges_.push_back(ranges != nullptr ? ranges[i] : nullptr);
@@ -259,16 +267,22 @@ void recordBuilds(VkCommandBuffer handle, std::span<const Info> infos, const Ran
 VKAPI_ATTR void VKAPI_CALL cmdBuildMicromaps(VkCommandBuffer handle, uint32_t count,
                                              const VkMicromapBuildInfoEXT *infos)
 {
-    recordBuilds<VkMicromapBuildInfoEXT>(handle, {infos, count}, nullptr, [handle](const auto &builds) {
-        DRIVER_NEXT(vkCmdBuildMicromapsEXT)(handle, builds.count(), builds.infos());
+    const auto build = DRIVER_NEXT(vkCmdBuildMicromapsEXT);
+    if (!looksAtBuilds(keyOf(handle)))
+        return build(handle, count, infos);
+    recordBuilds<VkMicromapBuildInfoEXT>(handle, {infos, count}, nullptr, [handle, build](const auto &builds) {
+        build(handle, builds.count(), builds.infos());
     });
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdBuildStructures(VkCommandBuffer handle, uint32_t count, const BuildInfo *infos,
                                               const RangeInfo *const *ranges)
 {
-    recordBuilds<BuildInfo>(handle, {infos, count}, ranges, [handle](const auto &builds) {
-        DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR)(handle, builds.count(), builds.infos(), builds.ranges());
+    const auto build = DRIVER_NEXT(vkCmdBuildAccelerationStructuresKHR);
+    if (!looksAtBuilds(keyOf(handle)))
+        return build(handle, count, infos, ranges);
+    recordBuilds<BuildInfo>(handle, {infos, count}, ranges, [handle, build](const auto &builds) {
+        build(handle, builds.count(), builds.infos(), builds.ranges());
     });
 }
 
@@ -296,22 +310,26 @@ VKAPI_ATTR VkResult VKAPI_CALL end(VkCommandBuffer handle)
 VKAPI_ATTR void VKAPI_CALL micromapSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                          const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
+    const auto next = DRIVER_NEXT(vkGetMicromapBuildSizesEXT);
+    if (chosen(keyOf(handle)) == nullptr)
+        return next(handle, type, info, sizes);
     Build<VkMicromapBuildInfoEXT> build(*info);
     changeParameters(keyOf(handle), build.input);
     build.put();
-    DRIVER_NEXT(vkGetMicromapBuildSizesEXT)(handle, type, &build.info, sizes);
+    next(handle, type, &build.info, sizes);
 }
 
 VKAPI_ATTR void VKAPI_CALL structureSizes(VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                                           const BuildInfo *info, const uint32_t *most,
                                           VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
-    if (!isMicromap(*info))
-        return DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, info, most, sizes);
+    const auto next = DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR);
+    if (!isMicromap(*info) || chosen(keyOf(handle)) == nullptr)
+        return next(handle, type, info, most, sizes);
     Build<BuildInfo> build(*info);
     changeParameters(keyOf(handle), build.input);
     build.put();
-    DRIVER_NEXT(vkGetAccelerationStructureBuildSizesKHR)(handle, type, &build.info, most, sizes);
+    next(handle, type, &build.info, most, sizes);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL hostBuild(VkDevice handle, VkDeferredOperationKHR operation, uint32_t count,

@@ -118,11 +118,14 @@ std::vector<uint32_t> changed(void *key, const VkShaderModuleCreateInfo &info)
 VKAPI_ATTR VkResult VKAPI_CALL createModule(VkDevice handle, const VkShaderModuleCreateInfo *info,
                                             const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
+    const auto create = DRIVER_NEXT(vkCreateShaderModule);
+    if (!hasAny(keyOf(handle), kLevel))
+        return create(handle, info, allocator, module);
     const std::vector<uint32_t> words = changed(keyOf(handle), *info);
     VkShaderModuleCreateInfo own = *info;
     own.codeSize = words.size() * 4;
     own.pCode = words.data();
-    return DRIVER_NEXT(vkCreateShaderModule)(handle, &own, allocator, module);
+    return create(handle, &own, allocator, module);
 }
 
 // Stages of pipelines whose modules are given in their pNext chains.
@@ -165,19 +168,25 @@ VKAPI_ATTR VkResult VKAPI_CALL createCompute(VkDevice handle, VkPipelineCache ca
                                              const VkComputePipelineCreateInfo *infos,
                                              const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
+    const auto create = DRIVER_NEXT(vkCreateComputePipelines);
+    if (!hasAny(keyOf(handle), kLevel))
+        return create(handle, cache, count, infos, allocator, pipelines);
     std::vector<VkComputePipelineCreateInfo> own(infos, infos + count);
     std::deque<Stages> stages;
     for (VkComputePipelineCreateInfo &info : own)
         info.stage = *stages.emplace_back(keyOf(handle), std::span(&info.stage, 1)).data();
-    return DRIVER_NEXT(vkCreateComputePipelines)(handle, cache, count, own.data(), allocator, pipelines);
+    return create(handle, cache, count, own.data(), allocator, pipelines);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createGraphics(VkDevice handle, VkPipelineCache cache, uint32_t count,
                                               const VkGraphicsPipelineCreateInfo *infos,
                                               const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
+    const auto create = DRIVER_NEXT(vkCreateGraphicsPipelines);
+    if (!hasAny(keyOf(handle), kLevel))
+        return create(handle, cache, count, infos, allocator, pipelines);
     const Pipelines<VkGraphicsPipelineCreateInfo> own(keyOf(handle), {infos, count});
-    return DRIVER_NEXT(vkCreateGraphicsPipelines)(handle, cache, count, own.infos.data(), allocator, pipelines);
+    return create(handle, cache, count, own.infos.data(), allocator, pipelines);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracing(VkDevice handle, VkDeferredOperationKHR operation,
@@ -186,7 +195,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracing(VkDevice handle, VkDeferredOpera
                                                 const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
     const auto create = DRIVER_NEXT(vkCreateRayTracingPipelinesKHR);
-    if (operation != VK_NULL_HANDLE) // which may read the copies later
+    // A deferred creation may read the copies later.
+    if (operation != VK_NULL_HANDLE || !hasAny(keyOf(handle), kLevel))
         return create(handle, operation, cache, count, infos, allocator, pipelines);
     const Pipelines<VkRayTracingPipelineCreateInfoKHR> own(keyOf(handle), {infos, count});
     return create(handle, operation, cache, count, own.infos.data(), allocator, pipelines);

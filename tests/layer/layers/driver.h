@@ -108,6 +108,7 @@ void *keyOf(Handle handle)
 
 // Whether the device or instance has the quirk.
 bool has(void *key, std::string_view quirk);
+bool hasAny(void *key, Level level);
 VkInstance instanceOf(void *key);
 VkDevice deviceOf(void *key);
 

@@ -75,7 +75,7 @@ std::unordered_map<void *, Instance> instances;
 std::unordered_map<void *, Device> devices;
 
 // Returns null and prints a message if a name is not that of a quirk.
-std::shared_ptr<const Quirks> quirksOf(const char *list)
+std::shared_ptr<const Quirks> chosenQuirks(const char *list)
 {
     auto chosen = std::make_shared<Quirks>();
     for (std::string_view rest = list == nullptr ? "" : list; !rest.empty();) {
@@ -150,7 +150,7 @@ constexpr const char *kAlwaysWanted[]{"vkCreateDebugUtilsMessengerEXT", "vkDestr
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
                                               VkInstance *instance)
 {
-    const auto quirks = quirksOf(std::getenv(kQuirkVariable));
+    const auto quirks = chosenQuirks(std::getenv(kQuirkVariable));
     if (quirks == nullptr)
         return VK_ERROR_LAYER_NOT_PRESENT;
     auto *link = linkOf<VkLayerInstanceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO);
@@ -282,12 +282,27 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getInstanceProcAddr(VkInstance instance
 
 } // namespace
 
+namespace
+{
+
+const Quirks &quirksOf(void *key) // under the lock
+{
+    const auto device = devices.find(key);
+    return device != devices.end() ? *device->second.quirks : *instances.at(key).quirks;
+}
+
+} // namespace
+
 bool has(void *key, std::string_view quirk)
 {
     std::lock_guard lock(mutex);
-    const auto device = devices.find(key);
-    const Quirks &quirks = device != devices.end() ? *device->second.quirks : *instances.at(key).quirks;
-    return quirks.names.contains(quirk);
+    return quirksOf(key).names.contains(quirk);
+}
+
+bool hasAny(void *key, Level level)
+{
+    std::lock_guard lock(mutex);
+    return quirksOf(key).levels.contains(level);
 }
 
 VkInstance instanceOf(void *key)
