@@ -8,8 +8,8 @@ Vellum's (tests/layer/faults), and prints how many it finds and how soon.
   faults.py --build build/release --list                prints the faults, what is wrong, and what they imitate
   faults.py --build build/release -- --minutes 10       other options of vellum check
 
-A run ends with the first failure. A fault counts as found when vellum check has written a failing case, or has returned 1.
-First a run without a fault must find nothing. --output writes the table as JSON.
+A run ends with the first failing case that fails again with vellum check --replay: the fault is found. It is a flake if all
+pass there. First a run without a fault must find nothing. --output writes the table as JSON.
 """
 import argparse
 import collections
@@ -67,13 +67,26 @@ def environment(build, folder, fault):
         variables.setdefault("VK_ICD_FILENAMES", str(manifest))
     layers = [FAULTY, VELLUM] + ([MOCK] if fault.quirks else [])
     return variables | {"VELLUM_TEST_FAULT": fault.name, "VELLUM_TEST_MOCK_DRIVER": fault.quirks,
+                        "VELLUM_TEST_FAULT_AFTER": variables.get("VELLUM_TEST_FAULT_AFTER", "0"),
                         "VK_INSTANCE_LAYERS": ":".join(layers), "VK_ADD_LAYER_PATH": place_layers(build, folder, layers)}
 
 
-def first_failure(output):
-    """The first failing case that was written, if any."""
-    failures = sorted((output / "failures").glob("*.json"), key=lambda path: path.stat().st_mtime)
-    return failures[0].stem if failures else None
+class Failures:
+    """The failing cases that a run has written, and which of them fail again."""
+    def __init__(self, program, output, variables):
+        self.program, self.output, self.variables = program, output, variables
+        self.seen = set()
+        self.found = None  # name of the first that fails again
+
+    def look(self):
+        for path in sorted((self.output / "failures").glob("*.json"), key=lambda path: path.stat().st_mtime):
+            if self.found or path in self.seen:
+                continue
+            self.seen.add(path)
+            words = [self.program, "check", "--output", str(self.output / "replay"), "--replay", str(path)]
+            ended = subprocess.run(words, env=self.variables, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+            if ended.returncode == 1:
+                self.found = path.stem
 
 
 def stop(child):
@@ -85,29 +98,26 @@ def stop(child):
 def run(program, words, build, fault, seconds):
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        output = folder / "output"
+        variables = environment(build, folder, fault)
+        failures = Failures(program, folder / "output", variables)
         begin = time.monotonic()
         with open(folder / "log", "w+b") as log, \
-             subprocess.Popen([program, "check", "--output", str(output), *words],
-                              env=environment(build, folder, fault), stdin=subprocess.DEVNULL, stdout=log,
-                              stderr=subprocess.STDOUT, start_new_session=True) as child:
-            case = None
-            while not case and child.poll() is None and time.monotonic() - begin < seconds:
+             subprocess.Popen([program, "check", "--output", str(failures.output), *words], env=variables,
+                              stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                              start_new_session=True) as child:
+            code = None
+            while not failures.found and code is None and time.monotonic() - begin < seconds:
                 time.sleep(POLL_SECONDS)
-                case = first_failure(output)
-            elapsed = time.monotonic() - begin
-            code = child.poll()
+                elapsed = time.monotonic() - begin
+                code = child.poll()
+                failures.look()
             stop(child)
-            case = case or first_failure(output)
-            if case or code == 1:
-                return Result(fault, "found", elapsed, case)
-            if code == 0:
-                return Result(fault, "missed", elapsed, None)
-            if code is None:
-                return Result(fault, "no end", elapsed, None)
-            log.seek(0)
-            sys.stderr.write(log.read().decode(errors="replace"))
-            raise SystemExit(f"{fault.name or 'no fault'}: vellum check returned {code}")
+            if code not in (None, 0, 1):
+                log.seek(0)
+                sys.stderr.write(log.read().decode(errors="replace"))
+                raise SystemExit(f"{fault.name or 'no fault'}: vellum check returned {code}")
+        outcome = "found" if failures.found or code == 1 else "flake" if failures.seen else "missed" if code == 0 else "no end"
+        return Result(fault, outcome, elapsed, failures.found)
 
 
 def table(results, seed):

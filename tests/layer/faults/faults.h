@@ -41,7 +41,7 @@ LevelRows submissionRows();
 // --- what a command reads and writes while the device executes it (submissions.cpp) ---
 
 // Memory of the faulty driver that the host and the device access. It remains until the command buffer is recorded
-// again, or freed. The address is a multiple of 256.
+// again, or freed with or without its pool. The address is a multiple of 256.
 struct Memory {
     uint8_t *bytes = nullptr;
     VkDeviceAddress address = 0;

@@ -25,6 +25,7 @@ struct Recorded {
 
 std::mutex mutex;
 std::map<VkCommandBuffer, Recorded> recorded;
+std::map<VkCommandPool, std::vector<VkCommandBuffer>> pools;   // and what is allocated from them
 std::map<void *, VkPhysicalDevice> physicalDevices;            // by dispatch key of the device
 std::map<void *, std::deque<std::function<void()>>> onceAfter; // by dispatch key of the device
 
@@ -122,11 +123,39 @@ VKAPI_ATTR VkResult VKAPI_CALL begin(VkCommandBuffer handle, const VkCommandBuff
     return DRIVER_NEXT(vkBeginCommandBuffer)(handle, info);
 }
 
+VKAPI_ATTR VkResult VKAPI_CALL allocateCommandBuffers(VkDevice handle, const VkCommandBufferAllocateInfo *info,
+                                                      VkCommandBuffer *all)
+{
+    const VkResult result = DRIVER_NEXT(vkAllocateCommandBuffers)(handle, info, all);
+    if (result == VK_SUCCESS) {
+        std::lock_guard lock(mutex);
+        auto &known = pools[info->commandPool];
+        known.insert(known.end(), all, all + info->commandBufferCount);
+    }
+    return result;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyPool(VkDevice handle, VkCommandPool pool, const VkAllocationCallbacks *allocator)
+{
+    std::vector<VkCommandBuffer> all;
+    {
+        std::lock_guard lock(mutex);
+        if (const auto found = pools.extract(pool); !found.empty())
+            all = std::move(found.mapped());
+    }
+    for (const VkCommandBuffer commands : all)
+        forget(commands);
+    DRIVER_NEXT(vkDestroyCommandPool)(handle, pool, allocator);
+}
+
 VKAPI_ATTR void VKAPI_CALL freeCommandBuffers(VkDevice handle, VkCommandPool pool, uint32_t count,
                                               const VkCommandBuffer *all)
 {
-    for (const VkCommandBuffer commands : std::span(all, count))
+    for (const VkCommandBuffer commands : std::span(all, count)) {
         forget(commands);
+        std::lock_guard lock(mutex);
+        std::erase(pools[pool], commands);
+    }
     DRIVER_NEXT(vkFreeCommandBuffers)(handle, pool, count, all);
 }
 
@@ -254,7 +283,9 @@ LevelRows submissionRows()
     static const Row device[]{
         {"vkDestroyDevice", DRIVER_FUNCTION(destroyDevice)},
         {"vkBeginCommandBuffer", DRIVER_FUNCTION(begin)},
+        {"vkAllocateCommandBuffers", DRIVER_FUNCTION(allocateCommandBuffers)},
         {"vkFreeCommandBuffers", DRIVER_FUNCTION(freeCommandBuffers)},
+        {"vkDestroyCommandPool", DRIVER_FUNCTION(destroyPool)},
         {"vkCmdExecuteCommands", DRIVER_FUNCTION(executeCommands)},
         {"vkQueueSubmit", DRIVER_FUNCTION(submit)},
         {"vkQueueSubmit2", DRIVER_FUNCTION(submit2)},

@@ -15,15 +15,16 @@ BUILD = os.environ.get("VELLUM_BUILD")
 PROGRAM = """#!{python}
 import os, pathlib, sys, time
 words = sys.argv
+fault = os.environ["VELLUM_TEST_FAULT"]
+if "--replay" in words:
+    sys.exit(fault == "index-stride")
 output = pathlib.Path(words[words.index("--output") + 1])
 layers = [sorted(pathlib.Path(folder).iterdir())[0].name for folder in os.environ["VK_ADD_LAYER_PATH"].split(":")]
 pathlib.Path("{log}").open("a").write(" ".join(words[4:] + layers) + chr(10))
-fault = os.environ["VELLUM_TEST_FAULT"]
-if fault == "index-stride":
+if fault in ("index-stride", "base-twice"):
     (output / "failures").mkdir(parents=True)
     (output / "failures" / "khr.resolution-query.0003.json").write_text("{{}}")
-    time.sleep(600)
-if fault == "hangs":
+if fault in ("index-stride", "hangs"):
     time.sleep(600)
 sys.exit({{"dies": 1, "does-nothing": 2, "": {clean}}}.get(fault, 0))
 """
@@ -46,17 +47,18 @@ class Script(unittest.TestCase):
     def calls(self):
         return (self.folder / "log").read_text().splitlines()
 
-    def test_found_and_missed(self):
+    def test_results(self):
         file = self.folder / "results.json"
-        ended = self.run_script(["index-stride", "dies", "base-twice", "hangs"], "--seed", "7", "--seconds", "2",
+        ended = self.run_script(["index-stride", "dies", "base-twice", "triangle-stride", "hangs"], "--seed", "7", "--seconds", "2",
                                 "--output", str(file), "--", "--minutes", "1")
         self.assertEqual(ended.returncode, 1)
         rows = json.loads(file.read_text())["faults"]
         self.assertEqual([(row["fault"], row["result"], row["case"]) for row in rows],
                          [("index-stride", "found", "khr.resolution-query.0003"), ("dies", "found", None),
-                          ("base-twice", "missed", None), ("hangs", "no end", None)])
-        self.assertIn("found 2 / planted 4 with seed 7, median", ended.stdout)
-        self.assertEqual(len(self.calls()), 5)
+                          ("base-twice", "flake", None), ("triangle-stride", "missed", None),
+                          ("hangs", "no end", None)])
+        self.assertIn("found 2 / planted 5 with seed 7, median", ended.stdout)
+        self.assertEqual(len(self.calls()), 6)
         self.assertTrue(self.calls()[0].startswith("--seed 7 --minutes 1 "))
 
     def test_order_of_layers(self):
