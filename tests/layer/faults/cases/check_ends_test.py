@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""On a device that hangs, dies, is lost or does nothing, `vellum check` runs to its end and keeps every result."""
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[4]
+BUILD = pathlib.Path(os.environ["VELLUM_BUILD"]).resolve()
+sys.path.insert(0, str(ROOT / "bench/faults"))
+import faults  # noqa: E402
+
+CASES = [f"khr.plain.000{number}" for number in range(5)]
+STATUS = {"hangs": "Timeout", "dies": "Crash", "loses-device": "Crash", "does-nothing": "Fail"}
+
+
+class CheckEnds(unittest.TestCase):
+    def check(self, fault, submissions):
+        """The results of the cases on a device that has the fault after so many submissions, by name."""
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            (folder / "cases").write_text("\n".join(CASES))
+            planted = next(known for known in faults.known_faults(BUILD) if known.name == fault)
+            variables = faults.environment(BUILD, folder, planted) | {"VELLUM_TEST_FAULT_AFTER": str(submissions)}
+            words = ["--caselist", str(folder / "cases"), "--timeout", "2", "--output", str(folder / "out"), "-j", "1"]
+            ended = subprocess.run([str(BUILD / "bin/vellum"), "check", *words], env=variables, capture_output=True,
+                                   text=True, check=False)
+            self.assertIn(ended.returncode, (0, 1), ended.stderr)
+            rows = (folder / "out/results.csv").read_text().splitlines()
+            results = dict(row.split(",")[:2] for row in rows)
+            self.assertEqual(sorted(results), CASES)
+            self.assertEqual(len(rows), len(CASES))
+            return ended.returncode, results
+
+    def test_from_the_beginning(self):
+        for fault, status in STATUS.items():
+            with self.subTest(fault):
+                code, results = self.check(fault, 0)
+                self.assertEqual(code, 1)
+                self.assertEqual(set(results.values()), {status})
+
+    def test_in_the_middle(self):
+        # A case that fails only for what ran in its process before is a flake.
+        for fault in STATUS:
+            with self.subTest(fault):
+                code, results = self.check(fault, 10)
+                self.assertEqual(code, 0)
+                self.assertEqual(set(results.values()), {"Pass", "Flake"})
+
+
+if __name__ == "__main__":
+    unittest.main()
