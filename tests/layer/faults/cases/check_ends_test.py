@@ -18,14 +18,14 @@ STATUS = {"hangs": "Timeout", "dies": "Crash", "loses-device": "Crash", "does-no
 
 
 class CheckEnds(unittest.TestCase):
-    def check(self, fault, submissions):
+    def check(self, fault, submissions, jobs):
         """The results of the cases on a device that has the fault after so many submissions, by name."""
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
             (folder / "cases").write_text("\n".join(CASES))
             planted = next(known for known in faults.known_faults(BUILD) if known.name == fault)
             variables = faults.environment(BUILD, folder, planted) | {"VELLUM_TEST_FAULT_AFTER": str(submissions)}
-            words = ["--caselist", str(folder / "cases"), "--timeout", "2", "--output", str(folder / "out"), "-j", "1"]
+            words = ["--caselist", str(folder / "cases"), "--timeout", "2", "--output", str(folder / "out"), "-j", str(jobs)]
             ended = subprocess.run([str(BUILD / "bin/vellum"), "check", *words], env=variables, capture_output=True,
                                    text=True, check=False)
             self.assertIn(ended.returncode, (0, 1), ended.stderr)
@@ -38,7 +38,7 @@ class CheckEnds(unittest.TestCase):
     def test_from_the_beginning(self):
         for fault, status in STATUS.items():
             with self.subTest(fault):
-                code, results = self.check(fault, 0)
+                code, results = self.check(fault, 0, len(CASES))
                 self.assertEqual(code, 1)
                 self.assertEqual(set(results.values()), {status})
 
@@ -46,7 +46,7 @@ class CheckEnds(unittest.TestCase):
         # A case that fails only for what ran in its process before is a flake.
         for fault in STATUS:
             with self.subTest(fault):
-                code, results = self.check(fault, 10)
+                code, results = self.check(fault, 10, 1)
                 self.assertEqual(code, 0)
                 self.assertEqual(set(results.values()), {"Pass", "Flake"})
 
