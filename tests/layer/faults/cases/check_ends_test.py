@@ -25,7 +25,8 @@ class CheckEnds(unittest.TestCase):
             (folder / "cases").write_text("\n".join(CASES))
             planted = next(known for known in faults.known_faults(BUILD) if known.name == fault)
             variables = faults.environment(BUILD, folder, planted) | {"VELLUM_TEST_FAULT_AFTER": str(submissions)}
-            words = ["--caselist", str(folder / "cases"), "--timeout", "2", "--output", str(folder / "out"), "-j", str(jobs)]
+            words = ["--caselist", str(folder / "cases"), "--timeout", "5" if fault == "hangs" else "60",
+                     "--output", str(folder / "out"), "-j", str(jobs)]
             ended = subprocess.run([str(BUILD / "bin/vellum"), "check", *words], env=variables, capture_output=True,
                                    text=True, check=False)
             self.assertIn(ended.returncode, (0, 1), ended.stderr)
