@@ -106,12 +106,14 @@ def run(program, words, build, fault, seconds):
                               stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                               start_new_session=True) as child:
             code = None
-            while not failures.found and code is None and time.monotonic() - begin < seconds:
-                time.sleep(POLL_SECONDS)
-                elapsed = time.monotonic() - begin
-                code = child.poll()
-                failures.look()
-            stop(child)
+            try:
+                while not failures.found and code is None and time.monotonic() - begin < seconds:
+                    time.sleep(POLL_SECONDS)
+                    elapsed = time.monotonic() - begin
+                    code = child.poll()
+                    failures.look()
+            finally:
+                stop(child)
             if code not in (None, 0, 1):
                 log.seek(0)
                 sys.stderr.write(log.read().decode(errors="replace"))
@@ -154,6 +156,7 @@ def parse():
 
 
 def main():
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that a run in progress is stopped
     options = parse()
     if options.list:
         for fault in options.faults:
