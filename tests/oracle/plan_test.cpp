@@ -20,8 +20,7 @@ Scene sceneFor(const vt::Gpu &gpu, const Plan &plan, Random &random)
     const bool queries = plan.method == Plan::Method::Query;
     const bool without =
         queries ? plan.mode == Plan::Mode::False || plan.mode == Plan::Mode::SpecializedFalse : plan.withoutMicromaps;
-    Scene scene = vellum::check::makeScene(random, {.micromaps = !without, .rays = 160, .lossy = gpu.khr()},
-                                           vellum::check::limitsOf(gpu));
+    Scene scene = vellum::check::makeScene(random, {.micromaps = !without, .rays = 160}, vellum::check::limitsOf(gpu));
     for (size_t i = 0; plan.flags != Plan::Flags::RunTime && i < scene.rays.size(); ++i)
         scene.rays[i].flags = scene.rays[i % 3].flags;
     return scene;
@@ -30,7 +29,8 @@ Scene sceneFor(const vt::Gpu &gpu, const Plan &plan, Random &random)
 class Plans : public vt::GpuTest
 {
 protected:
-    Plans() : GpuTest({.oldValidation = false, .newer = true}) {}
+    // With VK_KHR_maintenance5 and mesh shaders.
+    Plans() : GpuTest({.oldValidation = false, .newer = true, .addressCommands = true}) {}
 
     void expectNoFault(const Plan &plan, const std::string &name)
     {

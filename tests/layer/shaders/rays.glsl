@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bindings of tracer.comp, for shaders that only count candidates and report a hit.
+// The bindings of tracer.glsl, for shaders that only count candidates and report a hit.
 #include "ray.glsl"
 
 layout(binding = 0) uniform accelerationStructureEXT scene;

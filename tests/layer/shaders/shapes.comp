@@ -3,7 +3,7 @@
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_GOOGLE_include_directive : require
-// The forms ray query code takes in applications; SHAPE picks one. Results as tracer.comp writes them. Shapes with a
+// The forms ray query code takes in applications; SHAPE picks one. Results as tracer.glsl writes them. Shapes with a
 // second ray trace that of the next thread and report it where the thread's own result would be short of.
 #include "rays.glsl"
 
