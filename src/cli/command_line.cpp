@@ -7,6 +7,7 @@
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
+#include "cli/base/version.h"
 #include "cli/commands.h"
 #include "cli/options/checks.h"
 #include "cli/options/help.h"
@@ -93,7 +94,8 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     app.description("Bakes, checks and shows opacity micromaps, and renders with them");
     app.formatter(helpFormatter());
     app.set_help_flag("-h,--help", "Print this help")->group(kGeneral);
-    app.set_version_flag("-V,--version", std::string("vellum ") + VELLUM_VERSION, "Print the version")->group(kGeneral);
+    app.set_version_flag("-V,--version", "vellum " + versionText(), "Print the version and the commit")
+        ->group(kGeneral);
     app.require_subcommand(1);
     app.footer(exitStatus({}) + kDetails + "\nMicromaps in glTF files are by " + kMicromapExtension + " (" +
                kMicromapDraft + ").");
