@@ -73,6 +73,7 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
         {{"bak"}, "bak is not a vellum subcommand; did you mean bake?"},
         {{"help", "rendr"}, "rendr is not a vellum subcommand; did you mean render?"},
         {{"xyzzy"}, "xyzzy is not a vellum subcommand"},
+        {{"--verison"}, "--verison is not an option of vellum; did you mean --version? (see vellum --help)"},
         {{"bake", "a.glb", "--levle", "3"}, "--levle is not an option of vellum bake; did you mean --level?"},
         {{"bake", "a.glb", "--max-lev=3"}, "--max-lev is not an option of vellum bake; did you mean --max-level?"},
         {{"bake"}, "IN is required"},
