@@ -58,6 +58,8 @@ if(NOT VELLUM_LIBRARY_ONLY)
   configure_file(src/layer/entry/${manifest}.in installed/${manifest} @ONLY)
   install(FILES ${CMAKE_CURRENT_BINARY_DIR}/installed/${manifest}
           DESTINATION ${CMAKE_INSTALL_DATADIR}/vulkan/explicit_layer.d COMPONENT layer)
+  install(FILES ${PROJECT_BINARY_DIR}/share/reference/VK_LAYER_VELLUM_opacity_micromap.7
+          DESTINATION ${CMAKE_INSTALL_MANDIR}/man7 COMPONENT layer)
   vellum_install_headers(vulkan_opacity_micromap.h)
   install(FILES cmake/opacity_micromap_mode.cmake DESTINATION ${VELLUM_PACKAGE_DIR} COMPONENT devel)
 endif()

@@ -7,6 +7,7 @@
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
+#include "cli/base/version.h"
 #include "cli/commands.h"
 #include "cli/options/checks.h"
 #include "cli/options/help.h"
@@ -70,8 +71,9 @@ std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
     std::string text = error.what();
     std::replace(text.begin(), text.end(), '\n', ' ');
     const size_t colon = text.find(": ");
-    if (dynamic_cast<const CLI::ExtrasError *>(&error) != nullptr) {
-        const std::vector<std::string> words = app.remaining(true);
+    // Without a subcommand, CLI11 asks for one before it looks at what is left.
+    const std::vector<std::string> words = app.remaining(true);
+    if (dynamic_cast<const CLI::ExtrasError *>(&error) != nullptr || (subcommands.empty() && !words.empty())) {
         const std::string word = words.empty() ? std::string() : words.front();
         const std::string option = word.substr(0, word.find('='));
         text = word.starts_with('-')
@@ -93,7 +95,8 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     app.description("Bakes, checks and shows opacity micromaps, and renders with them");
     app.formatter(helpFormatter());
     app.set_help_flag("-h,--help", "Print this help")->group(kGeneral);
-    app.set_version_flag("-V,--version", std::string("vellum ") + VELLUM_VERSION, "Print the version")->group(kGeneral);
+    app.set_version_flag("-V,--version", "vellum " + versionText(), "Print the version and the commit")
+        ->group(kGeneral);
     app.require_subcommand(1);
     app.footer(exitStatus({}) + kDetails + "\nMicromaps in glTF files are by " + kMicromapExtension + " (" +
                kMicromapDraft + ").");

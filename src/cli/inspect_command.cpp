@@ -66,10 +66,11 @@ void declareOutputs(CLI::App &command, InspectOptions &options)
     command.option_defaults()->group(kOutput);
     command
         .add_option("-o,--output", options.output,
-                    "The page to write, or the picture if it ends in .png; or a folder [NAME.html beside the input]")
+                    "The page to write, or the picture if it ends in .png; a folder, or - for the page to stdout "
+                    "[NAME.html beside the input]")
         ->type_name("OUT");
-    command.add_option("--html", options.html, "The page to write")->type_name("FILE");
-    command.add_option("--picture", options.picture, "The PNG to write; no page then, unless --html is given")
+    command.add_option("--html", options.html, "The page to write, or -")->type_name("FILE");
+    command.add_option("--picture", options.picture, "The PNG to write, or -; no page then, unless --html is given")
         ->type_name("FILE");
     command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
     command.add_option("--size", options.drawing.edge, "Longer side of each material in the picture, in pixels [1024]")
@@ -186,6 +187,11 @@ void placeOutputs(InspectOptions &options)
     place = output;
 }
 
+bool writesToStdout(const InspectOptions &options)
+{
+    return (options.html && isStandardStream(*options.html)) || (options.picture && isStandardStream(*options.picture));
+}
+
 void finishInspect(InspectOptions &options)
 {
     placeOutputs(options);
@@ -195,6 +201,8 @@ void finishInspect(InspectOptions &options)
                                                {&options.triangles, "--triangle", &selection.triangles}})
         if (!text->empty())
             *ranges = parseRanges(*text, option);
+    if (writesToStdout(options) && (options.json || options.html == options.picture))
+        throw UsageError("stdout takes only one of the page, the picture and --json");
     options.drawing.outlines = !options.noOutlines;
     options.drawing.whole = selection.meshes.empty() && selection.primitives.empty() && selection.triangles.empty();
     for (const auto &path : {options.html, options.picture})
@@ -205,6 +213,9 @@ void finishInspect(InspectOptions &options)
 int inspectCommand(InspectOptions &options)
 {
     finishInspect(options);
+    std::optional<DataOutput> data;
+    if (writesToStdout(options))
+        data.emplace(DataOutput::Reports::ToStderr);
     if (options.quiet && !options.json)
         discardReports();
     const Document document = openDocument(options.input);
@@ -213,17 +224,17 @@ int inspectCommand(InspectOptions &options)
         printFile(file);
     if (options.picture) {
         const Progress progress("drawing");
-        writePng(*options.picture, drawUvSpace(file, options.drawing));
+        writeData(*options.picture, encodePng(drawUvSpace(file, options.drawing)), data);
     }
     if (options.html) {
         const Progress progress("drawing");
         const std::string page = makePage(document, file);
-        writeWhole(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()});
+        writeData(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()}, data);
     }
     if (options.json)
         printJson(options, file);
     for (const auto &path : {options.picture, options.html})
-        if (path && !options.json)
+        if (path && !options.json && !isStandardStream(*path))
             fmt::print("wrote       {}\n", path->string());
     return static_cast<int>(ExitCode::Success);
 }

@@ -112,10 +112,12 @@ BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
     return bakeScene(scene, bake);
 }
 
-void writePicture(const RenderOptions &options, const std::filesystem::path &path, const Picture &picture)
+void writePicture(const RenderOptions &options, const std::filesystem::path &path, const Picture &picture,
+                  std::optional<DataOutput> &data)
 {
-    writePng(path, picture, options.colors);
-    fmt::print("wrote       {}\n", path.string());
+    writeData(path, encodePng(picture, options.colors), data);
+    if (!isStandardStream(path))
+        fmt::print("wrote       {}\n", path.string());
     std::fflush(stdout); // timing may follow
 }
 
@@ -125,7 +127,7 @@ DeviceNeeds needsOf(const RenderOptions &options, bool micromaps)
 }
 
 int renderOne(const RenderOptions &options, Device &device, const RenderScene &scene,
-              const std::vector<const Micromap *> &micromaps)
+              const std::vector<const Micromap *> &micromaps, std::optional<DataOutput> &data)
 {
     std::unique_ptr<Renderer> renderer;
     std::vector<double> times;
@@ -143,7 +145,7 @@ int renderOne(const RenderOptions &options, Device &device, const RenderScene &s
     fmt::print("candidates  {:.3f} per ray handed to the shader\n", count.perRay());
     if (!micromaps.empty())
         fmt::print("memory      {} bytes of micromaps\n", grouped(renderer->micromapBytes()));
-    writePicture(options, options.output, renderer->picture());
+    writePicture(options, options.output, renderer->picture(), data);
     return 0;
 }
 
@@ -236,7 +238,7 @@ void writeComparison(const RenderOptions &options, const DeviceInfo &device, Con
 }
 
 int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked,
-               DataOutput *data)
+               std::optional<DataOutput> &data)
 {
     std::unique_ptr<Contest> contest;
     Picture pictures[2];
@@ -251,12 +253,12 @@ int renderBoth(const RenderOptions &options, const DeviceInfo &info, const Rende
     }
     const Difference difference = compare(pictures[0], pictures[1]);
     const std::vector<std::filesystem::path> paths = picturesOf(options, difference.pixels != 0);
-    writePicture(options, paths[0], pictures[1]);
-    writePicture(options, paths[1], pictures[0]);
+    writePicture(options, paths[0], pictures[1], data);
+    writePicture(options, paths[1], pictures[0], data);
     if (difference.pixels != 0)
-        writePicture(options, paths[2], difference.amplified);
+        writePicture(options, paths[2], difference.amplified, data);
     const PairedTiming timing = timeFrames(options, *contest);
-    if (data != nullptr)
+    if (options.json)
         writeComparison(options, info, *contest, timing, difference, *data);
     else
         printComparison(options, *contest, timing, difference.pixels);
@@ -264,7 +266,7 @@ int renderBoth(const RenderOptions &options, const DeviceInfo &info, const Rende
 }
 
 int renderStates(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene,
-                 const BakedScene &baked)
+                 const BakedScene &baked, std::optional<DataOutput> &data)
 {
     const auto draw = [&](bool states) {
         RenderSettings settings = options.settings;
@@ -285,11 +287,12 @@ int renderStates(const RenderOptions &options, const DeviceInfo &info, const Ren
     fmt::print(
         "states      opaque #{:06x}, transparent #{:06x} (a veil), unknown: opaque #{:06x}, transparent #{:06x}\n",
         color(State::Opaque), color(State::Transparent), color(State::UnknownOpaque), color(State::UnknownTransparent));
-    writePicture(options, options.output, picture);
+    writePicture(options, options.output, picture, data);
     return 0;
 }
 
-int renderHeat(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
+int renderHeat(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked,
+               std::optional<DataOutput> &data)
 {
     std::vector<HeatMap> maps;
     {
@@ -312,7 +315,7 @@ int renderHeat(const RenderOptions &options, const DeviceInfo &info, const Rende
                    *std::max_element(map.values.begin(), map.values.end()), map.title);
         map.title += fmt::format(": {:.2f}", mean);
     }
-    writePicture(options, options.output, drawHeat(maps, heatScale(maps), "candidates per pixel"));
+    writePicture(options, options.output, drawHeat(maps, heatScale(maps), "candidates per pixel"), data);
     return 0;
 }
 
@@ -348,10 +351,12 @@ int renderCommand(const RenderOptions &options)
 {
     for (const std::filesystem::path &path : picturesOf(options, true))
         checkWritable(path, options.force);
-    std::optional<DataOutput> data;
+    std::optional<DataOutput> data; // stdout, for the picture or JSON
     if (options.json)
         data.emplace(DataOutput::Reports::Discarded);
-    else if (options.quiet)
+    else if (isStandardStream(options.output))
+        data.emplace(DataOutput::Reports::ToStderr);
+    if (options.quiet && !options.json)
         discardReports();
     RenderScene scene;
     StoredMicromaps stored;
@@ -373,20 +378,20 @@ int renderCommand(const RenderOptions &options)
     printScene(options, info, scene);
     if (options.mode == Mode::Alpha) {
         Device device(info, needsOf(options, false));
-        return renderOne(options, device, scene, {});
+        return renderOne(options, device, scene, {}, data);
     }
     const BakedScene baked =
         stored.extension.empty() ? bakeWithProgress(options, scene.scene) : storedScene(scene.scene, stored);
     printMicromaps(options, scene.scene, baked);
     printTestedOnly(scene, baked);
     if (options.mode == Mode::Compare)
-        return renderBoth(options, info, scene, baked, data ? &*data : nullptr);
+        return renderBoth(options, info, scene, baked, data);
     if (options.mode == Mode::States)
-        return renderStates(options, info, scene, baked);
+        return renderStates(options, info, scene, baked, data);
     if (options.mode == Mode::Heat)
-        return renderHeat(options, info, scene, baked);
+        return renderHeat(options, info, scene, baked, data);
     Device device(info, needsOf(options, true));
-    return renderOne(options, device, scene, baked.micromaps());
+    return renderOne(options, device, scene, baked.micromaps(), data);
 }
 
 } // namespace vellum::cli

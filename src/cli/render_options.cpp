@@ -52,6 +52,8 @@ Examples:
       the states of its micromaps in colours, from nearby
   vellum render ash.glb --yaw 120 --samples 4 --size 1920x1080
       a smooth picture from another side
+  vellum render ash.glb - | display
+      the picture goes to stdout, the report to stderr
 
 Environment:
   VK_DRIVER_FILES, VK_ADD_DRIVER_FILES, VK_LAYER_PATH, VK_ADD_LAYER_PATH
@@ -89,8 +91,8 @@ void declareFiles(CLI::App &command, RenderOptions &options, RawOptions &raw)
     command
         .add_option(
             "-o,--output", raw.output,
-            "The PNG to write, or a folder; compare also writes NAME-alpha.png, and NAME-difference.png if there "
-            "is any [NAME.png beside the input, or vellum.png]")
+            "The PNG to write, a folder, or - for stdout; compare also writes NAME-alpha.png, and NAME-difference.png "
+            "if there is any [NAME.png beside the input, or vellum.png]")
         ->take_last()
         ->type_name("OUT");
     command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
@@ -179,6 +181,8 @@ void checkTogether(const RenderOptions &options, const RawOptions &raw)
 {
     if (raw.operand && raw.output)
         throw UsageError("OUT and --output exclude each other");
+    if (isStandardStream(options.output) && options.mode == Mode::Compare)
+        throw UsageError("--mode compare writes several pictures, so not to stdout");
     if (options.json && options.mode != Mode::Compare)
         throw UsageError("--json is for --mode compare");
     if (options.sideBySide && options.mode != Mode::States && options.mode != Mode::Heat)

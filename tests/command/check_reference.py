@@ -85,8 +85,11 @@ for shell, name in (("bash", "vellum.bash"), ("zsh", "_vellum"), ("fish", "vellu
     if shutil.which(shell):
         code, text = run(shell, "-n", str(folder / name))
         expect(code == 0, f"{shell} -n {name}: {text}")
+layer = FILES["VK_LAYER_VELLUM_opacity_micromap.7"]
+for variable in ("VELLUM_REPORT", "VELLUM_VALIDATE", "VELLUM_CACHE_FOLDER"):
+    expect(f"\\fB{variable}\\fR=" in layer, f"the layer's page says nothing of {variable}")
 if shutil.which("mandoc"):
-    for name in (name for name in FILES if name.endswith(".1")):
+    for name in (name for name in FILES if name.endswith((".1", ".7"))):
         code, text = run("mandoc", "-T", "lint", "-W", "warning", str(folder / name))
         expect(code == 0, text)
 print(*findings, sep="\n")

@@ -2,6 +2,7 @@
 // The command line itself: help, suggestions, errors and exit codes.
 #include <cstdlib>
 #include <gtest/gtest.h>
+#include <regex>
 #include <sstream>
 
 #include "command.h"
@@ -37,7 +38,9 @@ TEST(CommandLine, HelpCanBeAskedForInEveryWay)
         EXPECT_EQ(one.output, runVellum({subcommand, "--help"}).output);
         EXPECT_TRUE(has(one.output, "Usage: vellum " + subcommand + " ")) << one.output;
     }
-    EXPECT_EQ(runVellum({"-V"}).output, runVellum({"--version"}).output);
+    const std::string version = runVellum({"--version"}).output;
+    EXPECT_EQ(runVellum({"-V"}).output, version);
+    EXPECT_TRUE(std::regex_match(version, std::regex(R"(vellum \d+\.\d+\.\d+( \([0-9a-f]{12}\))?\n)"))) << version;
     EXPECT_TRUE(has(help.output, "draft")) << help.output;
 }
 
@@ -70,6 +73,7 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
         {{"bak"}, "bak is not a vellum subcommand; did you mean bake?"},
         {{"help", "rendr"}, "rendr is not a vellum subcommand; did you mean render?"},
         {{"xyzzy"}, "xyzzy is not a vellum subcommand"},
+        {{"--verison"}, "--verison is not an option of vellum; did you mean --version? (see vellum --help)"},
         {{"bake", "a.glb", "--levle", "3"}, "--levle is not an option of vellum bake; did you mean --level?"},
         {{"bake", "a.glb", "--max-lev=3"}, "--max-lev is not an option of vellum bake; did you mean --max-level?"},
         {{"bake"}, "IN is required"},
@@ -86,6 +90,9 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
         {{"inspect", "a.glb", "--level", "3"}, "--level requires --bake"},
         {{"inspect", "a.glb", "b.html", "-o", "c.html"}, "OUT and --output exclude each other"},
         {{"inspect", "-", "--bake"}, "reading from stdin needs an output: -o FILE"},
+        {{"inspect", "a.glb", "-", "--json"}, "stdout takes only one of the page, the picture and --json"},
+        {{"inspect", "a.glb", "--html", "-", "--picture", "-"}, "stdout takes only one of the page, the picture and"},
+        {{"render", "--mode", "compare", "-o", "-"}, "--mode compare writes several pictures, so not to stdout"},
         {{"render", "--samples", "0"}, "--samples must be a whole number between 1 and 256, got 0"},
         {{"render", "--zoom", "nan"}, "--zoom must be between 0.05 and 20, got nan"},
         {{"render", "--json"}, "--json is for --mode compare"},

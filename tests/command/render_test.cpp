@@ -61,6 +61,23 @@ TEST_F(Rendering, UsesKhrUnlessTold)
     EXPECT_LT(help.find("[khr]", option), help.find("  -", option)) << help;
 }
 
+TEST_F(Rendering, ToStdout)
+{
+    const std::filesystem::path output = folder / "picture.png";
+    const std::vector<std::string> options = {"--level", "2", "--frames", "1", "-o"};
+    const auto with = [&](std::vector<std::string> all, const std::string &file) {
+        all.insert(all.end(), options.begin(), options.end());
+        all.push_back(file);
+        return all;
+    };
+    const Outcome toFile = render(with({}, output.string()));
+    const Outcome outcome = runVellum(with({"render", "--size", "96x64"}, "-"));
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_TRUE(Bytes(outcome.output.begin(), outcome.output.end()) == readFile(output));
+    EXPECT_EQ(lineOf({0, 0, outcome.errors, ""}, "micromaps"), lineOf(toFile, "micromaps"));
+    EXPECT_FALSE(std::filesystem::exists("-"));
+}
+
 TEST_F(Rendering, IsTheSameByQueriesAndByPipelines)
 {
     for (const bool heavy : {false, true}) {

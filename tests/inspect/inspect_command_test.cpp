@@ -69,6 +69,28 @@ TEST_F(InspectCommand, RejectsWrongChoices)
     expectRefusal(cardGlb(), "is not a directory", {"--bake", "--picture", (folder / "a" / "b.png").string()});
 }
 
+TEST_F(InspectCommand, WritesToStdout)
+{
+    const std::string card = write(cardGlb()).string();
+    const std::string picture = (folder / "card.png").string();
+    const std::vector<std::string> options = {"--bake", "--level", "3", "--size", "128"};
+    const auto inspect = [&](std::vector<std::string> arguments) {
+        arguments.insert(arguments.begin(), {"inspect", card});
+        arguments.insert(arguments.end(), options.begin(), options.end());
+        return runVellum(arguments);
+    };
+    EXPECT_EQ(inspect({"--html", page().string(), "--picture", picture}).exitCode, 0);
+    const Outcome html = inspect({"-o", "-"});
+    EXPECT_EQ(html.exitCode, 0) << html.errors;
+    EXPECT_TRUE(html.output == text(page()));
+    EXPECT_NE(html.errors.find("1 of 2 primitives"), std::string::npos) << html.errors;
+    const Outcome png = inspect({"--picture", "-", "-q"});
+    EXPECT_EQ(png.exitCode, 0) << png.errors;
+    EXPECT_TRUE(png.output == text(picture));
+    EXPECT_EQ(png.errors, "");
+    EXPECT_FALSE(std::filesystem::exists("-"));
+}
+
 TEST_F(InspectCommand, WritesPageAndPicture)
 {
     const Outcome outcome = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string(),

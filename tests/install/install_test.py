@@ -256,6 +256,7 @@ class Installation(unittest.TestCase):
     def test_layer_and_command(self):
         manifest = self.prefix / "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"
         layer = json.loads(manifest.read_text())["layer"]
+        self.assertTrue((self.prefix / "share/man/man7" / f"{layer['name']}.7").exists())
         self.assertEqual(layer["name"], "VK_LAYER_VELLUM_opacity_micromap")
         self.assertTrue((manifest.parent / layer["library_path"]).exists(), layer["library_path"])
         self.assertIn("strict", [setting["key"] for setting in layer["features"]["settings"]])
@@ -270,7 +271,8 @@ class Installation(unittest.TestCase):
                     rf"{lib}/libVkLayer_vellum_opacity_micromap\.so", rf"{lib}/cmake/Vellum/Vellum[\w-]+\.cmake",
                     rf"{lib}/cmake/Vellum/opacity_micromap_mode\.cmake",
                     rf"{lib}/pkgconfig/vellum(-gltf)?\.pc", r"share/vulkan/explicit_layer\.d/[\w.]+\.json",
-                    r"share/man/man1/vellum(-\w+)?\.1", r"share/vellum/schema\.json", r"share/bash-completion/completions/vellum",
+                    r"share/man/man1/vellum(-\w+)?\.1", r"share/man/man7/VK_LAYER_VELLUM_opacity_micromap\.7",
+                    r"share/vellum/schema\.json", r"share/bash-completion/completions/vellum",
                     r"share/zsh/site-functions/_vellum", r"share/fish/vendor_completions\.d/vellum\.fish",
                     r"share/doc/vellum/examples/\w+/[\w./-]+", r"share/doc/vellum/docs/[\w./-]+\.(md|png|svg)",
                     r"share/doc/vellum/(LICENSE|(THIRD-PARTY|README|CHANGELOG|SECURITY)\.md)")
@@ -290,7 +292,8 @@ class Installation(unittest.TestCase):
             self.assertLessEqual(notices, paths, component)
         self.assertEqual(files["layer"] - notices, {
             f"{lib}/libVkLayer_vellum_opacity_micromap.so",
-            "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json"})
+            "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json",
+            "share/man/man7/VK_LAYER_VELLUM_opacity_micromap.7"})
         self.assertIn("bin/vellum", files["command"])
         self.assertEqual({re.sub(r"[.\d]*$", "", path) for path in files["runtime"] - notices},
                          {f"{lib}/libvellum.so", f"{lib}/libvellum_gltf.so"})

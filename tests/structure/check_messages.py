@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that the table of docs/messages.md has every message of the layer, sorted, with its severity, and prints what is
-wrong.
+"""Checks that docs/messages.md has every message of the layer once, with its severity, and prints what is wrong.
 
-A message is known by its id, a string in src/layer that begins with VELLUM-. The table has each in backticks, those with a
-VUID without the prefix VELLUM-. Where the id is an argument of a function that sends it (SEVERITIES), the severity is known;
-where it is passed on first, the page's counts. With --write, the table is brought up to date; new rows lack their texts.
+A message is known by its id, a string in src/layer that begins with VELLUM-. On the page, an item of a list has the ids of
+one cause in backticks, those with a VUID without the prefix VELLUM-, their severity in bold, and words. Where the id is an
+argument of a function that sends it (SEVERITIES), the severity is known; where it is passed on first, the page's counts.
+With --write, ids that are gone are removed, severities are corrected, and new ids get items, which lack their words.
 
 usage: check_messages.py [--write] [ROOT]
 """
 import re
+import textwrap
 
 import findings
 
@@ -20,8 +21,10 @@ SEAM = re.compile(r'"\s*\n\s*"')
 STRING = re.compile(r'"((?:[^"\\\n]|\\.)*)"')
 ID = re.compile(r"\bVELLUM-[A-Za-z0-9_-]*")
 CALL = re.compile(r"(\w+)\s*$")
-ROW = re.compile(r"^\| `((?:VELLUM|VUID)-[A-Za-z0-9_-]+)` \| ([^|]*) \| (.*) \|$")
 BOTH = "warning or error"
+ITEM = re.compile(r"^- .*\n(?:  .*\n)*", re.M)
+LISTED = re.compile(r"`((?:VELLUM|VUID)-[A-Za-z0-9_-]+)`")
+LEVEL = re.compile(rf"\*\*({BOTH}|error|warning|info)\*\*")
 SEVERITIES = {"reject": "error", "error": "error", "tolerate": "warning", "tolerates": "warning", "warning": "warning",
               "tolerateIf": BOTH, "info": "info"}
 
@@ -66,25 +69,33 @@ def shown(name):
     return name.removeprefix("VELLUM-") if name.startswith("VELLUM-VUID") else name
 
 
-def order(name):
-    return name.startswith("VUID"), name.lower()
-
-
-def rows_of(page):
-    return [match.groups() for match in map(ROW.match, page.splitlines()) if match]
+def items_of(page):
+    """Each item that lists messages, as it stands there, with its ids, severity and words."""
+    items = []
+    for match in ITEM.finditer(page):
+        ids, level = LISTED.findall(match[0]), LEVEL.search(match[0])
+        if ids and level:
+            words = re.sub(r"[\s,-]+", " ", LISTED.sub("", LEVEL.sub("", match[0]))).strip()
+            items.append((match[0], ids, level[1], words))
+    return items
 
 
 def updated(page, ids):
-    old = {name: (level, text) for name, level, text in rows_of(page)}
-    lines = page.splitlines()
-    first = next(number for number, line in enumerate(lines) if ROW.match(line))
-    rows = []
-    for name in sorted(map(shown, ids), key=order):
-        full = name if name in ids else "VELLUM-" + name
-        level, text = old.get(name, ("", " | "))
-        rows.append(f"| `{name}` | {severity(ids[full][1]) or level} | {text} |")
-    rest = [line for line in lines[first:] if not ROW.match(line)]
-    return "\n".join(lines[:first] + rows + rest) + "\n"
+    known = {shown(name): severity(severities) for name, (_, severities) in ids.items()}
+    for item, names, level, _ in items_of(page):
+        left = [name for name in names if name in known]
+        text = item
+        for name in set(names) - set(left):
+            text = re.sub(rf",\s*`{name}`|`{name}`,?\s*", "", text)
+        sent = {known[name] for name in left} - {None}
+        if len(sent) == 1:
+            text = text.replace(f"**{level}**", f"**{sent.pop()}**")
+        filled = textwrap.fill(" ".join(text.split()), 120, subsequent_indent="  ", break_long_words=False,
+                               break_on_hyphens=False) + "\n"
+        if text != item:
+            page = page.replace(item, filled if left else "")
+    there = {name for _, names, _, _ in items_of(page) for name in names}
+    return page + "".join(f"- `{name}` **{known[name]}**\n" for name in sorted(known.keys() - there))
 
 
 def write(root):
@@ -93,24 +104,22 @@ def write(root):
 
 
 def check(root):
-    page = (root / PAGE).read_text(encoding="utf-8")
+    items = items_of((root / PAGE).read_text(encoding="utf-8"))
     ids = messages(root)
-    rows = rows_of(page)
-    names = [name for name, _, _ in rows]
+    names = [name for _, listed, _, _ in items for name in listed]
     found = [f"{path}: {name} is put together at run time, and cannot be looked up"
              for name, (path, _) in ids.items() if name.endswith("-")]
-    known = {shown(name): path for name, (path, _) in ids.items() if not name.endswith("-")}
-    found += [f"{path}: {name} is not in {PAGE}" for name, path in sorted(known.items()) if name not in names]
+    known = {shown(name): where for name, where in ids.items() if not name.endswith("-")}
+    found += [f"{path}: {name} is not in {PAGE}" for name, (path, _) in sorted(known.items()) if name not in names]
     found += [f"{PAGE}: there is no message {name}" for name in sorted(set(names) - known.keys())]
     found += [f"{PAGE}: {name} is there {names.count(name)} times" for name in sorted(set(names)) if names.count(name) > 1]
-    found += [f"{PAGE}: {name} is not in order" for name, after in zip(names[1:], names) if order(name) < order(after)]
-    for name, level, text in rows:
-        full = name if name in ids else "VELLUM-" + name
-        sent = severity(ids[full][1]) if full in ids else None
-        if sent and level != sent:
-            found.append(f"{PAGE}: {name} is \"{level}\", in the code \"{sent}\"")
-        if not level or not all(cell.strip() for cell in text.split(" | ")):
-            found.append(f"{PAGE}: {name} has an empty cell")
+    for _, listed, level, words in items:
+        for name in listed:
+            sent = severity(known[name][1]) if name in known else None
+            if sent and level != sent:
+                found.append(f"{PAGE}: {name} is \"{level}\", in the code \"{sent}\"")
+        if not words:
+            found.append(f"{PAGE}: {listed[0]} has no words")
     return found, len(known)
 
 

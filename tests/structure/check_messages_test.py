@@ -16,14 +16,18 @@ if (!check.tolerateIf(sizes(1), isLarge ? "VELLUM-shape" : "VELLUM-size", "text"
 const Ids ids = {"VELLUM-listed"};
 """
 PAGE = """# Messages
-Not in a table: `VELLUM-text`.
+Not in a list: `VELLUM-text`. **error**: rejected.
 
-| id | severity | meaning | consequence |
-|---|---|---|---|
-| `VELLUM-listed` | warning | a | b |
-| `VELLUM-shape` | warning or error | a | as `VELLUM-other` |
-| `VELLUM-size` | warning or error | a | b |
-| `VUID-vkCmdCopy-src-00001` | error | a | b |
+- **error**: a list of another kind.
+
+## The layer
+- `VELLUM-listed` **warning** A [link](a.md#b).
+- **warning or error** Shape or size, in words
+  that need two lines. `VELLUM-shape`,
+  `VELLUM-size`
+
+## Rules
+- **error** Copies. `VUID-vkCmdCopy-src-00001`
 """
 
 
@@ -54,36 +58,36 @@ class CheckMessages(unittest.TestCase):
         self.expect_finding(CODE + 'error("VELLUM-new");', PAGE, "code.cpp: VELLUM-new is not in")
 
     def test_no_such_message(self):
-        self.expect_finding(CODE, PAGE.replace("| `VELLUM-listed", "| `VELLUM-gone` | error | a | b |\n| `VELLUM-listed"),
-                            "there is no message VELLUM-gone")
+        self.expect_finding(CODE, PAGE + "- `VELLUM-gone` **error** Words.\n", "there is no message VELLUM-gone")
 
     def test_put_together(self):
         self.expect_finding(CODE + 'error("VELLUM-VUID-" + name);', PAGE, "put together at run time")
 
     def test_twice(self):
-        row = "| `VELLUM-size` | warning or error | a | b |\n"
-        self.expect_finding(CODE, PAGE.replace(row, row + row), "VELLUM-size is there 2 times")
-
-    def test_order(self):
-        row = "| `VELLUM-listed` | warning | a | b |\n"
-        self.expect_finding(CODE, PAGE.replace(row, "") + row, "VELLUM-listed is not in order")
+        self.expect_finding(CODE, PAGE + "- `VELLUM-size` **warning or error** Words.\n", "VELLUM-size is there 2 times")
 
     def test_other_severity(self):
-        self.expect_finding(CODE, PAGE.replace("| error |", "| warning |"),
+        self.expect_finding(CODE, PAGE.replace("**error** Copies", "**warning** Copies"),
                             'src-00001 is "warning", in the code "error"')
         self.expect_finding(CODE + 'report.warning("VELLUM-VUID-vkCmdCopy-src-00001");', PAGE,
                             'is "error", in the code "warning or error"')
 
-    def test_empty_cell(self):
-        self.expect_finding(CODE, PAGE.replace("| error | a |", "| error |  |"), "has an empty cell")
+    def test_without_words(self):
+        self.expect_finding(CODE, PAGE.replace("Copies. ", ""), "VUID-vkCmdCopy-src-00001 has no words")
 
     def test_written(self):
         code = CODE.replace("00001", "00002").replace("tolerateIf", "reject") + 'info("VELLUM-added", "text");'
+        code = code.replace("VELLUM-shape", "VELLUM-form")
         _, _, page = run(code, PAGE, "--write")
-        self.assertEqual([line for line in page.splitlines() if line.startswith("| `")],
-                         ["| `VELLUM-added` | info |  |  |", "| `VELLUM-listed` | warning | a | b |",
-                          "| `VELLUM-shape` | error | a | as `VELLUM-other` |", "| `VELLUM-size` | error | a | b |",
-                          "| `VUID-vkCmdCopy-src-00002` | error |  |  |"])
+        self.assertEqual(page[page.index("## The layer"):], """## The layer
+- `VELLUM-listed` **warning** A [link](a.md#b).
+- **error** Shape or size, in words that need two lines. `VELLUM-size`
+
+## Rules
+- `VELLUM-added` **info**
+- `VELLUM-form` **error**
+- `VUID-vkCmdCopy-src-00002` **error**
+""")
 
 
 if __name__ == "__main__":

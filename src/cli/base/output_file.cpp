@@ -39,6 +39,8 @@ std::filesystem::path outputFor(const std::optional<std::filesystem::path> &said
 
 void checkWritable(const std::filesystem::path &path, bool force)
 {
+    if (path == "-")
+        return;
     const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
     std::error_code error;
     if (!std::filesystem::is_directory(folder, error))

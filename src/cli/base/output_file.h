@@ -20,8 +20,8 @@ inline constexpr std::string_view kHtmlMark = "<meta name=\"generator\" content=
 std::filesystem::path outputFor(const std::optional<std::filesystem::path> &said,
                                 const std::filesystem::path &standard);
 
-// Checks before the work starts that a file can be written. Throws Error, also for a file that is there already and was
-// not written by this command, unless `force` is set.
+// Checks before the work starts that a file, or "-" for stdout, can be written. Throws Error, also for a file that is
+// there already and was not written by this command, unless `force` is set.
 void checkWritable(const std::filesystem::path &path, bool force);
 
 // The file appears whole, whatever happens. Throws Error.

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "cli/base/error.h"
+#include "cli/base/output_file.h"
 #include "cli/base/progress.h"
 
 namespace vellum::cli
@@ -67,6 +68,16 @@ void DataOutput::finish()
 {
     if (std::fflush(file_.get()) != 0)
         throw Error("stdout cannot be written");
+}
+
+void writeData(const std::filesystem::path &path, std::span<const uint8_t> bytes, std::optional<DataOutput> &data)
+{
+    if (!isStandardStream(path)) {
+        writeWhole(path, bytes);
+        return;
+    }
+    data->write(bytes);
+    data->finish();
 }
 
 } // namespace vellum::cli

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -41,5 +42,8 @@ public:
 private:
     std::unique_ptr<std::FILE, int (*)(std::FILE *)> file_;
 };
+
+// Writes a file, whole or not at all; for "-" to `data`, which must then be there. Throws Error.
+void writeData(const std::filesystem::path &path, std::span<const uint8_t> bytes, std::optional<DataOutput> &data);
 
 } // namespace vellum::cli

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fmt/format.h>
 
+#include "cli/base/version.h"
 #include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
@@ -246,6 +247,7 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
 
 void print(const LoaderReport &report)
 {
+    fmt::print("vellum      {}\n", versionText());
     fmt::print("loader      Vulkan {}\n", report.loaderVersion);
     for (const Manifest &driver : report.drivers)
         printManifest("driver", driver);
@@ -262,7 +264,7 @@ void print(const LoaderReport &report)
 
 void write(const LoaderReport &report, JsonWriter &json)
 {
-    json.beginObject().member("loader", report.loaderVersion);
+    json.beginObject().member("vellum", versionText()).member("loader", report.loaderVersion);
     json.key("drivers");
     write(report.drivers, json);
     json.key("layers");

@@ -130,7 +130,7 @@ std::string seeAlso(const std::vector<ReferenceCommand> &commands, const Referen
             page += separator + ".BR " + escaped(command.name.empty() ? "vellum" : "vellum-" + command.name) + " (1)";
             separator = ",\n";
         }
-    return page + "\n";
+    return page + separator + ".BR VK_LAYER_VELLUM_opacity_micromap (7)\n";
 }
 
 } // namespace

@@ -76,11 +76,6 @@ std::vector<uint8_t> encodePng(const Picture &picture, Colors colors)
     return file;
 }
 
-void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors)
-{
-    writeWhole(path, encodePng(picture, colors));
-}
-
 Picture sideBySide(const Picture &left, const Picture &right)
 {
     Picture both{left.width + right.width, left.height, {}};

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <vector>
 
 namespace vellum::cli
@@ -23,9 +22,6 @@ enum class Colors {
 
 // The bytes of a PNG file. Throws Error.
 std::vector<uint8_t> encodePng(const Picture &picture, Colors colors = Colors::All);
-
-// Whole or not at all (base/output_file.h). Throws Error.
-void writePng(const std::filesystem::path &path, const Picture &picture, Colors colors = Colors::All);
 
 // Both pictures must have the same height.
 Picture sideBySide(const Picture &left, const Picture &right);
