@@ -8,8 +8,6 @@
 
 namespace vellum::cli
 {
-namespace
-{
 
 std::vector<uint8_t> readStdin()
 {
@@ -29,8 +27,6 @@ std::vector<uint8_t> readStdin()
         throw GltfError("-: stdin cannot be read");
     return bytes;
 }
-
-} // namespace
 
 Document openDocument(const std::filesystem::path &path)
 {

@@ -17,7 +17,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"Assumed/*OnDriver*", "one_api"}};
+const vt::Labels kLabels{{"Assumed/AssumedOn*Driver.*", "one_api"}, {"Assumed/AssumedTranslated.*", "one_api"}};
 
 using namespace vt;
 
