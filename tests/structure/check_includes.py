@@ -61,8 +61,8 @@ SUBSYSTEMS = {
     "bake": below("numbers", "texture", ""),
     "check": below("shaders", "gpu", "oracle", "case", "groups"),
     "gltf": below("file", "data", "", "micromaps"),
-    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "spirv", "inspect", "",
-                 "manual"),
+    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "spirv", "verify", "inspect",
+                 "", "manual"),
 }
 
 MOST_FILES = 24

@@ -190,7 +190,7 @@ TEST_P(AssumedOnDeferringDriver, Pipelines)
 {
     if (!gpu().has(VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME))
         GTEST_SKIP() << "no deferred operations";
-    expectTraced({.flags = 0, .make = [&](Gpu &, const PipelineSetup &setup) { return makeDeferred(setup); }},
+    expectTraced({.flags = 0, .make = [&](Device &, const PipelineSetup &setup) { return makeDeferred(setup); }},
                  assumed());
 }
 
