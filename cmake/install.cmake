@@ -40,7 +40,7 @@ if(NOT VELLUM_LAYER_ONLY)
   install(FILES ${CMAKE_CURRENT_BINARY_DIR}/installed/VellumConfig.cmake
                 ${CMAKE_CURRENT_BINARY_DIR}/installed/VellumConfigVersion.cmake
           DESTINATION ${VELLUM_PACKAGE_DIR} COMPONENT devel)
-  vellum_install_library(vellum_library VellumTargets vellum.h bake.h)
+  vellum_install_library(vellum_library VellumTargets vellum.h bake.h spirv.h)
   if(NOT BUILD_SHARED_LIBS)
     set(VELLUM_STATIC_LIBRARIES " -lstdc++ -lm -pthread")
     set(VELLUM_GLTF_STATIC_LIBRARIES " -ldraco -lmeshoptimizer -lwebp -lpng -ljpeg -lz")

@@ -19,8 +19,8 @@ namespace
 {
 
 constexpr const char *kDetails = R"(
-vellum help SUBCOMMAND, vellum SUBCOMMAND --help and the manual page vellum-SUBCOMMAND explain each. Wherever a glTF file
-is read, - is stdin. vellum run returns the exit code of the program that it runs.
+vellum help SUBCOMMAND, vellum SUBCOMMAND --help and the manual page vellum-SUBCOMMAND explain each. Wherever a file is
+read, - is stdin. vellum run returns the exit code of the program that it runs.
 )";
 
 std::vector<std::string> subcommandNames(const CLI::App &app)
@@ -106,6 +106,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     commands["render"] = declareRenderCommand(app);
     commands["info"] = declareInfoCommand(app);
     commands["run"] = declareRunCommand(app);
+    commands["spirv"] = declareSpirvCommand(app);
     commands["verify"] = declareVerifyCommand(app);
     commands["check"] = declareCheckCommand(app);
     commands["help"] = declareHelpCommand(app);

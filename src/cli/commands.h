@@ -19,6 +19,7 @@ std::function<int()> declareInfoCommand(CLI::App &app);
 std::function<int()> declareInspectCommand(CLI::App &app);
 std::function<int()> declareRenderCommand(CLI::App &app);
 std::function<int()> declareRunCommand(CLI::App &app);
+std::function<int()> declareSpirvCommand(CLI::App &app);
 std::function<int()> declareVerifyCommand(CLI::App &app);
 
 } // namespace vellum::cli

@@ -11,7 +11,7 @@
 #include "cli/commands.h"
 #include "cli/options/checks.h"
 #include "cli/options/help.h"
-#include "cli/verify_report.h"
+#include "cli/verify/verify_report.h"
 
 namespace vellum::cli
 {

@@ -51,7 +51,8 @@ def bash_answers(*words):
 
 overview = help_of()
 commands = re.findall(r"^  ([a-z]+) {2,}", overview.split("Subcommands:")[1].split("\n\n")[0], re.MULTILINE)
-expect({"bake", "check", "help", "info", "inspect", "render", "run", "verify"} <= set(commands), f"--help lists only {commands}")
+expect({"bake", "check", "help", "info", "inspect", "render", "run", "spirv", "verify"} <= set(commands),
+       f"--help lists only {commands}")
 SECTIONS = ("NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "FILES", "SEE ALSO")
 for section in SECTIONS:
     expect(f".SH {section}\n" in FILES["vellum.1"], f"vellum.1: no {section}")

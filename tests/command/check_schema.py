@@ -9,6 +9,7 @@ usage: check_schema.py VELLUM SCHEMA CHECK
 import copy
 import json
 import pathlib
+import struct
 import subprocess
 import sys
 import tempfile
@@ -89,6 +90,17 @@ with tempfile.TemporaryDirectory() as name:
     report("verify", "--exact", "--max-findings", "2", baked)
     report("verify", "--strict", cut, tree, code=1)
     report("info")
+    # An empty compute shader.
+    module = folder / "empty.spv"
+    words = (0x07230203, 0x10500, 0, 5, 0, 2 << 16 | 17, 1, 3 << 16 | 14, 0, 1, 5 << 16 | 15, 5, 1, 0x6e69616d, 0,
+             6 << 16 | 16, 1, 17, 1, 1, 1, 2 << 16 | 19, 2, 3 << 16 | 33, 3, 2, 5 << 16 | 54, 2, 1, 0, 3, 2 << 16 | 248, 4,
+             1 << 16 | 253, 1 << 16 | 56)
+    module.write_bytes(struct.pack(f"<{len(words)}I", *words))
+    declared = folder / "declared.spv"
+    report("spirv", "--enable-micromaps=7", "--entry", "main", module, "-o", declared)
+    report("spirv", "--lint", module)
+    assert report("spirv", "--lint", declared, cut, code=1)["files"][0]["findings"]
+    report("spirv", "--rewrite", module, "-o", folder / "rewritten.spv")
     report("render", baked, "--mode", "compare", "--size", "32x32", "--frames", "2", "-o", folder / "picture.png")
 
     out = folder / "check"

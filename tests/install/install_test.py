@@ -23,6 +23,8 @@ WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 FUNCTIONS = {"vellumBake", "vellumDestroyMicromap", "vellumGetGeometryInfo", "vellumGetMicromapInfo", "vellumGetState",
              "vellumGetVersion", "vellumInitBakeInput", "vellumInitBakeOptions", "vellumInitTexture",
              "vellumResultName"}
+SPIRV_FUNCTIONS = {"vellumDestroySpirv", "vellumEditSpirv", "vellumGetSpirvEntryPointInfo", "vellumGetSpirvInfo",
+                   "vellumInitSpirvOptions"}
 GLTF_FUNCTIONS = {"vellumBakeGltf", "vellumCheckGltf", "vellumDestroyGltf", "vellumFindGltfPrimitive",
                   "vellumGetGltfInfo", "vellumGetGltfMicromapInfo", "vellumGetGltfPrimitiveInfo",
                   "vellumInitGltfBakeOptions", "vellumReadGltf"}
@@ -219,7 +221,8 @@ class Installation(unittest.TestCase):
             compilers["c++"].append("clang++")
         for header, language, standard in (("vellum.h", "c", "c99"), ("vellum.h", "c", "c11"),
                                            ("vellum.h", "c++", "c++11"), ("vellum.h", "c++", "c++20"),
-                                           ("bake.h", "c++", "c++20"), ("gltf.h", "c", "c99"),
+                                           ("bake.h", "c++", "c++20"), ("spirv.h", "c", "c99"),
+                                           ("spirv.h", "c++", "c++11"), ("gltf.h", "c", "c99"),
                                            ("gltf.h", "c++", "c++11")):
             more = ["-Wconversion", "-Wshadow"] + (["-Wold-style-cast"] if language == "c++" else [])
             source = options.scratch / f"alone.{'c' if language == 'c' else 'cpp'}"
@@ -230,15 +233,16 @@ class Installation(unittest.TestCase):
             for compiler in compilers[language]:
                 run(compiler, f"-std={standard}", "-fsyntax-only", *WARNINGS, *more, f"-I{include}", source)
 
-    def check_exports(self, name, version, header, functions, needs):
-        """The functions of a header under their version, and nothing else."""
+    def check_exports(self, name, version, headers, needs):
+        """The functions of the headers under their version, and nothing else."""
         library = self.lib / f"{name}.so"
         lines = [line.split() for line in run("nm", "--dynamic", "--defined-only", library).splitlines()]
         symbols = {words[2]: words[1] for words in lines if words[1] != "A"}  # A: the version itself
-        self.assertEqual(set(symbols), {f"{function}@@{version}" for function in functions})
+        self.assertEqual(set(symbols), {f"{function}@@{version}" for functions in headers.values() for function in functions})
         self.assertEqual(set(symbols.values()), {"T"})
-        declared = re.findall(r"VELLUM_API[^;]*?\b(vellum\w+)\(", (self.prefix / "include/vellum" / header).read_text())
-        self.assertEqual(set(declared), functions)
+        for header, functions in headers.items():
+            text = (self.prefix / "include/vellum" / header).read_text()
+            self.assertEqual(set(re.findall(r"VELLUM_API[^;]*?\b(vellum\w+)\(", text)), functions)
         dynamic = run("readelf", "--dynamic", "--wide", library)
         minor = ".".join(options.version.split(".")[:2])
         self.assertIn(f"Library soname: [{name}.so.{minor}]", dynamic)
@@ -249,8 +253,8 @@ class Installation(unittest.TestCase):
                              + (r"|libasan|libubsan" if options.sanitize else "") + r")\.so")
 
     def test_exports(self):
-        self.check_exports("libvellum", "VELLUM_0.1", "vellum.h", FUNCTIONS, "")
-        self.check_exports("libvellum_gltf", "VELLUM_GLTF_0.1", "gltf.h", GLTF_FUNCTIONS,
+        self.check_exports("libvellum", "VELLUM_0.1", {"vellum.h": FUNCTIONS, "spirv.h": SPIRV_FUNCTIONS}, "")
+        self.check_exports("libvellum_gltf", "VELLUM_GLTF_0.1", {"gltf.h": GLTF_FUNCTIONS},
                            "|libdraco|libmeshoptimizer|libwebp|libpng16|libjpeg")
 
     def test_layer_and_command(self):

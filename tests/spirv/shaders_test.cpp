@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "module_file.h"
+#include "spirv/mode/micromap_mode.h"
 #include "validate.h"
 
 namespace vellum::test
@@ -32,6 +33,32 @@ TEST(Shaders, AreValid)
         ++validated;
     }
     EXPECT_GT(validated, 100u) << "of those listed in " << VELLUM_SHADERS;
+}
+
+// Every entry point can be given the execution mode OpacityMicromapIdKHR, and lose it again.
+TEST(Shaders, TakeTheModeOfMicromaps)
+{
+    using spirv::ModeEdit;
+    size_t edited = 0;
+    for (const std::filesystem::path &file : listedModules(VELLUM_SHADERS)) {
+        const Module words = readModule(file);
+        std::string error;
+        const auto entries = spirv::readEntryPoints(words, error);
+        ASSERT_TRUE(entries.has_value()) << file << ": " << error;
+        if (words[1] < 0x10400 || entries->empty() || !validate(withKnownMode(words)).empty())
+            continue;
+        for (const ModeEdit::To to : {ModeEdit::To::Always, ModeEdit::To::Specialized}) {
+            const ModeEdit edit{.to = to, .constantId = 1000, .entryPoints = {entries->front().name}};
+            const spirv::ModeResult with = spirv::editMicromapMode(words, edit);
+            ASSERT_EQ(with.error, "") << file;
+            const Module &result = with.words.empty() ? words : with.words;
+            EXPECT_EQ(validate(withKnownMode(result)), "") << file;
+            const spirv::ModeResult without = spirv::editMicromapMode(result, {.to = ModeEdit::To::Absent});
+            EXPECT_EQ(validate(without.words), "") << file;
+        }
+        ++edited;
+    }
+    EXPECT_GT(edited, 100u) << "of those listed in " << VELLUM_SHADERS;
 }
 
 } // namespace

@@ -19,4 +19,8 @@ spv_target_env environmentOf(const Module &words);
 // Empty if valid, else the validator's messages.
 std::string validate(const Module &words);
 
+// The module with another mode that has an operand (DenormPreserve) in place of OpacityMicromapIdKHR, its capability
+// and the other extension: older SPIR-V Tools do not know SPV_KHR_opacity_micromap.
+Module withKnownMode(Module words);
+
 } // namespace vellum::test

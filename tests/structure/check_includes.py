@@ -21,19 +21,20 @@ PARTS = {
     "gpubake": ("core",),
     "spirv": ("core",),
     "shaders": ("core",),
-    "library": ("core", "bake"),
+    "library": ("core", "bake", "spirv"),
     "gltf": ("core", "bake"),
     "gltflibrary": ("core", "bake", "gltf", "library"),
     "layer": ("core", "spirv"),
     "verify": ("core", "bake", "gltf"),
     "vk": (),
     "check": ("vk",),
-    "cli": ("core", "bake", "gltf", "verify", "vk", "check"),
+    "cli": ("core", "bake", "gltf", "verify", "spirv", "vk", "check"),
 }
 # Parts that may use some files of another only. Verification shares no code with what it verifies.
 ONLY = {
     ("verify", "bake"): ("texture/texture.h",),
     ("check", "layer"): ("base/vulkan_newer.h",), # declarations that older headers of Vulkan lack
+    ("library", "spirv"): ("mode/micromap_mode.h",),
 }
 # Parts with subsystems: each subsystem and those that it may include. "" is the folder of the part itself.
 def below(*subsystems):
@@ -52,7 +53,7 @@ SUBSYSTEMS = {
         "device_address": LOW + ("micromaps", "structures", "query_pool"),
         "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address"),
     },
-    "spirv": below("module", ""),
+    "spirv": below("module", "mode", ""),
     "shaders": {
         "base": (), "micromaps": ("base",), "structures": ("base",), "query_pool": ("base",), "pipelines": ("base",),
         "khr_over_ext": ("base",), "gpubake": ("base",),
@@ -60,7 +61,8 @@ SUBSYSTEMS = {
     "bake": below("numbers", "texture", ""),
     "check": below("shaders", "gpu", "oracle", "case", "groups"),
     "gltf": below("file", "data", "", "micromaps"),
-    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "inspect", "", "manual"),
+    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "spirv", "verify", "inspect",
+                 "", "manual"),
 }
 
 MOST_FILES = 24

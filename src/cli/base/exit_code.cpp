@@ -10,7 +10,8 @@ std::span<const ExitCodeMeaning> exitCodes()
 {
     static constexpr ExitCodeMeaning kCodes[] = {
         {ExitCode::Success, "success, and nothing to report"},
-        {ExitCode::Failed, "failed: something cannot be read, baked, verified or written, or no device has micromaps"},
+        {ExitCode::Failed, "failed: something cannot be read, baked, verified or written, or no device has micromaps; "
+                           "spirv --lint: findings"},
         {ExitCode::Usage, "usage error: nothing was done"},
         {ExitCode::InvalidMicromaps, "info, verify: micromaps that break a rule of the glTF extension"},
         {ExitCode::WrongClaims, "verify: states that contradict the texture"},

@@ -9,8 +9,6 @@
 
 namespace vellum::cli
 {
-namespace
-{
 
 std::vector<uint8_t> readStdin()
 {
@@ -30,8 +28,6 @@ std::vector<uint8_t> readStdin()
         throw GltfError("-: stdin cannot be read");
     return bytes;
 }
-
-} // namespace
 
 Document openDocument(const std::filesystem::path &path)
 {

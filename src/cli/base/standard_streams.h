@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// "-": glTF files from stdin, and data to stdout.
+// "-": files from stdin, and data to stdout.
 #pragma once
 
 #include <cstdint>
@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "gltf/document.h"
 
@@ -20,6 +21,9 @@ inline bool isStandardStream(const std::filesystem::path &path)
 {
     return path == "-";
 }
+
+// All of stdin, at most 2 GiB. Throws GltfError.
+std::vector<uint8_t> readStdin();
 
 // Reads a glTF file, from stdin for "-". Throws GltfError.
 Document openDocument(const std::filesystem::path &path);

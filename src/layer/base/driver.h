@@ -36,7 +36,7 @@ struct EnabledFeatures {
 
 // What the layer does on a device.
 enum class Mode {
-    PassThrough, // nothing: every command except vkDestroyDevice goes to the next layer
+    PassThrough, // nothing, except by assume_micromaps: commands go to the next layer
     Identifiers, // the same, but shader module identifiers are those that emulated devices have
     Emulated,    // the layer provides micromaps
     KhrOverExt,  // the driver provides VK_EXT_opacity_micromap, and the layer translates VK_KHR_opacity_micromap to it
@@ -68,6 +68,9 @@ struct Driver {
 
     [[nodiscard]] bool emulated() const { return mode == Mode::Emulated; }
     [[nodiscard]] bool translated() const { return mode == Mode::KhrOverExt; }
+    [[nodiscard]] bool providesMicromaps() const { return emulated() || translated(); }
+    // The setting assume_micromaps counts on this device.
+    [[nodiscard]] bool assumesMicromaps() const { return settings->assumeMicromaps && enabled.anyFeature(); }
     [[nodiscard]] Reporter &report() const { return *reporter; }
     [[nodiscard]] VkDeviceAddress bufferAddress(VkBuffer buffer) const;
     // The reference by which instances name a bottom-level structure.

@@ -23,7 +23,7 @@
       "Reject input that breaks a rule even if it does no harm, instead of only warning. For tests of applications.")  \
     X(assume_micromaps, assumeMicromaps, bool, false, "Assume micromaps",                                              \
       "Use micromaps in ray tracing pipelines without the micromap bit and in ray queries without the execution "      \
-      "mode, if the feature is enabled.")                                                                              \
+      "mode, if the feature is enabled. Also where micromaps are the driver's own.")                                   \
     X(constant_ray_flags, constantRayFlags, bool, true, "Constant ray flags",                                          \
       "Use the values of ray flags that are constant in a module or pipeline. Turned off only for tests.")             \
     X(cache_folder, cacheFolder, std::string, {}, "Cache folder",                                                      \

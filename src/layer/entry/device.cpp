@@ -180,7 +180,6 @@ private:
     void prepareTranslation();
     VkResult startEmulation();
     VkResult createInjected();
-    [[nodiscard]] bool providesMicromaps() const { return device->driver.emulated() || device->driver.translated(); }
 
     Instance &instance_;
     VkPhysicalDevice physicalHandle_;
@@ -202,7 +201,7 @@ VkResult DeviceCreation::prepare()
     driver.enabled = enabledFeatures(info_);
     driver.mode = modeOf(info_, physical_->have);
     const VkResult result = checkExtensions(instance_, physicalHandle_, info_, physical_->have, driver);
-    if (result != VK_SUCCESS || !providesMicromaps())
+    if (result != VK_SUCCESS || !driver.providesMicromaps())
         return result;
     driver.ownAddressCommands =
         driver.enabled.addressCommands && physical_->have.addressCommands == Implementation::Emulation;
@@ -240,7 +239,7 @@ void DeviceCreation::prepareTranslation()
 
 VkResult DeviceCreation::create(const NextLayer &next, const VkAllocationCallbacks *allocator, VkDevice *handle)
 {
-    if (!providesMicromaps())
+    if (!device->driver.providesMicromaps())
         return next.createDevice(physicalHandle_, &info_, allocator, handle);
     GpuContext &gpu = device->buffers.gpu;
     const DriverDeviceInfo driverInfo(info_, device->driver, physical_->have, gpu);
@@ -278,7 +277,7 @@ VkResult DeviceCreation::startEmulation()
 
 VkResult DeviceCreation::start()
 {
-    if (!providesMicromaps())
+    if (!device->driver.providesMicromaps())
         return VK_SUCCESS;
     GpuContext &gpu = device->buffers.gpu;
     gpu.device = device->driver.handle;

@@ -40,7 +40,7 @@ enum class Scope {
     Debug,          // every device, if the next layer has it; loaders call it through the chain of the instance
     Emulated,       // emulated devices, if the next layer has it
     Provided,       // emulated and translated devices, if the next layer has it
-    Identified,     // the same, and devices of Mode::Identifiers
+    Shaders,        // these, devices of Mode::Identifiers, and those on which assume_micromaps counts
     Ext,            // emulated devices with VK_EXT_opacity_micromap
     Address,        // devices with the layer's VK_KHR_device_address_commands
     AddressEnabled, // emulated and translated devices with VK_KHR_device_address_commands, whoever implements it
@@ -158,17 +158,17 @@ const Row kRows[] = {
     row<debugMarkerSetObjectName>("vkDebugMarkerSetObjectNameEXT", Scope::Debug),
     row<debugMarkerSetObjectTag>("vkDebugMarkerSetObjectTagEXT", Scope::Debug),
 
-    row<createShaderModule>("vkCreateShaderModule", Scope::Identified),
-    row<createComputePipelines>("vkCreateComputePipelines", Scope::Identified),
-    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Identified),
-    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Identified),
-    row<getShaderModuleIdentifier>("vkGetShaderModuleIdentifierEXT", Scope::Identified),
-    row<getShaderModuleCreateInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Identified),
-    row<createPipelineBinaries>("vkCreatePipelineBinariesKHR", Scope::Identified),
+    row<createShaderModule>("vkCreateShaderModule", Scope::Shaders),
+    row<createComputePipelines>("vkCreateComputePipelines", Scope::Shaders),
+    row<createGraphicsPipelines>("vkCreateGraphicsPipelines", Scope::Shaders),
+    row<destroyShaderModule>("vkDestroyShaderModule", Scope::Shaders),
+    row<getShaderModuleIdentifier>("vkGetShaderModuleIdentifierEXT", Scope::Shaders),
+    row<getShaderModuleCreateInfoIdentifier>("vkGetShaderModuleCreateInfoIdentifierEXT", Scope::Shaders),
+    row<createPipelineBinaries>("vkCreatePipelineBinariesKHR", Scope::Shaders),
     row<destroyPipelineBinary>("vkDestroyPipelineBinaryKHR", Scope::Emulated),
-    row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Identified),
+    row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Shaders),
     row<getPipelineBinaryData>("vkGetPipelineBinaryDataKHR", Scope::Emulated),
-    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Identified),
+    row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Shaders),
     row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
     row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),
     row<getCaptureReplayShaderGroupHandles>("vkGetRayTracingCaptureReplayShaderGroupHandlesKHR", Scope::Emulated),
@@ -177,10 +177,10 @@ const Row kRows[] = {
     row<cmdTraceRays>("vkCmdTraceRaysKHR", Scope::Emulated),
     row<cmdTraceRaysIndirect>("vkCmdTraceRaysIndirectKHR", Scope::Emulated),
     row<cmdTraceRaysIndirect2>("vkCmdTraceRaysIndirect2KHR", Scope::Emulated),
-    row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Provided),
-    row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Provided),
-    row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Provided),
-    row<createShaders>("vkCreateShadersEXT", Scope::Provided),
+    row<deferredOperationJoin>("vkDeferredOperationJoinKHR", Scope::Shaders),
+    row<getDeferredOperationResult>("vkGetDeferredOperationResultKHR", Scope::Shaders),
+    row<destroyDeferredOperation>("vkDestroyDeferredOperationKHR", Scope::Shaders),
+    row<createShaders>("vkCreateShadersEXT", Scope::Shaders),
     row<getShaderBinaryData>("vkGetShaderBinaryDataEXT", Scope::Emulated),
 
     row<createAccelerationStructure>("vkCreateAccelerationStructureKHR", Scope::Provided),
@@ -278,14 +278,14 @@ const Row *find(const char *name)
 // Whether the layer intercepts a command on a device; `next` is the command of the next layer.
 bool applies(Scope scope, const Driver &driver, PFN_vkVoidFunction next)
 {
-    const bool provided = driver.emulated() || driver.translated();
+    const bool provided = driver.providesMicromaps();
     switch (scope) {
     case Scope::Global:
     case Scope::Instance: return false;
     case Scope::Device: return true;
     case Scope::Debug: return next;
     case Scope::Emulated: return next && driver.emulated();
-    case Scope::Identified: return next && driver.mode != Mode::PassThrough;
+    case Scope::Shaders: return next && (driver.mode != Mode::PassThrough || driver.assumesMicromaps());
     case Scope::Provided: return next && provided;
     case Scope::Ext: return driver.emulated() && driver.enabled.ext;
     case Scope::Address: return provided && driver.ownAddressCommands;
@@ -326,8 +326,7 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDeviceProcAddr(VkDevice handle, cons
     const PFN_vkVoidFunction next = driver.next.GetDeviceProcAddr(handle, name);
     if (!row)
         return next;
-    if (row->required && (driver.emulated() || driver.translated()) &&
-        !driver.next.GetDeviceProcAddr(handle, row->required))
+    if (row->required && driver.providesMicromaps() && !driver.next.GetDeviceProcAddr(handle, row->required))
         return nullptr;
     // On translated devices the layer has enabled VK_EXT_opacity_micromap, and not the application.
     if (row->scope == Scope::Ext && driver.translated() && !driver.enabled.ext)

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "layer/pipelines/device_pipelines.h"
+#include "spirv/mode/micromap_mode.h"
 #include "spirv/module/khr_to_ext.h"
 
 namespace vellum::layer
@@ -41,7 +42,7 @@ namespace
 {
 
 // Sends a warning about a shader, once for the same code.
-void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const char *id, const char *text)
+void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const char *id, const std::string &text)
 {
     if (device.shaderWarnings.isFirst(id, words))
         device.driver.report().warning(id, text);
@@ -51,11 +52,25 @@ void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const ch
 // such as the Vulkan tutorial's engine.
 constexpr const char *kQueriesWithoutMode = "VELLUM-queries-without-micromaps";
 
+// SPIR-V in which every ray query uses micromaps, for a driver that has VK_KHR_opacity_micromap. Empty: unchanged.
+std::vector<uint32_t> assumeMicromaps(DevicePipelines &device, std::span<const uint32_t> words)
+{
+    const EnabledFeatures &enabled = device.driver.enabled;
+    if (!device.driver.assumesMicromaps() || enabled.everyQueryUsesMicromaps() || !spirv::scan(words).tracesRays)
+        return {};
+    spirv::ModeResult result = spirv::editMicromapMode(words, {.to = spirv::ModeEdit::To::Always});
+    if (!result.error.empty())
+        warnOnce(device, words, "VELLUM-assume-micromaps",
+                 "a shader's ray queries cannot be given the execution mode OpacityMicromapIdKHR: " + result.error);
+    return std::move(result.words);
+}
+
 // SPIR-V for a driver that has SPV_EXT_opacity_micromap only. Empty: unchanged.
 std::vector<uint32_t> translateShader(DevicePipelines &device, std::span<const uint32_t> words)
 {
     spirv::TranslateResult result = spirv::translateToExt(words);
-    if (result.queriesForget && device.driver.enabled.khrFeature && !device.driver.enabled.ext)
+    const Driver &driver = device.driver;
+    if (result.queriesForget && driver.enabled.khrFeature && !driver.enabled.ext && !driver.assumesMicromaps())
         warnOnce(
             device, words, kQueriesWithoutMode,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
@@ -104,6 +119,8 @@ bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes
         result = emulateMicromaps(device, words, pipelineStage);
     else if (device.driver.translated())
         result = translateShader(device, words);
+    else
+        result = assumeMicromaps(device, words);
     if (!result || result->empty())
         return result.has_value();
     storage = std::move(*result);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shaders and pipeline stages as the driver gets them: rewritten so that they resolve micromaps, or, on a driver with
-// VK_EXT_opacity_micromap only, with SPV_EXT_opacity_micromap in place of SPV_KHR_opacity_micromap.
+// Shaders and pipeline stages as the driver gets them: rewritten so that they resolve micromaps; on a driver with
+// VK_EXT_opacity_micromap only, with SPV_EXT_opacity_micromap in place of SPV_KHR_opacity_micromap; on a driver with
+// VK_KHR_opacity_micromap, with the execution mode OpacityMicromapIdKHR if the setting assume_micromaps is on.
 #pragma once
 
 #include <cstddef>

@@ -40,11 +40,10 @@ const Mask &untouchedMask()
     return mask;
 }
 
-// Shaders for a driver with VK_EXT_opacity_micromap hold no addresses, so its identifiers are valid for the
-// application.
+// Shaders for a driver's own micromaps hold no addresses, so its identifiers are valid for the application.
 bool mixesIdentifiers(const DevicePipelines &device)
 {
-    return !device.driver.translated();
+    return device.driver.emulated() || device.driver.mode == Mode::Identifiers;
 }
 
 // Changes an identifier of the driver into the application's.
@@ -80,8 +79,7 @@ Mask maskOf(std::span<const std::byte> bytes)
 uint64_t rewriteSettings(const DevicePipelines &device)
 {
     const Settings &settings = *device.driver.settings;
-    const bool assumes = settings.assumeMicromaps && device.driver.enabled.anyFeature();
-    return uint64_t{settings.constantRayFlags} | uint64_t{assumes} << 1;
+    return uint64_t{settings.constantRayFlags} | uint64_t{device.driver.assumesMicromaps()} << 1;
 }
 
 Mask deviceMask(DevicePipelines &device)

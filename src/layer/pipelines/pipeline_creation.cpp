@@ -35,6 +35,12 @@ VkFlags64 flagsOf(const VkRayTracingPipelineCreateInfoKHR &info)
     return pipelineFlags(info.pNext, info.flags);
 }
 
+// Whether the setting assume_micromaps gives a pipeline the micromap bit. Not one that promises to meet no micromaps.
+bool isAssumed(const Driver &driver, const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    return driver.assumesMicromaps() && (flagsOf(info) & newer::kPipelineDisallowOpacityMicromap) == 0;
+}
+
 std::span<const VkPipeline> librariesOf(const VkRayTracingPipelineCreateInfoKHR &info)
 {
     return info.pLibraryInfo ? std::span(info.pLibraryInfo->pLibraries, info.pLibraryInfo->libraryCount)
@@ -60,10 +66,9 @@ public:
         records_.emplace_back();
         ownAnyHitGroups_.emplace_back();
         const Driver &driver = device_.driver;
-        if (driver.mode == Mode::Identifiers)
-            return replaceIdentifiers(own);
-        bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0 ||
-                             (driver.enabled.anyFeature() && driver.settings->assumeMicromaps);
+        if (!driver.providesMicromaps())
+            return passOn(own);
+        bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0 || isAssumed(driver, info);
         if (!checkFlags(info, usesMicromaps))
             return VK_ERROR_VALIDATION_FAILED_EXT;
         if (driver.emulated()) {
@@ -75,11 +80,7 @@ public:
         // The code of a pipeline of binaries is ignored.
         if (pipelines_ && !usesMicromaps && driver.enabled.anyFeature() && !binariesOf(info.pNext))
             warnOfTracing(info);
-        if (!changeFlags(own, unknownPipelineFlags(driver), usesMicromaps ? kMicromapPipelineFlag : 0))
-            return VK_ERROR_INITIALIZATION_FAILED;
-        if (!binariesOf(own.pNext) && !stages_.rewrite(own.pStages, own.stageCount))
-            return VK_ERROR_UNKNOWN;
-        return replaceIdentifiers(own);
+        return passOn(own);
     }
 
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
@@ -196,6 +197,17 @@ private:
     }
 
     // --- structures that differ for the driver ---
+
+    // A pipeline whose micromaps, if it has any, are the driver's.
+    VkResult passOn(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        const VkFlags64 added = isAssumed(device_.driver, info) ? kMicromapPipelineFlag : 0;
+        if (!changeFlags(info, unknownPipelineFlags(device_.driver), added))
+            return VK_ERROR_INITIALIZATION_FAILED;
+        if (!binariesOf(info.pNext) && !stages_.rewrite(info.pStages, info.stageCount))
+            return VK_ERROR_UNKNOWN;
+        return replaceIdentifiers(info);
+    }
 
     bool changeFlags(VkRayTracingPipelineCreateInfoKHR &info, VkFlags64 removed, VkFlags64 added)
     {
@@ -382,12 +394,6 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
     }
     if (!creation->changed())
         return create(operation, count, infos, pipelines);
-    // Such a device does not intercept the commands that report that an operation is complete. With identifiers only,
-    // the driver compiles nothing.
-    if (device.driver.mode == Mode::Identifiers) {
-        const VkResult result = create(VK_NULL_HANDLE, count, creation->infos().data(), pipelines);
-        return operation && result == VK_SUCCESS ? VK_OPERATION_NOT_DEFERRED_KHR : result;
-    }
     std::shared_ptr<DeferredOperation> deferred; // allocated before the driver's call
     if (operation) {
         deferred = std::make_shared<DeferredOperation>();

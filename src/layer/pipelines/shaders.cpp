@@ -49,7 +49,7 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
         !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
         return VK_ERROR_INVALID_SHADER_NV;
     std::shared_ptr<const RayTracingModule> original;
-    if (device.driver.mode != Mode::Identifiers && scan.hasStages)
+    if (device.driver.providesMicromaps() && scan.hasStages)
         original = std::make_shared<RayTracingModule>(RayTracingModule{{words.begin(), words.end()}, scan.traced});
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     if (result != VK_SUCCESS)
@@ -76,7 +76,7 @@ VkResult DriverPipelineInfo::change(Info &info, const VkPipelineShaderStageCreat
                                     const char *flagsId, const char *command)
 {
     const Driver &driver = device_.driver;
-    if (driver.mode != Mode::Identifiers && !checkPipelineFlags(driver, info.pNext, info.flags, flagsId, command))
+    if (driver.providesMicromaps() && !checkPipelineFlags(driver, info.pNext, info.flags, flagsId, command))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     if (!changePipelineFlags(driver, info.pNext, info.flags, unknownPipelineFlags(driver), 0, chains_, command))
         return VK_ERROR_INITIALIZATION_FAILED;
@@ -127,7 +127,7 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
     const auto prepare = [&](newer::ShaderCreateInfo &info) {
-        if (!checkShaderFlags(device.driver, info))
+        if (device.driver.providesMicromaps() && !checkShaderFlags(device.driver, info))
             return VK_ERROR_VALIDATION_FAILED_EXT;
         if (info.codeType == newer::kShaderCodeTypeBinary && !device.driver.emulated())
             return VK_SUCCESS;

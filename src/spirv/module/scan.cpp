@@ -5,6 +5,7 @@
 #include <optional>
 #include <unordered_map>
 
+#include "spirv/module/opcodes.h"
 #include "spirv/module/ray_instructions.h"
 #include "spirv/module/words.h"
 

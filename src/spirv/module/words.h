@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visits the words of SPIR-V, instruction by instruction, without parsing it as a Module (module.h).
+// Visits the words of SPIR-V, instruction by instruction, without parsing it as a Module (module.h). Needs no headers
+// of SPIR-V.
 #pragma once
 
 #include <cstddef>
@@ -7,18 +8,17 @@
 #include <span>
 #include <string>
 
-#include "spirv/module/opcodes.h"
-
 namespace vellum::spirv
 {
 
 using Words = std::span<const uint32_t>;
 
 inline constexpr size_t kHeaderWords = 5;
+inline constexpr uint32_t kMagicNumber = 0x07230203;
 
 inline bool isSpirv(Words words)
 {
-    return words.size() >= kHeaderWords && words[0] == spv::MagicNumber;
+    return words.size() >= kHeaderWords && words[0] == kMagicNumber;
 }
 
 inline uint32_t opcodeOf(Words instruction)

@@ -11,7 +11,7 @@ namespace
 constexpr const char *kVellumLayer = "VK_LAYER_VELLUM_opacity_micromap";
 constexpr const char *kValidationLayer = "VK_LAYER_KHRONOS_validation";
 constexpr const char *kDriverLayer = "VK_LAYER_VELLUM_test_mock_driver"; // below everything
-constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower"; // below that, with the quirks "ext" and "emulating"
+constexpr const char *kLowerLayer = "VK_LAYER_VELLUM_test_lower"; // below that, with "ext", "khr" and "emulating"
 constexpr const char *kFaultyLayer = "VK_LAYER_VELLUM_test_faulty_driver"; // above Vellum's layer
 constexpr const char *kForcingLayer = "VK_LAYER_VELLUM_test_forcing";      // above everything, see forcing/forcing.h
 
@@ -75,13 +75,21 @@ std::vector<std::string> extensionsOf(const Options &options)
     return names;
 }
 
+// Whether a list with commas has the name.
+bool includes(const std::string &list, const std::string &name)
+{
+    return (',' + list + ',').find(',' + name + ',') != std::string::npos;
+}
+
 // The quirks of the mock driver, with commas.
 std::string quirksOf(const Options &options)
 {
-    std::string quirks = options.spy ? "spy," : "";
-    quirks += options.quirks + ',';
+    std::string quirks = options.quirks + ',';
     if (const char *chosen = std::getenv("VELLUM_TEST_QUIRKS"))
         quirks += chosen;
+    // A driver with VK_KHR_opacity_micromap knows all that the spy reports.
+    if (options.spy && !includes(quirks, "khr"))
+        quirks += ",spy";
     return quirks;
 }
 
@@ -91,9 +99,7 @@ std::vector<std::string> layersOf(const Options &options, const std::string &qui
     std::vector<std::string> layers;
     if (options.vellum)
         layers.emplace_back(kVellumLayer);
-    const auto has = [&quirks](const std::string &name) {
-        return (',' + quirks + ',').find(',' + name + ',') != std::string::npos;
-    };
+    const auto has = [&quirks](const char *name) { return includes(quirks, name); };
     // Of that age, it hands its own handle of a geometry's VkMicromapEXT to the driver.
     const bool old = options.oldValidation && !has("ext");
     if (kHasValidation && options.validation && (old || validationIsNew()))
@@ -104,7 +110,7 @@ std::vector<std::string> layersOf(const Options &options, const std::string &qui
         layers.insert(layers.begin(), kForcingLayer);
     if (quirks.find_first_not_of(',') != std::string::npos)
         layers.emplace_back(kDriverLayer);
-    if (has("ext") || has("emulating"))
+    if (has("ext") || has("khr") || has("emulating"))
         layers.emplace_back(kLowerLayer);
     // No micromaps are requested of it, and it must work all the same.
     if (has("emulating"))

@@ -2,6 +2,7 @@
 // Drivers that have micromaps, which lavapipe gets from a second copy of Vellum's layer below this one:
 // - "ext": VK_EXT_opacity_micromap, and not VK_KHR_opacity_micromap, VK_ARM_pipeline_opacity_micromap or
 //   VK_KHR_device_address_commands. It reports every use of these, and of micromaps that are not its own.
+// - "khr": VK_KHR_opacity_micromap and VK_KHR_device_address_commands, and not the others.
 // - "emulating": a driver without micromaps to which applications' shaders are not what it runs: the copy emulates
 //   micromaps on each device, whether anybody requested them or not.
 // What may reach such devices otherwise is the spy's to tell (knowsMicromaps).
@@ -27,9 +28,10 @@ bool hides(void *key, const char *extension)
 {
     if (std::strcmp(extension, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME) == 0)
         return !has(key, "ext");
-    return std::strcmp(extension, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
-           std::strcmp(extension, kPipelines) == 0 ||
-           std::strcmp(extension, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0;
+    if (std::strcmp(extension, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
+        std::strcmp(extension, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME) == 0)
+        return !has(key, "khr");
+    return std::strcmp(extension, kPipelines) == 0;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, const char *layer, uint32_t *count,
@@ -72,10 +74,11 @@ private:
         if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT ||
             type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT)
             return !has(key, "ext");
-        return type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR ||
-               type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR ||
-               type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR ||
-               type == kPipelineFeatures;
+        if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR ||
+            type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR ||
+            type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR)
+            return !has(key, "khr");
+        return type == kPipelineFeatures;
     }
     std::vector<Link> taken_;
 };

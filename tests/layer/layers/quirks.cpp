@@ -17,6 +17,8 @@ std::span<const Quirk> allQuirks()
         {"ext", Level::Ext,
          "VK_EXT_opacity_micromap, of a second copy of Vellum's layer below, and neither VK_KHR_opacity_micromap nor "
          "VK_KHR_device_address_commands"},
+        {"khr", Level::Ext,
+         "VK_KHR_opacity_micromap and VK_KHR_device_address_commands, of that copy, and not VK_EXT_opacity_micromap"},
         {"emulating", Level::Ext,
          "a driver that rewrites shaders and structures itself: that copy emulates micromaps on every device, though "
          "it says nothing of them"},

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/verify_report.h"
+#include "cli/verify/verify_report.h"
 
 #include <algorithm>
 #include <cmath>
