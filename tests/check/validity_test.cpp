@@ -84,7 +84,7 @@ const Break kBreaks[] = {
          c.scene.rays[0].flags = 0;
          c.scene.rays[1].flags = kRayOpaque;
      })},
-    {"no such stage", kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TASK_BIT_EXT; })},
+    {"no such stage", kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
     {"are built on device or host",
      kAlwaysPossible([](Case &c) { c.build.micromaps = BuildCommand::Indirect; })},
     {"are built on the device", kAlwaysPossible([](Case &c) { c.build.structures = BuildCommand::Host; })},

@@ -6,7 +6,7 @@
 #include "check/gpu/pipeline_tracer.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
-#include "harness/graphics.h"
+#include "check/gpu/graphics.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "shaders/plain_vertex.h"
