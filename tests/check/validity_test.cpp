@@ -79,11 +79,6 @@ const Break kBreaks[] = {
     {"flags that exclude each other",
      kAlwaysPossible([](Case &c) { c.scene.rays[0].flags |= kRaySkipTriangles | kRaySkipBoxes; })},
     {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 3; })},
-    {"have different flags, which are specialized", kAlwaysPossible([](Case &c) {
-         c.trace.flags = TracePlan::Flags::Specialized;
-         c.scene.rays[0].flags = 0;
-         c.scene.rays[1].flags = kRayOpaque;
-     })},
     {"no such stage", kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
     {"are built on device or host",
      kAlwaysPossible([](Case &c) { c.build.micromaps = BuildCommand::Indirect; })},

@@ -368,8 +368,8 @@ void BuiltCase::apply(const Step &step)
         if (!step.states.empty()) {
             oracle::SceneMicromap other = scene_.micromaps[step.target];
             other.triangles = step.states;
-            original->setInput(oracle::inputOf(other));
-            buildMicromap(*original);
+            if (original->setInput(oracle::inputOf(other)))
+                buildMicromap(*original);
         }
         // What the original's memory has is nothing that the copy depends on.
         original->forget();
@@ -378,13 +378,10 @@ void BuiltCase::apply(const Step &step)
     case Kind::SetStates: {
         scene_.micromaps[step.target].triangles = step.states;
         const oracle::SceneMicromap &from = scene_.micromaps[step.target];
-        std::unique_ptr<Micromap> micromap;
-        if (step.inPlace) {
-            micromap = std::move(micromaps_[step.target]);
-            micromap->setInput(oracle::inputOf(from));
-        } else {
+        // A compacted one may be too small to be built in.
+        std::unique_ptr<Micromap> micromap = std::move(micromaps_[step.target]);
+        if (!step.inPlace || !micromap->setInput(oracle::inputOf(from)))
             micromap = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags);
-        }
         buildMicromap(*micromap);
         micromaps_[step.target] = std::move(micromap);
         return buildMicromapUsers(step.target, step.update);

@@ -80,26 +80,30 @@ std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> in
 }
 
 Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags, SharedScratch *scratch)
-    : gpu_(gpu), input_(std::move(input))
+    : gpu_(gpu), input_(std::move(input)), flags_(flags)
 {
-    describe(flags);
+    describe();
     const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
     create(sizes.micromapSize);
     upload(scratch, sizes.buildScratchSize);
 }
 
-void Micromap::setInput(MicromapInput input, SharedScratch *scratch)
+bool Micromap::setInput(MicromapInput input, SharedScratch *scratch)
 {
     input_ = std::move(input);
-    describe(info_.flags);
-    upload(scratch, micromapSizes(gpu_, info_).buildScratchSize);
+    describe();
+    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
+    if (sizes.micromapSize > size())
+        return false;
+    upload(scratch, sizes.buildScratchSize);
+    return true;
 }
 
-void Micromap::describe(VkBuildMicromapFlagsEXT flags)
+void Micromap::describe()
 {
     usage_ = input_.usage();
     info_ = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT,
-                                            .flags = flags,
+                                            .flags = flags_,
                                             .mode = VK_BUILD_MICROMAP_MODE_BUILD_EXT,
                                             .usageCountsCount = static_cast<uint32_t>(usage_.size()),
                                             .pUsageCounts = input_.usagePointers ? nullptr : usage_.data(),
@@ -127,7 +131,8 @@ void Micromap::upload(SharedScratch *scratch, VkDeviceSize scratchSize)
     info_.scratchData.deviceAddress = scratch_->address();
 }
 
-Micromap::Micromap(Device &gpu, const Micromap &like, VkDeviceSize size) : gpu_(gpu), input_(like.input_)
+Micromap::Micromap(Device &gpu, const Micromap &like, VkDeviceSize size)
+    : gpu_(gpu), input_(like.input_), flags_(like.flags_)
 {
     create(size);
 }

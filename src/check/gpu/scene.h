@@ -56,8 +56,8 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
-    // Prepares another build by the same handle, of an input that needs no more memory than the last.
-    void setInput(MicromapInput input, SharedScratch *scratch = nullptr);
+    // Prepares another build by the same handle. False: it needs more memory than there is.
+    [[nodiscard]] bool setInput(MicromapInput input, SharedScratch *scratch = nullptr);
     // The same input in host memory, for vkBuildMicromapsEXT.
     [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
     // Builds it by vkBuildMicromapsEXT.
@@ -75,10 +75,11 @@ public:
 private:
     void create(VkDeviceSize size);
     void upload(SharedScratch *scratch, VkDeviceSize scratchSize);
-    void describe(VkBuildMicromapFlagsEXT flags);
+    void describe();
 
     Device &gpu_;
     MicromapInput input_;
+    VkBuildMicromapFlagsEXT flags_ = 0;
     std::vector<VkMicromapUsageEXT> usage_;
     std::vector<const VkMicromapUsageEXT *> usagePointers_;
     Guarded data_, triangles_, storage_;
