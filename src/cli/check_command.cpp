@@ -102,6 +102,7 @@ RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
     settings.seed = options.seed;
     settings.jobs = options.jobs;
     settings.timeout = options.timeout;
+    settings.failFast = options.failFast;
     if (options.quick)
         settings.budget = kQuickSeconds;
     if (options.minutes)

@@ -63,6 +63,7 @@ void declareSelection(CLI::App &command, CheckOptions &options)
         .add_option("--minutes", options.minutes, "Run for this long, shared by all groups; new cases without an end")
         ->check(between(0.001, 100000))
         ->type_name("MINUTES");
+    command.add_flag("--fail-fast", options.failFast, "End with the first failure");
     command.add_option("--seed", options.seed, "Another number makes other cases [1]")
         ->check(wholeBetween(0, UINT64_MAX))
         ->type_name("NUMBER");

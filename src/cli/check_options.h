@@ -25,6 +25,7 @@ struct CheckOptions {
     std::vector<std::filesystem::path> flakes;
     std::optional<double> minutes;
     bool quick = false;
+    bool failFast = false;
     uint32_t jobs = 1;
     uint64_t seed = 1;
     double timeout = 60; // seconds

@@ -292,8 +292,12 @@ void Runner::Slot::stop()
 
 Runner::Runner(RunSettings settings, const Expectations &expectations, std::function<void(const Finished &)> report,
                std::function<void()> tick)
-    : settings_(std::move(settings)), expectations_(expectations), report_(std::move(report)), tick_(std::move(tick))
+    : settings_(std::move(settings)), expectations_(expectations), tick_(std::move(tick))
 {
+    report_ = [this, report = std::move(report)](const Finished &finished) {
+        failed_ |= !isSuccess(finished.verdict);
+        report(finished);
+    };
 }
 
 double Runner::seconds() const
@@ -338,7 +342,7 @@ void Runner::run(Schedule &schedule)
     std::vector<std::unique_ptr<Slot>> slots;
     for (unsigned i = 0; i < settings_.jobs; ++i)
         slots.push_back(std::make_unique<Slot>(*this));
-    for (bool busy = true; busy && !Interruptible::interrupted();) {
+    for (bool busy = true; busy && !Interruptible::interrupted() && !(settings_.failFast && failed_);) {
         busy = false;
         std::vector<const WorkerProcess *> processes;
         for (const auto &slot : slots) {

@@ -24,6 +24,7 @@ struct RunSettings {
     unsigned jobs = 1;
     double timeout = 60;          // seconds of a case, of opening and of closing the device
     std::optional<double> budget; // seconds after which no further case begins
+    bool failFast = false;        // ends with the first failure
     std::filesystem::path replay; // runs this reproducer for each case; empty without
 };
 
@@ -70,6 +71,7 @@ private:
     Clock::time_point start_ = Clock::now();
     double turn_ = 0;                         // seconds that a worker runs the cases of one stream
     unsigned failedOpenings_ = 0;             // one after the other
+    bool failed_ = false;
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };
 

@@ -65,6 +65,14 @@ TEST_F(Check, FailuresWithOneCauseArePutTogether)
     EXPECT_FALSE(std::filesystem::exists(folder_ / "out/failures/khr.bad.0003.json")) << "three of a cause are enough";
 }
 
+TEST_F(Check, FailFastEndsWithTheFirstFailure)
+{
+    const CheckRun check = run({"good.*", "bad.*"}, {"--jobs", "1", "--fail-fast"});
+    EXPECT_EQ(check.outcome.exitCode, 1);
+    EXPECT_EQ(check.failures.size(), 1U);
+    EXPECT_LT(check.results.size(), 10U);
+}
+
 TEST_F(Check, WhatTheDeviceLacksIsSkipped)
 {
     const CheckRun check = run({"skip.*", "good.0000"});
