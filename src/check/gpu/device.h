@@ -54,8 +54,6 @@ struct DeviceOptions {
     // Buffers for acceleration structures have VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT. The rule that demands it
     // (VUID-VkAccelerationStructureCreateInfoKHR-pInfo-09542, by its number) is younger than the extension.
     bool addressedStructures = true;
-    // Vellum's layer emulates micromaps: intersection shaders may miss some ray flags (docs/limitations.md, tracer.h).
-    bool vellumIntersectionLimits = false;
     std::vector<std::string> extensions; // enabled where the device has them, with their features
     Memory memory = Memory::Apart;
     // Called with the messages of layers and the driver, on whichever thread they come.
@@ -232,6 +230,8 @@ public:
     [[nodiscard]] VkQueue queue() const { return queue_; }
     [[nodiscard]] VkCommandPool pool() const { return pool_; }
     [[nodiscard]] bool has(const char *deviceExtension) const;
+    // Whether Vellum's layer emulates the micromaps of this device.
+    [[nodiscard]] bool emulatedByVellum() const { return emulatedByVellum_; }
     [[nodiscard]] const std::vector<KnownFault> &knownFaults() const { return knownFaults_; }
     [[nodiscard]] bool hasFault(Fault fault) const
     {
@@ -330,6 +330,7 @@ private:
     Commands commands_;
     std::vector<std::string> extensions_;
     uint32_t scratchAlignment_ = 0;
+    bool emulatedByVellum_ = false;
     std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
     bool indirectBuilds_ = false, micromapHostCommands_ = false;

@@ -50,7 +50,6 @@ Device &Session::device(Memory memory)
     if (!device) {
         DeviceOptions options{.physicalDevice = deviceNumber(options_),
                               .api = options_.api,
-                              .vellumIntersectionLimits = options_.layer,
                               .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
                                              VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5"},
                               .memory = memory};

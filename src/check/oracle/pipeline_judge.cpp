@@ -213,7 +213,7 @@ private:
 
 Tolerance toleranceFor(const Device &gpu)
 {
-    return {gpu.options().vellumIntersectionLimits, gpu.hasFault(Fault::ReportChangesAttributes)};
+    return {gpu.emulatedByVellum(), gpu.hasFault(Fault::ReportChangesAttributes)};
 }
 
 std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits,

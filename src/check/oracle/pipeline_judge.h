@@ -17,7 +17,7 @@ extern const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords;
 
 // What a device does otherwise than the specification says, and is not reported.
 struct Tolerance {
-    bool vellumIntersectionLimits = false; // DeviceOptions
+    bool vellumIntersectionLimits = false; // intersectionMaySee, intersectionMayRunCulled
     bool reportChangesAttributes = false;  // Fault
 };
 Tolerance toleranceFor(const Device &gpu);

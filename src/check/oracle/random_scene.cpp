@@ -39,8 +39,14 @@ SceneMicromap randomMicromap(Random &random, uint32_t triangles, const Limits &l
     micromap.flags = flags[below(random, flags.size())];
     if (chance(random, 30))
         micromap.flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
-    if (limits.lossy && chance(random, 70))
+    // VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712
+    if (limits.lossy && chance(random, 70)) {
+        for (MicromapTriangle &triangle : micromap.triangles) {
+            while (triangle.format != kFourState)
+                triangle = randomTriangle(random, limits.maxLevel);
+        }
         micromap.flags |= kLossy;
+    }
     if (chance(random, 25))
         micromap.triangleStride = 8 + 4 * below(random, 7);
     micromap.usagePointers = chance(random, 30);

@@ -136,7 +136,6 @@ DeviceOptions deviceOptions(const Options &options, std::function<void(Message)>
             .addressReplay = options.addressReplay,
             .allQueueFamilies = options.absentGpu.empty(),
             .addressedStructures = !emulated || validationOfTests() == Validation::Above,
-            .vellumIntersectionLimits = emulated,
             .extensions = extensionsOf(options),
             .memory = exact ? Memory::Packed : options.memory,
             .onMessage = std::move(onMessage),

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+// The judges of rays find each result that is changed after a right run.
+#include "check/oracle/pipeline_judge.h"
+#include "check/oracle/query_judge.h"
+#include "compare_scenes.h"
+
+namespace
+{
+
+using namespace oracle;
+
+// A change of a result, where there is something to change; false: nothing was changed.
+template <class R>
+struct Change {
+    const char *name;
+    std::function<bool(R &)> apply;
+};
+
+template <class R>
+std::vector<Change<R>> changes()
+{
+    constexpr auto hit = [](const R &r) { return r.committed == vt::kTriangle; };
+    return {
+        {"committed", [=](R &r) { return hit(r) && (r.committed = vt::kNone, true); }},
+        {"instance", [=](R &r) { return hit(r) && (++r.instance, true); }},
+        {"geometry", [=](R &r) { return hit(r) && (++r.geometry, true); }},
+        {"primitive", [=](R &r) { return hit(r) && (++r.primitive, true); }},
+        {"custom index", [=](R &r) { return hit(r) && (r.customIndex ^= 1, true); }},
+        {"t", [=](R &r) { return hit(r) && (r.t += 0.01f, true); }},
+        {"u",
+         [=](R &r) {
+             if constexpr (requires { r.visits; }) { // Fault::ReportChangesAttributes
+                 if (!r.visits.empty())
+                     return false;
+             }
+             return hit(r) && (r.u += 0.01f, true);
+         }},
+        {"flags", [=](R &r) { return hit(r) && (r.flags ^= vt::kRayForceTwoState, true); }},
+        {"tMin", [=](R &r) { return hit(r) && (r.tMin += 0.01f, true); }},
+        {"candidate of another triangle",
+         [](R &r) { return !r.candidates.empty() && !r.candidates[0].box() && (++r.candidates[0].primitive, true); }},
+    };
+}
+
+// Of each kind of change, every one that a ray allows is found. A ray without change is right.
+template <class R>
+void expectFound(const Scene &scene, const std::vector<R> &results,
+                 const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &judge)
+{
+    std::vector<Change<R>> all = changes<R>();
+    if constexpr (std::is_same_v<R, vt::Result>) {
+        // The record and the hit group decide in pipelines whether a hit has candidates.
+        all.push_back({"no candidates", [](R &r) {
+                           return r.candidates.size() == 1 && !r.candidates[0].box() && r.committed == vt::kNone &&
+                                  (r.candidates.clear(), true);
+                       }});
+    } else {
+        all.push_back({"hit kind", [](R &r) { return r.committed == vt::kTriangle && (r.hitKind ^= 1, true); }});
+        all.push_back({"record", [](R &r) { return r.committed != vt::kUnknownResult && (++r.record, true); }});
+        all.push_back({"payload", [](R &r) { return std::exchange(r.intact, false); }});
+    }
+    std::map<std::string, uint32_t> made;
+    for (size_t i = 0; i < results.size(); ++i) {
+        const Hits hits = allHits(scene, scene.rays[i]);
+        if (hits.unsure)
+            continue;
+        ASSERT_EQ(judge(scene.rays[i], hits.hits, results[i]), "") << "ray " << i;
+        for (const Change<R> &change : all) {
+            R changed = results[i];
+            if (!change.apply(changed))
+                continue;
+            ++made[change.name];
+            EXPECT_NE(judge(scene.rays[i], hits.hits, changed), "") << "ray " << i << ": " << change.name;
+        }
+    }
+    EXPECT_EQ(made.size(), all.size());
+    for (const auto &[name, count] : made)
+        EXPECT_GE(count, 5u) << name;
+}
+
+class Judge : public vt::GpuTest
+{
+protected:
+    Judge()
+    {
+        Random random(20261122);
+        scene_ = randomScene(random, {.rays = 400});
+        built_ = build(gpu(), scene_);
+    }
+    Scene scene_;
+    Built built_;
+};
+
+TEST_F(Judge, FindsChangedResultsOfQueries)
+{
+    expectFound<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
+                            [](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
+                                return queryFault(ray, hits, result);
+                            });
+}
+
+TEST_F(Judge, FindsChangedResultsOfPipelines)
+{
+    if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        GTEST_SKIP() << "no ray tracing pipelines";
+    vt::PipelineTracer tracer(gpu(), {.groups = {kHitGroups.begin(), kHitGroups.end()},
+                                      .records = {kHitRecords.begin(), kHitRecords.end()},
+                                      .sbtStride = 1});
+    expectFound<vt::PipelineResult>(scene_, tracer.trace(*built_.scene, scene_.rays, kCapacity),
+                                    [this](const vt::Ray &ray, const std::vector<Hit> &hits, const auto &result) {
+                                        return pipelineFault(scene_, ray, hits, result, toleranceFor(gpu()));
+                                    });
+}
+
+// What is tolerated where Vellum's layer emulates is a fault elsewhere.
+TEST_F(Judge, ToleratesNothingOnOtherDevices)
+{
+    if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        GTEST_SKIP() << "no ray tracing pipelines";
+    vt::PipelineTracer tracer(gpu(), {.groups = {kHitGroups.begin(), kHitGroups.end()},
+                                      .records = {kHitRecords.begin(), kHitRecords.end()},
+                                      .sbtStride = 1});
+    const auto results = tracer.trace(*built_.scene, scene_.rays, kCapacity);
+    Tolerance strict = toleranceFor(gpu());
+    EXPECT_TRUE(std::exchange(strict.vellumIntersectionLimits, false));
+    uint32_t tried = 0;
+    for (size_t i = 0; i < results.size(); ++i) {
+        const vt::Ray &ray = scene_.rays[i];
+        const Hits hits = allHits(scene_, ray);
+        vt::PipelineResult changed = results[i];
+        if (hits.unsure || changed.visits.empty() || (ray.flags & vt::kRayForceTwoState) == 0)
+            continue;
+        changed.visits[0].flags = ray.flags & ~(vt::kRayOpaque | vt::kRayCullNoOpaque | vt::kRayForceTwoState);
+        ++tried;
+        EXPECT_EQ(pipelineFault(scene_, ray, hits.hits, changed, toleranceFor(gpu())), "") << "ray " << i;
+        EXPECT_NE(pipelineFault(scene_, ray, hits.hits, changed, strict), "") << "ray " << i;
+    }
+    EXPECT_GE(tried, 3u);
+}
+
+} // namespace
