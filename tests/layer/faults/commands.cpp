@@ -27,6 +27,8 @@ std::map<VkCommandBuffer, std::shared_ptr<const Twins>> bound;
 std::vector<GroupHandle> handlesOf(VkDevice handle, VkPipeline pipeline, uint32_t count)
 {
     std::vector<GroupHandle> handles(count);
+    if (count == 0)
+        return handles;
     DRIVER_NEXT(vkGetRayTracingShaderGroupHandlesKHR)
     (handle, pipeline, 0, count, handles.size() * kHandleSize, handles.data());
     return handles;
@@ -50,13 +52,13 @@ VkResult createWithTwins(VkDevice handle, VkPipelineCache cache, VkRayTracingPip
     info.pGroups = groups.data();
     const VkResult result =
         DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, VK_NULL_HANDLE, cache, 1, &info, allocator, pipeline);
-    if (result == VK_SUCCESS && !originals.empty()) {
-        const auto all = handlesOf(handle, *pipeline, info.groupCount);
+    if (result == VK_SUCCESS) {
+        const auto all = handlesOf(handle, *pipeline, originals.empty() ? 0 : info.groupCount);
         auto twins = std::make_shared<Twins>();
         for (size_t i = 0; i < originals.size(); ++i)
             twins->emplace(all[originals[i]], all[all.size() - originals.size() + i]);
         std::lock_guard lock(mutex);
-        twinsOf[*pipeline] = std::move(twins);
+        twinsOf[*pipeline] = std::move(twins); // also in place of a destroyed pipeline's
     }
     return result;
 }
@@ -91,7 +93,7 @@ VKAPI_ATTR void VKAPI_CALL bindPipeline(VkCommandBuffer handle, VkPipelineBindPo
 VkStridedDeviceAddressRegionKHR withoutAnyHit(VkCommandBuffer handle, VkStridedDeviceAddressRegionKHR table,
                                               std::shared_ptr<const Twins> twins)
 {
-    if (twins == nullptr || table.deviceAddress == 0 || table.stride < kHandleSize)
+    if (twins == nullptr || twins->empty() || table.deviceAddress == 0 || table.stride < kHandleSize)
         return table;
     const Memory memory = memoryFor(handle, table.size);
     beforeExecution(handle, [table, memory, twins = std::move(twins)] {
