@@ -33,8 +33,8 @@ void prepareEnvironment(const CheckOptions &options)
 {
     if (options.layer)
         offerLayer(options.layerFolder);
-    if (options.forceEmulation)
-        setenv("VELLUM_FORCE_EMULATION", "1", 1);
+    if (!options.implementation.empty())
+        setenv("VELLUM_IMPLEMENTATION", options.implementation.c_str(), 1);
 }
 
 std::vector<std::string> workerOptions(const CheckOptions &options, const std::optional<std::string> &device)

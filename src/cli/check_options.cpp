@@ -97,7 +97,9 @@ void declareDevice(CLI::App &command, CheckOptions &options)
     command.add_option("-d,--device", options.device, "The Vulkan device: its number or a part of its name")
         ->type_name("DEVICE");
     command.add_flag("!--no-layer", options.layer, "Do not enable the layer: test the driver's own micromaps");
-    command.add_flag("--force-emulation", options.forceEmulation, "Emulate even where the driver has micromaps");
+    takesWords(*command.add_option("--implementation", options.implementation,
+                                   "Who implements micromaps, as the layer's setting of that name [auto]"),
+               {"auto", "driver", "ext", "emulated"});
     command
         .add_option("--layer-path", options.layerFolder,
                     "Folder of the layer's manifest, instead of the one installed with this program")
@@ -120,8 +122,8 @@ void checkTogether(const CheckOptions &options)
     if (options.replay &&
         (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
         throw UsageError("--replay runs one case, so it takes no option that selects cases");
-    if (options.forceEmulation && !options.layer)
-        throw UsageError("--force-emulation is for the layer, which --no-layer does without");
+    if (!options.implementation.empty() && !options.layer)
+        throw UsageError("--implementation is for the layer, which --no-layer does without");
 }
 
 } // namespace

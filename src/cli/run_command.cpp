@@ -52,7 +52,7 @@ struct RunOptions {
     std::vector<std::string> program;
     std::string failOn;
     bool assumeMicromaps = false;
-    bool forceEmulation = false;
+    std::string implementation; // empty: not given
     bool strict = false;
     bool validate = false;
     std::optional<std::filesystem::path> layerFolder;
@@ -116,13 +116,14 @@ void applySettings(const RunOptions &options)
 {
     const std::pair<const char *, bool> settings[] = {
         {"VELLUM_ASSUME_MICROMAPS", options.assumeMicromaps},
-        {"VELLUM_FORCE_EMULATION", options.forceEmulation},
         {"VELLUM_STRICT", options.strict},
         {"VELLUM_VALIDATE", options.validate},
     };
     for (const auto &[variable, on] : settings)
         if (on)
             setenv(variable, "1", 1);
+    if (!options.implementation.empty())
+        setenv("VELLUM_IMPLEMENTATION", options.implementation.c_str(), 1);
 }
 
 // Whether messages fail a program that succeeds.
@@ -181,7 +182,10 @@ std::function<int()> declareRunCommand(CLI::App &app)
     command.option_defaults()->group("Layer");
     command.add_flag("--strict", options->strict, "Reject what breaks a rule even where it does no harm");
     command.add_flag("--validate", options->validate, "Check the input of builds on the GPU");
-    command.add_flag("--force-emulation", options->forceEmulation, "Emulate even where the driver has micromaps");
+    CLI::Option &implementation = *command.add_option("--implementation", options->implementation,
+                                                      "Who implements micromaps: the driver where it has them, the "
+                                                      "driver only, its EXT extension, or the layer [auto]");
+    takesWords(implementation, {"auto", "driver", "ext", "emulated"});
     command.add_flag("--assume-micromaps", options->assumeMicromaps,
                      "Use micromaps in pipelines and ray queries that do not ask for them");
     command

@@ -123,13 +123,13 @@ TEST(Run, WordsOfTheProgramStayAsTheyAre)
 
 TEST(Run, SettingsOfTheLayer)
 {
-    const std::string script = "echo $VELLUM_VALIDATE,$VELLUM_STRICT,$VELLUM_FORCE_EMULATION,$VELLUM_ASSUME_MICROMAPS,"
+    const std::string script = "echo $VELLUM_VALIDATE,$VELLUM_STRICT,$VELLUM_IMPLEMENTATION,$VELLUM_ASSUME_MICROMAPS,"
                                "$VK_INSTANCE_LAYERS";
     EXPECT_EQ(runScript({}, script).output, ",,,,VK_LAYER_VELLUM_opacity_micromap\n");
-    EXPECT_EQ(runScript({"--validate", "--strict", "--force-emulation", "--assume-micromaps"}, script,
+    EXPECT_EQ(runScript({"--validate", "--strict", "--implementation", "emulated", "--assume-micromaps"}, script,
                         {{"VK_INSTANCE_LAYERS", "VK_LAYER_other"}})
                   .output,
-              "1,1,1,1,VK_LAYER_VELLUM_opacity_micromap:VK_LAYER_other\n");
+              "1,1,emulated,1,VK_LAYER_VELLUM_opacity_micromap:VK_LAYER_other\n");
     EXPECT_EQ(runScript({}, script, {{"VK_INSTANCE_LAYERS", "VK_LAYER_a:VK_LAYER_VELLUM_opacity_micromap"}}).output,
               ",,,,VK_LAYER_a:VK_LAYER_VELLUM_opacity_micromap\n");
 }

@@ -69,8 +69,8 @@ def check(root):
     found = [f"{CODE}: {row['key']} has no {what}" for row in rows for what in ("label", "description") if not row[what]]
     found += [f"{MANIFEST}: {key} is {manifest.get(key, 'not there')}, in the code {code_has.get(key, 'not there')}"
               for key in sorted({*code_has, *manifest}) if code_has.get(key) != manifest.get(key)]
-    text = (root / CODE).read_text(encoding="utf-8")
-    written = len(re.findall(r"^    X\(", text, re.M)) - len(settings.LEVEL.findall(text))
+    text = (root / CODE).read_text(encoding="utf-8").replace("\\\n", "\n")
+    written = len(re.findall(r"^    X\(", text, re.M)) - len(settings.VALUE.findall(text))
     if written != len(rows):
         found.append(f"{CODE}: {written} settings, of which settings.py understands {len(rows)}")
     page = (root / PAGE).read_text(encoding="utf-8")

@@ -40,9 +40,9 @@ class CheckSettings(unittest.TestCase):
         self.assertNotIn(check_settings.MANIFEST, out)
 
     def test_row_without_a_description(self):
-        code, out = run(check_settings.CODE, '"Emulate micromaps even if the driver provides them."', '""')
+        code, out = run(check_settings.CODE, '"Reject input that breaks a rule even if it does no harm, instead of only warning. For tests of applications."', '""')
         self.assertEqual(code, 1)
-        self.assertIn("force_emulation has no description", out)
+        self.assertIn("strict has no description", out)
 
     def test_row_that_is_not_understood(self):
         code, out = run(check_settings.CODE, "X(strict, strict, bool, false,", "X(strict, strict, bool, 1 + 1,")

@@ -124,8 +124,8 @@ void findDevices(LoaderReport &report)
             report.problems.push_back(error.what());
         return;
     }
-    // The layer passes through what a driver has itself, unless VELLUM_FORCE_EMULATION is set.
-    for (size_t i = 0; i < report.devices.size() && i < plain.size() && !isSet("VELLUM_FORCE_EMULATION"); ++i) {
+    // The layer passes through what a driver has itself, unless VELLUM_IMPLEMENTATION is set.
+    for (size_t i = 0; i < report.devices.size() && i < plain.size() && !isSet("VELLUM_IMPLEMENTATION"); ++i) {
         if (plain[i].ext == Provider::Driver)
             report.devices[i].ext = Provider::Driver;
         if (plain[i].khr == Provider::Driver)

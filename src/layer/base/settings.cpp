@@ -30,7 +30,7 @@ constexpr const char *kFilePrefix = "vellum_opacity_micromap.";
 
 struct Row {
     const char *key;
-    std::variant<bool Settings::*, ReportLevel Settings::*, std::string Settings::*> member;
+    std::variant<bool Settings::*, ReportLevel Settings::*, Preferred Settings::*, std::string Settings::*> member;
 };
 #define VELLUM_ROW(key, member, type, initial, label, description) {#key, &Settings::member},
 constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
@@ -51,6 +51,9 @@ constexpr std::pair<const char *, ReportLevel> kLevels[] = {
     {"true", ReportLevel::Info},
 };
 #undef VELLUM_LEVEL
+#define VELLUM_IMPLEMENTATION(name, value, label, description) {#name, Preferred::value},
+constexpr std::pair<const char *, Preferred> kImplementations[] = {VELLUM_IMPLEMENTATIONS(VELLUM_IMPLEMENTATION)};
+#undef VELLUM_IMPLEMENTATION
 constexpr std::pair<const char *, bool> kBooleans[] = {
     {"true", true}, {"false", false}, {"1", true}, {"0", false}, {"on", true}, {"off", false},
 };
@@ -115,6 +118,8 @@ void apply(Settings &settings, const Row &row, const Given &given)
         return;
     else if (const auto *level = std::get_if<ReportLevel Settings::*>(&row.member))
         assign(settings.**level, kLevels, given, "error, warning, info or none");
+    else if (const auto *preferred = std::get_if<Preferred Settings::*>(&row.member))
+        assign(settings.**preferred, kImplementations, given, "auto, driver, ext or emulated");
     else
         assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
 }

@@ -17,6 +17,8 @@ extern const char *const kVariablePrefix; // of environment variables: VELLUM_
 extern const char *const kMessagePrefix;  // of message ids; empty except in the second copy
 
 enum class ReportLevel { None, Error, Warning, Info };
+// Who implements micromaps.
+enum class Preferred { Automatic, Driver, Ext, Emulated };
 
 struct Settings {
 #define VELLUM_MEMBER(key, member, type, initial, label, description) type member = initial;

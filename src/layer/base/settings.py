@@ -12,8 +12,9 @@ import sys
 TABLE = pathlib.Path(__file__).with_name("settings_table.h")
 TEXT = r'((?:"[^"]*"\s*)+)'
 SETTING = re.compile(r'X\((\w+), (\w+), ([\w:]+), ([\w:{}]+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
-LEVEL = re.compile(r'X\((\w+), (\w+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
-TYPES = {"bool": "BOOL", "ReportLevel": "ENUM"}  # a path is a file if its key ends so, else a folder
+VALUE = re.compile(r'X\((\w+), (\w+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
+VALUES = {"ReportLevel": "VELLUM_REPORT_LEVELS", "Preferred": "VELLUM_IMPLEMENTATIONS"}  # the lists of their values
+TYPES = {"bool": "BOOL", "ReportLevel": "ENUM", "Preferred": "ENUM"}  # a path is a file if its key ends so, else a folder
 DEFAULTS = {"true": True, "false": False, "{}": ""}
 
 
@@ -25,15 +26,18 @@ def joined(literals):
 def read(table=TABLE):
     """The settings as the manifest has them."""
     text = pathlib.Path(table).read_text(encoding="utf-8").replace("\\\n", "\n")
-    levels = [{"key": name, "label": joined(label), "description": joined(description)}
-              for name, _, label, description in LEVEL.findall(text)]
-    names = {f"ReportLevel::{value}": name for name, value, _, _ in LEVEL.findall(text)}
+    flags, names = {}, {}
+    for kind, macro in VALUES.items():
+        values = VALUE.findall(text.split(f"#define {macro}(X)")[1].split("#define")[0])
+        flags[kind] = [{"key": name, "label": joined(label), "description": joined(description)}
+                       for name, _, label, description in values]
+        names |= {f"{kind}::{value}": name for name, value, _, _ in values}
     settings = []
     for key, _, kind, default, label, description in SETTING.findall(text):
         path = "SAVE_FILE" if key.endswith("_file") else "SAVE_FOLDER"
         setting = {"key": key, "env": "VELLUM_" + key.upper(), "label": joined(label),
                    "description": joined(description), "type": TYPES.get(kind, path), "default": (DEFAULTS | names)[default]}
-        settings.append(setting | ({"flags": levels} if kind == "ReportLevel" else {}))
+        settings.append(setting | ({"flags": flags[kind]} if kind in flags else {}))
     return settings
 
 

@@ -9,12 +9,23 @@
     X(warning, Warning, "Warning", "Print errors and warnings.")                                                       \
     X(info, Info, "Info", "Print all messages.")
 
+// Values of the setting `implementation`: X(name, value of Preferred, label, description)
+#define VELLUM_IMPLEMENTATIONS(X)                                                                                      \
+    X(auto, Automatic, "Automatic",                                                                                    \
+      "The driver's where it has them. VK_KHR_opacity_micromap by a driver's VK_EXT_opacity_micromap. Otherwise "      \
+      "emulated.")                                                                                                     \
+    X(driver, Driver, "Driver", "Only what the driver has.")                                                           \
+    X(ext, Ext, "EXT",                                                                                                 \
+      "As auto, and VK_KHR_opacity_micromap by the driver's VK_EXT_opacity_micromap even if the driver has both.")     \
+    X(emulated, Emulated, "Emulated", "Emulated, even if the driver has them.")
+
 // X(key, member of Settings, type, default, label, description)
 // A setting has its key as its name in VkLayerSettingEXT. In files, vellum_opacity_micromap. precedes the key; in the
 // environment the key is in capitals, and VELLUM_ precedes it.
 #define VELLUM_SETTINGS(X)                                                                                             \
-    X(force_emulation, forceEmulation, bool, false, "Force emulation",                                                 \
-      "Emulate micromaps even if the driver provides them.")                                                           \
+    X(implementation, implementation, Preferred, Preferred::Automatic, "Implementation",                               \
+      "Who implements micromaps: the driver where it has them (auto), only the driver (driver), the driver's "         \
+      "VK_EXT_opacity_micromap also for VK_KHR_opacity_micromap (ext), or the layer (emulated).")                      \
     X(report, report, ReportLevel, ReportLevel::None, "Messages on stderr",                                            \
       "Print messages of this severity and above to stderr. VK_EXT_debug_utils messengers always get them.")           \
     X(validate, validate, bool, false, "Validate input of builds",                                                     \

@@ -82,15 +82,18 @@ DriverFeatures featuresOf(const Instance &instance, VkPhysicalDevice handle,
 }
 
 Implementations implementationsBy(const DriverFeatures &features, const std::vector<VkExtensionProperties> &extensions,
-                                  bool forceEmulation)
+                                  Preferred preferred)
 {
-    const Implementation otherwise = features.canEmulate() ? Implementation::Emulation : Implementation::None;
+    const bool provides = features.canEmulate() && preferred != Preferred::Driver;
+    const Implementation otherwise = provides ? Implementation::Emulation : Implementation::None;
     Implementations result;
     for (const ProvidedExtension &own : kProvidedExtensions) {
-        const bool passes = contains(extensions, own.name) && !forceEmulation;
+        const bool passes = contains(extensions, own.name) && preferred != Preferred::Emulated;
         result.*own.implementation = passes ? Implementation::PassThrough : otherwise;
     }
-    if (result.ext == Implementation::PassThrough && result.khr == Implementation::Emulation && features.extMicromaps) {
+    const bool prefersExt = provides && preferred == Preferred::Ext;
+    if (result.ext == Implementation::PassThrough && features.extMicromaps &&
+        (result.khr == Implementation::Emulation || prefersExt)) {
         result.khr = Implementation::Translation;
         // Nothing in the driver's micromaps corresponds to VK_ARM_pipeline_opacity_micromap.
         if (result.pipelines == Implementation::Emulation)
@@ -195,7 +198,7 @@ std::shared_ptr<const PhysicalDevice> describe(Instance &instance, VkPhysicalDev
         return device; // not kept: the driver may have been out of memory
     }
     const DriverFeatures features = featuresOf(instance, handle, device->extensions);
-    device->have = implementationsBy(features, device->extensions, instance.settings.forceEmulation);
+    device->have = implementationsBy(features, device->extensions, instance.settings.implementation);
     if (features.canEmulate()) {
         device->replaysAddresses = features.replaysAddresses;
         findProperties(instance, handle, *device);

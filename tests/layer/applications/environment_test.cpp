@@ -137,7 +137,7 @@ TEST_F(Environments, WrongValuesOfSettings)
                                {"VELLUM_STRICT", value},
                                {"VELLUM_ASSUME_MICROMAPS", value},
                                {"VELLUM_CONSTANT_RAY_FLAGS", value},
-                               {"VELLUM_FORCE_EMULATION", value}})
+                               {"VELLUM_IMPLEMENTATION", value}})
                         .empty());
     }
 }

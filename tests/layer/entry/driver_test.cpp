@@ -16,7 +16,7 @@ using namespace vt;
 class Environment
 {
 public:
-    explicit Environment(const char *name) : name_(name) { setenv(name, "1", 1); }
+    explicit Environment(const char *name, const char *value = "1") : name_(name) { setenv(name, value, 1); }
     ~Environment() { unsetenv(name_); }
     Environment(const Environment &) = delete;
     Environment &operator=(const Environment &) = delete;
@@ -255,7 +255,7 @@ TEST(Driver, ManyCopiesOfQueryResults)
 // VkMicromapEXT: beside emulated micromaps there is none.
 TEST(Driver, NoDisplacementBesideEmulation)
 {
-    const Environment force("VELLUM_FORCE_EMULATION");
+    const Environment force("VELLUM_IMPLEMENTATION", "emulated");
     auto gpu = std::make_unique<Gpu>(Options{.validation = false, .quirks = "displacement", .api = Api::Ext});
     constexpr const char *kDisplacement = "VK_NV_displacement_micromap";
     uint32_t count = 0;

@@ -22,7 +22,7 @@ inline bool chosenQuirk(const std::string &name)
 // What the layer adds to micromaps that the driver serializes: 16 bytes behind data that is translated, not emulated.
 inline unsigned serializedTrailer()
 {
-    return chosenQuirk("ext") && std::getenv("VELLUM_FORCE_EMULATION") == nullptr ? 16 : 0;
+    return chosenQuirk("ext") && std::getenv("VELLUM_IMPLEMENTATION") == nullptr ? 16 : 0;
 }
 
 // By its name, of the library in that file. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an

@@ -46,13 +46,13 @@ protected:
     TranslationForced() : Translation(forced()) {}
     static Options forced()
     {
-        setenv("VELLUM_FORCE_EMULATION", "1", 1);
+        setenv("VELLUM_IMPLEMENTATION", "emulated", 1);
         return {.quirks = "ext", .api = Api::Khr, .memory = Memory::Apart};
     }
     void SetUp() override
     {
         Translation::SetUp();
-        unsetenv("VELLUM_FORCE_EMULATION");
+        unsetenv("VELLUM_IMPLEMENTATION");
     }
 };
 

@@ -18,7 +18,7 @@
 // lenient: not where KHR is translated: it breaks rules that the layer tolerates and a driver may not, or uses
 // micromaps in ray queries that do not declare them
 //
-// forced: emulated by VELLUM_FORCE_EMULATION on a driver with EXT
+// forced: emulated by VELLUM_IMPLEMENTATION on a driver with EXT
 //
 // strict, strict_ext: with VELLUM_STRICT; by VK_EXT_opacity_micromap only
 //
