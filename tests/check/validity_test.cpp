@@ -99,13 +99,6 @@ const Break kBreaks[] = {
          c.steps[0].instances = c.scene.instances;
          c.steps[0].instances[0].inactive = !c.steps[0].instances[0].inactive;
      })},
-    {"which did not allow that when it was built", kAlwaysPossible([](Case &c) {
-         for (oracle::Instance &instance : c.scene.instances)
-             instance.flags &= ~kFlagDisable;
-         c.steps = {stepOf(Step::Kind::UpdateTop, 0)};
-         c.steps[0].instances = c.scene.instances;
-         c.steps[0].instances[0].flags |= kFlagDisable;
-     })},
     {"which had no micromap when it was built", kForIndices([](oracle::MeshMicromap &use, Case &c) {
          c.steps = {stepOf(Step::Kind::SetIndices, 0), stepOf(Step::Kind::CloneMicromap, *use.micromap)};
          c.scene.objects = {{.meshes = {{.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}}};

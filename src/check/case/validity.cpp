@@ -248,8 +248,8 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     }
 }
 
-// What is updated allows updates, and what disables micromaps allows that, since the first build (BuiltCase::flagsOf).
-void checkAllowed(const Case &c, const Scene &scene, const Step &step, const std::string &where)
+// What is updated allows updates since its first build (BuiltCase::flagsOf).
+void checkUpdates(const Case &c, const Scene &scene, const Step &step, const std::string &where)
 {
     const auto has = [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); };
     const auto uses = [&](const oracle::Mesh &mesh) { return mesh.micromap && mesh.micromap->micromap == step.target; };
@@ -257,13 +257,6 @@ void checkAllowed(const Case &c, const Scene &scene, const Step &step, const std
     for (size_t i = 0; updates && i < scene.objects.size(); ++i)
         rule(std::ranges::none_of(scene.objects[i].meshes, uses) || std::ranges::any_of(c.scene.objects[i].meshes, has),
              where, "updates object {}, which had no micromap when it was built", i);
-    for (const oracle::Instance &instance : step.instances) {
-        const auto disables = [&](const oracle::Instance &other) {
-            return other.object == instance.object && (other.flags & kFlagDisable) != 0;
-        };
-        rule(!disables(instance) || std::ranges::any_of(c.scene.instances, disables), where,
-             "disables micromaps of object {}, which did not allow that when it was built", instance.object);
-    }
 }
 
 void checkSteps(const Case &c, uint64_t &states)
@@ -277,7 +270,7 @@ void checkSteps(const Case &c, uint64_t &states)
         applyTo(scene, step);
         if (step.kind == Step::Kind::SetStates)
             checkUses(scene, step.target, where);
-        checkAllowed(c, scene, step, where);
+        checkUpdates(c, scene, step, where);
     }
 }
 
