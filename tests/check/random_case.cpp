@@ -18,6 +18,10 @@ Case randomCase(uint32_t seed, uint32_t rays)
     addSteps(random, c, kinds, below(random, 12),
              {.byteIndices = true, .maxLevel2 = 12, .maxLevel4 = 12, .maxLossyLevel = 12});
     const auto yes = [&] { return below(random, 2) == 0; };
+    for (oracle::Object &object : c.scene.objects)
+        object.flags = yes() ? VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR |
+                                   VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR
+                             : 0u;
     c.memory = static_cast<Memory>(below(random, 3));
     c.build = {.micromaps = yes() ? BuildCommand::Device : BuildCommand::Host,
                .structures = yes() ? BuildCommand::Device : BuildCommand::Indirect,

@@ -75,14 +75,43 @@ const Break kBreaks[] = {
     {"no such flag", kAlwaysPossible([](Case &c) { c.scene.rays[0].flags |= 0x800; })},
     {"is not finite", kAlwaysPossible([](Case &c) { c.scene.rays[0].origin[2] = kNan; })},
     {"is negative or above tMax", kAlwaysPossible([](Case &c) { c.scene.rays[0].tMax = -1; })},
-    {"is not between tMin and tMax", kAlwaysPossible([](Case &c) { c.scene.rays[0].generate = 2000; })},
+    {"is below tMin", kAlwaysPossible([](Case &c) {
+         c.scene.rays[0].tMin = 0.5f;
+         c.scene.rays[0].generate = 0.25f;
+     })},
     {"flags that exclude each other",
      kAlwaysPossible([](Case &c) { c.scene.rays[0].flags |= kRaySkipTriangles | kRaySkipBoxes; })},
     {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 3; })},
-    {"no such stage", kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
+    {"no such stage",
+     kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
+    {"has steps", kAlwaysPossible([](Case &c) {
+         c.build.single = true;
+         c.steps = {stepOf(Step::Kind::CloneTop, 0)};
+     })},
+    {"other levels or formats than the micromap has", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.steps = {stepOf(Step::Kind::SetStates, *use.micromap)};
+         c.steps[0].inPlace = true;
+         c.steps[0].states = c.scene.micromaps[*use.micromap].triangles;
+         c.steps[0].states[0] = {.level = 7, .states = std::vector<uint8_t>(1u << 14)};
+     })},
+    {"has another object or is no longer active", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::UpdateTop, 0)};
+         c.steps[0].instances = c.scene.instances;
+         c.steps[0].instances[0].inactive = !c.steps[0].instances[0].inactive;
+     })},
+    {"which had no micromap when it was built", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.steps = {stepOf(Step::Kind::SetIndices, 0), stepOf(Step::Kind::CloneMicromap, *use.micromap)};
+         c.scene.objects = {{.meshes = {{.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}}};
+         for (oracle::Instance &instance : c.scene.instances)
+             instance.object = 0;
+         c.steps[0].micromapUse = {.micromap = c.steps[1].target, .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}};
+         c.steps[1].update = true;
+     })},
     {"are built on device or host",
      kAlwaysPossible([](Case &c) { c.build.micromaps = BuildCommand::Indirect; })},
     {"are built on the device", kAlwaysPossible([](Case &c) { c.build.structures = BuildCommand::Host; })},
+    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0x800; })},
+    {"exclude each other", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0xc; })},
     {"has 0 meshes, not 1 to 3", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
     {"has 4 meshes, not 1 to 3",
      kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.resize(4, c.scene.objects[0].meshes[0]); })},

@@ -215,11 +215,14 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
     VkBuildAccelerationStructureFlagsKHR flags = case_.scene.objects[object].flags;
     // VUID-VkAccelerationStructureInstanceKHR-flags-..., by its words: instances that disable micromaps need the flag
     // on the structure.
-    for (const oracle::Instance &instance : case_.scene.instances) {
-        if (instance.object == object && (instance.flags & kFlagDisable) != 0)
-            flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
-    }
+    const auto allowDisabling = [&](const std::vector<oracle::Instance> &instances) {
+        for (const oracle::Instance &instance : instances)
+            if (instance.object == object && (instance.flags & kFlagDisable) != 0)
+                flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
+    };
+    allowDisabling(case_.scene.instances);
     for (const Step &step : case_.steps) {
+        allowDisabling(step.instances);
         if (isUpdated(step, object, case_.scene))
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
         if (isUpdated(step, object, case_.scene) && step.kind != Kind::UpdateObject)

@@ -180,8 +180,8 @@ void checkRay(const Ray &ray, const std::string &where)
     rule(finite(ray.origin) && finite(ray.direction) && finite(std::array{ray.tMin, ray.tMax, ray.generate}), where,
          "is not finite");
     rule(ray.tMin >= 0 && ray.tMin <= ray.tMax, where, "tMin {} is negative or above tMax {}", ray.tMin, ray.tMax);
-    rule(ray.generate == 0 || (ray.generate >= ray.tMin && ray.generate <= ray.tMax), where,
-         "generate {} is not between tMin and tMax", ray.generate);
+    // VUID-RuntimeSpirv-OpRayQueryGenerateIntersectionKHR-06353; the shaders generate nothing above tMax
+    rule(ray.generate == 0 || ray.generate >= ray.tMin, where, "generate {} is below tMin", ray.generate);
     rule((ray.flags & ~allOf(kRayFlagNames)) == 0, where, "no such flag");
     // VUID-RuntimeSpirv-OpRayQueryInitializeKHR-06889 to 06891
     rule(oneAtMost(ray.flags, kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque) &&
@@ -218,7 +218,7 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     if (step.kind == Kind::MoveObject) {
         rule(step.other < scene.objects.size(), where, "object {} does not exist", step.other);
     } else if (step.kind == Kind::CompactMicromap) {
-        // VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07502
+        // VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502
         rule((scene.micromaps[step.target].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0, where,
              "micromap {} does not allow compaction", step.target);
     } else if (step.kind == Kind::SetStates || (step.kind == Kind::CloneMicromap && !step.states.empty())) {
@@ -248,6 +248,17 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     }
 }
 
+// What is updated allows updates since its first build (BuiltCase::flagsOf).
+void checkUpdates(const Case &c, const Scene &scene, const Step &step, const std::string &where)
+{
+    const auto has = [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); };
+    const auto uses = [&](const oracle::Mesh &mesh) { return mesh.micromap && mesh.micromap->micromap == step.target; };
+    const bool updates = step.update && targetOf(step.kind) == Target::Micromap;
+    for (size_t i = 0; updates && i < scene.objects.size(); ++i)
+        rule(std::ranges::none_of(scene.objects[i].meshes, uses) || std::ranges::any_of(c.scene.objects[i].meshes, has),
+             where, "updates object {}, which had no micromap when it was built", i);
+}
+
 void checkSteps(const Case &c, uint64_t &states)
 {
     Scene scene = c.scene;
@@ -259,6 +270,7 @@ void checkSteps(const Case &c, uint64_t &states)
         applyTo(scene, step);
         if (step.kind == Step::Kind::SetStates)
             checkUses(scene, step.target, where);
+        checkUpdates(c, scene, step, where);
     }
 }
 
@@ -283,9 +295,9 @@ void checkPlans(const Case &c)
 void check(const Case &c)
 {
     const Scene &scene = c.scene;
-    rule(std::isfinite(scene.edge) && scene.edge > 0 && scene.edge < 0.1f, "scene.edge", "is not between 0 and 0.1");
     rule(!scene.objects.empty() && !scene.instances.empty() && !scene.rays.empty(), "scene",
          "needs an object, an instance and a ray");
+    rule(std::isfinite(scene.edge) && scene.edge > 0 && scene.edge < 0.1f, "scene.edge", "is not between 0 and 0.1");
     uint64_t states = 0;
     for (size_t i = 0; i < scene.micromaps.size(); ++i)
         checkMicromap(scene.micromaps[i], fmt::format("scene.micromaps[{}]", i), states);

@@ -54,9 +54,11 @@ LocalRay toObject(const VkTransformMatrixKHR &transform, const Ray &ray)
     return {solve(widen(ray.origin) - place), solve(widen(ray.direction))};
 }
 
-// Number of the micro-triangle at (u, v), by descending the curve: nearest vertex 0, middle with ordering flipped,
+} // namespace
+
+// By descending the curve: nearest vertex 0, middle with ordering flipped,
 // nearest vertex 1, nearest vertex 2 with ordering flipped. A flipped triangle is gone through from its vertex 2 to its
-// vertex 0. `edge`: how near the next line is.
+// vertex 0.
 uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
 {
     // Weights of the current sub-triangle's vertices 0, 1, 2, in the order the curve visits them.
@@ -88,6 +90,9 @@ uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
     }
     return index;
 }
+
+namespace
+{
 
 // The 4-state value at a place of a triangle.
 int stateAt(const Scene &scene, const MeshMicromap &use, uint32_t primitive, double u, double v, double &edge)

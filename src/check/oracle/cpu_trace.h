@@ -29,6 +29,10 @@ struct Hit {
     bool certain;
 };
 
+// The number of the micro-triangle at barycentrics (u, v). `edge` becomes how near the next line between two of them
+// is, if that is nearer.
+uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge);
+
 struct Hits {
     std::vector<Hit> hits; // neither ignored nor culled
     // A hit so close to an edge, to the line between two micro-triangles, to the ends of the ray or to another hit that

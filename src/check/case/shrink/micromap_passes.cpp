@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <set>
 
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
@@ -19,7 +20,7 @@ bool isUniform(const MicromapTriangle &triangle)
     return std::ranges::all_of(triangle.states, [&](uint8_t state) { return state == triangle.states[0]; });
 }
 
-// An edit for each triangle of a micromap, of the scene and of steps.
+// An edit for each triangle of a micromap that `of` is true for, of the scene and of steps.
 std::vector<Edit> editsOfTriangles(const Case &best, const std::function<bool(const MicromapTriangle &)> &of,
                                    const EditTriangle &edit)
 {
@@ -41,6 +42,31 @@ std::vector<Edit> editsOfTriangles(const Case &best, const std::function<bool(co
             }
             ++list;
         });
+    }
+    return edits;
+}
+
+// An edit for each triangle of a micromap that `of` is true for, wherever it has states: what is built in place keeps
+// levels and formats.
+std::vector<Edit> editsOfShapes(const Case &best, const std::function<bool(const MicromapTriangle &)> &of,
+                                const EditTriangle &edit)
+{
+    std::vector<Edit> edits;
+    Case copy = best;
+    for (uint32_t i = 0; i < copy.scene.micromaps.size(); ++i) {
+        std::set<size_t> found;
+        forEachStates(copy, i, [&](const std::vector<MicromapTriangle> &triangles) {
+            for (size_t t = 0; t < triangles.size(); ++t)
+                if (of(triangles[t]))
+                    found.insert(t);
+        });
+        for (const size_t t : found)
+            edits.emplace_back([i, t, edit](Case &c) {
+                forEachStates(c, i, [&](std::vector<MicromapTriangle> &triangles) {
+                    if (t < triangles.size())
+                        edit(triangles[t]);
+                });
+            });
     }
     return edits;
 }
@@ -76,7 +102,7 @@ void lowerBy(MicromapTriangle &triangle, uint32_t levels, size_t part)
 void lowerLevels(Attempts &attempts)
 {
     const auto lower = [&](uint32_t levels, size_t part, bool uniform) {
-        attempts.attemptAll(editsOfTriangles(
+        attempts.attemptAll(editsOfShapes(
             attempts.best(), [&](const MicromapTriangle &t) { return t.level > 0 && isUniform(t) == uniform; },
             [levels, part](MicromapTriangle &t) { lowerBy(t, levels, part); }));
     };
@@ -184,7 +210,7 @@ void simplifyMicromaps(Attempts &attempts)
             for (uint8_t &state : t.states)
                 state &= 1;
         }));
-    attempts.attemptAll(editsOfTriangles(
+    attempts.attemptAll(editsOfShapes(
         attempts.best(), [](const MicromapTriangle &t) { return t.format != kFourState; },
         [](MicromapTriangle &t) { t.format = kFourState; }));
     std::vector<Edit> edits;

@@ -105,15 +105,35 @@ void forEachStates(Case &c, uint32_t micromap,
 {
     function(c.scene.micromaps[micromap].triangles);
     for (Step &step : c.steps)
-        if (step.kind == Kind::SetStates && step.target == micromap)
+        if (targetOf(step.kind) == Target::Micromap && step.target == micromap && !step.states.empty())
             function(step.states);
+}
+
+void forEachInstances(Case &c, const std::function<void(std::vector<oracle::Instance> &)> &function)
+{
+    function(c.scene.instances);
+    for (Step &step : c.steps)
+        if (step.kind == Kind::UpdateTop)
+            function(step.instances);
+}
+
+void removeInstances(Case &c, size_t from, size_t count)
+{
+    forEachInstances(c, [&](std::vector<oracle::Instance> &instances) { eraseFrom(instances, from, count); });
 }
 
 void removeObject(Case &c, uint32_t object)
 {
-    std::erase_if(c.scene.instances, [&](const oracle::Instance &instance) { return instance.object == object; });
-    for (oracle::Instance &instance : c.scene.instances)
-        closeGap(instance.object, object);
+    for (size_t i = c.scene.instances.size(); i-- > 0;) {
+        bool uses = false;
+        forEachInstances(c, [&](const auto &all) { uses |= i < all.size() && all[i].object == object; });
+        if (uses)
+            removeInstances(c, i, 1);
+    }
+    forEachInstances(c, [&](std::vector<oracle::Instance> &instances) {
+        for (oracle::Instance &instance : instances)
+            closeGap(instance.object, object);
+    });
     eraseSteps(c, [&](const Step &step) {
         return targetOf(step.kind) == Target::Object &&
                (step.target == object || (step.kind == Kind::MoveObject && step.other == object));

@@ -13,6 +13,10 @@ namespace vellum::check
 void forEachUse(Case &c, uint32_t object, uint32_t mesh, const std::function<void(oracle::MeshMicromap &)> &function);
 void forEachUse(Case &c, const std::function<void(oracle::MeshMicromap &)> &function);
 bool isUsed(const Case &c, uint32_t micromap);
+// Calls it for the scene's instances and those of steps, which are as many.
+void forEachInstances(Case &c, const std::function<void(std::vector<oracle::Instance> &)> &function);
+void removeInstances(Case &c, size_t from, size_t count);
+
 // Calls it for the triangles of a micromap: the scene's and those of steps.
 void forEachStates(Case &c, uint32_t micromap,
                    const std::function<void(std::vector<oracle::MicromapTriangle> &)> &function);

@@ -53,13 +53,15 @@ void removeSteps(Attempts &attempts)
 
 void removeObjects(Attempts &attempts)
 {
-    attempts.removeStretches(attempts.best().scene.instances.size(),
-                             erase([](Case & c) -> auto & { return c.scene.instances; }));
+    attempts.removeStretches(attempts.best().scene.instances.size(), removeInstances);
     attempts.removeStretches(attempts.best().scene.objects.size(), eachOf(removeObject));
+    // What uses it uses another one.
     attempts.removeStretches(attempts.best().scene.objects.size(), eachOf([](Case &c, uint32_t object) {
-                                 for (oracle::Instance &instance : c.scene.instances)
-                                     if (instance.object == object)
-                                         instance.object = object == 0 ? 1 : 0;
+                                 forEachInstances(c, [&](std::vector<oracle::Instance> &instances) {
+                                     for (oracle::Instance &instance : instances)
+                                         if (instance.object == object)
+                                             instance.object = object == 0 ? 1 : 0;
+                                 });
                                  removeObject(c, object);
                              }));
     for (uint32_t o = 0; o < attempts.best().scene.objects.size(); ++o)

@@ -3,7 +3,10 @@
 #include <cmath>
 #include <span>
 
+#include "check/case/names.h"
 #include "check/case/shrink/passes.h"
+#include "check/case/shrink/removal.h"
+#include "check/case/step.h"
 
 namespace vellum::check
 {
@@ -35,17 +38,28 @@ Ray inObject(const Ray &ray, const VkTransformMatrixKHR &transform)
     return out;
 }
 
+// A change of an instance, in the scene and where a step has others.
+Edit ofInstance(size_t i, const std::function<void(oracle::Instance &)> &change)
+{
+    return [i, change](Case &c) {
+        forEachInstances(c, [&](std::vector<oracle::Instance> &instances) {
+            if (i < instances.size())
+                change(instances[i]);
+        });
+    };
+}
+
 void simplifyTransforms(Attempts &attempts)
 {
     const std::vector<oracle::Instance> &instances = attempts.best().scene.instances;
     std::vector<Edit> translations, identities;
     for (size_t i = 0; i < instances.size(); ++i) {
-        identities.emplace_back([i](Case &c) { c.scene.instances[i].transform = kIdentity; });
-        translations.emplace_back([i](Case &c) {
+        identities.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.transform = kIdentity; }));
+        translations.push_back(ofInstance(i, [](oracle::Instance &instance) {
             for (size_t row = 0; row < 3; ++row)
                 for (size_t column = 0; column < 3; ++column)
-                    c.scene.instances[i].transform.matrix[row][column] = row == column ? 1.0f : 0.0f;
-        });
+                    instance.transform.matrix[row][column] = row == column ? 1.0f : 0.0f;
+        }));
     }
     attempts.attemptAll(identities);
     if (instances.size() == 1) {
@@ -63,12 +77,11 @@ void simplifyInstances(Attempts &attempts)
     std::vector<Edit> edits;
     const std::vector<oracle::Instance> &instances = attempts.best().scene.instances;
     for (size_t i = 0; i < instances.size(); ++i) {
-        edits.emplace_back([i](Case &c) { c.scene.instances[i].customIndex = 0; });
-        edits.emplace_back([i](Case &c) { c.scene.instances[i].mask = 0xff; });
-        edits.emplace_back([i](Case &c) { c.scene.instances[i].inactive = false; });
-        for (uint32_t bit = 1; bit != 0; bit <<= 1)
-            if ((instances[i].flags & bit) != 0)
-                edits.emplace_back([i, bit](Case &c) { c.scene.instances[i].flags &= ~bit; });
+        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.customIndex = 0; }));
+        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.mask = 0xff; }));
+        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.inactive = false; }));
+        for (const Bit &bit : kInstanceFlagNames)
+            edits.push_back(ofInstance(i, [bit = bit.value](oracle::Instance &instance) { instance.flags &= ~bit; }));
     }
     const std::vector<oracle::Object> &objects = attempts.best().scene.objects;
     for (size_t o = 0; o < objects.size(); ++o) {
@@ -125,8 +138,9 @@ void roundCoordinates(Attempts &attempts)
                             roundTo(std::span(value, 1), steps);
                 });
         for (size_t i = 0; i < scene.instances.size(); ++i)
-            edits.emplace_back(
-                [i, steps](Case &c) { roundTo(std::span(&c.scene.instances[i].transform.matrix[0][0], 12), steps); });
+            edits.push_back(ofInstance(i, [steps](oracle::Instance &instance) {
+                roundTo(std::span(&instance.transform.matrix[0][0], 12), steps);
+            }));
         for (size_t i = 0; i < scene.rays.size(); ++i) {
             edits.emplace_back([i, steps](Case &c) { roundTo(c.scene.rays[i].origin, steps); });
             edits.emplace_back([i, steps](Case &c) { roundTo(c.scene.rays[i].direction, steps); });
@@ -193,9 +207,18 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.withoutMicromaps = false; },
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
-    for (size_t i = 0; i < attempts.best().steps.size(); ++i)
+    for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
         for (bool Step::*const flag : {&Step::update, &Step::inPlace})
             edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
+        edits.emplace_back([i](Case &c) { c.steps[i].other = 0; });
+        if (targetOf(attempts.best().steps[i].kind) == Target::Top)
+            edits.emplace_back([i](Case &c) { c.steps[i].target = 0; });
+        if (attempts.best().steps[i].kind == Kind::CloneMicromap)
+            edits.emplace_back([i](Case &c) { c.steps[i].states.clear(); });
+        // An update that changes nothing
+        if (attempts.best().steps[i].kind == Kind::UpdateTop)
+            edits.emplace_back([i](Case &c) { c.steps[i].instances = c.scene.instances; });
+    }
     for (size_t i = 0; i < attempts.best().scene.objects.size(); ++i)
         edits.emplace_back([i](Case &c) { c.scene.objects[i].flags = 0; });
     attempts.attemptAll(edits);

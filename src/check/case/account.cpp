@@ -1,0 +1,367 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/account.h"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "check/case/names.h"
+#include "check/case/step.h"
+#include "check/oracle/cpu_trace.h"
+#include "check/oracle/outcome.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+using oracle::Hit;
+using oracle::MeshMicromap;
+using oracle::MicromapTriangle;
+using oracle::Scene;
+using Kind = Step::Kind;
+
+constexpr std::array kStateNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
+
+std::string counted(size_t count, std::string_view what)
+{
+    return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
+}
+
+// "none" or the names of the bits.
+template <size_t N>
+std::string namesOf(uint32_t flags, const std::array<Bit, N> &bits)
+{
+    std::vector<std::string_view> names;
+    for (const Bit &bit : bits)
+        if ((flags & bit.value) != 0)
+            names.push_back(bit.name);
+    return names.empty() ? "none" : fmt::format("{}", fmt::join(names, " | "));
+}
+
+std::string describe(const std::vector<MicromapTriangle> &triangles)
+{
+    constexpr size_t kMost = 8;
+    std::string text;
+    for (size_t i = 0; i < triangles.size() && i < kMost; ++i) {
+        const MicromapTriangle &triangle = triangles[i];
+        std::array<size_t, 4> counts{};
+        for (const uint8_t state : triangle.states)
+            ++counts[state & 3];
+        std::vector<std::string> states;
+        for (size_t s = 0; s < counts.size(); ++s)
+            if (counts[s] > 0)
+                states.push_back(fmt::format("{} {}", counts[s], kStateNames[s]));
+        text += fmt::format("\n     triangle {}: level {}, {}-state: {}", i, triangle.level,
+                            triangle.format == kTwoState ? 2 : 4, fmt::join(states, ", "));
+    }
+    return text + (triangles.size() > kMost ? fmt::format("\n     and {} more", triangles.size() - kMost) : "");
+}
+
+std::string describe(const MeshMicromap &use)
+{
+    std::string text = use.micromap ? fmt::format("micromap {}", *use.micromap) : "a null micromap";
+    if (use.indexType == VK_INDEX_TYPE_NONE_KHR) {
+        text += ", without indices";
+    } else {
+        constexpr size_t kMost = 16;
+        const std::vector<int32_t> some(
+            use.indices.begin(), use.indices.begin() + static_cast<ptrdiff_t>(std::min(kMost, use.indices.size())));
+        text += fmt::format(", {} [{}{}]", nameOf(kIndexTypeNames, use.indexType), fmt::join(some, ", "),
+                            use.indices.size() > kMost ? ", ..." : "");
+        if (use.stride)
+            text += fmt::format(", indexStride {}", *use.stride);
+        if (use.indexOffset > 0)
+            text += fmt::format(", {} bytes before the first index", use.indexOffset);
+    }
+    return text + (use.base > 0 ? fmt::format(", baseTriangle {}", use.base) : "");
+}
+
+std::string describe(const oracle::Mesh &mesh)
+{
+    std::string text = mesh.boxes.empty()
+                           ? counted(mesh.vertices.size() / 3, "triangle")
+                           : fmt::format("{} AABB{}", mesh.boxes.size(), mesh.boxes.size() == 1 ? "" : "s");
+    text += mesh.opaque ? ", VK_GEOMETRY_OPAQUE_BIT_KHR" : ", not opaque";
+    if (mesh.skippedTriangles > 0)
+        text += fmt::format(", primitiveOffset {}", mesh.skippedTriangles * 3 * sizeof(Vec3));
+    return text + (mesh.micromap ? ", " + describe(*mesh.micromap) : "");
+}
+
+std::string describe(const oracle::Instance &instance)
+{
+    std::string text = fmt::format("object {}, flags {}", instance.object, namesOf(instance.flags, kInstanceFlagNames));
+    if (instance.mask != 0xff)
+        text += fmt::format(", mask {:#x}", instance.mask);
+    return text + (instance.inactive ? ", inactive (reference 0)" : "");
+}
+
+class Account
+{
+public:
+    Account(const Case &c, const Verdict &verdict, Api api)
+        : case_(c), verdict_(verdict), khr_(api == Api::Khr), after_(sceneAfter(c))
+    {
+    }
+
+    std::string write()
+    {
+        line("Case of group {}, seed {}, by VK_{}_opacity_micromap.", case_.group, case_.seed, khr_ ? "KHR" : "EXT");
+        if (case_.memory != Memory::Apart)
+            line("All objects are side by side in few buffers{}.",
+                 case_.memory == Memory::PackedToTheEnd ? "; structures are GENERIC and reach to the end of theirs"
+                                                        : "");
+        line("");
+        line("Commands:");
+        writeMicromaps();
+        writeObjects();
+        for (const Step &step : case_.steps)
+            if (targetOf(step.kind) != Target::Top)
+                number("{}", commandsOf(step));
+        writeTop();
+        for (const Step &step : case_.steps)
+            if (targetOf(step.kind) == Target::Top)
+                number("{}", commandsOf(step));
+        writeRay();
+        return text_;
+    }
+
+private:
+    template <class... T>
+    void line(fmt::format_string<T...> format, T &&...values)
+    {
+        text_ += fmt::format(format, std::forward<T>(values)...) + "\n";
+    }
+    template <class... T>
+    void number(fmt::format_string<T...> format, T &&...values)
+    {
+        text_ += fmt::format("{:3}. ", ++number_) + fmt::format(format, std::forward<T>(values)...) + "\n";
+    }
+
+    [[nodiscard]] std::string micromapBuild() const
+    {
+        if (case_.build.micromaps == BuildCommand::Host)
+            return "vkBuildMicromapsEXT";
+        return khr_ ? "vkCmdBuildAccelerationStructuresKHR" : "vkCmdBuildMicromapsEXT";
+    }
+    void writeMicromaps()
+    {
+        for (size_t i = 0; i < case_.scene.micromaps.size(); ++i) {
+            const oracle::SceneMicromap &micromap = case_.scene.micromaps[i];
+            std::string more;
+            if (micromap.triangleStride != sizeof(VkMicromapTriangleEXT))
+                more += fmt::format(", triangleArrayStride {}", micromap.triangleStride);
+            if (micromap.usagePointers)
+                more += ", ppUsageCounts";
+            number("{} builds micromap {}, flags {}{}{}:{}", micromapBuild(), i,
+                   namesOf(micromap.flags, kMicromapFlagNames), more,
+                   case_.build.together && i > 0 ? ", by the same command" : "", describe(micromap.triangles));
+        }
+    }
+    void writeObjects()
+    {
+        const char *const command = case_.build.structures == BuildCommand::Indirect
+                                        ? "vkCmdBuildAccelerationStructuresIndirectKHR"
+                                        : "vkCmdBuildAccelerationStructuresKHR";
+        for (size_t o = 0; o < case_.scene.objects.size(); ++o) {
+            const oracle::Object &object = case_.scene.objects[o];
+            number("{} builds object {}, a bottom-level structure, flags {} and those that what follows needs{}:",
+                   command, o, namesOf(object.flags, kStructureFlagNames),
+                   case_.build.together && o > 0 ? ", by the same command" : "");
+            for (size_t m = 0; m < object.meshes.size(); ++m)
+                line("     geometry {}: {}", m, describe(object.meshes[m]));
+        }
+        if (case_.build.threads > 1)
+            line("     {} threads record these builds, which are submitted to all queues.", case_.build.threads);
+    }
+    void writeTop()
+    {
+        number("vkCmdBuildAccelerationStructuresKHR builds the top level{}:",
+               case_.build.instancePointers ? " from an array of pointers" : "");
+        writeInstances(case_.scene.instances);
+        if (case_.build.single)
+            line("     All builds and the rays are in one command buffer.");
+    }
+    void writeInstances(const std::vector<oracle::Instance> &instances)
+    {
+        for (size_t i = 0; i < instances.size(); ++i)
+            line("     instance {}: {}", i, describe(instances[i]));
+    }
+
+    [[nodiscard]] std::string commandsOf(const Step &step) const;
+    void writeRay();
+    void writeHit(const Ray &ray, const Hit &hit);
+    [[nodiscard]] int explainState(const Hit &hit);
+
+    const Case &case_;
+    const Verdict &verdict_;
+    bool khr_;
+    Scene after_;
+    std::string text_;
+    int number_ = 0;
+};
+
+std::string Account::commandsOf(const Step &step) const
+{
+    const uint32_t t = step.target;
+    const std::string copyMicromap = khr_ ? "vkCmdCopyAccelerationStructureKHR" : "vkCmdCopyMicromapEXT";
+    const std::string serialize = khr_ ? "vkCmdCopyAccelerationStructureToMemoryKHR" : "vkCmdCopyMicromapToMemoryEXT";
+    const std::string load = khr_ ? "vkCmdCopyMemoryToAccelerationStructureKHR" : "vkCmdCopyMemoryToMicromapEXT";
+    const std::string users = step.update ? "the structures that use it are updated (MODE_UPDATE)"
+                                          : "the structures that use it are built again";
+    switch (step.kind) {
+    case Kind::CloneObject: return fmt::format("vkCmdCopyAccelerationStructureKHR clones object {}.", t);
+    case Kind::CompactObject:
+        return fmt::format("vkCmdWriteAccelerationStructuresPropertiesKHR queries the compacted size of object {}, to "
+                           "which vkCmdCopyAccelerationStructureKHR compacts it.",
+                           t);
+    case Kind::ReloadObject:
+        return fmt::format("vkCmdCopyAccelerationStructureToMemoryKHR serializes object {}, and "
+                           "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure.",
+                           t);
+    case Kind::UpdateObject:
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data.", t);
+    case Kind::RebuildObject: return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again.", t);
+    case Kind::MoveObject:
+        return fmt::format(
+            "vkCmdCopyAccelerationStructureKHR clones object {}, and object {} is built in its memory by "
+            "the same command buffer.",
+            t, step.other);
+    case Kind::RenameObject:
+        return fmt::format("vkCreateAccelerationStructureKHR makes a second handle at the address of object {}, whose "
+                           "first one is destroyed.",
+                           t);
+    case Kind::CloneMicromap:
+        return fmt::format("{} clones micromap {}{}; {}.", copyMicromap, t,
+                           step.states.empty() ? "" : ", and the original is built with other states", users);
+    case Kind::CompactMicromap:
+        return fmt::format("{} compacts micromap {} to the size that a query reports; {}.", copyMicromap, t, users);
+    case Kind::ReloadMicromap:
+        return fmt::format("{} serializes micromap {}, {} deserializes it to a new one; {}.", serialize, t, load,
+                           users);
+    case Kind::SetStates:
+        return fmt::format("Micromap {} is built {} with other states; {}:{}", t,
+                           step.inPlace ? "by its handle" : "anew", users, describe(step.states));
+    case Kind::SetIndices:
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR {} object {}, whose geometry {} has now {}.",
+                           step.update ? "updates" : "builds again", t, step.other,
+                           step.micromapUse ? describe(*step.micromapUse) : "no micromap");
+    case Kind::CloneTop: return "vkCmdCopyAccelerationStructureKHR clones the top level.";
+    case Kind::CompactTop: return "vkCmdCopyAccelerationStructureKHR compacts the top level.";
+    case Kind::ReloadTop: return "The top level is serialized and deserialized to a new structure.";
+    default: {
+        std::string text = "vkCmdBuildAccelerationStructuresKHR updates the top level:";
+        for (size_t i = 0; i < step.instances.size(); ++i)
+            text += fmt::format("\n     instance {}: {}", i, describe(step.instances[i]));
+        return text;
+    }
+    }
+}
+
+// Writes where the state comes from, and returns it as outcomeOf takes it.
+int Account::explainState(const Hit &hit)
+{
+    const oracle::Instance &instance = after_.instances[hit.instance];
+    const oracle::Mesh &mesh = after_.objects[instance.object].meshes[hit.geometry];
+    const char *const own = mesh.opaque ? "opaque (VK_GEOMETRY_OPAQUE_BIT_KHR)" : "not opaque";
+    if (!mesh.micromap) {
+        line("  - The triangle has no micromap; its geometry is {}.", own);
+        return oracle::kNoMicromap;
+    }
+    const MeshMicromap &use = *mesh.micromap;
+    const int32_t index = use.indexOf(hit.primitive);
+    int state = -1 - index;
+    if (index < 0) {
+        line("  - Its index is {}, the special index for {}.", index, kStateNames[static_cast<size_t>(state)]);
+    } else {
+        const size_t number = static_cast<size_t>(index) + use.base;
+        const oracle::SceneMicromap &micromap = after_.micromaps[*use.micromap];
+        const MicromapTriangle &triangle = micromap.triangles[number];
+        double edge = 1;
+        const uint32_t micro = oracle::microTriangleAt(hit.u, hit.v, triangle.level, edge);
+        state = triangle.states[micro];
+        line("  - Index {} + baseTriangle {}: triangle {} of micromap {}, level {}. Micro-triangle {} of {} is {}.",
+             index, use.base, number, *use.micromap, triangle.level, micro, triangle.states.size(),
+             kStateNames[static_cast<size_t>(state)]);
+        if ((micromap.flags & kLossy) != 0 && triangle.format == kFourState && state < 2)
+            line("  - The build is lossy: either unknown state is allowed as well.");
+    }
+    if ((instance.flags & kFlagDisable) != 0)
+        line("  - The instance disables micromaps; the geometry is {}.", own);
+    return state;
+}
+
+void Account::writeHit(const Ray &ray, const Hit &hit)
+{
+    const oracle::Instance &instance = after_.instances[hit.instance];
+    const oracle::Mesh &mesh = after_.objects[instance.object].meshes[hit.geometry];
+    if (hit.box) {
+        line("It {} AABB {} of geometry {} of instance {}.", hit.certain ? "meets" : "may meet", hit.primitive,
+             hit.geometry, hit.instance);
+    } else {
+        line("It meets triangle {} of geometry {} of instance {} at t = {:.5g}, barycentrics ({:.5g}, {:.5g}).",
+             hit.primitive, hit.geometry, hit.instance, hit.t, hit.u, hit.v);
+    }
+    const int state = hit.box ? oracle::kBox : explainState(hit);
+    const bool micromap = state >= 0 && (instance.flags & kFlagDisable) == 0;
+    if (micromap && ((instance.flags & kFlagTwoState) != 0 || (ray.flags & kRayForceTwoState) != 0))
+        line("  - The {} forces two states: unknown-transparent is transparent, unknown-opaque is opaque.",
+             (instance.flags & kFlagTwoState) != 0 ? "instance" : "ray");
+    if ((instance.flags & VK_GEOMETRY_INSTANCE_FORCE_OPAQUE_BIT_KHR) != 0)
+        line("  - The instance forces what is not transparent to be opaque.");
+    if ((instance.flags & VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR) != 0)
+        line("  - The instance forces what is not transparent to be non-opaque.");
+    switch (oracle::outcomeOf(state, mesh.opaque, instance.flags, ray.flags)) {
+    case oracle::Outcome::Ignored: line("  - So it is ignored: no shader sees it."); break;
+    case oracle::Outcome::Culled: line("  - The ray culls it by its opacity."); break;
+    case oracle::Outcome::Opaque: line("  - So it is opaque: accepted, and no candidate."); break;
+    case oracle::Outcome::NonOpaque: line("  - So it is non-opaque: a candidate."); break;
+    }
+}
+
+void Account::writeRay()
+{
+    if (after_.rays.empty())
+        return;
+    const size_t number = std::min<size_t>(verdict_.ray.value_or(0), after_.rays.size() - 1);
+    const Ray &ray = after_.rays[number];
+    line("");
+    line("Ray {} of {}, traced by {}:", number, after_.rays.size(),
+         case_.trace.method == TracePlan::Method::Pipeline
+             ? std::string("a ray tracing pipeline")
+             : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage)));
+    line("origin ({}), direction ({}), t {} to {}, cull mask {:#x}, flags {}; candidates are confirmed: {}.",
+         fmt::join(ray.origin, ", "), fmt::join(ray.direction, ", "), ray.tMin, ray.tMax, ray.cullMask,
+         namesOf(ray.flags, kRayFlagNames), nameOf(kRuleNames, ray.rule));
+    // Without micromaps, no hit is ignored.
+    Scene bare = after_;
+    for (oracle::Object &object : bare.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            mesh.micromap.reset();
+    Ray plain = ray;
+    plain.flags &= ~(kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque);
+    oracle::Hits hits = oracle::allHits(bare, plain);
+    std::ranges::sort(hits.hits, {}, &Hit::t);
+    line("");
+    line("Expected:");
+    for (const Hit &hit : hits.hits)
+        writeHit(ray, hit);
+    if (hits.unsure)
+        line("The ray also meets something so near to an edge that rounding decides.");
+    else if (hits.hits.empty())
+        line("It meets nothing.");
+    if (!verdict_.detail.empty()) {
+        line("");
+        line("Found:");
+        line("{}", verdict_.detail);
+    }
+}
+
+} // namespace
+
+std::string accountOf(const Case &c, const Verdict &verdict, Api api)
+{
+    return Account(c, verdict, api).write();
+}
+
+} // namespace vellum::check

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/account.h"
+
+#include <gtest/gtest.h>
+
+#include "check/case/validity.h"
+#include "random_case.h"
+
+namespace
+{
+
+using namespace vellum::check;
+
+Case smallCase()
+{
+    Case c{.group = "small", .seed = 7};
+    c.scene.micromaps = {{.triangles = {{.states = {0}}, {.level = 1, .states = {1, 3, 2, 0}}},
+                          .flags = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT}};
+    oracle::Mesh mesh{.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
+    mesh.micromap = {.micromap = 0, .indexType = VK_INDEX_TYPE_UINT16, .indices = {0}, .base = 1};
+    c.scene.objects = {{.meshes = {mesh}}};
+    c.scene.instances = {
+        {.transform = {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}}, .mask = 1, .flags = kFlagTwoState}};
+    c.scene.rays = {{.origin = {0.7f, 0.1f, 1}}};
+    c.steps = {{.kind = Step::Kind::CompactMicromap, .update = true}, {.kind = Step::Kind::CloneTop}};
+    return c;
+}
+
+TEST(Account, SaysWhatIsDoneExpectedAndFound)
+{
+    const Case c = smallCase();
+    ASSERT_EQ(invalid(c), "");
+    EXPECT_EQ(accountOf(c, {.cause = "x", .detail = "nothing committed", .ray = 0}, Api::Ext),
+              R"(Case of group small, seed 7, by VK_EXT_opacity_micromap.
+
+Commands:
+  1. vkCmdBuildMicromapsEXT builds micromap 0, flags VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT:
+     triangle 0: level 0, 4-state: 1 transparent
+     triangle 1: level 1, 4-state: 1 transparent, 1 opaque, 1 unknown-transparent, 1 unknown-opaque
+  2. vkCmdBuildAccelerationStructuresKHR builds object 0, a bottom-level structure, flags none and those that what follows needs:
+     geometry 0: 1 triangle, not opaque, micromap 0, VK_INDEX_TYPE_UINT16 [0], baseTriangle 1
+  3. vkCmdCopyMicromapEXT compacts micromap 0 to the size that a query reports; the structures that use it are updated (MODE_UPDATE).
+  4. vkCmdBuildAccelerationStructuresKHR builds the top level:
+     instance 0: object 0, flags VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT, mask 0x1
+  5. vkCmdCopyAccelerationStructureKHR clones the top level.
+
+Ray 0 of 1, traced by a ray query in stage VK_SHADER_STAGE_COMPUTE_BIT:
+origin (0.7, 0.1, 1), direction (0, 0, -1), t 0 to 1000, cull mask 0xff, flags none; candidates are confirmed: never.
+
+Expected:
+It meets triangle 0 of geometry 0 of instance 0 at t = 1, barycentrics (0.7, 0.1).
+  - Index 0 + baseTriangle 1: triangle 1 of micromap 0, level 1. Micro-triangle 2 of 4 is unknown-transparent.
+  - The instance forces two states: unknown-transparent is transparent, unknown-opaque is opaque.
+  - So it is ignored: no shader sees it.
+
+Found:
+nothing committed
+)");
+}
+
+struct Rule {
+    const char *name;
+    std::function<void(Case &)> change;
+    const char *line;
+};
+
+class AccountRules : public testing::TestWithParam<Rule>
+{
+};
+
+oracle::Mesh &meshOf(Case &c)
+{
+    return c.scene.objects[0].meshes[0];
+}
+
+const Rule kRules[] = {
+    {"NoMicromap", [](Case &c) { meshOf(c).micromap.reset(); },
+     "  - The triangle has no micromap; its geometry is not opaque.\n  - So it is non-opaque: a candidate.\n"},
+    {"SpecialIndex", [](Case &c) { meshOf(c).micromap->indices = {-2}; },
+     "  - Its index is -2, the special index for opaque.\n  - The instance forces two states: unknown-transparent is "
+     "transparent, unknown-opaque is opaque.\n  - So it is opaque: accepted, and no candidate.\n"},
+    {"Disabled",
+     [](Case &c) {
+         c.scene.instances[0].flags = kFlagDisable;
+         meshOf(c).opaque = true;
+     },
+     "  - The instance disables micromaps; the geometry is opaque (VK_GEOMETRY_OPAQUE_BIT_KHR).\n  - So it is opaque: "
+     "accepted, and no candidate.\n"},
+    {"ForceNoOpaque",
+     [](Case &c) {
+         c.scene.instances[0].flags = VK_GEOMETRY_INSTANCE_FORCE_NO_OPAQUE_BIT_KHR;
+         c.scene.rays[0].origin = {0.2f, 0.2f, 1};
+     },
+     "Micro-triangle 0 of 4 is opaque.\n  - The instance forces what is not transparent to be non-opaque.\n  - So it "
+     "is non-opaque: a candidate.\n"},
+    {"Culled",
+     [](Case &c) {
+         c.scene.rays[0].flags = kRayCullOpaque;
+         c.scene.rays[0].origin = {0.2f, 0.2f, 1};
+     },
+     "  - The ray culls it by its opacity.\n"},
+    {"Missed",
+     [](Case &c) {
+         c.scene.rays[0].origin = {5, 5, 1};
+     },
+     "It meets nothing.\n"},
+};
+
+TEST_P(AccountRules, AreNamed)
+{
+    Case c = smallCase();
+    GetParam().change(c);
+    ASSERT_EQ(invalid(c), "");
+    const std::string account = accountOf(c, {}, Api::Khr);
+    EXPECT_NE(account.find(GetParam().line), std::string::npos) << account;
+}
+
+INSTANTIATE_TEST_SUITE_P(, AccountRules, testing::ValuesIn(kRules),
+                         [](const auto &rule) { return std::string(rule.param.name); });
+
+// As the number of a command is written.
+std::string numberText(size_t number)
+{
+    const std::string text = std::to_string(number) + ". ";
+    return "\n" + std::string(text.size() < 5 ? 5 - text.size() : 0, ' ') + text;
+}
+
+// Each has a numbered line for each build and each step.
+TEST(Account, OfRandomCases)
+{
+    for (uint32_t seed = 0; seed < 100; ++seed) {
+        const Case c = randomCase(seed, 3);
+        const std::string account = accountOf(c, {.cause = "x", .detail = "found", .ray = 2}, Api::Khr);
+        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() + 1;
+        EXPECT_NE(account.find(numberText(commands)), std::string::npos) << account;
+        EXPECT_EQ(account.find(numberText(commands + 1)), std::string::npos) << account;
+        EXPECT_EQ(account.find('?'), std::string::npos) << account;
+        EXPECT_NE(account.find("Ray 2 of 3"), std::string::npos);
+    }
+}
+
+} // namespace
