@@ -22,7 +22,7 @@ class Step:
     name: str
     words: tuple
     environment: tuple = ()
-    seconds: float = 240     # after which it counts as hanging
+    seconds: float = 900     # after which it counts as hanging
     cpu_seconds: int = 60    # the same, of all threads together
 
 
