@@ -4,7 +4,6 @@ import dataclasses
 import os
 import pathlib
 import resource
-import shutil
 import signal
 import subprocess
 import tempfile
@@ -13,22 +12,18 @@ import time
 from builder import LIBRARY, folder_name
 
 MEMORY = 12 << 30  # bytes of address space of a program
+NO_LIMIT = 1 << 30       # seconds
 SURVIVED = "survived"
 
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """One program of a killer.
-
-    {layer} in a word stands for the mutant's folder, and {out} for a temporary one that is laid out like a build:
-    {out}/lib is the mutant's folder, and {out}/bin has a copy of `vellum`, which takes the layer from there.
-    """
+    """One program of a killer. {layer} in a word stands for the mutant's folder, {out} for a temporary one."""
     name: str
     words: tuple
     environment: tuple = ()
-    seconds: float = 240     # after which it counts as hanging
+    seconds: float = 900     # after which it counts as hanging
     cpu_seconds: int = 60    # the same, of all threads together
-    vellum: pathlib.Path | None = None
 
 
 def read_steps(path, programs):
@@ -44,7 +39,7 @@ def read_steps(path, programs):
 
 
 def environment(folder):
-    """With the variable by which the tests find the layer. In others, loader 1.3.239 may prefer a later folder."""
+    """With the variable by which the tests find the layer, and without the one that hides --layer-path."""
     variables = {name: value for name, value in os.environ.items() if name != "VK_LAYER_PATH"}
     for manifest in sorted(pathlib.Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json")):
         variables.setdefault("VK_DRIVER_FILES", str(manifest))
@@ -54,20 +49,17 @@ def environment(folder):
 
 def run_step(step, folder, log):
     """How it ended: None if the program found nothing; and its seconds."""
-    def limit():
+    def begin_child():
+        os.setpgid(0, 0)  # a session would leave this one's autogroup, and its priority
         resource.setrlimit(resource.RLIMIT_CPU, (step.cpu_seconds, step.cpu_seconds + 5))
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as out:
-        os.symlink(folder, pathlib.Path(out, "lib"))
-        pathlib.Path(out, "bin").mkdir()
-        if step.vellum:
-            shutil.copy(step.vellum, pathlib.Path(out, "bin", "vellum"))
         words = [word.replace("{layer}", str(folder)).replace("{out}", out) for word in step.words]
         with subprocess.Popen(words, env=environment(folder) | dict(step.environment), stdin=subprocess.DEVNULL,
-                              stdout=log, stderr=subprocess.STDOUT, preexec_fn=limit, start_new_session=True) as child:
+                              stdout=log, stderr=subprocess.STDOUT, preexec_fn=begin_child) as child:
             try:
                 child.wait(step.seconds)
             except subprocess.TimeoutExpired:
@@ -106,10 +98,11 @@ def kill_mutant(steps, layers, name, stage):
 
 def check_steps(program, arguments, seconds):
     """`vellum check` finds something (1), or cannot run (125), which the original layer does not cause."""
-    return [Step("check", ("{out}/bin/vellum", "check", *arguments), (), seconds, 100000, program)]
+    words = (str(program), "check", "--layer-path", "{layer}", "--output", "{out}/results", *arguments)
+    return [Step("check", words, (), seconds, NO_LIMIT)]
 
 
 def cts_steps(root, deqp, cases, seconds):
     words = (str(root / "scripts/run-cts"), "--deqp", str(deqp), "--cases", str(cases), "--layer-path", "{layer}",
              "--out", "{out}", "--jobs", "1", "--timeout", "20")
-    return [Step("cts", words, (), seconds, 100000)]
+    return [Step("cts", words, (), seconds, NO_LIMIT)]

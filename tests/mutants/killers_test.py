@@ -44,9 +44,9 @@ class Killers(unittest.TestCase):
         code = "import os, sys; sys.exit(os.environ['VELLUM_TEST_LAYER'] != sys.argv[1] or os.environ['NAME'] != 'a=b')"
         self.assertEqual(self.kill(step(code, environment=(("NAME", "a=b"),)))["result"], "survived")
 
-    def test_vellum_takes_the_layer_of_its_prefix(self):
+    def test_check(self):
         program = self.folder / "program"
-        program.write_text('#!/bin/sh\ntest "$(readlink "$(dirname "$0")/../lib")" = "$3" && test "$2" = --quick\n')
+        program.write_text('#!/bin/sh\ntest "$1 $2 $6" = "check --layer-path --quick" && test "$3" = "$7"\n')
         program.chmod(0o755)
         (only,) = killers.check_steps(program, ["--quick", "{layer}"], 60)
         self.assertEqual(self.kill(only)["result"], "survived")
