@@ -4,7 +4,7 @@
 #include "check/case/trace.h"
 #include "check/case/tracing_modules.h"
 #include "check/gpu/execution_mode.h"
-#include "check/gpu/pipeline_libraries.h"
+#include "check/gpu/programs/pipeline_libraries.h"
 #include "check/oracle/pipeline_judge.h"
 
 namespace vellum::check

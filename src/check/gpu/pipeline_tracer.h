@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "check/gpu/helper_scene.h"
 #include "check/gpu/pipeline_builder.h"
+#include "check/gpu/programs/helper_scene.h"
 #include "check/gpu/tracer.h"
 
 namespace vellum::check

@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
+#include "check/gpu/programs/stage_program.h"
 #include "check/gpu/scene.h"
-#include "check/gpu/stage_program.h"
 
 namespace vellum::check
 {

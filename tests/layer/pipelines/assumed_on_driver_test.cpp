@@ -4,9 +4,9 @@
 #include <cstdlib>
 
 #include "check/gpu/pipeline_tracer.h"
+#include "check/gpu/programs/graphics.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
-#include "check/gpu/graphics.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "shaders/plain_vertex.h"

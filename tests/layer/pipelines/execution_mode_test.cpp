@@ -3,8 +3,8 @@
 // has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise that an application does not mix
 // special indices, which is part of the same extension.
 #include "check/gpu/execution_mode.h"
-#include "check/gpu/graphics.h"
 #include "check/gpu/pipeline_builder.h"
+#include "check/gpu/programs/graphics.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 

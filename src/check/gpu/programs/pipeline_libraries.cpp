@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/gpu/pipeline_libraries.h"
+#include "check/gpu/programs/pipeline_libraries.h"
 
 namespace vellum::check
 {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/gpu/stage_program.h"
+#include "check/gpu/programs/stage_program.h"
 
-#include "check/gpu/graphics.h"
-#include "check/gpu/helper_scene.h"
 #include "check/gpu/pipeline_builder.h"
+#include "check/gpu/programs/graphics.h"
+#include "check/gpu/programs/helper_scene.h"
 
 #include "shaders/launcher.h"
 #include "shaders/plain_fragment.h"

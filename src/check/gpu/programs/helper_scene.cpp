@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/gpu/helper_scene.h"
+#include "check/gpu/programs/helper_scene.h"
 
 namespace vellum::check
 {

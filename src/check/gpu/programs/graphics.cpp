@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/gpu/graphics.h"
+#include "check/gpu/programs/graphics.h"
 
 namespace vellum::check
 {
