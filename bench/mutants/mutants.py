@@ -65,7 +65,7 @@ def steps_of(options):
     if options.killer == "cts":
         return killers.cts_steps(ROOT, options.deqp.resolve(), options.cases.resolve(), options.limit or 1800)
     arguments = ["--quick"] if options.killer == "check-quick" else ["--minutes", "10"]
-    arguments += ["--seed", str(options.seed), "--jobs", "1", *options.argument]
+    arguments += ["--seed", str(options.seed), "--jobs", "1", "--fail-fast", *options.argument]
     return killers.check_steps(options.vellum.resolve(), arguments,
                                options.limit or (600 if options.killer == "check-quick" else 1200))
 

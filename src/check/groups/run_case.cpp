@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <map>
 
+#include "check/case/account.h"
 #include "check/case/json.h"
 #include "check/case/shrink.h"
 #include "check/groups/session.h"
@@ -44,16 +45,20 @@ void explain(Session &session, const Case &c, const Verdict &verdict, double sec
 {
     static std::map<std::string, int> shrunk;
     constexpr int kMostOfACause = 3;
+    const Api api = session.limits().api;
     outcome.detail = verdict.detail;
     outcome.reproducer = toJson(c);
+    outcome.files = {{"txt", accountOf(c, verdict, api)}};
     if (seconds <= 0 || shrunk[verdict.cause]++ >= kMostOfACause)
         return;
     const auto stillFails = [&](const Case &smaller) { return verdictOf(session, smaller).cause == verdict.cause; };
     const Shrunk result = shrink(c, stillFails, {.seconds = seconds, .ray = verdict.ray});
     outcome.reproducer = toJson(result.smallest);
     const Verdict last = verdictOf(session, result.smallest);
-    if (last.failed())
+    if (last.failed()) {
         outcome.detail = last.detail;
+        outcome.files = {{"txt", accountOf(result.smallest, last, api)}};
+    }
     if (result.failures < result.confirmations)
         outcome.detail +=
             "\nfails " + std::to_string(result.failures) + " times of " + std::to_string(result.confirmations);

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+// The steps of a case.
+#include <algorithm>
+#include <cstring>
+
+#include "check/case/built_case.h"
+#include "check/oracle/scene_build.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+constexpr VkBufferUsageFlags kSerializedUsage =
+    VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+// Where the header of serialized data has these, after the version of 32 bytes.
+constexpr size_t kHeaderSerializedSize = 32;
+constexpr size_t kHeaderDeserializedSize = 40;
+
+using Kind = Step::Kind;
+
+uint64_t numberAt(const uint8_t *bytes, size_t offset)
+{
+    uint64_t number = 0;
+    std::memcpy(&number, bytes + offset, sizeof number);
+    return number;
+}
+
+bool compatible(const Device &gpu, const uint8_t *version)
+{
+    const auto info = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = version});
+    auto result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_INCOMPATIBLE_KHR;
+    gpu.vk().GetDeviceAccelerationStructureCompatibilityKHR(gpu.device(), &info, &result);
+    return result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
+}
+
+} // namespace
+
+void BuiltCase::buildObject(uint32_t object, bool update)
+{
+    Bottom &bottom = bottoms_[object];
+    bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_);
+    bottom.structure->prepare(bottom.geometries, bottom.flags,
+                              update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
+                                     : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    execute(update ? "updated" : "built", {bottom.structure->range(), bottom.structure->scratchRange()},
+            [&](VkCommandBuffer commands) { bottom.structure->record(commands); });
+    bottom.structure->forgetInput();
+}
+
+void BuiltCase::buildMicromapUsers(uint32_t micromap, bool update)
+{
+    for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
+        if (std::ranges::any_of(scene_.objects[o].meshes, [&](const oracle::Mesh &mesh) {
+                return mesh.micromap && mesh.micromap->micromap == micromap;
+            }))
+            buildObject(o, update);
+    }
+}
+
+void BuiltCase::apply(const Step &step)
+{
+    switch (step.kind) {
+    case Kind::CloneMicromap:
+    case Kind::CompactMicromap:
+    case Kind::ReloadMicromap: {
+        const std::unique_ptr<Micromap> original = std::move(micromaps_[step.target]);
+        micromaps_[step.target] = copyOfMicromap(*original, step.kind);
+        if (!step.states.empty()) {
+            oracle::SceneMicromap other = scene_.micromaps[step.target];
+            other.triangles = step.states;
+            if (original->setInput(oracle::inputOf(other)))
+                buildMicromap(*original);
+        }
+        // What the original's memory has is nothing that the copy depends on.
+        original->forget();
+        return buildMicromapUsers(step.target, step.update);
+    }
+    case Kind::SetStates: {
+        scene_.micromaps[step.target].triangles = step.states;
+        const oracle::SceneMicromap &from = scene_.micromaps[step.target];
+        // A compacted one may be too small to be built in.
+        std::unique_ptr<Micromap> micromap = std::move(micromaps_[step.target]);
+        if (!step.inPlace || !micromap->setInput(oracle::inputOf(from)))
+            micromap = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags);
+        buildMicromap(*micromap);
+        micromaps_[step.target] = std::move(micromap);
+        return buildMicromapUsers(step.target, step.update);
+    }
+    default: return applyToObject(step);
+    }
+}
+
+void BuiltCase::applyToObject(const Step &step)
+{
+    Bottom &bottom = bottoms_[step.target];
+    switch (step.kind) {
+    case Kind::CloneObject: return copyObject(bottom, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
+    case Kind::CompactObject: return copyObject(bottom, VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+    case Kind::ReloadObject: return reloadObject(bottom);
+    case Kind::UpdateObject: return buildObject(step.target, true);
+    case Kind::RebuildObject: return buildObject(step.target, false);
+    case Kind::MoveObject: return moveObject(bottom, step.other);
+    case Kind::RenameObject: {
+        auto second = std::make_unique<Blas>(gpu_);
+        second->useRoomOf(*bottom.structure);
+        second->create(bottom.structure->size());
+        bottom.structure = std::move(second);
+        return;
+    }
+    case Kind::SetIndices:
+        scene_.objects[step.target].meshes[step.other].micromap = step.micromapUse;
+        return buildObject(step.target, step.update);
+    default: return;
+    }
+}
+
+void BuiltCase::buildMicromap(Micromap &micromap)
+{
+    execute("micromap built", {micromap.range(), micromap.scratchRange()},
+            [&](VkCommandBuffer commands) { micromap.record(commands); });
+    micromap.forgetInput();
+}
+
+// The old one is destroyed at once: no ray is traced until the structures that use it are built with the new one.
+std::unique_ptr<Micromap> BuiltCase::copyOfMicromap(const Micromap &source, Step::Kind kind)
+{
+    const MicromapHandle handle = source.handle();
+    if (kind != Kind::ReloadMicromap) {
+        const bool clone = kind == Kind::CloneMicromap;
+        auto target = std::make_unique<Micromap>(
+            gpu_, source, clone ? source.size() : sizeOf(source, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
+        execute(clone ? "micromap cloned" : "micromap compacted", {target->range()}, [&](VkCommandBuffer commands) {
+            recordMicromapCopy(gpu_, commands, handle, target->handle(),
+                               clone ? VK_COPY_MICROMAP_MODE_CLONE_EXT : VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+        });
+        return target;
+    }
+    const Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
+    execute("micromap serialized", {data.range()},
+            [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, handle, data.address()); });
+    if (!micromapIsCompatible(gpu_, data.bytes()))
+        gpu_.fault("the device does not accept the version of a micromap that it serialized");
+    const uint64_t bytes = numberAt(data.bytes(), kHeaderDeserializedSize);
+    if (numberAt(data.bytes(), kHeaderSerializedSize) > data.size())
+        gpu_.fault("the header of a serialized micromap has a size above that of the query");
+    auto target = std::make_unique<Micromap>(gpu_, source, bytes);
+    execute("micromap deserialized", {target->range()}, [&](VkCommandBuffer commands) {
+        recordMemoryToMicromap(gpu_, commands, data.address(), target->handle());
+    });
+    return target;
+}
+
+void BuiltCase::copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode)
+{
+    const bool compact = mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
+    auto target = std::make_unique<Blas>(gpu_);
+    target->create(compact ? sizeOf(*bottom.structure, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+                           : bottom.structure->size());
+    execute(compact ? "compacted" : "cloned", {target->range()}, [&](VkCommandBuffer commands) {
+        recordCopy(gpu_, commands, bottom.structure->handle(), target->handle(), mode);
+    });
+    bottom.structure = std::move(target);
+}
+
+void BuiltCase::reload(const Structure &source, Structure &target)
+{
+    const Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR), 256,
+                       kSerializedUsage);
+    execute("serialized", {data.range()},
+            [&](VkCommandBuffer commands) { recordSerialize(gpu_, commands, source, data.address()); });
+    if (!compatible(gpu_, data.bytes()))
+        gpu_.fault("the device does not accept the version of a structure that it serialized");
+    const uint64_t bytes = numberAt(data.bytes(), kHeaderDeserializedSize);
+    if (numberAt(data.bytes(), kHeaderSerializedSize) > data.size())
+        gpu_.fault("the header of a serialized structure has a size above that of the query");
+    target.create(bytes);
+    execute("deserialized", {target.range()}, [&](VkCommandBuffer commands) {
+        auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
+        info.src.deviceAddress = data.address();
+        info.dst = target.handle();
+        info.mode = VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR;
+        gpu_.vk().CmdCopyMemoryToAccelerationStructureKHR(commands, &info);
+    });
+}
+
+void BuiltCase::reloadObject(Bottom &bottom)
+{
+    auto target = std::make_unique<Blas>(gpu_);
+    reload(*bottom.structure, *target);
+    bottom.structure = std::move(target);
+}
+
+// One object is cloned, and another one built in its memory by the same submission, if that is large enough: its handle
+// is made while the first content is live, and the first one's destroyed when the second is.
+void BuiltCase::moveObject(Bottom &moved, uint32_t other)
+{
+    Bottom &built = bottoms_[other];
+    auto clone = std::make_unique<Blas>(gpu_);
+    clone->create(moved.structure->size());
+    auto over = std::make_unique<Blas>(gpu_);
+    over->useRoomOf(*moved.structure);
+    over->prepare(built.geometries, built.flags);
+    execute("cloned and built over", {clone->range(), over->range(), over->scratchRange()},
+            [&](VkCommandBuffer commands) {
+                recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
+                barrier(commands);
+                over->record(commands);
+            });
+    over->forgetInput();
+    if (&moved != &built)
+        moved.structure = std::move(clone);
+    built.structure = std::move(over);
+}
+
+void BuiltCase::applyToTop(const Step &step)
+{
+    const Kind kind = step.kind;
+    if (kind == Kind::UpdateTop) {
+        scene_.instances = step.instances;
+        return updateTop();
+    }
+    auto target = std::make_unique<Tlas>(gpu_);
+    if (kind == Kind::ReloadTop) {
+        reload(*top_, *target);
+    } else {
+        const bool clone = kind == Kind::CloneTop;
+        target->create(clone ? top_->size() : sizeOf(*top_, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR));
+        execute(clone ? "top level cloned" : "top level compacted", {target->range()}, [&](VkCommandBuffer commands) {
+            recordCopy(gpu_, commands, top_->handle(), target->handle(),
+                       clone ? VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR
+                             : VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+        });
+    }
+    top_ = std::move(target);
+}
+
+// The last of the queries that are recorded.
+uint64_t BuiltCase::query(VkQueryType type, uint32_t count,
+                          const std::function<void(VkCommandBuffer, VkQueryPool)> &record)
+{
+    const QueryPool pool(gpu_, type, count);
+    execute("query", {}, [&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, count);
+        record(commands, pool);
+    });
+    return pool.value(count - 1);
+}
+
+// A query of one, and one of it behind all others that can be asked: both must say the same.
+VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
+{
+    std::vector<VkAccelerationStructureKHR> all;
+    for (const Bottom &bottom : bottoms_) {
+        if (bottom.structure && (type != VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR ||
+                                 (bottom.flags & VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR) != 0))
+            all.push_back(bottom.structure->handle());
+    }
+    all.push_back(structure.handle());
+    const auto ask = [&](std::span<const VkAccelerationStructureKHR> of) {
+        return query(type, static_cast<uint32_t>(of.size()), [&](VkCommandBuffer commands, VkQueryPool pool) {
+            gpu_.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, static_cast<uint32_t>(of.size()), of.data(),
+                                                                  type, pool, 0);
+        });
+    };
+    const VkDeviceSize one = ask(std::span(&all.back(), 1));
+    if (ask(all) != one)
+        gpu_.fault("a query of several sizes of acceleration structures differs from a query of one");
+    return one;
+}
+
+VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of)
+{
+    const VkQueryType type = micromapQueryType(gpu_, of);
+    std::vector<MicromapHandle> all;
+    for (size_t i = 0; i < micromaps_.size(); ++i) {
+        if (micromaps_[i] && (of != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
+                              (scene_.micromaps[i].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0))
+            all.push_back(micromaps_[i]->handle());
+    }
+    all.push_back(micromap.handle());
+    const auto ask = [&](std::span<const MicromapHandle> some) {
+        return query(type, static_cast<uint32_t>(some.size()), [&](VkCommandBuffer commands, VkQueryPool pool) {
+            recordMicromapProperties(gpu_, commands, some, type, pool, 0);
+        });
+    };
+    const VkDeviceSize one = ask(std::span(&all.back(), 1));
+    if (ask(all) != one)
+        gpu_.fault("a query of several sizes of micromaps differs from a query of one");
+    return one;
+}
+
+} // namespace vellum::check
