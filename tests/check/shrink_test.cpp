@@ -32,14 +32,17 @@ bool usesFineTwoStates(const Case &c)
         if (!mesh.micromap || mesh.micromap->indexType != VK_INDEX_TYPE_UINT16 || mesh.micromap->base == 0 ||
             !mesh.micromap->micromap)
             return false;
-        return std::ranges::any_of(mesh.micromap->indices, [&](int32_t index) {
+        for (uint32_t t = 0; t < mesh.vertices.size() / 3; ++t) {
+            const int32_t index = mesh.micromap->indexOf(t);
             if (index < 0)
-                return false;
+                continue;
             const oracle::MicromapTriangle &triangle =
                 c.scene.micromaps[*mesh.micromap->micromap]
                     .triangles[static_cast<uint32_t>(index) + mesh.micromap->base];
-            return triangle.format == kTwoState && triangle.level >= 3;
-        });
+            if (triangle.format == kTwoState && triangle.level >= 3)
+                return true;
+        }
+        return false;
     });
 }
 

@@ -115,6 +115,7 @@ struct Verdict {
     std::string detail;
     uint64_t rays = 0;           // that were compared with the oracle
     std::optional<uint32_t> ray; // the first that is wrong
+    std::vector<uint32_t> wrongRays; // all that are wrong
     bool skipped = false;        // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };

@@ -78,6 +78,7 @@ Verdict run(Device &gpu, const Case &c)
         verdict.rays += hits[i].unsure ? 0u : 1u;
         if (faults[i].empty())
             continue;
+        verdict.wrongRays.push_back(static_cast<uint32_t>(i));
         if (!verdict.ray) {
             verdict.ray = static_cast<uint32_t>(i);
             verdict.cause = causeOf(faults[i]);

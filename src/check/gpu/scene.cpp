@@ -482,7 +482,7 @@ std::vector<Vec3> triangleRow(uint32_t n, Vec3 place)
     return vertices;
 }
 
-std::array<double, 2> microTriangleCentre(uint32_t index, uint32_t level)
+std::array<std::array<double, 2>, 3> cornersOfMicroTriangle(uint32_t index, uint32_t level)
 {
     using Point = std::array<double, 2>;
     const auto middle = [](Point p, Point q) { return Point{(p[0] + q[0]) / 2, (p[1] + q[1]) / 2}; };
@@ -497,6 +497,12 @@ std::array<double, 2> microTriangleCentre(uint32_t index, uint32_t level)
         default: a = bc, b = ca; break;
         }
     }
+    return {a, b, c};
+}
+
+std::array<double, 2> microTriangleCentre(uint32_t index, uint32_t level)
+{
+    const auto [a, b, c] = cornersOfMicroTriangle(index, level);
     return {(a[0] + b[0] + c[0]) / 3, (a[1] + b[1] + c[1]) / 3};
 }
 

@@ -255,5 +255,7 @@ std::vector<Vec3> triangleRow(uint32_t n, Vec3 place = {});
 // specification: into the sub-triangle nearest vertex 0, the middle one with ordering flipped, the one nearest vertex
 // 1, then nearest vertex 2 with ordering flipped.
 std::array<double, 2> microTriangleCentre(uint32_t index, uint32_t level);
+// Its corners, by the same descent.
+std::array<std::array<double, 2>, 3> cornersOfMicroTriangle(uint32_t index, uint32_t level);
 
 } // namespace vellum::check

@@ -3,6 +3,7 @@
 
 #include "check/case/account.h"
 #include "check/case/json.h"
+#include "check/case/picture.h"
 #include "check/case/shrink.h"
 #include "check/groups/session.h"
 
@@ -58,6 +59,9 @@ void explain(Session &session, const Case &c, const Verdict &verdict, double sec
     if (last.failed()) {
         outcome.detail = last.detail;
         outcome.files = {{"txt", accountOf(result.smallest, last, api)}};
+        const auto runs = [&](const Case &other) { return verdictOf(session, other); };
+        if (std::string picture = pictureOf(result.smallest, last, runs); !picture.empty())
+            outcome.files.push_back({"svg", std::move(picture)});
     }
     if (result.failures < result.confirmations)
         outcome.detail +=

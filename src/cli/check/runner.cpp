@@ -227,7 +227,7 @@ void Runner::Slot::finish(check::Outcome outcome)
     const CaseId id = *std::exchange(current_, std::nullopt);
     const double seconds = since(waitingSince_);
     if (stream_ != nullptr)
-        stream_->seconds += seconds;
+        stream_->note(outcome.status, seconds);
     const Verdict verdict = runner_.expectations_.verdictOn(nameOf(id), outcome.status);
     if (failure_) {
         if (isSuccess(verdict))

@@ -21,13 +21,20 @@ public:
         : api_(api), group_(&group), numbers_(std::move(numbers))
     {
     }
-    // Goes on with cases that are not part of a full run, those that `wanted` accepts.
+    // Goes on with cases that are not part of a full run, those that `wanted` accepts, unless all are skipped.
     void goOn(std::function<bool(const CaseId &)> wanted) { wanted_ = std::move(wanted); }
 
     [[nodiscard]] check::Api api() const { return api_; }
     [[nodiscard]] bool atEnd();
     // Not at the end.
     CaseId next();
+    // What became of a case.
+    void note(check::Status status, double ofSeconds)
+    {
+        seconds += ofSeconds;
+        onlySkips_ &= status == check::Status::Skip;
+        ++finished_;
+    }
     // Those that remain, without those of goOn().
     [[nodiscard]] size_t remaining() const { return numbers_.size() - at_; }
 
@@ -39,6 +46,8 @@ private:
     const check::Group *group_;
     std::vector<uint32_t> numbers_;
     size_t at_ = 0;
+    uint32_t finished_ = 0;
+    bool onlySkips_ = true;
     std::function<bool(const CaseId &)> wanted_;
 };
 

@@ -81,6 +81,14 @@ TEST_F(Check, WhatTheDeviceLacksIsSkipped)
               (Statuses{{"khr.good.0000", "Pass"}, {"khr.skip.0000", "Skip"}, {"khr.skip.0001", "Skip"}}));
 }
 
+TEST_F(Check, NewCasesOfAGroupThatSkipsComeToAnEnd)
+{
+    const CheckRun check = run({"skip.*"}, {"--minutes", "1"});
+    EXPECT_EQ(check.outcome.exitCode, 0);
+    EXPECT_GE(check.results.size(), 20U);
+    EXPECT_LE(check.results.size(), 30U);
+}
+
 TEST_F(Check, ACrashNamesItsSignalAndTheRunGoesOn)
 {
     const CheckRun check = run({"crash.*", "good.0000"});

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/picture.h"
+
+#include <algorithm>
+#include <fmt/format.h>
+
+#include "check/case/step.h"
+#include "check/oracle/cpu_trace.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+using oracle::Scene;
+
+constexpr uint32_t kMostLevel = 6;
+constexpr double kSide = 260, kGap = 40, kTop = 50;
+// Of transparent, opaque, unknown-transparent, unknown-opaque.
+constexpr std::array kColors{"#ffffff", "#20639b", "#f6d55c", "#ed8b2f"};
+constexpr std::array kAdvances{105.0, 85.0, 165.0, 0.0}; // of the legend
+constexpr std::array kNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
+
+// The triangle that the ray meets, whatever its opacity.
+std::optional<oracle::Hit> triangleOf(Scene scene, const Ray &ray)
+{
+    for (oracle::Object &object : scene.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            mesh.micromap.reset();
+    const std::vector<oracle::Hit> hits = oracle::allHits(scene, ray).hits;
+    std::optional<oracle::Hit> nearest;
+    for (const oracle::Hit &hit : hits)
+        if (!hit.box && (!nearest || hit.t < nearest->t))
+            nearest = hit;
+    return nearest;
+}
+
+struct States {
+    uint32_t level = 0;
+    std::vector<uint8_t> states;
+};
+
+std::optional<States> statesOf(const Scene &scene, const oracle::Hit &hit)
+{
+    const oracle::Mesh &mesh = scene.objects[scene.instances[hit.instance].object].meshes[hit.geometry];
+    if (!mesh.micromap)
+        return {};
+    const int32_t index = mesh.micromap->indexOf(hit.primitive);
+    if (index < 0)
+        return States{0, {static_cast<uint8_t>(-1 - index)}};
+    const auto &triangles = scene.micromaps[*mesh.micromap->micromap].triangles;
+    const oracle::MicromapTriangle &triangle = triangles[static_cast<uint32_t>(index) + mesh.micromap->base];
+    return States{triangle.level, triangle.states};
+}
+
+// A ray as the wrong one, at a place of the triangle.
+Ray aimedAt(const Scene &scene, const oracle::Hit &hit, Ray ray, std::array<double, 2> place)
+{
+    const oracle::Instance &instance = scene.instances[hit.instance];
+    const oracle::Mesh &mesh = scene.objects[instance.object].meshes[hit.geometry];
+    const Vec3 *const corners = &mesh.vertices[size_t{3} * hit.primitive];
+    const auto [u, v] = place;
+    for (size_t r = 0; r < 3; ++r) {
+        double at = double{instance.transform.matrix[r][3]};
+        for (size_t k = 0; k < 3; ++k)
+            at += double{instance.transform.matrix[r][k]} *
+                  ((1 - u - v) * double{corners[0][k]} + u * double{corners[1][k]} + v * double{corners[2][k]});
+        ray.origin[r] = static_cast<float>(at - hit.t * double{ray.direction[r]});
+    }
+    return ray;
+}
+
+std::string polygon(const std::array<std::array<double, 2>, 3> &corners, double left, std::string_view color)
+{
+    std::string points;
+    for (const auto &[u, v] : corners)
+        points += fmt::format("{:.2f},{:.2f} ", left + u * kSide, kTop + (1 - v) * kSide);
+    return fmt::format("<polygon points=\"{}\" fill=\"{}\" stroke=\"#888\" stroke-width=\"0.5\"/>\n", points, color);
+}
+
+std::string text(double x, double y, std::string_view words)
+{
+    return fmt::format("<text x=\"{}\" y=\"{}\">{}</text>\n", x, y, words);
+}
+
+} // namespace
+
+std::string pictureOf(const Case &c, const Verdict &verdict, const std::function<Verdict(const Case &)> &runs)
+{
+    const Scene scene = sceneAfter(c);
+    const Ray &wrong = scene.rays[verdict.ray.value_or(0)];
+    const std::optional<oracle::Hit> hit = triangleOf(scene, wrong);
+    const std::optional<States> states = hit ? statesOf(scene, *hit) : std::nullopt;
+    if (!states || states->level > kMostLevel)
+        return {};
+    Case probes = c;
+    probes.scene.rays.clear();
+    for (uint32_t i = 0; i < states->states.size(); ++i)
+        probes.scene.rays.push_back(aimedAt(scene, *hit, wrong, microTriangleCentre(i, states->level)));
+    const std::vector<uint32_t> bad = runs(probes).wrongRays;
+
+    const double right = 20 + kSide + kGap;
+    std::string svg = fmt::format(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" "
+        "font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"100%\" height=\"100%\" fill=\"#f4f4f4\"/>\n",
+        right + kSide + 20, kTop + kSide + 90);
+    svg += text(20, 20,
+                fmt::format("instance {}, geometry {}, triangle {}, level {}", hit->instance, hit->geometry,
+                            hit->primitive, states->level));
+    svg += text(20, 42, "expected");
+    svg += text(right, 42, "found");
+    for (uint32_t i = 0; i < states->states.size(); ++i) {
+        const auto corners = cornersOfMicroTriangle(i, states->level);
+        const bool isBad = std::ranges::find(bad, i) != bad.end();
+        svg += polygon(corners, 20, kColors[states->states[i] & 3]);
+        svg += polygon(corners, right, isBad ? "#d62828" : "#cfe8cf");
+    }
+    for (const double left : {20.0, right})
+        svg += fmt::format("<circle cx=\"{:.2f}\" cy=\"{:.2f}\" r=\"4\" fill=\"none\" stroke=\"#000\" "
+                           "stroke-width=\"1.5\"/>\n",
+                           left + hit->u * kSide, kTop + (1 - hit->v) * kSide);
+    double x = 20;
+    for (size_t s = 0; s < kNames.size(); x += kAdvances[s], ++s) {
+        svg += fmt::format("<rect x=\"{}\" y=\"{}\" width=\"12\" height=\"12\" fill=\"{}\" stroke=\"#888\"/>\n", x,
+                           kTop + kSide + 22, kColors[s]);
+        svg += text(x + 17, kTop + kSide + 33, kNames[s]);
+    }
+    svg += fmt::format("<rect x=\"20\" y=\"{}\" width=\"12\" height=\"12\" fill=\"#d62828\"/>\n", kTop + kSide + 50);
+    svg +=
+        text(37, kTop + kSide + 61, "rays at this micro-triangle are wrong; the circle is the hit of the failing ray");
+    return svg + "</svg>\n";
+}
+
+} // namespace vellum::check
