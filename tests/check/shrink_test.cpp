@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cases that fail by a made-up rule: what stays must be what the rule needs.
-#include "check/case/shrink.h"
+#include "check/case/shrink/shrink.h"
 
 #include <algorithm>
 #include <gtest/gtest.h>

@@ -4,7 +4,7 @@
 #include "check/case/account.h"
 #include "check/case/json.h"
 #include "check/case/picture.h"
-#include "check/case/shrink.h"
+#include "check/case/shrink/shrink.h"
 #include "check/groups/session.h"
 
 namespace vellum::check

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <unordered_set>
 
-#include "check/case/shrink.h"
+#include "check/case/shrink/shrink.h"
 
 namespace vellum::check
 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "check/case/shrink.h"
+#include "check/case/shrink/shrink.h"
 
 #include "check/case/json.h"
 #include "check/case/shrink/passes.h"
