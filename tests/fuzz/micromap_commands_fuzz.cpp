@@ -9,7 +9,6 @@
 #include "check/gpu/pieces.h"
 #include "core/records.h"
 #include "fake_device.h"
-#include "harness/harness.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"
 #include "layer/micromaps/micromap_copy.h"
@@ -73,7 +72,7 @@ private:
     Reader &input_;
     std::vector<VkMicromapEXT> micromaps_;
     std::map<VkMicromapEXT, size_t> room_; // bytes
-    std::optional<vt::Pieces> packed_;
+    std::optional<vellum::check::Pieces> packed_;
     VkBuffer packedBuffer_ = VK_NULL_HANDLE;
     std::vector<VkMicromapUsageEXT> usages_;
     std::vector<const VkMicromapUsageEXT *> usagePointers_;

@@ -2,6 +2,7 @@
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
 #include <algorithm>
 
+#include "check/gpu/programs/pipeline_libraries.h"
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include "pipelines/pipeline_scene.h"
@@ -26,30 +27,6 @@ struct Plan {
     bool nested = false;           // all libraries are linked to one, which the pipeline links
 };
 
-// The stages that the groups need, and the groups, of a larger setup.
-PipelineSetup part(const PipelineSetup &from, const Groups &groups)
-{
-    PipelineSetup setup = from;
-    setup.stages.clear();
-    setup.groups.clear();
-    std::vector<uint32_t> places(from.stages.size(), kUnused);
-    const auto place = [&](uint32_t stage) {
-        if (stage == kUnused)
-            return kUnused;
-        if (places[stage] == kUnused) {
-            places[stage] = static_cast<uint32_t>(setup.stages.size());
-            setup.stages.push_back(from.stages[stage]);
-        }
-        return places[stage];
-    };
-    for (const uint32_t g : groups) {
-        const PipelineGroup &group = from.groups[g];
-        setup.groups.push_back(
-            {place(group.general), place(group.closestHit), place(group.anyHit), place(group.intersection)});
-    }
-    return setup;
-}
-
 class PipelineLibrary : public PipelineSceneTest
 {
 protected:
@@ -73,10 +50,10 @@ protected:
         uint32_t next = 0;
         for (const uint32_t g : plan.own)
             places[g] = next++;
-        PipelineSetup linking = part(from, plan.own);
-        PipelineSetup outer = part(from, {});
+        PipelineSetup linking = partOf(from, plan.own);
+        PipelineSetup outer = partOf(from, {});
         for (const Groups &groups : plan.libraries) {
-            PipelineSetup library = part(from, groups);
+            PipelineSetup library = partOf(from, groups);
             library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
             libraries_.emplace_back(gpu(), library);
             (plan.nested ? outer : linking).libraries.push_back(libraries_.back().handle());
@@ -186,9 +163,9 @@ TEST_F(PipelineLibrary, NothingButLibraries)
 {
     for (const Plan &plan : kOnlyLibraries) {
         for (const bool anyHit : {true, false}) {
-            const PipelineTracer tracer(gpu(),
-                                        {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
-                                         .make = [&](Device &, const PipelineSetup &from) { return link(from, plan); }});
+            const PipelineTracer tracer(
+                gpu(), {.groups = {{.anyHit = anyHit}, {.box = true, .anyHit = anyHit}},
+                        .make = [&](Device &, const PipelineSetup &from) { return link(from, plan); }});
             expectHandles(tracer.pipeline(), 4);
         }
     }
@@ -211,8 +188,8 @@ TEST_F(PipelineLibrary, WithoutTheBit)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
     for (const Plan &plan : kPlans) {
-        PipelineTracer tracer(gpu(),
-                              {.flags = 0, .make = [&](Device &, const PipelineSetup &from) { return link(from, plan); }});
+        PipelineTracer tracer(
+            gpu(), {.flags = 0, .make = [&](Device &, const PipelineSetup &from) { return link(from, plan); }});
         for (const uint32_t flags : opacityRayFlags(false))
             plain.expect(tracer, flags);
     }
@@ -223,10 +200,10 @@ TEST_F(PipelineLibrary, LibrariesWithTheBitInAPipelineWithoutIt)
 {
     const PipelineScene plain(gpu(), {.micromaps = false});
     PipelineTracer tracer(gpu(), {.make = [&](Device &g, const PipelineSetup &from) {
-                              PipelineSetup library = part(from, {2, 3});
+                              PipelineSetup library = partOf(from, Groups{2, 3});
                               library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
                               libraries_.emplace_back(g, library);
-                              PipelineSetup linking = part(from, {0, 1});
+                              PipelineSetup linking = partOf(from, Groups{0, 1});
                               linking.flags = 0;
                               linking.libraries = {libraries_.back().handle()};
                               return MadePipeline{RayPipeline(g, linking), {}};
@@ -284,11 +261,11 @@ TEST_F(PipelineLibrary, LinkedTwice)
     std::vector<RayPipeline> libraries;
     const auto make = [&](Device &g, const PipelineSetup &from) {
         if (libraries.empty()) {
-            PipelineSetup library = part(from, {2, 3});
+            PipelineSetup library = partOf(from, Groups{2, 3});
             library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
             libraries.emplace_back(g, library);
         }
-        PipelineSetup linking = part(from, {0, 1});
+        PipelineSetup linking = partOf(from, Groups{0, 1});
         linking.libraries = {libraries[0].handle()};
         return MadePipeline{RayPipeline(g, linking), {}};
     };
