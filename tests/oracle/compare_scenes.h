@@ -18,7 +18,8 @@ using namespace vellum::check::oracle;
 //   VELLUM_ORACLE_SCENES  number of scenes
 uint32_t setting(const char *name, uint32_t otherwise);
 
-// Traces all rays of a scene and says of each what is wrong with its result (empty: nothing).
+// Traces the rays of a scene. `fault` describes what is wrong with the result of a ray; it is empty if the result is
+// right.
 struct Traced {
     std::string fault;
     uint32_t candidates;

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <thread>
 
+#include "check/case/step.h"
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check
@@ -93,12 +94,12 @@ void BuiltCase::buildAll()
     buildMicromaps();
     buildObjects();
     for (const Step &step : case_.steps) {
-        if (step.kind < Kind::CloneTop)
+        if (targetOf(step.kind) != Target::Top)
             apply(step);
     }
     buildTop();
     for (const Step &step : case_.steps) {
-        if (step.kind >= Kind::CloneTop)
+        if (targetOf(step.kind) == Target::Top)
             applyToTop(step);
     }
 }
@@ -192,8 +193,8 @@ void BuiltCase::buildMicromaps()
 VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
 {
     VkBuildAccelerationStructureFlagsKHR flags = case_.scene.objects[object].flags;
-    // VUID-VkAccelerationStructureInstanceKHR-flags-..., by its words: instances that disable micromaps need the flag
-    // on the structure.
+    // "specifies the acceleration structure can be referenced by an instance with the
+    // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_BIT_KHR flag set" (VkBuildAccelerationStructureFlagBitsKHR)
     const auto allowDisabling = [&](const std::vector<oracle::Instance> &instances) {
         for (const oracle::Instance &instance : instances)
             if (instance.object == object && (instance.flags & kFlagDisable) != 0)

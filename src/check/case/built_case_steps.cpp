@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "check/case/built_case.h"
+#include "check/case/step.h"
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check
@@ -60,6 +61,7 @@ void BuiltCase::buildMicromapUsers(uint32_t micromap, bool update)
 
 void BuiltCase::apply(const Step &step)
 {
+    applyTo(scene_, step);
     switch (step.kind) {
     case Kind::CloneMicromap:
     case Kind::CompactMicromap:
@@ -77,7 +79,6 @@ void BuiltCase::apply(const Step &step)
         return buildMicromapUsers(step.target, step.update);
     }
     case Kind::SetStates: {
-        scene_.micromaps[step.target].triangles = step.states;
         const oracle::SceneMicromap &from = scene_.micromaps[step.target];
         // A compacted one may be too small to be built in.
         std::unique_ptr<Micromap> micromap = std::move(micromaps_[step.target]);
@@ -108,9 +109,7 @@ void BuiltCase::applyToObject(const Step &step)
         bottom.structure = std::move(second);
         return;
     }
-    case Kind::SetIndices:
-        scene_.objects[step.target].meshes[step.other].micromap = step.micromapUse;
-        return buildObject(step.target, step.update);
+    case Kind::SetIndices: return buildObject(step.target, step.update);
     default: return;
     }
 }
@@ -216,10 +215,9 @@ void BuiltCase::moveObject(Bottom &moved, uint32_t other)
 void BuiltCase::applyToTop(const Step &step)
 {
     const Kind kind = step.kind;
-    if (kind == Kind::UpdateTop) {
-        scene_.instances = step.instances;
+    applyTo(scene_, step);
+    if (kind == Kind::UpdateTop)
         return updateTop();
-    }
     auto target = std::make_unique<Tlas>(gpu_);
     if (kind == Kind::ReloadTop) {
         reload(*top_, *target);

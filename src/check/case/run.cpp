@@ -8,8 +8,8 @@ namespace vellum::check
 namespace
 {
 
-// What the device lacks for a case; empty: nothing.
-std::string missing(const Device &gpu, const Case &c)
+// What the device lacks for a case, whose steps lead to the scene `after`; empty: nothing.
+std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after)
 {
     if (c.build.micromaps == BuildCommand::Host && !gpu.hasMicromapHostCommands())
         return "micromapHostCommands is not supported";
@@ -27,7 +27,7 @@ std::string missing(const Device &gpu, const Case &c)
     }
     if (const auto lacks = missingFor(gpu, c.trace))
         return *lacks;
-    return sceneRule(gpu, c.trace, sceneAfter(c)).value_or("");
+    return sceneRule(gpu, c.trace, after).value_or("");
 }
 
 // A fault without what varies from case to case: numbers become #.
@@ -56,13 +56,13 @@ std::string described(const oracle::Scene &scene, size_t ray)
 Verdict run(Device &gpu, const Case &c)
 {
     Verdict verdict;
-    if (std::string lacks = missing(gpu, c); !lacks.empty()) {
+    const oracle::Scene after = sceneAfter(c);
+    if (std::string lacks = missing(gpu, c, after); !lacks.empty()) {
         verdict.cause = std::move(lacks);
         verdict.skipped = true;
         return verdict;
     }
     gpu.takeFaults();
-    const oracle::Scene after = sceneAfter(c);
     std::vector<oracle::Hits> hits;
     for (const Ray &ray : after.rays)
         hits.push_back(oracle::allHits(after, ray));

@@ -184,12 +184,7 @@ std::vector<PipelineResult> PipelineTracer::results() const
 std::vector<PipelineResult> PipelineTracer::trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
 {
     prepare(scene, rays, capacity);
-    gpu_.submit([this](VkCommandBuffer commands) {
-        barrier(commands);
-        bind(commands);
-        dispatch(commands);
-        barrier(commands);
-    });
+    traceAndWait(gpu_, *this);
     return results();
 }
 

@@ -136,12 +136,7 @@ std::vector<Result> Tracer::results() const
 std::vector<Result> Tracer::trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
 {
     prepare(scene, rays, capacity);
-    gpu_.submit([this](VkCommandBuffer commands) {
-        barrier(commands);
-        bind(commands);
-        dispatch(commands);
-        barrier(commands);
-    });
+    traceAndWait(gpu_, *this);
     return results();
 }
 

@@ -130,4 +130,16 @@ private:
     Push push_{};
 };
 
+// Traces what a Tracer or a PipelineTracer is prepared for, and waits.
+template <class AnyTracer>
+void traceAndWait(Device &gpu, const AnyTracer &tracer)
+{
+    gpu.submit([&tracer](VkCommandBuffer commands) {
+        barrier(commands);
+        tracer.bind(commands);
+        tracer.dispatch(commands);
+        barrier(commands);
+    });
+}
+
 } // namespace vellum::check

@@ -67,23 +67,22 @@ constexpr std::array kGroups{
           "pointers, strides of triangle arrays",
           "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
           "ppUsageCounts; triangleArrayStride; arrayOfPointers",
-          200, [](Session &s, uint64_t seed) { return runRandomCase(s, "builds", seed, builds); }},
+          200, runGroup<builds>},
     Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",
-          150, [](Session &s, uint64_t seed) { return runRandomCase(s, "one-command-buffer", seed, single); }},
+          150, runGroup<single>},
     Group{"host-builds", "micromaps that are built on the host", "vkBuildMicromapsEXT; micromapHostCommands", 60,
-          [](Session &s, uint64_t seed) { return runRandomCase(s, "host-builds", seed, hostBuilds); }},
+          runGroup<hostBuilds>},
     Group{
         "packed", "micromaps and structures side by side in one buffer: builds write nothing else",
         "VkAccelerationStructureBuildSizesInfoKHR and VkMicromapBuildSizesInfoEXT: sizes of memory and scratch memory",
-        150, [](Session &s, uint64_t seed) { return runRandomCase(s, "packed", seed, packed); }},
+        150, runGroup<packed>},
     Group{"generic", "GENERIC structures that reach to the end of their buffer, beyond what is built in them",
           "VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; VkAccelerationStructureCreateInfoKHR: size", 150,
-          [](Session &s, uint64_t seed) { return runRandomCase(s, "generic", seed, generic); }},
+          runGroup<generic>},
     Group{"threads", "builds recorded on several threads and submitted to all queues; rays beside a build",
-          "Threading Behavior; Acceleration Structure Build Synchronization", 100,
-          [](Session &s, uint64_t seed) { return runRandomCase(s, "threads", seed, threads); }},
+          "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>},
 };
 
 } // namespace

@@ -42,7 +42,7 @@ struct Outcome {
 
 // What a process tests.
 struct SessionOptions {
-    std::optional<std::string> device; // its number or a part of its name; the first one with micromaps without
+    std::optional<std::string> device; // its number; where it is still to be chosen, also a part of its name
     Api api = Api::Khr;
     bool layer = true; // whether our layer is enabled
 };
@@ -55,7 +55,7 @@ struct Group {
     std::string_view summary;   // one line
     std::string_view sentences; // of the specification that it tests, with section or VUID
     uint32_t cases = 0;         // in a full run
-    Outcome (*run)(Session &session, uint64_t seed) = nullptr;
+    Outcome (*run)(Session &session, std::string_view group, uint64_t seed) = nullptr;
 };
 
 // All groups, in the order in which they run.

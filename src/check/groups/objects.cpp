@@ -60,18 +60,17 @@ constexpr std::array kGroups{
     Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
-          200, [](Session &s, uint64_t seed) { return runRandomCase(s, "copies", seed, copies); }},
+          200, runGroup<copies>},
     Group{"serialization", "serialized and deserialized, into fresh memory and into memory that was in use",
           "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
           "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries",
-          150, [](Session &s, uint64_t seed) { return runRandomCase(s, "serialization", seed, serialization); }},
+          150, runGroup<serialization>},
     Group{"updates", "updates with other states, other indices and the same data",
           "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
           "acceleration structure can change on update\"",
-          200, [](Session &s, uint64_t seed) { return runRandomCase(s, "updates", seed, updates); }},
+          200, runGroup<updates>},
     Group{"sequences", "up to ten steps of all kinds, and rays beside a build",
-          "all sections that the groups copies, serialization and updates name", 250,
-          [](Session &s, uint64_t seed) { return runRandomCase(s, "sequences", seed, sequences); }},
+          "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>},
 };
 
 } // namespace

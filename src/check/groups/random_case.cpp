@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "check/case/step.h"
 #include "check/groups/session.h"
 
 namespace vellum::check
@@ -168,7 +169,7 @@ void addSteps(Random &random, Case &c, std::span<const Kind> kinds, uint32_t cou
             c.steps.push_back(std::move(*step));
     }
     // In the order in which they are carried out.
-    std::ranges::stable_partition(c.steps, [](const Step &step) { return step.kind < Kind::CloneTop; });
+    std::ranges::stable_partition(c.steps, [](const Step &step) { return targetOf(step.kind) != Target::Top; });
 }
 
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make)

@@ -20,7 +20,7 @@ struct DeviceLimits {
     bool hostCommands = false;
     bool indirectBuilds = false;
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
-    bool seesOnlyLastInstances = false; // Device::onLavapipe26
+    bool seesOnlyLastInstances = false; // Fault::InstanceBehindInvisible
 };
 
 DeviceLimits limitsOf(const Device &gpu);
@@ -49,6 +49,12 @@ void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
 // The same with a random case.
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make);
+// As a Group does.
+template <MakeCase make>
+Outcome runGroup(Session &session, std::string_view group, uint64_t seed)
+{
+    return runRandomCase(session, group, seed, make);
+}
 
 // The groups of each file.
 std::span<const Group> resolutionGroups();

@@ -10,33 +10,6 @@ namespace
 
 constexpr const char *kLayer = "VK_LAYER_VELLUM_opacity_micromap";
 
-// The number of the device that the wish names, by its number or a part of its name.
-uint32_t deviceNumber(const SessionOptions &options)
-{
-    if (!options.device)
-        return 0;
-    if (options.device->find_first_not_of("0123456789") == std::string::npos)
-        return static_cast<uint32_t>(std::stoul(*options.device));
-    const auto info = vkInit<VkInstanceCreateInfo>();
-    VkInstance instance = VK_NULL_HANDLE;
-    CHECK_VK(vkCreateInstance(&info, nullptr, &instance));
-    uint32_t count = 0;
-    vkEnumeratePhysicalDevices(instance, &count, nullptr);
-    std::vector<VkPhysicalDevice> all(count);
-    vkEnumeratePhysicalDevices(instance, &count, all.data());
-    uint32_t found = count;
-    for (uint32_t i = 0; i < count && found == count; ++i) {
-        VkPhysicalDeviceProperties properties;
-        vkGetPhysicalDeviceProperties(all[i], &properties);
-        if (std::string_view(properties.deviceName).find(*options.device) != std::string_view::npos)
-            found = i;
-    }
-    vkDestroyInstance(instance, nullptr);
-    if (found == count)
-        throw std::runtime_error("no device has \"" + *options.device + "\" in its name");
-    return found;
-}
-
 } // namespace
 
 Session::Session(const SessionOptions &options) : options_(options)
@@ -48,7 +21,7 @@ Device &Session::device(Memory memory)
 {
     std::unique_ptr<Device> &device = devices_[memory];
     if (!device) {
-        DeviceOptions options{.physicalDevice = deviceNumber(options_),
+        DeviceOptions options{.physicalDevice = static_cast<uint32_t>(std::stoul(options_.device.value_or("0"))),
                               .api = options_.api,
                               .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
                                              VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5"},

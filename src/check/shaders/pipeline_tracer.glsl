@@ -62,19 +62,7 @@ struct Wide {
 #if defined(TRACES)
 layout(location = 0) rayPayloadEXT Payload payload;
 
-#ifdef SPEC_FLAGS
-layout(constant_id = 0) const uint kFlags = 0u;
-// Its name is enough for newer compilers to declare the capability; newer validators miss it once flags are specialized.
-const uint kForce2State = gl_RayFlagsForceOpacityMicromap2StateEXT;
-#define FLAGS(ray) kFlags
-#elif defined(RAY_FLAGS) && (RAY_FLAGS & 0x400) != 0
-// By its name, for which newer compilers declare the capability; newer validators miss it where the flag is a constant.
-#define FLAGS(ray) (uint(RAY_FLAGS) | gl_RayFlagsForceOpacityMicromap2StateEXT)
-#elif defined(RAY_FLAGS)
-#define FLAGS(ray) uint(RAY_FLAGS)
-#else
-#define FLAGS(ray) ray.flags
-#endif
+#include "ray_flags.glsl"
 #if defined(MIXED) && (MIXED & 0x400) != 0
 #define MIXED_FLAGS (uint(MIXED) | gl_RayFlagsForceOpacityMicromap2StateEXT)
 #elif defined(MIXED)

@@ -71,7 +71,7 @@ private:
         const check::Group *group = findGroup(name);
         if (group == nullptr)
             throw Error("there is no group " + name);
-        return group->run(*session_, seed);
+        return group->run(*session_, group->name, seed);
     }
 
     check::SessionOptions options_;

@@ -41,14 +41,14 @@ std::string variable(const char *name)
     return value != nullptr ? value : "";
 }
 
-Outcome pass(Session &, uint64_t)
+Outcome pass(Session &, std::string_view, uint64_t)
 {
     Outcome outcome;
     outcome.rays = 10;
     return outcome;
 }
 
-Outcome fail(Session &, uint64_t seed)
+Outcome fail(Session &, std::string_view, uint64_t seed)
 {
     Outcome outcome;
     outcome.status = Status::Fail;
@@ -61,7 +61,7 @@ Outcome fail(Session &, uint64_t seed)
     return outcome;
 }
 
-Outcome skip(Session &, uint64_t)
+Outcome skip(Session &, std::string_view, uint64_t)
 {
     Outcome outcome;
     outcome.status = Status::Skip;
@@ -69,34 +69,34 @@ Outcome skip(Session &, uint64_t)
     return outcome;
 }
 
-Outcome crash(Session &, uint64_t)
+Outcome crash(Session &, std::string_view, uint64_t)
 {
     std::fputs("\xff\x01 <&", stderr);
     std::raise(SIGSEGV);
     return {};
 }
 
-Outcome assertion(Session &, uint64_t)
+Outcome assertion(Session &, std::string_view, uint64_t)
 {
     std::fputs("chatter\ndriver.c:12: draw: Assertion `false' failed.\n", stderr);
     std::abort();
 }
 
-Outcome hang(Session &, uint64_t)
+Outcome hang(Session &, std::string_view, uint64_t)
 {
     for (;;)
         pause();
 }
 
 // Leaves a process behind that keeps everything open.
-Outcome hangTwice(Session &session, uint64_t seed)
+Outcome hangTwice(Session &session, std::string_view group, uint64_t seed)
 {
     if (fork() == 0)
         std::signal(SIGTERM, SIG_IGN);
-    return hang(session, seed);
+    return hang(session, group, seed);
 }
 
-Outcome lose(Session &, uint64_t)
+Outcome lose(Session &, std::string_view, uint64_t)
 {
     Outcome outcome;
     outcome.status = Status::DeviceLost;
@@ -104,17 +104,17 @@ Outcome lose(Session &, uint64_t)
     return outcome;
 }
 
-Outcome exitEarly(Session &, uint64_t)
+Outcome exitEarly(Session &, std::string_view, uint64_t)
 {
     _exit(0);
 }
 
-Outcome throwError(Session &, uint64_t)
+Outcome throwError(Session &, std::string_view, uint64_t)
 {
     throw std::runtime_error("no memory");
 }
 
-Outcome printJunk(Session &, uint64_t)
+Outcome printJunk(Session &, std::string_view, uint64_t)
 {
     std::printf("{\"event\":\"end\",\"status\":\"Fail\"}\n%s", std::string(300000, 'x').c_str());
     std::fflush(stdout);
@@ -122,28 +122,28 @@ Outcome printJunk(Session &, uint64_t)
     return {};
 }
 
-Outcome writeEvents(Session &, uint64_t)
+Outcome writeEvents(Session &, std::string_view, uint64_t)
 {
     return write(3, "junk\n{}\n", 8) == 8 ? Outcome() : throw std::runtime_error("no descriptor");
 }
 
 // Fails the first time only.
-Outcome flake(Session &session, uint64_t seed)
+Outcome flake(Session &session, std::string_view group, uint64_t seed)
 {
     const std::string mark = variable("VELLUM_FAKE_FOLDER") + "/" + cli::hexadecimal(seed);
     const int file = open(mark.c_str(), O_CREAT | O_EXCL | O_WRONLY, 0600);
     if (file < 0)
-        return pass(session, seed);
+        return pass(session, group, seed);
     close(file);
-    return fail(session, seed);
+    return fail(session, group, seed);
 }
 
-Outcome crashSometimes(Session &session, uint64_t seed)
+Outcome crashSometimes(Session &session, std::string_view group, uint64_t seed)
 {
-    return seed % 3 == 0 ? crash(session, seed) : pass(session, seed);
+    return seed % 3 == 0 ? crash(session, group, seed) : pass(session, group, seed);
 }
 
-Outcome crashAtEnd(Session &session, uint64_t)
+Outcome crashAtEnd(Session &session, std::string_view, uint64_t)
 {
     session.crashesAtEnd = true;
     return {};
@@ -185,7 +185,7 @@ std::shared_ptr<Session> openSession(const SessionOptions &options)
         std::raise(SIGSEGV);
     auto session = std::make_shared<Session>();
     if (behaviour == "hang")
-        hang(*session, 0);
+        hang(*session, {}, 0);
     return session;
 }
 

@@ -403,7 +403,7 @@ VKAPI_ATTR void VKAPI_CALL cmdBuild(VkCommandBuffer handle, uint32_t count, cons
     build(handle, count, builds.infos(), ranges);
 }
 
-void forgetMicromap(uint64_t micromap)
+void forgetAttachments(uint64_t micromap)
 {
     std::lock_guard lock(mutex);
     keptOf.erase(micromap);
@@ -413,17 +413,24 @@ void forgetMicromap(uint64_t micromap)
     }
 }
 
+void forget(uint64_t micromap)
+{
+    forgetAttachments(micromap);
+    forgetCopies(micromap);
+    forgetBuild(micromap);
+}
+
 VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice handle, VkMicromapEXT micromap,
                                            const VkAllocationCallbacks *allocator)
 {
-    forgetMicromap(numberOf(micromap));
+    forget(numberOf(micromap));
     DRIVER_NEXT(vkDestroyMicromapEXT)(handle, micromap, allocator);
 }
 
 VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
                                             const VkAllocationCallbacks *allocator)
 {
-    forgetMicromap(numberOf(structure));
+    forget(numberOf(structure));
     DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
 }
 

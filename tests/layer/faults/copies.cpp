@@ -42,16 +42,6 @@ void noteCopy(void *key, uint64_t source, uint64_t target, bool compact)
         lost[target] = static_cast<uint32_t>(count->second) - 1;
 }
 
-void forget(uint64_t micromap)
-{
-    std::lock_guard lock(mutex);
-    std::erase_if(clones, [micromap](const auto &c) { return c.first == micromap || c.second == micromap; });
-    std::erase_if(lastQueried, [micromap](const auto &q) { return q.second == micromap; });
-    triangles.erase(micromap);
-    lost.erase(micromap);
-    places.erase(micromap);
-}
-
 void notePlace(uint64_t micromap, uint64_t place)
 {
     std::lock_guard lock(mutex);
@@ -173,20 +163,6 @@ VKAPI_ATTR VkResult VKAPI_CALL createStructure2(VkDevice handle, const VkAcceler
     return result;
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice handle, VkMicromapEXT micromap,
-                                           const VkAllocationCallbacks *allocator)
-{
-    forget(numberOf(micromap));
-    DRIVER_NEXT(vkDestroyMicromapEXT)(handle, micromap, allocator);
-}
-
-VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
-                                            const VkAllocationCallbacks *allocator)
-{
-    forget(numberOf(structure));
-    DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
-}
-
 } // namespace
 
 uint64_t originalOf(uint64_t micromap)
@@ -210,6 +186,16 @@ void noteBuilt(uint64_t micromap, uint64_t count)
     triangles[micromap] = count;
 }
 
+void forgetCopies(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    std::erase_if(clones, [micromap](const auto &c) { return c.first == micromap || c.second == micromap; });
+    std::erase_if(lastQueried, [micromap](const auto &q) { return q.second == micromap; });
+    triangles.erase(micromap);
+    lost.erase(micromap);
+    places.erase(micromap);
+}
+
 LevelRows copyRows()
 {
     static const Row device[]{
@@ -223,8 +209,6 @@ LevelRows copyRows()
         {"vkCmdCopyAccelerationStructureToMemoryKHR", DRIVER_FUNCTION(saveStructure)},
         {"vkCreateMicromapEXT", DRIVER_FUNCTION(createMicromap)},
         {"vkCreateAccelerationStructure2KHR", DRIVER_FUNCTION(createStructure2)},
-        {"vkDestroyMicromapEXT", DRIVER_FUNCTION(destroyMicromap)},
-        {"vkDestroyAccelerationStructureKHR", DRIVER_FUNCTION(destroyStructure)},
     };
     return {device, {}};
 }

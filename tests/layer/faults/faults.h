@@ -88,6 +88,9 @@ inline const VkAccelerationStructureGeometryKHR &geometryOf(const BuildInfo &inf
 uint64_t originalOf(uint64_t micromap);
 // The triangle that compaction lost; UINT32_MAX where there is none.
 uint32_t lostTriangleOf(uint64_t micromap);
+// The micromap is destroyed: attachments.cpp, which is told, tells the files that keep something of it.
+void forgetCopies(uint64_t micromap);
+void forgetBuild(uint64_t micromap);
 // A micromap of so many triangles is built.
 void noteBuilt(uint64_t micromap, uint64_t triangles);
 

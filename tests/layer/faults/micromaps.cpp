@@ -180,12 +180,6 @@ bool looksAtBuilds(void *key)
     return hasAny(key, kLevel) || hasAny(key, Level::Attachments) || hasAny(key, Level::Copies);
 }
 
-void forget(uint64_t micromap)
-{
-    std::lock_guard lock(mutex);
-    built.erase(micromap);
-}
-
 // Vulkan's structures for one build, which point into themselves.
 template <class Info>
 struct Build {
@@ -346,21 +340,13 @@ VKAPI_ATTR VkResult VKAPI_CALL hostBuild(VkDevice handle, VkDeferredOperationKHR
     return VK_SUCCESS;
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyMicromap(VkDevice handle, VkMicromapEXT micromap,
-                                           const VkAllocationCallbacks *allocator)
-{
-    forget(numberOf(micromap));
-    DRIVER_NEXT(vkDestroyMicromapEXT)(handle, micromap, allocator);
-}
-
-VKAPI_ATTR void VKAPI_CALL destroyStructure(VkDevice handle, VkAccelerationStructureKHR structure,
-                                            const VkAllocationCallbacks *allocator)
-{
-    forget(numberOf(structure));
-    DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, structure, allocator);
-}
-
 } // namespace
+
+void forgetBuild(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    built.erase(micromap);
+}
 
 LevelRows micromapRows()
 {
@@ -372,8 +358,6 @@ LevelRows micromapRows()
         {"vkBuildMicromapsEXT", DRIVER_FUNCTION(hostBuild)},
         {"vkBeginCommandBuffer", DRIVER_FUNCTION(begin)},
         {"vkEndCommandBuffer", DRIVER_FUNCTION(end)},
-        {"vkDestroyMicromapEXT", DRIVER_FUNCTION(destroyMicromap)},
-        {"vkDestroyAccelerationStructureKHR", DRIVER_FUNCTION(destroyStructure)},
     };
     return {device, {}};
 }
