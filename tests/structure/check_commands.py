@@ -18,7 +18,7 @@ import findings
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "src/layer/base"))
 import command_aliases  # noqa: E402
 
-ROWS = "src/layer/entry/entry.cpp"
+ROWS = "src/layer/entry/commands.cpp"
 MANIFEST = "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in"
 RETURNED = "src/layer/entry/instance.cpp"
 

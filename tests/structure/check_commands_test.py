@@ -23,7 +23,7 @@ def run(*names, returned="1, 4, 300", more=""):
         root = pathlib.Path(folder)
         (root / "src/layer/entry").mkdir(parents=True)
         rows = "".join(f'    row<function>("{name}", Scope::Device),\n' for name in names)
-        (root / "src/layer/entry/entry.cpp").write_text(rows, encoding="utf-8")
+        (root / "src/layer/entry/commands.cpp").write_text(rows, encoding="utf-8")
         (root / "src/layer/entry/VkLayer_vellum_opacity_micromap.json.in").write_text(
             '{"layer": {"api_version": "1.4.300"}}', encoding="utf-8")
         (root / "src/layer/entry/instance.cpp").write_text(f"specVersion = VK_MAKE_API_VERSION(0, {returned});",

@@ -51,7 +51,8 @@ SUBSYSTEMS = {
         "pipelines": LOW,
         "khr_over_ext": LOW + ("micromaps", "structures", "query_pool"),
         "device_address": LOW + ("micromaps", "structures", "query_pool"),
-        "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address"),
+        "validation": LOW,
+        "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address", "validation"),
     },
     "spirv": below("module", "mode", ""),
     "shaders": {

@@ -36,11 +36,13 @@ def code(text):
 def values_of(row):
     if row["type"] == "BOOL":
         return code("true") + ", " + code("false")
+    if row["type"] == "INT":
+        return "a number"
     return ", ".join(code(flag["key"]) for flag in row.get("flags", ())) or "a " + row["type"].split("_")[-1].lower()
 
 
 def default_of(row):
-    if row["default"] == "":
+    if row["default"] in ("", []):
         return "not set"
     return code(json.dumps(row["default"]).strip('"'))
 

@@ -130,7 +130,7 @@ TEST_F(SettingsTest, TheFirstFileThatThereIs)
     writeTo(folder_ / "chosen/vk_layer_settings.txt", "vellum_opacity_micromap.validate = true");
     set("VK_LAYER_SETTINGS_PATH", (folder_ / "chosen").c_str());
     EXPECT_FALSE(readSettings(nullptr).strict);
-    EXPECT_TRUE(readSettings(nullptr).validate);
+    EXPECT_EQ(readSettings(nullptr).validate, (Checks{true, true, true}));
 }
 
 TEST_F(SettingsTest, AllValues)
@@ -220,7 +220,22 @@ TEST_F(SettingsTest, SeveralStructures)
     const newer::LayerSettingsCreateInfo second{newer::kLayerSettingsCreateInfo, nullptr, 1, &validate};
     const newer::LayerSettingsCreateInfo first{newer::kLayerSettingsCreateInfo, &second, 1, &strict};
     EXPECT_TRUE(readSettings(&first).strict);
-    EXPECT_TRUE(readSettings(&first).validate);
+    EXPECT_EQ(readSettings(&first).validate, (Checks{true, true, true}));
+}
+
+// Parts of validation, with commas.
+TEST_F(SettingsTest, PartsOfValidation)
+{
+    const auto validated = [this](const char *value) {
+        write(("vellum_opacity_micromap.validate = " + std::string(value)).c_str());
+        return readSettings(nullptr).validate;
+    };
+    EXPECT_EQ(validated("core"), (Checks{.core = true}));
+    EXPECT_EQ(validated("sync, GPU"), (Checks{.gpu = true, .sync = true}));
+    EXPECT_EQ(validated("all"), (Checks{true, true, true}));
+    EXPECT_EQ(validated("none"), Checks{});
+    EXPECT_EQ(validated("off"), Checks{});
+    EXPECT_EQ(validated("core,gpus"), Checks{}); // wrong as a whole
 }
 
 // A misspelled value is not the setting's opposite: nothing changes, and the user can read why.

@@ -33,6 +33,11 @@ const char *commandOf(const char *name)
     return alias != std::end(kCommandAliases) && std::string_view(alias->alias) == name ? alias->command : name;
 }
 
+PFN_vkVoidFunction commandByAnyName(VkDevice device, PFN_vkGetDeviceProcAddr next, const char *name)
+{
+    return findByAnyName(name, false, [=](const char *any) { return next(device, any); });
+}
+
 void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core)
 {
     GetInstanceProcAddr = next;
@@ -45,9 +50,9 @@ void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bo
 void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
 {
     GetDeviceProcAddr = next;
-    const auto get = [=](const char *name) { return next(device, name); };
-#define VELLUM_LOAD(name) name = reinterpret_cast<PFN_vk##name>(findByAnyName("vk" #name, false, get));
-#define VELLUM_LOAD_NEWER(name, type) name = reinterpret_cast<newer::PFN_##type>(findByAnyName("vk" #name, false, get));
+    const auto get = [=](const char *name) { return commandByAnyName(device, next, name); };
+#define VELLUM_LOAD(name) name = reinterpret_cast<PFN_vk##name>(get("vk" #name));
+#define VELLUM_LOAD_NEWER(name, type) name = reinterpret_cast<newer::PFN_##type>(get("vk" #name));
     VELLUM_DEVICE_COMMANDS(VELLUM_LOAD)
     VELLUM_NEWER_DEVICE_COMMANDS(VELLUM_LOAD_NEWER)
 #undef VELLUM_LOAD

@@ -175,6 +175,8 @@ namespace vellum::layer
 
 // The name under which the registry describes a command: `name`, or what it is an alias of.
 const char *commandOf(const char *name);
+// A command of a device, by any of its names; null if the device lacks it.
+PFN_vkVoidFunction commandByAnyName(VkDevice device, PFN_vkGetDeviceProcAddr next, const char *name);
 
 struct InstanceTable {
 #define VELLUM_MEMBER(name) PFN_vk##name name = nullptr;

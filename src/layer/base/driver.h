@@ -29,6 +29,7 @@ struct EnabledFeatures {
     bool rayTracingPipelines = false;
     bool pipelineMicromaps = false; // VK_ARM_pipeline_opacity_micromap
 
+    [[nodiscard]] bool any() const { return ext || khr || addressCommands || pipelineMicromaps; }
     [[nodiscard]] bool anyFeature() const { return extFeature || khrFeature; }
     // With VK_EXT_opacity_micromap every ray query uses micromaps; otherwise those with the execution mode.
     [[nodiscard]] bool everyQueryUsesMicromaps() const { return ext; }
@@ -64,7 +65,8 @@ struct Driver {
     // Lavapipe before Mesa 26: in a pipeline made of libraries only, rays see the push constants of the last dispatch
     // instead of those that are set. So the last dispatch has to have the application's.
     bool keepsOldPushConstants = false;
-    uint32_t threads = 0; // of a CPU implementation; 0 for GPUs
+    uint32_t pushBytes = 128; // of the push constants of injected work; 128 is the least maxPushConstantsSize
+    uint32_t threads = 0;     // of a CPU implementation; 0 for GPUs
 
     [[nodiscard]] bool emulated() const { return mode == Mode::Emulated; }
     [[nodiscard]] bool translated() const { return mode == Mode::KhrOverExt; }

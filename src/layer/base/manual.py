@@ -50,11 +50,13 @@ def escaped(text):
 
 
 def entry(setting):
-    if setting["type"] == "BOOL":
-        values = "1|0"
+    if setting["type"] in ("BOOL", "INT"):
+        values = {"BOOL": "1|0", "INT": "number"}[setting["type"]]
     else:
         values = "|".join(flag["key"] for flag in setting.get("flags", ())) or setting["type"].split("_")[-1]
-    default = {True: "1", False: "0"}.get(setting["default"], setting["default"])
+    default = setting["default"]
+    if isinstance(default, bool):
+        default = str(int(default))
     return (f".TP\n\\fB{setting['env']}\\fR=\\fI{values}\\fR{f' [{default}]' if default else ''}\n"
             f"{escaped(setting['description'])}\n")
 

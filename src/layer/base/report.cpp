@@ -2,7 +2,9 @@
 #include "layer/base/report.h"
 
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <new>
 
 #include <fcntl.h>
@@ -21,7 +23,7 @@ ReportLevel levelOf(VkDebugUtilsMessageSeverityFlagBitsEXT severity)
     return severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT ? ReportLevel::Warning : ReportLevel::Info;
 }
 
-const char *nameOf(ReportLevel level)
+const char *severityName(ReportLevel level)
 {
     return level == ReportLevel::Error ? "error" : level == ReportLevel::Warning ? "warning" : "info";
 }
@@ -41,6 +43,10 @@ void append(const std::string &file, std::string line)
     if (descriptor >= 0)
         close(descriptor);
 }
+
+// Of this thread: validated commands that are being carried out, and the ids that validation has reported for them.
+thread_local uint32_t commandDepth = 0;
+thread_local std::vector<std::string> coveredIds;
 
 } // namespace
 
@@ -65,6 +71,35 @@ void Reporter::setName(uint64_t object, const std::string &name)
         names_[object] = name;
 }
 
+std::string Reporter::nameOf(uint64_t object)
+{
+    std::lock_guard lock(mutex_);
+    const auto found = names_.find(object);
+    return found == names_.end() ? std::string() : found->second;
+}
+
+void Reporter::fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object)
+{
+    const std::string id = std::string("VELLUM") + "-" + vuid;
+    std::vector<std::string> covered;
+    std::swap(covered, coveredIds); // this message is not one of the implementation's
+    error(id.c_str(), text, type, object);
+    std::swap(covered, coveredIds);
+    if (commandDepth > 0)
+        coveredIds.push_back(id);
+}
+
+CommandReports::CommandReports()
+{
+    ++commandDepth;
+}
+
+CommandReports::~CommandReports()
+{
+    if (--commandDepth == 0)
+        coveredIds.clear();
+}
+
 void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text,
                     VkObjectType type, uint64_t object) noexcept
 {
@@ -77,6 +112,27 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
 
 void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
                       VkObjectType type, uint64_t object)
+{
+    if (std::ranges::find(coveredIds, id.substr(std::strlen(kMessagePrefix))) != coveredIds.end())
+        return;
+    if (limit_ > 0) {
+        std::unique_lock lock(mutex_);
+        const uint32_t count = ++sent_[id];
+        lock.unlock();
+        if (count == limit_ + 1)
+            sendNow(VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT, "VELLUM-message-limit",
+                    id + " was reported " + std::to_string(limit_) + " times; no more messages with this id are sent",
+                    type, object);
+        if (count > limit_)
+            return;
+    }
+    sendNow(severity, id, text, type, object);
+    if (breakOnError_ && severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
+        std::raise(SIGTRAP);
+}
+
+void Reporter::sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
+                       VkObjectType type, uint64_t object)
 {
     if (levelOf(severity) <= level_)
         std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
@@ -105,7 +161,7 @@ void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std
             m.callback(severity, kind, &data, m.userData);
     }
     if (!file_.empty())
-        append(file_, std::string(nameOf(levelOf(severity))) + " " + id + ": " + text);
+        append(file_, std::string(severityName(levelOf(severity))) + " " + id + ": " + text);
 }
 
 } // namespace vellum::layer

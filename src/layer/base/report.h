@@ -24,12 +24,15 @@ public:
         level_ = settings.report;
         strict_ = settings.strict;
         file_ = settings.reportFile;
+        limit_ = settings.messageLimit;
+        breakOnError_ = settings.breakOnError;
     }
     void addMessenger(VkDebugUtilsMessengerEXT handle, const VkDebugUtilsMessengerCreateInfoEXT &info);
     void removeMessenger(VkDebugUtilsMessengerEXT handle);
 
     // Name of an object, for messages about it; empty: the object has none any more.
     void setName(uint64_t object, const std::string &name);
+    [[nodiscard]] std::string nameOf(uint64_t object);
 
     // `id`: a short name ("VELLUM-micromap-build"), or the VUID of the violated rule after the prefix "VELLUM-".
     // `object`: the object concerned, or 0.
@@ -38,6 +41,9 @@ public:
     {
         send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text, type, object);
     }
+    // Reports an error that validation found; its id is "VELLUM-" and the VUID of the rule. While the command is
+    // carried out, the implementation of micromaps does not report the same id (see CommandReports).
+    void fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object);
     // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
     // on, as drivers do; it does unless `strict` is set.
     [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
@@ -64,6 +70,7 @@ public:
     }
 
 private:
+    friend class CommandReports;
     struct Messenger {
         VkDebugUtilsMessengerEXT handle;
         VkDebugUtilsMessageSeverityFlagsEXT severities;
@@ -75,13 +82,29 @@ private:
               uint64_t object) noexcept;
     void sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
                 VkObjectType type, uint64_t object);
+    void sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
+                 VkObjectType type, uint64_t object);
 
     ReportLevel level_ = ReportLevel::None;
     bool strict_ = false;
-    std::string file_; // that messages are appended to; empty: none
+    std::string file_;   // that messages are appended to; empty: none
+    uint32_t limit_ = 0; // of messages with the same id; 0: none
+    bool breakOnError_ = false;
     std::mutex mutex_;
     std::vector<Messenger> messengers_;
     std::unordered_map<uint64_t, std::string> names_;
+    std::unordered_map<std::string, uint32_t> sent_; // messages of each id
+};
+
+// The span of one command that validation checks, in its thread. The implementation below finds some of the faults
+// again; it does not report those that validation has reported for the command.
+class CommandReports
+{
+public:
+    CommandReports();
+    ~CommandReports();
+    CommandReports(const CommandReports &) = delete;
+    CommandReports &operator=(const CommandReports &) = delete;
 };
 
 } // namespace vellum::layer

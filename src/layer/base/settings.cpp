@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include <mutex>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <variant>
 #include <vector>
 
@@ -30,7 +32,9 @@ constexpr const char *kFilePrefix = "vellum_opacity_micromap.";
 
 struct Row {
     const char *key;
-    std::variant<bool Settings::*, ReportLevel Settings::*, Preferred Settings::*, std::string Settings::*> member;
+    std::variant<bool Settings::*, uint32_t Settings::*, Checks Settings::*, ReportLevel Settings::*,
+                 Preferred Settings::*, std::string Settings::*>
+        member;
 };
 #define VELLUM_ROW(key, member, type, initial, label, description) {#key, &Settings::member},
 constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
@@ -54,6 +58,9 @@ constexpr std::pair<const char *, ReportLevel> kLevels[] = {
 #define VELLUM_IMPLEMENTATION(name, value, label, description) {#name, Preferred::value},
 constexpr std::pair<const char *, Preferred> kImplementations[] = {VELLUM_IMPLEMENTATIONS(VELLUM_IMPLEMENTATION)};
 #undef VELLUM_IMPLEMENTATION
+#define VELLUM_CHECK(name, member, label, description) {#name, &Checks::member},
+constexpr std::pair<const char *, bool Checks::*> kChecks[] = {VELLUM_CHECKS(VELLUM_CHECK)};
+#undef VELLUM_CHECK
 constexpr std::pair<const char *, bool> kBooleans[] = {
     {"true", true}, {"false", false}, {"1", true}, {"0", false}, {"on", true}, {"off", false},
 };
@@ -110,6 +117,43 @@ void assign(Value &setting, const std::pair<const char *, Value> (&values)[count
         reportOnce(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
 }
 
+// Names with commas; or all, none, or a boolean for these.
+void assignChecks(Checks &setting, const Given &given)
+{
+    Checks checks;
+    std::istringstream names(given.value);
+    for (std::string name; std::getline(names, name, ',');) {
+        name = trimmed(name);
+        const auto check = named(kChecks, name);
+        const std::optional<bool> every = inCapitals(name) == "ALL"    ? true
+                                          : inCapitals(name) == "NONE" ? false
+                                                                       : named(kBooleans, name);
+        if (!check && !every) {
+            reportOnce(
+                given.is("\"" + given.value + "\"") +
+                " and must be core, gpu, sync, several of them with commas, all or none; the setting is ignored");
+            return;
+        }
+        if (check)
+            checks.*(*check) = true;
+        else
+            for (const auto &[key, member] : kChecks)
+                checks.*member = *every;
+    }
+    setting = checks;
+}
+
+void assignNumber(uint32_t &setting, const Given &given)
+{
+    uint32_t number = 0;
+    const char *end = given.value.data() + given.value.size();
+    const auto [rest, error] = std::from_chars(given.value.data(), end, number);
+    if (error == std::errc() && rest == end)
+        setting = number;
+    else
+        reportOnce(given.is("\"" + given.value + "\"") + " and must be a number; the setting is ignored");
+}
+
 void apply(Settings &settings, const Row &row, const Given &given)
 {
     if (const auto *text = std::get_if<std::string Settings::*>(&row.member))
@@ -120,6 +164,10 @@ void apply(Settings &settings, const Row &row, const Given &given)
         assign(settings.**level, kLevels, given, "error, warning, info or none");
     else if (const auto *preferred = std::get_if<Preferred Settings::*>(&row.member))
         assign(settings.**preferred, kImplementations, given, "auto, driver, ext or emulated");
+    else if (const auto *checks = std::get_if<Checks Settings::*>(&row.member))
+        assignChecks(settings.**checks, given);
+    else if (const auto *number = std::get_if<uint32_t Settings::*>(&row.member))
+        assignNumber(settings.**number, given);
     else
         assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
 }
@@ -218,6 +266,9 @@ void readStructures(Settings &settings, const void *chain)
                 given.value = *static_cast<const char *const *>(setting.pValues);
             else if (setting.type == newer::kLayerSettingBool32 && !isText)
                 given.value = *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false";
+            else if (setting.type == newer::kLayerSettingUint32 &&
+                     std::holds_alternative<uint32_t Settings::*>(row->member))
+                given.value = std::to_string(*static_cast<const uint32_t *>(setting.pValues));
             else {
                 reportOnce(given.is("of type " + std::to_string(setting.type)) + " and must be of type " +
                            (isText ? "STRING" : "BOOL32 or STRING") + "; the setting is ignored");

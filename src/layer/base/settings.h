@@ -3,6 +3,7 @@
 // VkLayerSettingsCreateInfoEXT, environment variables. Unknown names and wrong values are reported on stderr.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "layer/base/settings_table.h"
@@ -19,6 +20,18 @@ extern const char *const kMessagePrefix;  // of message ids; empty except in the
 enum class ReportLevel { None, Error, Warning, Info };
 // Who implements micromaps.
 enum class Preferred { Automatic, Driver, Ext, Emulated };
+
+// The parts of validation that are on.
+struct Checks {
+#define VELLUM_MEMBER(name, member, label, description) bool member = false;
+    VELLUM_CHECKS(VELLUM_MEMBER)
+#undef VELLUM_MEMBER
+    [[nodiscard]] bool any() const
+    {
+        return core || gpu || sync;
+    }
+    bool operator==(const Checks &) const = default;
+};
 
 struct Settings {
 #define VELLUM_MEMBER(key, member, type, initial, label, description) type member = initial;

@@ -13,8 +13,10 @@ TABLE = pathlib.Path(__file__).with_name("settings_table.h")
 TEXT = r'((?:"[^"]*"\s*)+)'
 SETTING = re.compile(r'X\((\w+), (\w+), ([\w:]+), ([\w:{}]+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
 VALUE = re.compile(r'X\((\w+), (\w+),\s*' + TEXT + r',\s*' + TEXT + r'\)')
-VALUES = {"ReportLevel": "VELLUM_REPORT_LEVELS", "Preferred": "VELLUM_IMPLEMENTATIONS"}  # the lists of their values
-TYPES = {"bool": "BOOL", "ReportLevel": "ENUM", "Preferred": "ENUM"}  # a path is a file if its key ends so, else a folder
+# The lists of their values.
+VALUES = {"ReportLevel": "VELLUM_REPORT_LEVELS", "Preferred": "VELLUM_IMPLEMENTATIONS", "Checks": "VELLUM_CHECKS"}
+# A path is a file if its key ends so, else a folder.
+TYPES = {"bool": "BOOL", "uint32_t": "INT", "Checks": "FLAGS", "ReportLevel": "ENUM", "Preferred": "ENUM"}
 DEFAULTS = {"true": True, "false": False, "{}": ""}
 
 
@@ -36,7 +38,8 @@ def read(table=TABLE):
     for key, _, kind, default, label, description in SETTING.findall(text):
         path = "SAVE_FILE" if key.endswith("_file") else "SAVE_FOLDER"
         setting = {"key": key, "env": "VELLUM_" + key.upper(), "label": joined(label),
-                   "description": joined(description), "type": TYPES.get(kind, path), "default": (DEFAULTS | names)[default]}
+                   "description": joined(description), "type": TYPES.get(kind, path)}
+        setting["default"] = int(default) if kind == "uint32_t" else [] if kind == "Checks" else (DEFAULTS | names)[default]
         settings.append(setting | ({"flags": flags[kind]} if kind in flags else {}))
     return settings
 

@@ -19,6 +19,12 @@
       "As auto, and VK_KHR_opacity_micromap by the driver's VK_EXT_opacity_micromap even if the driver has both.")     \
     X(emulated, Emulated, "Emulated", "Emulated, even if the driver has them.")
 
+// Names of the setting `validate`, which takes several with commas: X(name, member of Checks, label, description)
+#define VELLUM_CHECKS(X)                                                                                               \
+    X(core, core, "Core", "What the parameters of commands and the state of objects show.")                            \
+    X(gpu, gpu, "GPU", "Data on the GPU: input of builds, instances, and what rays meet.")                             \
+    X(sync, sync, "Synchronization", "Barriers between builds, copies and traces, and objects changed while in use.")
+
 // X(key, member of Settings, type, default, label, description)
 // A setting has its key as its name in VkLayerSettingEXT. In files, vellum_opacity_micromap. precedes the key; in the
 // environment the key is in capitals, and VELLUM_ precedes it.
@@ -28,8 +34,12 @@
       "VK_EXT_opacity_micromap also for VK_KHR_opacity_micromap (ext), or the layer (emulated).")                      \
     X(report, report, ReportLevel, ReportLevel::None, "Messages on stderr",                                            \
       "Print messages of this severity and above to stderr. VK_EXT_debug_utils messengers always get them.")           \
-    X(validate, validate, bool, false, "Validate input of builds",                                                     \
-      "Check the input of micromap builds on the GPU. Each violation is reported with the number of its triangle.")    \
+    X(validate, validate, Checks, {}, "Validate",                                                                      \
+      "Check the rules of the micromap and address extensions, whoever implements them: core, gpu, sync, several of "  \
+      "them with commas, or all.")                                                                                     \
+    X(message_limit, messageLimit, uint32_t, 10, "Limit of equal messages",                                            \
+      "Report each message id at most this many times for each instance. 0: no limit.")                                \
+    X(break_on_error, breakOnError, bool, false, "Break on errors", "Raise SIGTRAP after each error, for debuggers.")  \
     X(strict, strict, bool, false, "Strict",                                                                           \
       "Reject input that breaks a rule even if it does no harm, instead of only warning. For tests of applications.")  \
     X(assume_micromaps, assumeMicromaps, bool, false, "Assume micromaps",                                              \

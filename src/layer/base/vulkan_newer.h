@@ -195,7 +195,7 @@ using PFN_GetPipelineBinaryData = VkResult(VKAPI_PTR *)(VkDevice, const Pipeline
 // VK_EXT_layer_settings
 inline constexpr const char *kLayerSettingsExtension = "VK_EXT_layer_settings";
 inline constexpr auto kLayerSettingsCreateInfo = static_cast<VkStructureType>(1000496000);
-enum LayerSettingType { kLayerSettingBool32 = 0, kLayerSettingString = 8 };
+enum LayerSettingType { kLayerSettingBool32 = 0, kLayerSettingUint32 = 3, kLayerSettingString = 8 };
 struct LayerSetting {
     const char *pLayerName;
     const char *pSettingName;

@@ -13,6 +13,7 @@
 #include <vulkan/vk_layer.h>
 
 #include "layer/base/undo.h"
+#include "layer/entry/commands.h"
 #include "layer/entry/device_info.h"
 #include "layer/entry/hidden_extensions.h"
 #include "layer/entry/registry.h"
@@ -172,6 +173,8 @@ public:
     VkResult create(const NextLayer &next, const VkAllocationCallbacks *allocator, VkDevice *handle);
     // Creates what the layer needs on it.
     VkResult start();
+    // Creates the validation of the device, whose commands can be found by now. Without memory there is none.
+    void startValidation(Device &added) const;
 
     std::unique_ptr<Device> device = std::make_unique<Device>();
 
@@ -179,7 +182,6 @@ private:
     VkResult prepareEmulation();
     void prepareTranslation();
     VkResult startEmulation();
-    VkResult createInjected();
 
     Instance &instance_;
     VkPhysicalDevice physicalHandle_;
@@ -200,6 +202,9 @@ VkResult DeviceCreation::prepare()
     physical_ = describe(instance_, physicalHandle_);
     driver.enabled = enabledFeatures(info_);
     driver.mode = modeOf(info_, physical_->have);
+    driver.clearsWholeHandles = driver.keepsOldPushConstants = physical_->isLavapipeBefore26;
+    if (driver.keepsOldPushConstants)
+        driver.pushBytes = physical_->maxPushConstantsSize;
     const VkResult result = checkExtensions(instance_, physicalHandle_, info_, physical_->have, driver);
     if (result != VK_SUCCESS || !driver.providesMicromaps())
         return result;
@@ -207,7 +212,6 @@ VkResult DeviceCreation::prepare()
         driver.enabled.addressCommands && physical_->have.addressCommands == Implementation::Emulation;
     driver.nullIndexBuffer = enablesNullIndexBuffer(info_);
     driver.queriesStructureSize = enablesExtension(info_, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
-    driver.clearsWholeHandles = driver.keepsOldPushConstants = physical_->isLavapipeBefore26;
     driver.driverUuid = physical_->driverUuid;
     if (driver.emulated())
         return prepareEmulation();
@@ -253,12 +257,6 @@ VkResult DeviceCreation::create(const NextLayer &next, const VkAllocationCallbac
     return next.createDevice(physicalHandle_, &driverInfo.info, allocator, handle);
 }
 
-VkResult DeviceCreation::createInjected()
-{
-    const uint32_t pushBytes = physical_->isLavapipeBefore26 ? physical_->maxPushConstantsSize : kPushBytes;
-    return device->commands.injected.create(device->buffers.gpu, pushBytes);
-}
-
 VkResult DeviceCreation::startEmulation()
 {
     const GpuContext &gpu = device->buffers.gpu;
@@ -266,8 +264,8 @@ VkResult DeviceCreation::startEmulation()
     device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) { bufferHasAddress(objects, buffer); };
     VkResult result = device->objects.root.create(gpu, keptAddresses(instance_.settings, *physical_));
     if (result == VK_SUCCESS)
-        result = createInjected();
-    if (result == VK_SUCCESS && instance_.settings.validate)
+        result = device->commands.injected.create(gpu, device->driver.pushBytes);
+    if (result == VK_SUCCESS && instance_.settings.validate.gpu)
         result = device->commands.validationLog.create(gpu);
     if (result == VK_SUCCESS)
         device->commands.probes.choose(gpu, instance_.report, physical_->isCpu, physical_->queueFamilies, info_,
@@ -284,7 +282,8 @@ VkResult DeviceCreation::start()
     gpu.next = &device->driver.next;
     device->buffers.onAddress = [](VkBuffer) {};
     const bool emulated = device->driver.emulated();
-    const VkResult result = emulated ? startEmulation() : createInjected();
+    const VkResult result =
+        emulated ? startEmulation() : device->commands.injected.create(gpu, device->driver.pushBytes);
     if (result != VK_SUCCESS) {
         instance_.report.error("VELLUM-device-tables", "no memory for the layer's tables");
         return result;
@@ -293,6 +292,12 @@ VkResult DeviceCreation::start()
                                                     : "VK_KHR_opacity_micromap is translated to the driver's "
                                                       "VK_EXT_opacity_micromap on this device");
     return VK_SUCCESS;
+}
+
+void DeviceCreation::startValidation(Device &added) const
+{
+    if (added.driver.enabled.any() && instance_.settings.validate.any())
+        added.validation = createValidation(added.driver, implementationProcAddr, queueFamiliesIn(info_));
 }
 
 } // namespace
@@ -335,8 +340,10 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     result = creation.start();
     if (result != VK_SUCCESS)
         return result;
-    devices.add(*creation.device.release(), dispatchKey(*handle));
+    Device &added = *creation.device.release();
+    devices.add(added, dispatchKey(*handle));
     undo.keep();
+    creation.startValidation(added);
     return VK_SUCCESS;
 }
 
@@ -344,6 +351,8 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
 {
     if (!handle)
         return;
+    if (Device *known = deviceOfKey(dispatchKey(handle)))
+        known->validation.reset(); // its objects are destroyed by the commands of the device
     std::unique_ptr<Device> device(devices.take(dispatchKey(handle)));
     if (!device)
         return;

@@ -2,6 +2,7 @@
 // A device: the parts of all subsystems, and its creation.
 #pragma once
 
+#include <memory>
 #include <tuple>
 
 #include <vulkan/vulkan.h>
@@ -10,6 +11,7 @@
 #include "layer/entry/instance.h"
 #include "layer/khr_over_ext/device_khr_over_ext.h"
 #include "layer/pipelines/device_pipelines.h"
+#include "layer/validation/device_validation.h"
 
 namespace vellum::layer
 {
@@ -28,6 +30,7 @@ struct Device : Registered<Device> {
     DevicePipelines pipelines{driver, buffers, objects, commands};
     DeviceKhrOverExt translation{driver, buffers, objects, commands, queries};
     DeviceAddresses addresses{driver, buffers, commands, queries};
+    std::unique_ptr<DeviceValidation> validation{}; // above all of them; null if it is off
 };
 
 Device *deviceOfKey(void *key);

@@ -151,7 +151,8 @@ public:
     explicit LayerEnvironment(const Options &options)
     {
         if (options.validate)
-            setenv("VELLUM_VALIDATE", "1", 1);
+            setenv("VELLUM_VALIDATE", "all", 1);
+        setenv("VELLUM_MESSAGE_LIMIT", "0", 0);
         setenv("VELLUM_TEST_MOCK_DRIVER", quirksOf(options).c_str(), 1);
         setenv("VELLUM_TEST_FAULT", options.fault.c_str(), 1);
     }

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/entry/validated_commands.h"
+
+#include <algorithm>
+#include <cstring>
+#include <iterator>
+
+#include "layer/entry/command.h"
+#include "layer/validation/builds.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// A command as Vulkan calls it. It gets the validation of the device.
+template <auto function>
+struct Validated;
+
+template <typename Result, typename Handle, typename... Arguments,
+          Result (*function)(DeviceValidation &, Handle, Arguments...)>
+struct Validated<function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
+    {
+        return guarded<Result>([&] {
+            const CommandReports reports;
+            return function(*deviceOf(handle).validation, handle, arguments...);
+        });
+    }
+};
+
+struct Row {
+    const char *command;
+    PFN_vkVoidFunction function;
+};
+
+#define VELLUM_ROW(name, function)                                                                                     \
+    {commandOf("vk" #name), reinterpret_cast<PFN_vkVoidFunction>(&Validated<validation::function>::call)},
+#define VELLUM_NEWER_ROW(name, type, function) VELLUM_ROW(name, function)
+const Row kRows[] = {VELLUM_VALIDATED_COMMANDS(VELLUM_ROW) VELLUM_VALIDATED_NEWER_COMMANDS(VELLUM_NEWER_ROW)};
+#undef VELLUM_ROW
+#undef VELLUM_NEWER_ROW
+
+} // namespace
+
+PFN_vkVoidFunction validatedCommand(const char *name)
+{
+    const char *command = commandOf(name);
+    const auto *row = std::ranges::find_if(kRows, [=](const Row &r) { return std::strcmp(r.command, command) == 0; });
+    return row == std::end(kRows) ? nullptr : row->function;
+}
+
+} // namespace vellum::layer

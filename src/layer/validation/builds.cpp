@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/builds.h"
+
+#include <algorithm>
+
+#include "layer/base/pnext.h"
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+template <typename Counts>
+std::vector<VkMicromapUsageEXT> usagesOf(uint32_t count, const Counts *counts, const Counts *const *pointers)
+{
+    std::vector<VkMicromapUsageEXT> usages;
+    for (uint32_t i = 0; i < count && (counts || pointers); ++i) {
+        const Counts &usage = counts ? counts[i] : *pointers[i];
+        usages.push_back({usage.count, usage.subdivisionLevel, static_cast<uint32_t>(usage.format)});
+    }
+    return usages;
+}
+
+std::shared_ptr<const StructureContents> contentsOf(const MicromapBuildInput &build)
+{
+    auto contents = std::make_shared<StructureContents>();
+    contents->type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    contents->flags = build.flags;
+    contents->usages = build.usages;
+    contents->triangles = build.triangleCount();
+    return contents;
+}
+
+// `primitives(g)`: of geometry g, or the most that an indirect build may have.
+template <typename Primitives>
+std::shared_ptr<const StructureContents> contentsOf(const DeviceValidation &device,
+                                                    const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                                                    Primitives primitives)
+{
+    auto contents = std::make_shared<StructureContents>();
+    contents->type = info.type;
+    contents->flags = info.flags;
+    for (uint32_t g = 0; g < info.geometryCount; ++g) {
+        const VkAccelerationStructureGeometryKHR *geometry = geometryOf(info, g);
+        if (!geometry)
+            break;
+        GeometryContents &part = contents->geometries.emplace_back();
+        part.type = geometry->geometryType;
+        part.flags = geometry->flags;
+        part.primitives = primitives(g);
+        if (const auto attachment = attachmentOf(device, *geometry)) {
+            part.hasMicromap = true;
+            part.micromap = attachment->micromap;
+        }
+    }
+    return contents;
+}
+
+// Gives a structure its new contents when the command is executed.
+void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
+               const std::shared_ptr<ValidatedStructure> &target, std::shared_ptr<const StructureContents> contents)
+{
+    if (target)
+        device.logs.add(commandBuffer, [target, contents](const Submission &) { target->contents = contents; });
+}
+
+void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
+               const VkAccelerationStructureBuildGeometryInfoKHR &info,
+               const VkAccelerationStructureBuildRangeInfoKHR *ranges, const uint32_t *most)
+{
+    if (buildsMicromap(info)) {
+        if (const auto build = micromapBuildOf(device, info))
+            construct(device, commandBuffer, build->target, contentsOf(*build));
+        return;
+    }
+    const auto primitives = [&](uint32_t g) { return ranges ? ranges[g].primitiveCount : most ? most[g] : 0; };
+    construct(device, commandBuffer, device.objects.structures.get(info.dstAccelerationStructure),
+              contentsOf(device, info, primitives));
+}
+
+} // namespace
+
+uint64_t MicromapBuildInput::triangleCount() const
+{
+    uint64_t count = 0;
+    for (const VkMicromapUsageEXT &usage : usages)
+        count += usage.count;
+    return count;
+}
+
+MicromapBuildInput micromapBuildOf(const DeviceValidation &device, const VkMicromapBuildInfoEXT &info)
+{
+    MicromapBuildInput build;
+    build.target = device.objects.micromaps.get(info.dstMicromap);
+    build.flags = info.flags;
+    build.usages = usagesOf(info.usageCountsCount, info.pUsageCounts, info.ppUsageCounts);
+    build.data = info.data;
+    build.triangles = info.triangleArray;
+    build.triangleStride = info.triangleArrayStride;
+    build.scratch = info.scratchData;
+    return build;
+}
+
+std::optional<MicromapBuildInput> micromapBuildOf(const DeviceValidation &device,
+                                                  const VkAccelerationStructureBuildGeometryInfoKHR &info)
+{
+    const VkAccelerationStructureGeometryKHR *geometry = info.geometryCount > 0 ? geometryOf(info, 0) : nullptr;
+    const auto *data = geometry
+                           ? findInChain<VkAccelerationStructureGeometryMicromapDataKHR>(
+                                 geometry->pNext, VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR)
+                           : nullptr;
+    if (!data)
+        return std::nullopt;
+    MicromapBuildInput build;
+    build.target = device.objects.structures.get(info.dstAccelerationStructure);
+    build.flags = info.flags;
+    build.usages = usagesOf(data->usageCountsCount, data->pUsageCounts, data->ppUsageCounts);
+    build.data.deviceAddress = data->data;
+    build.triangles.deviceAddress = data->triangleArray;
+    build.triangleStride = data->triangleArrayStride;
+    build.scratch = info.scratchData;
+    return build;
+}
+
+std::optional<AttachmentInput> attachmentOf(const DeviceValidation &device,
+                                            const VkAccelerationStructureGeometryKHR &geometry)
+{
+    if (geometry.geometryType != VK_GEOMETRY_TYPE_TRIANGLES_KHR)
+        return std::nullopt;
+    AttachmentInput attachment;
+    const auto fill = [&attachment](const auto &given) {
+        attachment.indexType = given.indexType;
+        attachment.indexStride = given.indexStride;
+        attachment.baseTriangle = given.baseTriangle;
+        if (given.micromap)
+            attachment.handle = given.micromap;
+    };
+    const void *chain = geometry.geometry.triangles.pNext;
+    if (const auto *khr = findInChain<VkAccelerationStructureTrianglesOpacityMicromapKHR>(
+            chain, VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR)) {
+        fill(*khr);
+        attachment.khr = true;
+        attachment.indexBuffer.deviceAddress = khr->indexBuffer;
+        attachment.micromap = khr->micromap ? device.objects.structures.get(khr->micromap) : nullptr;
+        return attachment;
+    }
+    if (const auto *ext = findInChain<VkAccelerationStructureTrianglesOpacityMicromapEXT>(
+            chain, VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT)) {
+        fill(*ext);
+        attachment.indexBuffer = ext->indexBuffer;
+        attachment.micromap = ext->micromap ? device.objects.micromaps.get(ext->micromap) : nullptr;
+        attachment.usages = usagesOf(ext->usageCountsCount, ext->pUsageCounts, ext->ppUsageCounts);
+        return attachment;
+    }
+    return std::nullopt;
+}
+
+const VkAccelerationStructureGeometryKHR *geometryOf(const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                                                     uint32_t g)
+{
+    if (info.pGeometries)
+        return &info.pGeometries[g];
+    return info.ppGeometries ? info.ppGeometries[g] : nullptr;
+}
+
+namespace validation
+{
+
+void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                       const VkMicromapBuildInfoEXT *infos)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        const MicromapBuildInput build = micromapBuildOf(device, infos[i]);
+        construct(device, commandBuffer, build.target, contentsOf(build));
+    }
+    device.next.CmdBuildMicromapsEXT(commandBuffer, count, infos);
+}
+
+void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                    const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                    const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
+{
+    const Place command("vkCmdBuildAccelerationStructuresKHR");
+    for (uint32_t i = 0; i < count; ++i) {
+        const Place place = command.element("pInfos", i);
+        if (device.checks.core && buildsMicromap(infos[i]) && infos[i].geometryCount != 1)
+            device.fault(place.member("geometryCount"),
+                         "VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560",
+                         std::to_string(infos[i].geometryCount) + " geometries; a micromap has one",
+                         infos[i].dstAccelerationStructure);
+        construct(device, commandBuffer, infos[i], ranges ? ranges[i] : nullptr, nullptr);
+    }
+    device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, count, infos, ranges);
+}
+
+void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                                            const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                            const VkDeviceAddress *addresses, const uint32_t *strides,
+                                            const uint32_t *const *most)
+{
+    for (uint32_t i = 0; i < count; ++i)
+        construct(device, commandBuffer, infos[i], nullptr, most[i]);
+    device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);
+}
+
+} // namespace validation
+} // namespace vellum::layer

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// Builds of micromaps and acceleration structures, as rules see them: the structures of both extensions as one value.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/base/vulkan_newer.h"
+#include "layer/validation/objects.h"
+
+namespace vellum::layer
+{
+
+struct MicromapBuildInput {
+    std::shared_ptr<ValidatedStructure> target; // null: unknown
+    VkFlags flags = 0;                          // VkBuildMicromapFlagsEXT or VkBuildAccelerationStructureFlagsKHR
+    std::vector<VkMicromapUsageEXT> usages;
+    VkDeviceOrHostAddressConstKHR data{};
+    VkDeviceOrHostAddressConstKHR triangles{};
+    VkDeviceSize triangleStride = 0;
+    VkDeviceOrHostAddressKHR scratch{};
+
+    [[nodiscard]] uint64_t triangleCount() const;
+};
+MicromapBuildInput micromapBuildOf(const DeviceValidation &device, const VkMicromapBuildInfoEXT &info);
+// nullopt if the only geometry has no data of a micromap.
+std::optional<MicromapBuildInput> micromapBuildOf(const DeviceValidation &device,
+                                                  const VkAccelerationStructureBuildGeometryInfoKHR &info);
+
+// The micromap that a geometry of triangles attaches by the structure of either extension.
+struct AttachmentInput {
+    bool khr = false; // by that of VK_KHR_opacity_micromap
+    VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
+    VkDeviceOrHostAddressConstKHR indexBuffer{};
+    VkDeviceSize indexStride = 0;
+    uint32_t baseTriangle = 0;
+    ObjectHandle handle;                          // 0 for a null handle
+    std::shared_ptr<ValidatedStructure> micromap; // null for a null handle, and if it is unknown
+    std::vector<VkMicromapUsageEXT> usages;       // VK_EXT_opacity_micromap has them
+};
+std::optional<AttachmentInput> attachmentOf(const DeviceValidation &device,
+                                            const VkAccelerationStructureGeometryKHR &geometry);
+
+inline bool buildsMicromap(const VkAccelerationStructureBuildGeometryInfoKHR &info)
+{
+    return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+}
+// Geometry `g` of a build, from the array or the array of pointers; null if neither is given.
+const VkAccelerationStructureGeometryKHR *geometryOf(const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                                                     uint32_t g);
+
+namespace validation
+{
+
+void cmdBuildMicromaps(DeviceValidation &, VkCommandBuffer, uint32_t, const VkMicromapBuildInfoEXT *);
+void cmdBuildAccelerationStructures(DeviceValidation &, VkCommandBuffer, uint32_t,
+                                    const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                    const VkAccelerationStructureBuildRangeInfoKHR *const *);
+void cmdBuildAccelerationStructuresIndirect(DeviceValidation &, VkCommandBuffer, uint32_t,
+                                            const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                            const VkDeviceAddress *, const uint32_t *, const uint32_t *const *);
+
+} // namespace validation
+} // namespace vellum::layer

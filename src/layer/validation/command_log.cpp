@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/command_log.h"
+
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+
+// What only the commands of this file may do with the logs.
+struct CommandLogAccess {
+    static void set(CommandLogs &logs, VkCommandBuffer commandBuffer, std::shared_ptr<CommandLog> log)
+    {
+        std::lock_guard lock(logs.mutex_);
+        logs.logs_[commandBuffer] = std::move(log);
+    }
+    template <typename Predicate>
+    static void remove(CommandLogs &logs, Predicate predicate)
+    {
+        std::lock_guard lock(logs.mutex_);
+        std::erase_if(logs.logs_, predicate);
+    }
+    static void clearPool(CommandLogs &logs, VkCommandPool pool)
+    {
+        std::lock_guard lock(logs.mutex_);
+        for (auto &[handle, log] : logs.logs_) {
+            if (log->pool == pool)
+                log->steps.clear();
+        }
+    }
+};
+
+std::shared_ptr<CommandLog> CommandLogs::get(VkCommandBuffer commandBuffer)
+{
+    std::lock_guard lock(mutex_);
+    const auto found = logs_.find(commandBuffer);
+    return found == logs_.end() ? nullptr : found->second;
+}
+
+void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
+{
+    if (const auto log = get(commandBuffer))
+        log->steps.push_back(std::move(step));
+}
+
+namespace validation
+{
+namespace
+{
+
+void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer)
+{
+    const auto log = device.logs.get(commandBuffer);
+    if (!log)
+        return;
+    const Submission submission{queue, device.objects.queueFamilies.get(queue)};
+    for (const CommandLog::Step &step : log->steps)
+        step(submission);
+}
+
+} // namespace
+
+VkResult createCommandPool(DeviceValidation &device, VkDevice handle, const VkCommandPoolCreateInfo *info,
+                           const VkAllocationCallbacks *allocator, VkCommandPool *pool)
+{
+    const VkResult result = device.next.CreateCommandPool(handle, info, allocator, pool);
+    if (result == VK_SUCCESS)
+        device.objects.poolFamilies.set(*pool, info->queueFamilyIndex);
+    return result;
+}
+
+void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool,
+                        const VkAllocationCallbacks *allocator)
+{
+    CommandLogAccess::remove(device.logs, [pool](const auto &entry) { return entry.second->pool == pool; });
+    device.objects.poolFamilies.take(pool);
+    layer::destroyCommandPool(device.commands, handle, pool, allocator);
+}
+
+VkResult resetCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool, VkCommandPoolResetFlags flags)
+{
+    CommandLogAccess::clearPool(device.logs, pool);
+    return device.next.ResetCommandPool(handle, pool, flags);
+}
+
+VkResult allocateCommandBuffers(DeviceValidation &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,
+                                VkCommandBuffer *buffers)
+{
+    const VkResult result = layer::allocateCommandBuffers(device.commands, handle, info, buffers);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i) {
+        auto log = std::make_shared<CommandLog>();
+        log->pool = info->commandPool;
+        log->family = device.objects.poolFamilies.get(info->commandPool);
+        log->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
+        CommandLogAccess::set(device.logs, buffers[i], std::move(log));
+    }
+    return result;
+}
+
+void freeCommandBuffers(DeviceValidation &device, VkDevice handle, VkCommandPool pool, uint32_t count,
+                        const VkCommandBuffer *buffers)
+{
+    for (uint32_t i = 0; i < count; ++i)
+        CommandLogAccess::remove(device.logs, [&](const auto &entry) { return entry.first == buffers[i]; });
+    layer::freeCommandBuffers(device.commands, handle, pool, count, buffers);
+}
+
+VkResult beginCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                            const VkCommandBufferBeginInfo *info)
+{
+    if (const auto log = device.logs.get(commandBuffer))
+        log->steps.clear(); // it is reset implicitly
+    return layer::beginCommandBuffer(device.commands, commandBuffer, info);
+}
+
+VkResult resetCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkCommandBufferResetFlags flags)
+{
+    if (const auto log = device.logs.get(commandBuffer))
+        log->steps.clear();
+    return device.next.ResetCommandBuffer(commandBuffer, flags);
+}
+
+void cmdBindPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
+                     VkPipeline pipeline)
+{
+    layer::cmdBindPipeline(device.commands, commandBuffer, point, pipeline);
+}
+
+void cmdBindShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                    const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
+{
+    layer::cmdBindShaders(device.commands, commandBuffer, count, stages, shaders);
+}
+
+void cmdPushConstants(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineLayout layout,
+                      VkShaderStageFlags stages, uint32_t offset, uint32_t size, const void *values)
+{
+    layer::cmdPushConstants(device.commands, commandBuffer, layout, stages, offset, size, values);
+}
+
+void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const newer::PushConstantsInfo *info)
+{
+    layer::cmdPushConstants2(device.commands, commandBuffer, info);
+}
+
+void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                        const VkCommandBuffer *buffers)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        device.logs.add(commandBuffer, [log = device.logs.get(buffers[i])](const Submission &submission) {
+            for (size_t s = 0; log && s < log->steps.size(); ++s)
+                log->steps[s](submission);
+        });
+    }
+    layer::cmdExecuteCommands(device.commands, commandBuffer, count, buffers);
+}
+
+void cmdBeginConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                  const VkConditionalRenderingBeginInfoEXT *info)
+{
+    layer::cmdBeginConditionalRendering(device.commands, commandBuffer, info);
+}
+
+void cmdEndConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    layer::cmdEndConditionalRendering(device.commands, commandBuffer);
+}
+
+VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits,
+                     VkFence fence)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        for (uint32_t c = 0; c < submits[i].commandBufferCount; ++c)
+            submit(device, queue, submits[i].pCommandBuffers[c]);
+    }
+    return device.next.QueueSubmit(queue, count, submits, fence);
+}
+
+VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
+                      VkFence fence)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        for (uint32_t c = 0; c < submits[i].commandBufferInfoCount; ++c)
+            submit(device, queue, submits[i].pCommandBufferInfos[c].commandBuffer);
+    }
+    return device.next.QueueSubmit2(queue, count, submits, fence);
+}
+
+} // namespace validation
+} // namespace vellum::layer

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the host can know of the order in which a device executes commands. Each command buffer keeps the effects of its
+// commands on validation's state, and the checks that depend on that state. Submission carries them out, in the order
+// of the submissions.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <unordered_map>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/base/vulkan_newer.h"
+
+namespace vellum::layer
+{
+
+struct DeviceValidation;
+
+// The submission that carries out the steps of command buffers.
+struct Submission {
+    VkQueue queue = VK_NULL_HANDLE;
+    uint32_t family = 0;
+};
+
+struct CommandLog {
+    using Step = std::function<void(const Submission &)>;
+
+    VkCommandPool pool = VK_NULL_HANDLE;
+    uint32_t family = 0;
+    bool secondary = false;
+    std::vector<Step> steps;
+};
+
+class CommandLogs
+{
+public:
+    // The log of a command buffer; null for one that the application did not allocate.
+    [[nodiscard]] std::shared_ptr<CommandLog> get(VkCommandBuffer commandBuffer);
+    // Adds a step to the log. Its check or effect happens when the command buffer is submitted.
+    void add(VkCommandBuffer commandBuffer, CommandLog::Step step);
+
+private:
+    friend struct CommandLogAccess;
+    std::mutex mutex_;
+    std::unordered_map<VkCommandBuffer, std::shared_ptr<CommandLog>> logs_;
+};
+
+namespace validation
+{
+
+VkResult createCommandPool(DeviceValidation &, VkDevice, const VkCommandPoolCreateInfo *, const VkAllocationCallbacks *,
+                           VkCommandPool *);
+void destroyCommandPool(DeviceValidation &, VkDevice, VkCommandPool, const VkAllocationCallbacks *);
+VkResult resetCommandPool(DeviceValidation &, VkDevice, VkCommandPool, VkCommandPoolResetFlags);
+VkResult allocateCommandBuffers(DeviceValidation &, VkDevice, const VkCommandBufferAllocateInfo *, VkCommandBuffer *);
+void freeCommandBuffers(DeviceValidation &, VkDevice, VkCommandPool, uint32_t, const VkCommandBuffer *);
+VkResult beginCommandBuffer(DeviceValidation &, VkCommandBuffer, const VkCommandBufferBeginInfo *);
+VkResult resetCommandBuffer(DeviceValidation &, VkCommandBuffer, VkCommandBufferResetFlags);
+void cmdBindPipeline(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
+void cmdBindShaders(DeviceValidation &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
+                    const newer::ShaderEXT *);
+void cmdPushConstants(DeviceValidation &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
+                      const void *);
+void cmdPushConstants2(DeviceValidation &, VkCommandBuffer, const newer::PushConstantsInfo *);
+void cmdExecuteCommands(DeviceValidation &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
+void cmdBeginConditionalRendering(DeviceValidation &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
+void cmdEndConditionalRendering(DeviceValidation &, VkCommandBuffer);
+VkResult queueSubmit(DeviceValidation &, VkQueue, uint32_t, const VkSubmitInfo *, VkFence);
+VkResult queueSubmit2(DeviceValidation &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
+
+} // namespace validation
+} // namespace vellum::layer

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/device_validation.h"
+
+#include <cinttypes>
+#include <cstdio>
+
+namespace vellum::layer
+{
+
+void DeviceValidation::fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object)
+{
+    driver.report().fault(vuid, place + ": " + text, object.type, object.handle);
+}
+
+std::string DeviceValidation::nameOf(ObjectHandle object) const
+{
+    char handle[24];
+    std::snprintf(handle, sizeof handle, "0x%" PRIx64, object.handle);
+    const std::string name = driver.report().nameOf(object.handle);
+    return name.empty() ? handle : "\"" + name + "\" (" + handle + ")";
+}
+
+std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, PFN_vkGetDeviceProcAddr implementation,
+                                                   std::shared_ptr<const std::vector<uint32_t>> queueFamilies)
+{
+    auto device = std::make_unique<DeviceValidation>();
+    device->driver = driver;
+    device->driver.mode = Mode::PassThrough; // whoever implements micromaps is a driver that has them
+    device->driver.ownAddressCommands = false;
+    device->driver.next.load(driver.handle, implementation);
+    device->next.load(driver.handle, implementation);
+    device->checks = driver.settings->validate;
+    GpuContext &gpu = device->buffers.gpu;
+    gpu.device = driver.handle;
+    gpu.next = &device->driver.next;
+    gpu.queueFamilies = std::move(queueFamilies);
+    driver.instance->GetPhysicalDeviceMemoryProperties(driver.physicalDevice, &gpu.memory);
+    device->buffers.onAddress = [](VkBuffer) {};
+    VkResult result = device->commands.injected.create(gpu, driver.pushBytes);
+    if (result == VK_SUCCESS)
+        return device;
+    driver.report().error("VELLUM-device-tables", "no memory for validation, which is therefore off");
+    return nullptr;
+}
+
+} // namespace vellum::layer

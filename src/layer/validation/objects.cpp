@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/objects.h"
+
+#include "layer/base/pnext.h"
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+VkFlags64 usageOf(const VkBufferCreateInfo &info)
+{
+    const auto *usage =
+        findInChain<newer::BufferUsageFlags2CreateInfo>(info.pNext, newer::kBufferUsageFlags2CreateInfo);
+    return usage ? usage->usage : info.usage;
+}
+
+void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkDeviceSize offset)
+{
+    const auto buffer = device.objects.buffers.get(handle);
+    if (!buffer)
+        return;
+    buffer->memory = memory;
+    buffer->memoryOffset = offset;
+    if ((buffer->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) == 0)
+        return;
+    buffer->address = device.driver.bufferAddress(handle);
+    device.buffers.addresses.add(buffer->address, handle, buffer->size, buffer->usage);
+}
+
+std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, ObjectHandle handle,
+                                                 VkAccelerationStructureTypeKHR type, VkBuffer buffer,
+                                                 VkDeviceSize offset, VkDeviceSize size, VkFlags flags)
+{
+    auto structure = std::make_shared<ValidatedStructure>();
+    structure->handle = handle;
+    structure->number = ++device.numbers;
+    structure->type = type;
+    structure->createFlags = flags;
+    structure->buffer = device.objects.buffers.get(buffer);
+    structure->offset = offset;
+    structure->size = size;
+    if (structure->buffer && structure->buffer->address)
+        structure->memoryAddress = structure->buffer->address + offset;
+    return structure;
+}
+
+} // namespace
+
+std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceValidation &device, VkDeviceAddress address)
+{
+    const AddressMap::Location location = device.buffers.addresses.find(address);
+    return location.buffer ? device.objects.buffers.get(location.buffer) : nullptr;
+}
+
+namespace validation
+{
+
+void getDeviceQueue(DeviceValidation &device, VkDevice handle, uint32_t family, uint32_t index, VkQueue *queue)
+{
+    device.next.GetDeviceQueue(handle, family, index, queue);
+    device.objects.queueFamilies.set(*queue, family);
+}
+
+void getDeviceQueue2(DeviceValidation &device, VkDevice handle, const VkDeviceQueueInfo2 *info, VkQueue *queue)
+{
+    device.next.GetDeviceQueue2(handle, info, queue);
+    if (*queue)
+        device.objects.queueFamilies.set(*queue, info->queueFamilyIndex);
+}
+
+VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferCreateInfo *info,
+                      const VkAllocationCallbacks *allocator, VkBuffer *result)
+{
+    const VkResult created = device.next.CreateBuffer(handle, info, allocator, result);
+    if (created != VK_SUCCESS)
+        return created;
+    auto buffer = std::make_shared<ValidatedBuffer>();
+    buffer->handle = *result;
+    buffer->size = info->size;
+    buffer->usage = usageOf(*info);
+    buffer->flags = info->flags;
+    device.objects.buffers.set(*result, std::move(buffer));
+    return created;
+}
+
+void destroyBuffer(DeviceValidation &device, VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
+{
+    device.buffers.addresses.remove(buffer);
+    device.objects.buffers.take(buffer);
+    device.next.DestroyBuffer(handle, buffer, allocator);
+}
+
+VkResult bindBufferMemory(DeviceValidation &device, VkDevice handle, VkBuffer buffer, VkDeviceMemory memory,
+                          VkDeviceSize offset)
+{
+    const VkResult result = device.next.BindBufferMemory(handle, buffer, memory, offset);
+    if (result == VK_SUCCESS)
+        bound(device, buffer, memory, offset);
+    return result;
+}
+
+VkResult bindBufferMemory2(DeviceValidation &device, VkDevice handle, uint32_t count,
+                           const VkBindBufferMemoryInfo *infos)
+{
+    const VkResult result = device.next.BindBufferMemory2(handle, count, infos);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i)
+        bound(device, infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
+    return result;
+}
+
+VkDeviceAddress getBufferDeviceAddress(DeviceValidation &device, VkDevice handle, const VkBufferDeviceAddressInfo *info)
+{
+    return device.next.GetBufferDeviceAddress(handle, info);
+}
+
+VkResult createAccelerationStructure(DeviceValidation &device, VkDevice handle,
+                                     const VkAccelerationStructureCreateInfoKHR *info,
+                                     const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
+{
+    const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
+    if (created == VK_SUCCESS)
+        device.objects.structures.set(*result, newStructure(device, *result, info->type, info->buffer, info->offset,
+                                                            info->size, info->createFlags));
+    return created;
+}
+
+VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
+                                      const VkAccelerationStructureCreateInfo2KHR *info,
+                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
+{
+    const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
+    if (created != VK_SUCCESS)
+        return created;
+    const AddressMap::Location place = device.buffers.addresses.find(info->addressRange.address);
+    auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
+                                  info->createFlags);
+    structure->memoryAddress = info->addressRange.address;
+    device.objects.structures.set(*result, std::move(structure));
+    return created;
+}
+
+void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkAccelerationStructureKHR structure,
+                                  const VkAllocationCallbacks *allocator)
+{
+    if (const auto known = device.objects.structures.take(structure))
+        known->destroyed = true;
+    device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
+}
+
+VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, VkDevice handle,
+                                                      const VkAccelerationStructureDeviceAddressInfoKHR *info)
+{
+    const VkDeviceAddress address = device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
+    if (const auto structure = device.objects.structures.get(info->accelerationStructure))
+        structure->referenceAddress = address;
+    return address;
+}
+
+VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicromapCreateInfoEXT *info,
+                        const VkAllocationCallbacks *allocator, VkMicromapEXT *result)
+{
+    const VkResult created = device.next.CreateMicromapEXT(handle, info, allocator, result);
+    if (created == VK_SUCCESS)
+        device.objects.micromaps.set(*result,
+                                     newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
+                                                  info->buffer, info->offset, info->size, info->createFlags));
+    return created;
+}
+
+void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT micromap,
+                     const VkAllocationCallbacks *allocator)
+{
+    if (const auto known = device.objects.micromaps.take(micromap))
+        known->destroyed = true;
+    device.next.DestroyMicromapEXT(handle, micromap, allocator);
+}
+
+} // namespace validation
+} // namespace vellum::layer

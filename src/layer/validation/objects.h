@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// The application's objects that rules are about, as validation knows them.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/base/handle_map.h"
+#include "layer/base/vulkan_newer.h"
+
+namespace vellum::layer
+{
+
+struct DeviceValidation;
+
+// An object that a message names.
+struct ObjectHandle {
+    ObjectHandle() = default;
+    ObjectHandle(VkObjectType t, uint64_t h) : type(t), handle(h) {}
+    ObjectHandle(VkBuffer buffer) : ObjectHandle(VK_OBJECT_TYPE_BUFFER, uint64_t(buffer)) {}
+    ObjectHandle(VkMicromapEXT micromap) : ObjectHandle(VK_OBJECT_TYPE_MICROMAP_EXT, uint64_t(micromap)) {}
+    ObjectHandle(VkAccelerationStructureKHR structure)
+        : ObjectHandle(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, uint64_t(structure))
+    {
+    }
+    ObjectHandle(VkCommandBuffer commandBuffer) : ObjectHandle(VK_OBJECT_TYPE_COMMAND_BUFFER, uint64_t(commandBuffer))
+    {
+    }
+    VkObjectType type = VK_OBJECT_TYPE_UNKNOWN;
+    uint64_t handle = 0;
+};
+
+struct ValidatedBuffer {
+    VkBuffer handle = VK_NULL_HANDLE;
+    VkDeviceSize size = 0;
+    VkFlags64 usage = 0; // that the application asked for
+    VkBufferCreateFlags flags = 0;
+    VkDeviceMemory memory = VK_NULL_HANDLE; // null until it is bound
+    VkDeviceSize memoryOffset = 0;
+    VkDeviceAddress address = 0; // 0: without one, or without memory
+};
+
+struct ValidatedStructure;
+
+// A geometry of a structure that was built.
+struct GeometryContents {
+    VkGeometryTypeKHR type = VK_GEOMETRY_TYPE_MAX_ENUM_KHR;
+    VkGeometryFlagsKHR flags = 0;
+    uint32_t primitives = 0;
+    bool hasMicromap = false;                   // there is a structure that attaches one, with a null handle or not
+    std::weak_ptr<ValidatedStructure> micromap; // that is attached
+};
+
+// What a build or a copy put into a structure.
+struct StructureContents {
+    VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    VkFlags flags = 0; // VkBuildAccelerationStructureFlagsKHR, or for a VkMicromapEXT VkBuildMicromapFlagsEXT
+    std::vector<GeometryContents> geometries;
+    std::vector<VkMicromapUsageEXT> usages; // of a micromap
+    uint64_t triangles = 0;                 // of a micromap
+};
+
+// A VkAccelerationStructureKHR or a VkMicromapEXT.
+struct ValidatedStructure {
+    ObjectHandle handle;
+    uint64_t number = 0; // unique on the device
+    VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    VkFlags createFlags = 0;
+    std::shared_ptr<ValidatedBuffer> buffer; // null if it is unknown: made by address, where no buffer is known
+    VkDeviceSize offset = 0;                 // in the buffer
+    VkDeviceSize size = 0;
+    VkDeviceAddress memoryAddress = 0;    // of its memory; 0: unknown
+    VkDeviceAddress referenceAddress = 0; // by vkGetAccelerationStructureDeviceAddressKHR; 0: not asked for
+
+    // The rest changes when commands are executed, as far as the host can know: see CommandLog.
+    std::shared_ptr<const StructureContents> contents; // null: not constructed
+    bool destroyed = false;
+
+    [[nodiscard]] bool isMicromap() const
+    {
+        return handle.type == VK_OBJECT_TYPE_MICROMAP_EXT ||
+               type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
+    }
+};
+
+struct ValidatedObjects {
+    HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
+    HandleMap<VkAccelerationStructureKHR, std::shared_ptr<ValidatedStructure>> structures;
+    HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
+    HandleMap<VkQueue, uint32_t> queueFamilies;
+    HandleMap<VkCommandPool, uint32_t> poolFamilies;
+};
+
+// The structure at an address, which a buffer range or an instance names; null if there is none or it is unknown.
+std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceValidation &device, VkDeviceAddress address);
+
+namespace validation
+{
+
+void getDeviceQueue(DeviceValidation &, VkDevice, uint32_t, uint32_t, VkQueue *);
+void getDeviceQueue2(DeviceValidation &, VkDevice, const VkDeviceQueueInfo2 *, VkQueue *);
+VkResult createBuffer(DeviceValidation &, VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *,
+                      VkBuffer *);
+void destroyBuffer(DeviceValidation &, VkDevice, VkBuffer, const VkAllocationCallbacks *);
+VkResult bindBufferMemory(DeviceValidation &, VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize);
+VkResult bindBufferMemory2(DeviceValidation &, VkDevice, uint32_t, const VkBindBufferMemoryInfo *);
+VkDeviceAddress getBufferDeviceAddress(DeviceValidation &, VkDevice, const VkBufferDeviceAddressInfo *);
+VkResult createAccelerationStructure(DeviceValidation &, VkDevice, const VkAccelerationStructureCreateInfoKHR *,
+                                     const VkAllocationCallbacks *, VkAccelerationStructureKHR *);
+VkResult createAccelerationStructure2(DeviceValidation &, VkDevice, const VkAccelerationStructureCreateInfo2KHR *,
+                                      const VkAllocationCallbacks *, VkAccelerationStructureKHR *);
+void destroyAccelerationStructure(DeviceValidation &, VkDevice, VkAccelerationStructureKHR,
+                                  const VkAllocationCallbacks *);
+VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &, VkDevice,
+                                                      const VkAccelerationStructureDeviceAddressInfoKHR *);
+VkResult createMicromap(DeviceValidation &, VkDevice, const VkMicromapCreateInfoEXT *, const VkAllocationCallbacks *,
+                        VkMicromapEXT *);
+void destroyMicromap(DeviceValidation &, VkDevice, VkMicromapEXT, const VkAllocationCallbacks *);
+
+} // namespace validation
+} // namespace vellum::layer

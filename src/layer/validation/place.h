@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a fault is: a command, and the way from its parameters to a member.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace vellum::layer
+{
+
+// A place refers to the one around it, which must outlive it. Its text is made only for a fault.
+class Place
+{
+public:
+    explicit Place(const char *command) : name_(command) {}
+
+    [[nodiscard]] Place member(const char *name) const & { return {name, this, kNoIndex}; }
+    [[nodiscard]] Place element(const char *array, uint32_t index) const & { return {array, this, index}; }
+    Place member(const char *) && = delete;
+    Place element(const char *, uint32_t) && = delete;
+
+    // Such as "vkCmdBuildMicromapsEXT: pInfos[2].pUsageCounts[1]".
+    [[nodiscard]] std::string text() const
+    {
+        if (!outer_)
+            return name_;
+        std::string text = outer_->text() + (outer_->outer_ ? "." : ": ") + name_;
+        if (index_ != kNoIndex)
+            text += "[" + std::to_string(index_) + "]";
+        return text;
+    }
+
+private:
+    static constexpr uint32_t kNoIndex = UINT32_MAX;
+    Place(const char *name, const Place *outer, uint32_t index) : name_(name), outer_(outer), index_(index) {}
+
+    const char *name_;
+    const Place *outer_ = nullptr;
+    uint32_t index_ = kNoIndex;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// The commands that validation intercepts, and the functions that they lead to: those of the implementation of
+// micromaps below, the layer's or the driver's.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include "layer/base/dispatch.h"
+#include "layer/base/vulkan_newer.h"
+
+// X(name of the command without vk, function of namespace validation that validates it). A command is also found by its
+// aliases.
+#define VELLUM_VALIDATED_COMMANDS(X)                                                                                   \
+    X(GetDeviceQueue, getDeviceQueue)                                                                                  \
+    X(GetDeviceQueue2, getDeviceQueue2)                                                                                \
+    X(CreateBuffer, createBuffer)                                                                                      \
+    X(DestroyBuffer, destroyBuffer)                                                                                    \
+    X(BindBufferMemory, bindBufferMemory)                                                                              \
+    X(BindBufferMemory2, bindBufferMemory2)                                                                            \
+    X(GetBufferDeviceAddress, getBufferDeviceAddress)                                                                  \
+    X(CreateAccelerationStructureKHR, createAccelerationStructure)                                                     \
+    X(CreateAccelerationStructure2KHR, createAccelerationStructure2)                                                   \
+    X(DestroyAccelerationStructureKHR, destroyAccelerationStructure)                                                   \
+    X(GetAccelerationStructureDeviceAddressKHR, getAccelerationStructureDeviceAddress)                                 \
+    X(CreateMicromapEXT, createMicromap)                                                                               \
+    X(DestroyMicromapEXT, destroyMicromap)                                                                             \
+    X(CreateCommandPool, createCommandPool)                                                                            \
+    X(DestroyCommandPool, destroyCommandPool)                                                                          \
+    X(ResetCommandPool, resetCommandPool)                                                                              \
+    X(AllocateCommandBuffers, allocateCommandBuffers)                                                                  \
+    X(FreeCommandBuffers, freeCommandBuffers)                                                                          \
+    X(BeginCommandBuffer, beginCommandBuffer)                                                                          \
+    X(ResetCommandBuffer, resetCommandBuffer)                                                                          \
+    X(CmdBindPipeline, cmdBindPipeline)                                                                                \
+    X(CmdPushConstants, cmdPushConstants)                                                                              \
+    X(CmdExecuteCommands, cmdExecuteCommands)                                                                          \
+    X(CmdBeginConditionalRenderingEXT, cmdBeginConditionalRendering)                                                   \
+    X(CmdEndConditionalRenderingEXT, cmdEndConditionalRendering)                                                       \
+    X(QueueSubmit, queueSubmit)                                                                                        \
+    X(QueueSubmit2, queueSubmit2)                                                                                      \
+    X(CmdBuildMicromapsEXT, cmdBuildMicromaps)                                                                         \
+    X(CmdBuildAccelerationStructuresKHR, cmdBuildAccelerationStructures)                                               \
+    X(CmdBuildAccelerationStructuresIndirectKHR, cmdBuildAccelerationStructuresIndirect)
+
+// Those that the oldest headers do not declare: X(name, type in base/vulkan_newer.h, function).
+#define VELLUM_VALIDATED_NEWER_COMMANDS(X)                                                                             \
+    X(CmdPushConstants2, CmdPushConstants2, cmdPushConstants2)                                                         \
+    X(CmdBindShadersEXT, CmdBindShaders, cmdBindShaders)
+
+namespace vellum::layer
+{
+
+struct NextCommands {
+#define VELLUM_MEMBER(name, function) PFN_vk##name name = nullptr;
+#define VELLUM_NEWER_MEMBER(name, type, function) newer::PFN_##type name = nullptr;
+    VELLUM_VALIDATED_COMMANDS(VELLUM_MEMBER)
+    VELLUM_VALIDATED_NEWER_COMMANDS(VELLUM_NEWER_MEMBER)
+#undef VELLUM_MEMBER
+#undef VELLUM_NEWER_MEMBER
+
+    void load(VkDevice device, PFN_vkGetDeviceProcAddr next)
+    {
+        const auto get = [=](const char *name) { return commandByAnyName(device, next, name); };
+#define VELLUM_LOAD(name, function) name = reinterpret_cast<PFN_vk##name>(get("vk" #name));
+#define VELLUM_LOAD_NEWER(name, type, function) name = reinterpret_cast<newer::PFN_##type>(get("vk" #name));
+        VELLUM_VALIDATED_COMMANDS(VELLUM_LOAD)
+        VELLUM_VALIDATED_NEWER_COMMANDS(VELLUM_LOAD_NEWER)
+#undef VELLUM_LOAD
+#undef VELLUM_LOAD_NEWER
+    }
+};
+
+} // namespace vellum::layer

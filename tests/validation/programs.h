@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Programs with one small wrong state each, and beside each the right program that differs in that state only.
+// Validation must report the rule for the wrong one, once, and nothing for the right one. The programs also run with
+// another validation layer, to compare what it reports (bench/validation).
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "check/gpu/micromap_commands.h"
+#include "check/gpu/scene.h"
+#include "harness/harness.h"
+
+namespace vt
+{
+
+// What a program needs beyond micromaps. Programs run on one device for each combination.
+enum ProgramNeeds : unsigned {
+    kNeedsNothing = 0,
+    kNeedsAddressCommands = 1, // VK_KHR_device_address_commands
+    kNeedsHostCommands = 2,    // micromapHostCommands of VK_EXT_opacity_micromap
+    kNeedsPipelines = 4,       // ray tracing pipelines
+    kNeedsBothApis = 8,        // both micromap extensions
+    kNeedsNoFeature = 16,      // the extension is enabled, its feature is not
+};
+
+struct WrongProgram {
+    const char *rule; // VUID of the rule that it breaks
+    Api api;          // which extension it uses
+    unsigned needs;   // ProgramNeeds
+    void (*run)(Gpu &gpu, bool wrong);
+    const char *variant = ""; // of several programs for one rule
+};
+
+// The programs of each file.
+std::span<const WrongProgram> buildPrograms();
+
+} // namespace vt

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// Each wrong program is reported by its rule, and its right neighbour by none.
+#include <algorithm>
+
+#include "programs.h"
+
+namespace
+{
+
+using namespace vt;
+
+std::vector<WrongProgram> allPrograms()
+{
+    std::vector<WrongProgram> all;
+    for (const auto &programs : {buildPrograms()})
+        all.insert(all.end(), programs.begin(), programs.end());
+    return all;
+}
+
+Options optionsOf(const WrongProgram &program)
+{
+    const auto needs = [&program](ProgramNeeds need) { return (program.needs & need) != 0; };
+    return {.validation = false, // it would report the same
+            .api = program.api,
+            .bothApis = needs(kNeedsBothApis),
+            .hostCommands = needs(kNeedsHostCommands),
+            .validate = true,
+            .addressCommands = needs(kNeedsAddressCommands),
+            .micromapFeature = !needs(kNeedsNoFeature),
+            .shared = true};
+}
+
+// Prints the name of a case.
+std::string nameOf(const testing::TestParamInfo<WrongProgram> &info)
+{
+    std::string name = info.param.rule + std::string(info.param.variant);
+    std::erase_if(name, [](char c) { return !std::isalnum(static_cast<unsigned char>(c)); });
+    return name;
+}
+
+class WrongPrograms : public GpuTest, public testing::WithParamInterface<WrongProgram>
+{
+protected:
+    WrongPrograms() : GpuTest(optionsOf(GetParam())) {}
+    // The ids of the messages of Vellum since the last call, and the texts.
+    std::vector<std::string> reported(std::string &texts)
+    {
+        std::vector<std::string> ids;
+        for (const Message &m : gpu().takeMessages()) {
+            texts += m.id + ": " + m.text + "\n";
+            if (m.fromVellum())
+                ids.push_back(m.id);
+        }
+        return ids;
+    }
+};
+
+TEST_P(WrongPrograms, AreReported)
+{
+    const WrongProgram &program = GetParam();
+    if ((program.needs & kNeedsPipelines) != 0 && !gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        GTEST_SKIP() << "no ray tracing pipelines";
+    std::string texts;
+    program.run(gpu(), false);
+    VT_CHECK(vkDeviceWaitIdle(gpu().device()));
+    EXPECT_EQ(reported(texts), std::vector<std::string>()) << "the right program: " << texts;
+    texts.clear();
+    program.run(gpu(), true);
+    VT_CHECK(vkDeviceWaitIdle(gpu().device()));
+    EXPECT_EQ(reported(texts), std::vector{std::string("VELLUM-") + program.rule}) << texts;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, WrongPrograms, testing::ValuesIn(allPrograms()), nameOf);
+
+} // namespace
