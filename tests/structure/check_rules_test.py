@@ -28,6 +28,7 @@ VUID-vkOld-micromap-00004,VK_EXT_opacity_micromap,open,order,undefined,
 VUID-vkRangeKHR-b-00002,VK_KHR_device_address_commands,impossible,only the driver knows,ignored,
 """
 CODE = 'say("VELLUM-VUID-vkMapEXT-"\n    "a-00001"); say("VELLUM-VUID-vkMapEXT-a-parameter"); // VUID-vkRangeKHR-b-00002\n'
+PROGRAMS = 'constexpr WrongProgram kPrograms[] = {{"VUID-vkRangeKHR-b-00002", run}};\n'
 TESTS = 'TEST(Suite, Case)\n{\n    expect("VELLUM-VUID-vkOld-micromap-00004");\n}\n'
 PAGE = "# Page\n<!-- begin totals -->\n<!-- end totals -->\n<!-- begin rules -->\n<!-- end rules -->\n"
 
@@ -42,6 +43,7 @@ class CheckRules(unittest.TestCase):
         self.put("src/layer/validation/rules.csv", TABLE)
         self.put("src/layer/validation/some.cpp", CODE)
         self.put("tests/validation/some_test.cpp", TESTS)
+        self.put("tests/validation/some_programs.cpp", PROGRAMS)
         self.put("docs/validation.md", PAGE)
 
     def put(self, name, text):
@@ -74,7 +76,9 @@ class CheckRules(unittest.TestCase):
 
     def test_tests_are_filled_in(self):
         self.run_check("--write")
-        self.assertIn("order,undefined,Suite.Case\n", self.read("src/layer/validation/rules.csv"))
+        table = self.read("src/layer/validation/rules.csv")
+        self.assertIn("order,undefined,Suite.Case\n", table)
+        self.assertIn("knows,ignored,some_programs.cpp\n", table)
 
     def test_missing_rows(self):
         for vuid in ("VUID-vkMapEXT-a-00001", "VUID-vkOld-micromap-00004", "VUID-vkRangeKHR-b-00002"):
@@ -94,6 +98,7 @@ class CheckRules(unittest.TestCase):
 
     def test_missing_tests(self):
         self.expect_finding("there is no test Suite.Cz*\n", TABLE.replace("Suite.Ca*", "Suite.Cz*"))
+        self.expect_finding("there is no test some_programs.cpp\n", TABLE.replace("Suite.Ca*", "some_programs.cpp"))
 
     def test_code_is_missing(self):
         self.put("src/layer/validation/some.cpp", CODE.replace("a-00001", "a-00009"))
