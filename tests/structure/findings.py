@@ -13,9 +13,9 @@ def run(check, things, write=None):
     finish(things, *check(root))
 
 
-def run_with_registry(check, things, write=None):
+def run_with_registry(check, things, write=None, registry=REGISTRY):
     """Runs check(registry, root) and exits, like run(); the test is skipped where there is no registry."""
-    registry = pathlib.Path((words() or [REGISTRY])[0])
+    registry = pathlib.Path((words() or [registry])[0])
     root = root_from(words()[1:])
     write_if_asked(write, root)
     if not registry.exists():

@@ -1,0 +1,223 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Checks the table of rules, src/layer/validation/rules.csv, and the page that is generated from it, docs/validation.md:
+
+- every numbered rule (VUID) that the registry has for these extensions has a row: the rules of their commands and
+  structures, those that name a micromap, and those of address ranges;
+- src/layer has the id of every rule that is checked, and the rule has a test: a file of wrong programs in
+  tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither;
+- columns have words that are known.
+
+With --write, the tables of the page are written anew, and rows without a test get those that name their id.
+
+usage: check_rules.py [--write] [VALIDUSAGE [ROOT]]
+"""
+import collections
+import csv
+import fnmatch
+import io
+import json
+import re
+import xml.etree.ElementTree as ElementTree
+
+import check_coverage
+import check_messages
+import findings
+
+REGISTRY = "/usr/share/vulkan/registry/validusage.json"
+TABLE = "src/layer/validation/rules.csv"
+PROGRAMS = "tests/validation"
+PAGE = "docs/validation.md"
+COLUMNS = ["vuid", "extension", "where", "how", "without", "test"]
+MICROMAP = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap")
+RANGES = "VK_KHR_device_address_commands"
+# KHR micromaps are acceleration structures, and some of their rules hold for micromaps.
+EXTENSIONS = (*MICROMAP, RANGES, "VK_KHR_acceleration_structure", "all")
+WHERE = {
+    "host": "from the arguments of commands, and from what was created and recorded (`core`)",
+    "gpu": "by shaders, from data that only the GPU can read (`gpu`)",
+    "sync": "from the order of what is executed (`sync`)",
+    "shader": "by what rays really meet, in the application's shaders (`gpu`)",
+    "impossible": "cannot be checked",
+    "open": "not checked yet",
+}
+CHECKED = ("host", "gpu", "sync", "shader")
+WITHOUT = ("rejected", "tolerated", "tolerated or rejected", "works", "ignored", "passed on", "hidden", "undefined",
+           "impossible")
+NUMBERED = re.compile(r"^VUID-(\w+)-(?:.*-)?(\d{5})$")
+# Rules of other extensions that have micromaps.
+OTHERS = re.compile("DisplacementMicromapNV|Cluster|-0799[678]$|-08701$")
+OF_RANGES = range(13000, 13130)
+# Rules of Vulkan 1.3.239 that later versions have under other numbers.
+RENUMBERED = re.compile(r"-(?:03677|07334|07403|0743[0124]|07439|0746[567]|07501|07513|0751[789]|0752[012346]|07534|07535|"
+                        r"07538|07545|07551|0757[345])$|VkCopyMicromapInfoEXT-src-07532$")
+NAMED = re.compile(r"VUID-[A-Za-z0-9-]+[A-Za-z0-9]")
+EXPECTED = re.compile(r"VELLUM-(VUID-[A-Za-z0-9-]+[A-Za-z0-9])")
+BEGIN, END = "<!-- begin {} -->\n", "<!-- end {} -->\n"
+# Until the rules are written, those without code or test are counted as open.
+UNFINISHED = True
+
+
+def commands_and_types(path):
+    """Of each extension; vk.xml is in the folder of validusage.json."""
+    names = {}
+    if path.exists():
+        for extension in ElementTree.parse(path).getroot().findall("extensions/extension"):
+            names[extension.get("name")] = {required.get("name") for block in extension.findall("require")
+                                            for required in block if required.tag in ("type", "command")}
+    return names
+
+
+def of_registry(path):
+    """Ids of the numbered rules that need a row."""
+    names = commands_and_types(path.with_name("vk.xml"))
+    of_micromaps = set().union(*(names.get(extension, set()) for extension in MICROMAP))
+    of_ranges = names.get(RANGES, set())
+    rules = [(place, rule["vuid"], rule["text"])
+             for place, groups in json.loads(path.read_text(encoding="utf-8"))["validation"].items()
+             for group in groups.values() for rule in group if NUMBERED.match(rule["vuid"])]
+    older = {vuid[-5:] for place, vuid, _ in rules if place not in of_ranges}
+    wanted = set()
+    for place, vuid, text in rules:
+        named = re.search("micromap|SerializedBlockType", vuid + text, re.I) and not OTHERS.search(vuid)
+        ranged = int(vuid[-5:]) in OF_RANGES or (place in of_ranges and vuid[-5:] not in older)
+        if (place in of_micromaps or named or ranged) and not RENUMBERED.search(vuid):
+            wanted.add(vuid)
+    return wanted
+
+
+def read(root):
+    with open(root / TABLE, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def code_of(folder):
+    """Files, without comments, and with what the formatter has broken in two."""
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in {".cpp", ".h"}:
+            code = check_messages.COMMENT.sub(lambda match: match[1] or "", path.read_text(encoding="utf-8"))
+            yield path, check_messages.SEAM.sub("", code)
+
+
+def in_code(root):
+    return {name for _, code in code_of(root / "src/layer") for name in NAMED.findall(code)}
+
+
+def in_tests(root):
+    """Ids, each with the tests that expect them: the case around it, or the file of wrong programs."""
+    tests = {}
+    for path, code in code_of(root / "tests"):
+        cases = [(match.start(), f"{match[1]}.{match[2]}") for match in check_coverage.TEST.finditer(code)]
+        is_programs = path.parent == root / PROGRAMS and not cases
+        for name in (NAMED if is_programs else EXPECTED).finditer(code):
+            around = [path.name] if is_programs else [case for at, case in cases if at < name.start()][-1:]
+            tests.setdefault(name[name.re.groups], set()).update(around)
+    return tests
+
+
+def is_named(vuid, names):
+    return vuid in names or ("*" in vuid and any(fnmatch.fnmatchcase(name, vuid) for name in names))
+
+
+def missing_test(row, tests, expected):
+    """The first test of a row that does not exist."""
+    for test in row["test"].split():
+        suite, _, case = test.partition(".")
+        if test in expected.get(row["vuid"], ()):
+            continue
+        if not any(fnmatch.fnmatchcase(s, suite) and fnmatch.fnmatchcase(c, case) for s, cases in tests.items()
+                   for c in cases):
+            return test
+    return None
+
+
+def is_open(row, names):
+    return row["where"] == "open" or (row["where"] in CHECKED and not (is_named(row["vuid"], names) and row["test"]))
+
+
+def wrong_row(row, names, tests, expected):
+    vuid, where = row["vuid"], row["where"]
+    if where not in WHERE:
+        yield f"{vuid}: where is {where}"
+    if row["extension"] not in EXTENSIONS:
+        yield f"{vuid}: extension is {row['extension']}"
+    if row["without"].split(":")[0] not in WITHOUT:
+        yield f"{vuid}: without is {row['without']}"
+    if not row["how"]:
+        yield f"{vuid}: how is empty"
+    if missing_test(row, tests, expected):
+        yield f"{vuid}: there is no test {missing_test(row, tests, expected)}"
+    if where in CHECKED and not UNFINISHED:
+        if not is_named(vuid, names):
+            yield f"{vuid}: src/layer does not name it"
+        if not row["test"]:
+            yield f"{vuid}: there is no test"
+
+
+def short(vuid):
+    match = NUMBERED.match(vuid)
+    return match[2] if match else vuid
+
+
+def places(rows):
+    names = list(dict.fromkeys(match[1] for match in map(NUMBERED.match, (row["vuid"] for row in rows)) if match))
+    return ", ".join(names) if len(names) < 4 else f"{names[0]} and {len(names) - 1} more"
+
+
+def totals(rows, names):
+    counts = collections.Counter("open" if is_open(row, names) else row["where"] for row in rows)
+    lines = ["| where | rules | how |", "|---|---|---|"]
+    lines += [f"| {where} | {counts[where]} | {words} |" for where, words in WHERE.items()]
+    return "\n".join([*lines, f"| total | {len(rows)} | |"]) + "\n"
+
+
+def table(rows, names):
+    groups = {}
+    for row in rows:
+        where = f"{row['where']} (open)" if is_open(row, names) and row["where"] != "open" else row["where"]
+        key = (short(row["vuid"]), where, row["how"], row["without"], row["test"])
+        groups.setdefault(key, []).append(row)
+    lines = ["| rule | of | where | how | without validation | tests |", "|---|---|---|---|---|---|"]
+    for (number, where, how, without, test), of in sorted(groups.items()):
+        cells = (number.replace("*", "\\*"), places(of), where, how, without, test.replace(" ", ", ").replace("*", "\\*"))
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def generated(page, rows, names):
+    for name, text in (("totals", totals), ("rules", table)):
+        begin, end = BEGIN.format(name), END.format(name)
+        before, rest = page.split(begin)
+        page = before + begin + text(rows, names) + end + rest.split(end)[1]
+    return page
+
+
+def write(root):
+    rows, named = read(root), in_tests(root)
+    for row in rows:
+        row["test"] = row["test"] or " ".join(sorted(named.get(row["vuid"], ())))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(sorted(rows, key=lambda row: row["vuid"]))
+    (root / TABLE).write_text(text.getvalue(), encoding="utf-8")
+    page = root / PAGE
+    page.write_text(generated(page.read_text(encoding="utf-8"), rows, in_code(root)), encoding="utf-8")
+
+
+def check(registry, root):
+    rows, names, tests, expected = read(root), in_code(root), check_coverage.of_sources(root), in_tests(root)
+    vuids = [row["vuid"] for row in rows]
+    found = [f"{TABLE}: {line}" for row in rows for line in wrong_row(row, names, tests, expected)]
+    if vuids != sorted(set(vuids)):
+        found.append(f"{TABLE}: rows are not sorted, or a rule has two")
+    found += [f"{TABLE}: no row for {vuid}" for vuid in sorted(of_registry(registry) - set(vuids))]
+    page = (root / PAGE).read_text(encoding="utf-8")
+    if page != generated(page, rows, names):
+        found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")
+    print(f"{sum(is_open(row, names) for row in rows)} rules are open")
+    return found, len(rows)
+
+
+if __name__ == "__main__":
+    findings.run_with_registry(check, "rules", write, REGISTRY)

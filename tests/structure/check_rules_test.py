@@ -1,0 +1,110 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Tests check_rules.py on registries, tables, code and tests that are made up."""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CHECK = pathlib.Path(__file__).resolve().with_name("check_rules.py")
+REGISTRY = """<registry><extensions>
+  <extension name="VK_EXT_opacity_micromap"><require><command name="vkMapEXT"/></require></extension>
+  <extension name="VK_KHR_device_address_commands"><require><command name="vkRangeKHR"/></require></extension>
+</extensions></registry>
+"""
+RULES = {
+    "vkMapEXT": ["VUID-vkMapEXT-a-00001", "VUID-vkMapEXT-a-parameter", "VUID-VkCopyMicromapInfoEXT-src-07532"],
+    "vkRangeKHR": ["VUID-vkRangeKHR-b-00002", "VUID-vkRangeKHR-b-00003"],
+    "vkOld": ["VUID-vkOld-b-00003", "VUID-vkOld-micromap-00004", "VUID-vkOld-c-00005"],
+}
+VUIDS = {"validation": {place: {"core": [{"vuid": vuid, "text": "words"} for vuid in vuids]}
+                        for place, vuids in RULES.items()}}
+TABLE = """vuid,extension,where,how,without,test
+VUID-*-parameter,all,host,pointers,passed on,Suite.Case
+VUID-vkMapEXT-a-00001,VK_EXT_opacity_micromap,gpu,data,works: all,Suite.Ca*
+VUID-vkOld-micromap-00004,VK_EXT_opacity_micromap,open,order,undefined,
+VUID-vkRangeKHR-b-00002,VK_KHR_device_address_commands,impossible,only the driver knows,ignored,
+"""
+CODE = 'say("VELLUM-VUID-vkMapEXT-"\n    "a-00001"); say("VELLUM-VUID-vkMapEXT-a-parameter"); // VUID-vkRangeKHR-b-00002\n'
+PROGRAMS = 'constexpr WrongProgram kPrograms[] = {{"VUID-vkRangeKHR-b-00002", run}};\n'
+TESTS = 'TEST(Suite, Case)\n{\n    expect("VELLUM-VUID-vkOld-micromap-00004");\n}\n'
+PAGE = "# Page\n<!-- begin totals -->\n<!-- end totals -->\n<!-- begin rules -->\n<!-- end rules -->\n"
+
+
+class CheckRules(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.root = pathlib.Path(self.folder.name)
+        self.put("validusage.json", json.dumps(VUIDS))
+        self.put("vk.xml", REGISTRY)
+        self.put("src/layer/validation/rules.csv", TABLE)
+        self.put("src/layer/validation/some.cpp", CODE)
+        self.put("tests/validation/some_test.cpp", TESTS)
+        self.put("tests/validation/some_programs.cpp", PROGRAMS)
+        self.put("docs/validation.md", PAGE)
+
+    def put(self, name, text):
+        (self.root / name).parent.mkdir(parents=True, exist_ok=True)
+        (self.root / name).write_text(text, encoding="utf-8")
+
+    def read(self, name):
+        return (self.root / name).read_text(encoding="utf-8")
+
+    def run_check(self, *options):
+        result = subprocess.run([sys.executable, str(CHECK), *options, str(self.root / "validusage.json"),
+                                 str(self.root)], stdout=subprocess.PIPE, text=True, check=False)
+        return result.returncode, result.stdout
+
+    def expect_finding(self, expected, table):
+        self.put("src/layer/validation/rules.csv", table)
+        self.run_check("--write")
+        code, out = self.run_check()
+        self.assertEqual(code, 1, out)
+        self.assertIn(expected, out)
+
+    def test_page_is_written(self):
+        self.assertIn("docs/validation.md: the tables are stale", self.run_check()[1])
+        code, out = self.run_check("--write")
+        self.assertEqual((code, out), (0, "1 rules are open\n\n0 findings in 4 rules\n"))
+        page = self.read("docs/validation.md")
+        self.assertIn("| 00001 | vkMapEXT | gpu | data | works: all | Suite.Ca\\* |\n", page)
+        self.assertIn("| gpu | 1 |", page)
+        self.assertIn("| open | 1 |", page)
+
+    def test_tests_are_filled_in(self):
+        self.run_check("--write")
+        table = self.read("src/layer/validation/rules.csv")
+        self.assertIn("order,undefined,Suite.Case\n", table)
+        self.assertIn("knows,ignored,some_programs.cpp\n", table)
+
+    def test_missing_rows(self):
+        for vuid in ("VUID-vkMapEXT-a-00001", "VUID-vkOld-micromap-00004", "VUID-vkRangeKHR-b-00002"):
+            rest = "".join(line for line in TABLE.splitlines(True) if vuid not in line)
+            self.expect_finding(f"no row for {vuid}\n1 findings", rest)
+
+    def test_unknown_words(self):
+        self.expect_finding("where is cpu", TABLE.replace("gpu", "cpu"))
+        self.expect_finding("extension is VK_EXT_other", TABLE.replace("VK_EXT_opacity_micromap", "VK_EXT_other"))
+        self.expect_finding("without is fine", TABLE.replace("works: all", "fine"))
+        self.expect_finding("how is empty", TABLE.replace("only the driver knows", ""))
+
+    def test_order(self):
+        lines = TABLE.splitlines(True)
+        self.put("src/layer/validation/rules.csv", "".join([*lines, lines[-1]]))
+        self.assertIn("a rule has two", self.run_check()[1])
+
+    def test_missing_tests(self):
+        self.expect_finding("there is no test Suite.Cz*\n", TABLE.replace("Suite.Ca*", "Suite.Cz*"))
+        self.expect_finding("there is no test some_programs.cpp\n", TABLE.replace("Suite.Ca*", "some_programs.cpp"))
+
+    def test_code_is_missing(self):
+        self.put("src/layer/validation/some.cpp", CODE.replace("a-00001", "a-00009"))
+        self.run_check("--write")
+        self.assertIn("| open | 2 |", self.read("docs/validation.md"))
+
+
+if __name__ == "__main__":
+    unittest.main()
