@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <barrier>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <exception>
 #include <memory>
@@ -32,6 +33,7 @@ struct BenchOptions {
     std::optional<std::filesystem::path> layerFolder;
     std::optional<std::string> device;
     std::string filter;
+    std::string validate; // the setting, of one more side; empty: none
     unsigned repetitions = 101;
     unsigned calls = 256;
     unsigned objects = 4096;
@@ -151,6 +153,12 @@ void run(const BenchOptions &options)
         add("layer, ext", on, cli::MicromapApi::Ext);
     if (on.has(cli::MicromapApi::Khr))
         add("layer, khr", on, cli::MicromapApi::Khr);
+    std::unique_ptr<cli::Instance> validating; // the setting is read when the instance is made
+    if (!options.validate.empty()) {
+        setenv("VELLUM_VALIDATE", options.validate.c_str(), 1);
+        validating = std::make_unique<cli::Instance>(true);
+        add("layer, khr, validate", cli::chooseDevice(*validating, options.device), cli::MicromapApi::Khr);
+    }
     fmt::print("{}, {}\n{} repetitions of {} calls, {} thread(s), {} command buffers, buffers and structures besides. "
                "Nanoseconds "
                "of CPU for a call: of the driver, and what the others take more: median (worst repetition)\n\n",
@@ -194,6 +202,7 @@ int main(int argc, char **argv)
         ->capture_default_str()
         ->check(CLI::Range(1, 64));
     app.add_option("-f,--filter", options.filter, "Only commands with this in their name");
+    app.add_option("--validate", options.validate, "Also with this value of the layer's setting validate");
     app.add_option("-d,--device", options.device, "The Vulkan device: a number or a part of its name");
     app.add_option("--layer-path", options.layerFolder, "Folder of the layer's manifest");
     CLI11_PARSE(app, argc, argv);
