@@ -54,7 +54,7 @@ struct RunOptions {
     bool assumeMicromaps = false;
     std::string implementation; // empty: not given
     bool strict = false;
-    bool validate = false;
+    std::string validate; // empty: not given
     std::optional<std::filesystem::path> layerFolder;
 };
 
@@ -117,13 +117,15 @@ void applySettings(const RunOptions &options)
     const std::pair<const char *, bool> settings[] = {
         {"VELLUM_ASSUME_MICROMAPS", options.assumeMicromaps},
         {"VELLUM_STRICT", options.strict},
-        {"VELLUM_VALIDATE", options.validate},
     };
     for (const auto &[variable, on] : settings)
         if (on)
             setenv(variable, "1", 1);
     if (!options.implementation.empty())
         setenv("VELLUM_IMPLEMENTATION", options.implementation.c_str(), 1);
+    if (!options.validate.empty())
+        setenv("VELLUM_VALIDATE", options.validate.c_str(), 1);
+    setenv("VELLUM_MESSAGE_LIMIT", "0", 0); // every message is counted
 }
 
 // Whether messages fail a program that succeeds.
@@ -181,7 +183,10 @@ std::function<int()> declareRunCommand(CLI::App &app)
     failOn.envname("VELLUM_FAIL_ON")->group(kOutput);
     command.option_defaults()->group("Layer");
     command.add_flag("--strict", options->strict, "Reject what breaks a rule even where it does no harm");
-    command.add_flag("--validate", options->validate, "Check the input of builds on the GPU");
+    command
+        .add_flag("--validate{all}", options->validate,
+                  "Check the rules of the extensions, all or those named: --validate=core,gpu,sync")
+        ->type_name("PARTS");
     CLI::Option &implementation = *command.add_option("--implementation", options->implementation,
                                                       "Who implements micromaps: the driver where it has them, the "
                                                       "driver only, its EXT extension, or the layer [auto]");

@@ -47,14 +47,14 @@ TEST(Run, RightUse)
 {
     const Outcome outcome = runProgram({"--fail-on", "warning"}, {"right"});
     EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
-    EXPECT_EQ(outcome.errors, "vellum run: no errors, no warnings, 1 device with the layer's micromaps\n");
+    EXPECT_EQ(outcome.errors, "vellum run: no errors, no warnings, 1 device checked\n");
 }
 
 TEST(Run, AnErrorFails)
 {
     const Outcome outcome = runProgram({}, {"error", "right", "error"});
     EXPECT_EQ(outcome.exitCode, kMessagesFailed);
-    expectLine(outcome, "vellum run: 2 errors, no warnings, 3 devices with the layer's micromaps\n");
+    expectLine(outcome, "vellum run: 2 errors, no warnings, 3 devices checked\n");
     expectLine(outcome, "  error   VELLUM-VUID-VkMicromapBuildInfoEXT-type-parameter (2 times): ");
     EXPECT_EQ(runProgram({"--fail-on=never"}, {"error"}).exitCode, 0);
 }
@@ -63,7 +63,7 @@ TEST(Run, AWarningFailsOnRequest)
 {
     const Outcome outcome = runProgram({}, {"warning"});
     EXPECT_EQ(outcome.exitCode, 0);
-    expectLine(outcome, "vellum run: no errors, 1 warning, 1 device with the layer's micromaps\n");
+    expectLine(outcome, "vellum run: no errors, 1 warning, 1 device checked\n");
     expectLine(outcome, "  warning VELLUM-unknown-structure: ");
     EXPECT_EQ(runProgram({"--fail-on=warning"}, {"warning"}).exitCode, kMessagesFailed);
     EXPECT_EQ(runProgram({}, {"warning"}, {{"VELLUM_FAIL_ON", "warning"}}).exitCode, kMessagesFailed);
@@ -73,7 +73,7 @@ TEST(Run, ProcessesOfTheProgram)
 {
     const Outcome outcome = runProgram({}, {"both"});
     EXPECT_EQ(outcome.exitCode, kMessagesFailed);
-    expectLine(outcome, "vellum run: 1 error, 1 warning, 2 devices with the layer's micromaps\n");
+    expectLine(outcome, "vellum run: 1 error, 1 warning, 2 devices checked\n");
 }
 
 TEST(Run, ACrashKeepsItsCodeAndTheMessages)
@@ -92,7 +92,7 @@ TEST(Run, SeverityThatFails)
     EXPECT_EQ(runScript({"--fail-on", "error"}, kWarning, {{"VELLUM_FAIL_ON", "warning"}}).exitCode, 0);
     const Outcome outcome =
         runScript({}, std::string(kError) + kWarning + kWarning + "echo broken >> $VELLUM_REPORT_FILE");
-    expectLine(outcome, "vellum run: 1 error, 2 warnings, no devices with the layer's micromaps\n");
+    expectLine(outcome, "vellum run: 1 error, 2 warnings, no devices checked\n");
     expectLine(outcome, "  warning VELLUM-b (2 times): where\n");
 }
 
@@ -100,7 +100,7 @@ TEST(Run, SaysWhenNothingWasChecked)
 {
     const Outcome outcome = runScript({}, "true");
     EXPECT_EQ(outcome.exitCode, 0);
-    expectLine(outcome, "vellum run: no device used the layer's micromaps: nothing was checked\n");
+    expectLine(outcome, "vellum run: no device used micromaps through the layer: nothing was checked\n");
 }
 
 TEST(Run, ExitCodesOfTheProgram)
@@ -129,7 +129,8 @@ TEST(Run, SettingsOfTheLayer)
     EXPECT_EQ(runScript({"--validate", "--strict", "--implementation", "emulated", "--assume-micromaps"}, script,
                         {{"VK_INSTANCE_LAYERS", "VK_LAYER_other"}})
                   .output,
-              "1,1,emulated,1,VK_LAYER_VELLUM_opacity_micromap:VK_LAYER_other\n");
+              "all,1,emulated,1,VK_LAYER_VELLUM_opacity_micromap:VK_LAYER_other\n");
+    EXPECT_EQ(runScript({"--validate=core,sync"}, script).output, "core,sync,,,,VK_LAYER_VELLUM_opacity_micromap\n");
     EXPECT_EQ(runScript({}, script, {{"VK_INSTANCE_LAYERS", "VK_LAYER_a:VK_LAYER_VELLUM_opacity_micromap"}}).output,
               ",,,,VK_LAYER_a:VK_LAYER_VELLUM_opacity_micromap\n");
 }

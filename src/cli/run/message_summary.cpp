@@ -67,8 +67,8 @@ MessageSummary readMessages(std::istream &lines)
 void print(const MessageSummary &summary)
 {
     if (summary.devices == 0)
-        fmt::print(stderr, "vellum run: no device used the layer's micromaps: nothing was checked\n");
-    fmt::print(stderr, "vellum run: {}, {}, {} with the layer's micromaps\n", counted(summary.errors, "error"),
+        fmt::print(stderr, "vellum run: no device used micromaps through the layer: nothing was checked\n");
+    fmt::print(stderr, "vellum run: {}, {}, {} checked\n", counted(summary.errors, "error"),
                counted(summary.warnings, "warning"), counted(summary.devices, "device"));
     for (const MessageSummary::Kind &kind : summary.kinds)
         fmt::print(stderr, "  {:<7} {}{}: {}\n", kind.severity == MessageSeverity::Error ? "error" : "warning", kind.id,

@@ -298,6 +298,8 @@ void DeviceCreation::startValidation(Device &added) const
 {
     if (added.driver.enabled.any() && instance_.settings.validate.any())
         added.validation = createValidation(added.driver, implementationProcAddr, queueFamiliesIn(info_));
+    if (added.validation && !added.driver.providesMicromaps())
+        added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
 }
 
 } // namespace
