@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "api_bench.h"
 
+#include "cli/base/paired_timing.h"
 #include "cli/scene/baked_scene.h"
-#include "side_by_side.h"
 
 namespace vellum::bench
 {
@@ -16,7 +16,7 @@ struct Pair {
     Renderer khr;
     Renderer ext;
     ApiResult result;
-    SideBySide times;
+    cli::PairedTiming times{[this] { return ext.frame(); }, [this] { return khr.frame(); }};
 
     Pair(const ApiDevices &devices, const cli::RenderScene &scene, const cli::BakedScene &baked,
          const cli::RenderSettings &settings)
@@ -58,15 +58,15 @@ std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderS
     size_t done = 0;
     for (unsigned r = 0; r < repetitions; ++r) {
         for (const auto &pair : pairs) {
-            pair->times.measure([&] { return pair->ext.frame(); }, [&] { return pair->khr.frame(); });
+            pair->times.measure();
             progress(++done, repetitions * pairs.size());
         }
     }
     std::vector<ApiResult> results;
     for (const auto &pair : pairs) {
-        pair->result.milliseconds[0] = pair->times.own();
-        pair->result.milliseconds[1] = pair->times.classic();
-        pair->result.ratio = pair->times.ratio();
+        pair->result.milliseconds[0] = pair->times.b();
+        pair->result.milliseconds[1] = pair->times.a();
+        pair->result.ratio = pair->times.ratio().middle;
         results.push_back(pair->result);
     }
     return results;

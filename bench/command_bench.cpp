@@ -17,10 +17,11 @@
 #include <fmt/format.h>
 
 #include "cli/base/statistics.h"
+#include "cli/bench/pipeline_timing.h"
 #include "cli/render_command.h"
 #include "cli/render_options.h"
+#include "cli/vulkan/layer_path.h"
 #include "command_cases.h"
-#include "creation_bench.h"
 
 namespace
 {
@@ -136,7 +137,7 @@ std::vector<Times> measure(const CommandCase &command, const std::vector<std::un
 
 void run(const BenchOptions &options)
 {
-    bench::disableShaderCaches();
+    cli::disableShaderCaches();
     cli::offerLayer(options.layerFolder);
     const cli::Instance without(false);
     const cli::Instance with(true);

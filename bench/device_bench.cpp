@@ -6,11 +6,11 @@
 
 #include <fmt/format.h>
 
+#include "cli/base/paired_timing.h"
 #include "cli/render_command.h"
 #include "cli/render_options.h"
 #include "layer_comparison.h"
 #include "process_times.h"
-#include "side_by_side.h"
 
 namespace
 {
@@ -82,11 +82,11 @@ void run(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetit
                     step.work(device);
                 });
             };
-            bench::SideBySide times;
+            cli::PairedTiming times([&] { return measure(off, std::nullopt); }, [&] { return measure(on, api.api); });
             for (unsigned r = 0; r < repetitions; ++r)
-                times.measure([&] { return measure(off, std::nullopt); }, [&] { return measure(on, api.api); });
-            fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.1f} | {:.3f} |\n", step.name, api.name, times.classic(),
-                       times.own(), times.own() - times.classic(), times.ratio());
+                times.measure();
+            fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.1f} | {:.3f} |\n", step.name, api.name, times.a(), times.b(),
+                       times.b() - times.a(), times.ratio().middle);
             std::fflush(stdout);
         }
     }

@@ -6,9 +6,10 @@
 
 #include "api_bench.h"
 #include "cli/base/progress.h"
+#include "cli/bench/pipeline_timing.h"
 #include "cli/render_command.h"
 #include "cli/render_options.h"
-#include "creation_bench.h"
+#include "cli/vulkan/layer_path.h"
 #include "scene_bench.h"
 
 namespace
@@ -64,13 +65,13 @@ void printScenes(const std::vector<Row> &rows)
     fmt::print("\n");
 }
 
-void printCreation(const std::vector<bench::CreationResult> &results)
+void printCreation(const std::vector<cli::PipelineTiming> &results)
 {
     fmt::print("| rays by | new pipeline and its first frame | layer off, ms | layer on, ms | on/off |\n"
                "|---|---|--:|--:|--:|\n");
-    for (const bench::CreationResult &r : results)
+    for (const cli::PipelineTiming &r : results)
         fmt::print("| {} | {} micromaps | {:.1f} | {:.1f} | {:.3f} |\n", nameOf(r.trace),
-                   r.micromaps ? "with" : "without", r.without, r.with, r.ratio);
+                   r.micromaps ? "with" : "without", r.classic, r.enabled, r.ratio);
     fmt::print("\nAim for pipelines: at most 1.3.\n");
 }
 
@@ -150,7 +151,7 @@ void run(const Options &options)
 {
     cli::RenderSettings settings;
     cli::parseSize(options.size, settings);
-    bench::disableShaderCaches();
+    cli::disableShaderCaches();
     cli::offerLayer(options.layerFolder);
     const cli::Instance without(false);
     const cli::Instance with(true);
@@ -186,7 +187,8 @@ void run(const Options &options)
             all.push_back(cli::Trace::Pipeline);
         const cli::RenderScene scene = cli::prepareScene(cli::loadScene(scenesOf(options).front()), 1);
         const cli::Progress progress("making pipelines");
-        printCreation(bench::measureCreation(devices, scene, all, options.levels.front(), options.repetitions));
+        printCreation(
+            cli::measurePipelines({classic, enabled}, scene, all, options.levels.front(), options.repetitions));
     }
 }
 

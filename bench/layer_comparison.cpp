@@ -5,7 +5,8 @@
 
 #include <CLI/CLI.hpp>
 
-#include "creation_bench.h"
+#include "cli/bench/pipeline_timing.h"
+#include "cli/vulkan/layer_path.h"
 
 namespace vellum::bench
 {
@@ -22,7 +23,7 @@ int compareDevices(int argc, char **argv, const char *program, const char *descr
     app.add_option("--layer-path", layerFolder, "Folder of the layer's manifest");
     CLI11_PARSE(app, argc, argv);
     try {
-        disableShaderCaches();
+        cli::disableShaderCaches();
         cli::offerLayer(layerFolder);
         const cli::Instance without(false);
         const cli::Instance with(true);

@@ -6,6 +6,7 @@
 
 #include "cli/render_command.h"
 #include "cli/render_options.h"
+#include "cli/vulkan/layer_path.h"
 #include "core/curve.h"
 #include "core/lossy.h"
 #include "core/micromap_memory.h"

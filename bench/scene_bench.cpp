@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene_bench.h"
 
-#include "side_by_side.h"
+#include "cli/base/paired_timing.h"
 
 namespace vellum::bench
 {
@@ -14,10 +14,15 @@ using Micromaps = std::vector<const Micromap *>;
 
 // A renderer, and the classic one that it is compared to.
 struct Variant {
+    Variant(std::unique_ptr<Renderer> own, Renderer &other, double &median)
+        : renderer(std::move(own)), classic(&other), result(&median),
+          times([&other] { return other.frame(); }, [r = renderer.get()] { return r->frame(); })
+    {
+    }
     std::unique_ptr<Renderer> renderer;
-    Renderer *classic = nullptr;
-    SideBySide times;
-    double *result = nullptr; // where the median goes
+    Renderer *classic;
+    double *result; // where the median goes
+    cli::PairedTiming times;
 };
 
 } // namespace
@@ -37,10 +42,8 @@ SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, 
     std::vector<Variant> variants;
     const auto add = [&](const Micromaps &micromaps, bool isHeavy, double &ratio) -> Renderer & {
         settings.heavy = isHeavy;
-        variants.push_back({std::make_unique<Renderer>(devices.enabled, scene, micromaps, settings),
-                            isHeavy ? &heavy : &plain,
-                            {},
-                            &ratio});
+        variants.emplace_back(std::make_unique<Renderer>(devices.enabled, scene, micromaps, settings),
+                              isHeavy ? heavy : plain, ratio);
         return *variants.back().renderer;
     };
     for (size_t i = 0; i < levels.size(); ++i) {
@@ -65,13 +68,13 @@ SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, 
     size_t done = 0;
     for (unsigned r = 0; r < repetitions; ++r) {
         for (Variant &v : variants) {
-            v.times.measure([&] { return v.classic->frame(); }, [&] { return v.renderer->frame(); });
+            v.times.measure();
             progress(++done, repetitions * variants.size());
         }
     }
     for (const Variant &v : variants) {
-        *v.result = v.times.ratio();
-        (v.classic == &heavy ? result.heavyMilliseconds : result.alphaMilliseconds) = v.times.classic();
+        *v.result = v.times.ratio().middle;
+        (v.classic == &heavy ? result.heavyMilliseconds : result.alphaMilliseconds) = v.times.a();
     }
     return result;
 }

@@ -9,10 +9,11 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include "cli/base/paired_timing.h"
+#include "cli/bench/pipeline_timing.h"
 #include "cli/render_command.h"
 #include "cli/scene/baked_scene.h"
-#include "creation_bench.h"
-#include "side_by_side.h"
+#include "cli/vulkan/layer_path.h"
 
 namespace
 {
@@ -45,13 +46,12 @@ struct Side {
 void compare(const Side &off, const Side &on, const char *parts, unsigned repetitions)
 {
     const auto row = [&](const std::string &what, const std::function<double(const Side &)> &measure) {
-        bench::SideBySide times;
         measure(off);
         measure(on);
+        cli::PairedTiming times([&] { return measure(off); }, [&] { return measure(on); });
         for (unsigned r = 0; r < repetitions; ++r)
-            times.measure([&] { return measure(off); }, [&] { return measure(on); });
-        fmt::print("| {} | {} | {:.2f} | {:.2f} | {:.3f} |\n", what, parts, times.classic(), times.own(),
-                   times.ratio());
+            times.measure();
+        fmt::print("| {} | {} | {:.2f} | {:.2f} | {:.3f} |\n", what, parts, times.a(), times.b(), times.ratio().middle);
         std::fflush(stdout);
     };
     row("a device, made and destroyed", [](const Side &side) {
@@ -78,7 +78,7 @@ void compare(const Side &off, const Side &on, const char *parts, unsigned repeti
 
 void run(const std::vector<std::string> &parts, const std::optional<std::string> &device, unsigned repetitions)
 {
-    bench::disableShaderCaches();
+    cli::disableShaderCaches();
     const Side off("none", device);
     const cli::DeviceInfo &info = off.info;
     cli::requireMicromaps(info, kApi, off.instance->layerEnabled());

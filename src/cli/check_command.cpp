@@ -17,7 +17,7 @@
 #include "cli/check/runner.h"
 #include "cli/check/schedule.h"
 #include "cli/check/worker.h"
-#include "cli/render_command.h"
+#include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
 {

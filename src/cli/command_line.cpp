@@ -108,6 +108,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     commands["run"] = declareRunCommand(app);
     commands["spirv"] = declareSpirvCommand(app);
     commands["verify"] = declareVerifyCommand(app);
+    commands["bench"] = declareBenchCommand(app);
     commands["check"] = declareCheckCommand(app);
     commands["help"] = declareHelpCommand(app);
     for (CLI::App *subcommand : app.get_subcommands(std::function<bool(CLI::App *)>()))

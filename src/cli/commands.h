@@ -14,6 +14,7 @@ namespace vellum::cli
 {
 
 std::function<int()> declareBakeCommand(CLI::App &app);
+std::function<int()> declareBenchCommand(CLI::App &app);
 std::function<int()> declareCheckCommand(CLI::App &app);
 std::function<int()> declareInfoCommand(CLI::App &app);
 std::function<int()> declareInspectCommand(CLI::App &app);

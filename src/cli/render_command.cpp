@@ -341,12 +341,6 @@ Scene loadScene(const std::optional<std::filesystem::path> &file)
     return file ? readGltf(*file) : makeGrove();
 }
 
-void offerLayer(const std::optional<std::filesystem::path> &folder)
-{
-    if (const auto found = folder ? folder : findLayerFolder())
-        addLayerFolder(*found);
-}
-
 int renderCommand(const RenderOptions &options)
 {
     for (const std::filesystem::path &path : picturesOf(options, true))

@@ -13,8 +13,4 @@ int renderCommand(const RenderOptions &options);
 // The scene of a file, or the grove.
 Scene loadScene(const std::optional<std::filesystem::path> &file);
 
-// Lets the Vulkan loader find the layer. Before the first Vulkan call. Does nothing where there is no manifest, the
-// layer may be installed.
-void offerLayer(const std::optional<std::filesystem::path> &folder);
-
 } // namespace vellum::cli

@@ -62,7 +62,7 @@ SUBSYSTEMS = {
     "bake": below("numbers", "texture", ""),
     "check": below("shaders", "gpu", "oracle", "case", "groups"),
     "gltf": below("file", "data", "", "micromaps"),
-    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "spirv", "verify", "inspect",
+    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "bench", "spirv", "verify", "inspect",
                  "", "manual"),
 }
 

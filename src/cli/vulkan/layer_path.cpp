@@ -48,4 +48,10 @@ void addLayerFolder(const std::filesystem::path &folder)
     setenv(variable, value.c_str(), 1);
 }
 
+void offerLayer(const std::optional<std::filesystem::path> &folder)
+{
+    if (const auto found = folder ? folder : findLayerFolder())
+        addLayerFolder(*found);
+}
+
 } // namespace vellum::cli

@@ -16,5 +16,7 @@ std::optional<std::filesystem::path> findLayerFolder();
 
 // Adds a folder to those in which the Vulkan loader looks for explicit layers. Before the first Vulkan call.
 void addLayerFolder(const std::filesystem::path &folder);
+// The given folder, or that next to this program. Does nothing where there is no manifest, the layer may be installed.
+void offerLayer(const std::optional<std::filesystem::path> &folder);
 
 } // namespace vellum::cli

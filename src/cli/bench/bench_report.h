@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// The report of `vellum bench`: one JSON document, and a web page that holds it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli/bench/part_process.h"
+
+namespace vellum::cli
+{
+
+// What the results mean, in sentences: is the device right, what do micromaps save, what does the layer cost.
+std::vector<std::string> verdictOf(const std::vector<PartResult> &results);
+
+// schema.json describes it. Without anything that names a person or a machine.
+std::string benchJson(const std::vector<PartResult> &results, const std::vector<std::string> &verdict, double seconds);
+
+// A page that needs no other file. `json`: of benchJson.
+std::string benchPage(const std::string &json);
+
+} // namespace vellum::cli

@@ -1,0 +1,111 @@
+const report = JSON.parse(document.getElementById("report").textContent);
+const element = (name, text, parent) => {
+  const made = document.createElement(name);
+  if (text !== undefined) made.textContent = text;
+  if (parent) parent.append(made);
+  return made;
+};
+const byId = (id) => document.getElementById(id);
+const rows = (part, kind) => part.rows.filter((row) => row.row === kind);
+const number = (value, digits = 2) => value === null ? "–" : value.toLocaleString("en", {
+  minimumFractionDigits: digits, maximumFractionDigits: digits });
+const implementation = (part) => ({ emulated: "emulated", ext: "translated to EXT", driver: "of the driver" })[part.implementation]
+  + ", " + part.api.toUpperCase();
+const table = (parent, heads, lines) => {
+  const box = element("div", undefined, parent);
+  box.className = "scroll";
+  const made = element("table", undefined, box);
+  const head = element("tr", undefined, element("thead", undefined, made));
+  heads.forEach((text) => { element("th", text, head).scope = "col"; });
+  const body = element("tbody", undefined, made);
+  lines.forEach((cells) => {
+    const line = element("tr", undefined, body);
+    cells.forEach((cell) => element("td", cell, line));
+  });
+};
+const svg = (name, attributes, parent, text) => {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value));
+  if (text !== undefined) made.textContent = text;
+  if (parent) parent.append(made);
+  return made;
+};
+
+// Ratios as dots with bars, one line each.
+const chart = (parent, title, frames) => {
+  const left = 150, right = 60, width = 700, step = 26, height = 40 + step * frames.length;
+  const most = Math.max(1.2, ...frames.map((f) => f.ratio[2])) * 1.05;
+  const x = (value) => left + value / most * (width - left - right);
+  const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title }, parent);
+  const unit = [0.1, 0.2, 0.25, 0.5, 1, 2, 5, 10].find((u) => most / u <= 8) || 20;
+  for (let value = 0; value <= most; value += unit) {
+    svg("line", { x1: x(value), x2: x(value), y1: 8, y2: height - 24, class: "grid" }, picture);
+    svg("text", { x: x(value), y: height - 8, "text-anchor": "middle" }, picture, String(Math.round(value * 100) / 100));
+  }
+  svg("line", { x1: x(1), x2: x(1), y1: 4, y2: height - 24, class: "axis", "stroke-width": 2 }, picture);
+  frames.forEach((frame, i) => {
+    const y = 22 + step * i;
+    const kind = frame.ratio[1] <= 1 ? "good" : "bad";
+    svg("text", { x: 8, y: y + 4 }, picture, `level ${frame.level}, ${frame.heavy ? "heavy" : "plain"}`);
+    svg("line", { x1: x(frame.ratio[0]), x2: x(frame.ratio[2]), y1: y, y2: y, class: kind, "stroke-width": 6, "stroke-opacity": .4 }, picture);
+    svg("circle", { cx: x(frame.ratio[1]), cy: y, r: 5, class: kind }, picture);
+    svg("text", { x: width - 8, y: y + 4, "text-anchor": "end" }, picture, number(frame.ratio[1]));
+  });
+};
+
+const device = report.parts.flatMap((part) => rows(part, "device"))[0];
+if (device) {
+  byId("device").textContent = device.name;
+  document.title = `Opacity micromaps on ${device.name}`;
+}
+byId("about").textContent = [device && device.driver, device && `Vulkan ${device.vulkan}`, device && device.kind,
+  `vellum ${report.version}`, report.date].filter(Boolean).join(" · ");
+report.verdict.forEach((text) => element("li", text, byId("verdict")));
+
+report.parts.filter((part) => part.name.startsWith("frames")).forEach((part) => {
+  const frames = rows(part, "frame");
+  if (frames.length === 0) return;
+  byId("frames").hidden = false;
+  const title = `${part.trace === "query" ? "Ray queries" : "Ray tracing pipeline"}, micromaps ${implementation(part)}`;
+  element("h3", title, byId("charts"));
+  chart(byId("charts"), title, frames);
+  const box = element("details", undefined, byId("charts"));
+  element("summary", "Numbers", box);
+  table(box, ["", "alpha test, ms", "micromaps, ms", "by the clock, ms", "ratio", "pairs", "candidates per ray", "micromaps, bytes",
+    "differing pixels"],
+  frames.map((f) => [`level ${f.level}, ${f.heavy ? "heavy" : "plain"}, ${f.width} × ${f.height}`, number(f.alpha), number(f.micromaps),
+    `${number(f.alphaWall)} / ${number(f.micromapsWall)}`, f.ratio.map((r) => number(r, 3)).join(" – "), f.pairs,
+    f.candidatesPerRay.map((c) => number(c, 3)).join(" → "), f.bytes.toLocaleString("en"), f.differingPixels]));
+  element("p", frames[0].timestamps ? "Times are by the GPU's timestamps." : "The device has no timestamps of use: times are by the clock.",
+    box).className = "muted";
+});
+
+report.parts.filter((part) => part.name.startsWith("builds")).forEach((part) => {
+  const builds = rows(part, "build"), micromaps = rows(part, "micromap");
+  if (builds.length + micromaps.length === 0) return;
+  byId("builds").hidden = false;
+  element("h3", `Micromaps ${implementation(part)}`, byId("build-tables"));
+  table(byId("build-tables"), ["without micromaps", "without the layer, ms", "with it, ms", "ratio", "with it, per second"],
+    builds.map((b) => [b.what, number(b.classic, 3), number(b.enabled, 3), number(b.ratio[1]), number(1000 * b.structures / b.enabled, 0)]));
+  table(byId("build-tables"), ["micromap, made one after another", "triangles", "ms", "per second"],
+    micromaps.map((m) => [`level ${m.level}`, m.triangles, number(m.milliseconds[1], 3), number(1000 / m.milliseconds[1], 0)]));
+});
+
+report.parts.filter((part) => part.name.startsWith("pipelines")).forEach((part) => {
+  const pipelines = rows(part, "pipeline");
+  if (pipelines.length === 0) return;
+  byId("pipelines").hidden = false;
+  element("h3", `Micromaps ${implementation(part)}`, byId("pipeline-tables"));
+  table(byId("pipeline-tables"), ["", "without the layer", "with it", "ratio"],
+    pipelines.map((p) => [`${p.trace === "query" ? "ray queries" : "ray tracing pipeline"}, ${p.withMicromaps ? "with" : "without"} micromaps`,
+      number(p.classic, 1), number(p.enabled, 1), number(p.ratio)]));
+});
+
+const checks = report.parts.flatMap((part) => rows(part, "check").map((row) => [part, row]));
+if (checks.length > 0) {
+  byId("checks").hidden = false;
+  table(byId("check-table"), ["micromaps", "passed", "failed", "skipped", "rays"],
+    checks.map(([part, c]) => [implementation(part), c.passed, c.failed, c.skipped, c.rays.toLocaleString("en")]));
+}
+table(byId("run"), ["part", "seconds", "result"],
+  report.parts.map((part) => [part.name, number(part.seconds, 1), part.failure || "complete"]));

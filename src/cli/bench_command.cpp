@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/bench_command.h"
+
+#include <chrono>
+#include <fmt/format.h>
+#include <rapidjson/document.h>
+
+#include "cli/base/error.h"
+#include "cli/base/exit_code.h"
+#include "cli/base/output_file.h"
+#include "cli/base/progress.h"
+#include "cli/bench/bench_report.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+// What a part found about the device; empty if the part failed.
+struct Found {
+    std::string ext = "none", khr = "none";
+    bool rayTracingPipelines = false;
+};
+
+Found foundBy(const PartResult &result)
+{
+    Found found;
+    if (result.rows.empty())
+        return found;
+    rapidjson::Document row;
+    row.Parse(result.rows.front().data(), result.rows.front().size());
+    if (row.HasParseError())
+        return found;
+    found.ext = row["ext"].GetString();
+    found.khr = row["khr"].GetString();
+    found.rayTracingPipelines = row["rayTracingPipelines"].GetBool();
+    return found;
+}
+
+// A way to have micromaps on the device.
+struct Way {
+    const char *implementation;
+    MicromapApi api;
+};
+
+// The parts that measure, with the seconds of each. The self-check is first: of a wrong device no time matters.
+std::vector<Part> partsOf(const std::vector<Way> &ways, bool rayTracingPipelines, double seconds)
+{
+    struct Share {
+        PartKind kind;
+        Trace trace;
+        double part;
+    };
+    constexpr Share kShares[] = {{PartKind::Check, Trace::Query, 1},
+                                 {PartKind::Frames, Trace::Query, 4},
+                                 {PartKind::Frames, Trace::Pipeline, 4},
+                                 {PartKind::Builds, Trace::Query, 2},
+                                 {PartKind::Pipelines, Trace::Query, 1}};
+    std::vector<Part> parts;
+    double all = 0;
+    for (const Share &share : kShares) {
+        if (share.kind == PartKind::Frames && share.trace == Trace::Pipeline && !rayTracingPipelines)
+            continue;
+        for (const Way &way : ways) {
+            parts.push_back({share.kind, way.implementation, way.api, share.trace, share.part});
+            all += share.part;
+        }
+    }
+    for (Part &part : parts)
+        part.seconds *= seconds / all;
+    return parts;
+}
+
+class Run
+{
+public:
+    explicit Run(const BenchOptions &options) : options_(options) {}
+
+    // Which implementations there are.
+    std::vector<Way> findWays()
+    {
+        std::vector<Way> ways;
+        const Found emulated = describe("emulated");
+        pipelines_ = emulated.rayTracingPipelines;
+        if (emulated.khr == "emulated")
+            ways.push_back({"emulated", MicromapApi::Khr});
+        if (describe("ext").khr == "translated")
+            ways.push_back({"ext", MicromapApi::Khr});
+        const Found own = describe("driver");
+        pipelines_ = pipelines_ || own.rayTracingPipelines;
+        if (own.khr == "driver")
+            ways.push_back({"driver", MicromapApi::Khr});
+        else if (own.ext == "driver")
+            ways.push_back({"driver", MicromapApi::Ext});
+        return ways;
+    }
+    void measure(const std::vector<Way> &ways)
+    {
+        const std::vector<Part> parts = partsOf(ways, pipelines_, std::max(options_.seconds - elapsed(), 10.0));
+        for (const Part &part : parts) {
+            Progress progress(fmt::format("vellum bench: {}", part.name()));
+            results_.push_back(runPartProcess(part, options_.device, [&](const std::string &) {
+                progress.update(static_cast<size_t>(elapsed()), static_cast<size_t>(options_.seconds) + 1);
+            }));
+        }
+    }
+    [[nodiscard]] const std::vector<PartResult> &results() const { return results_; }
+    [[nodiscard]] double elapsed() const
+    {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+    }
+
+private:
+    Found describe(const char *implementation)
+    {
+        const Part part{PartKind::Device, implementation, MicromapApi::Khr, Trace::Query, 5};
+        PartResult result = runPartProcess(part, options_.device, [](const std::string &) {});
+        if (result.rows.empty() && results_.empty())
+            throw Error("no device can be measured: " + result.failure);
+        const Found found = foundBy(result);
+        if (results_.empty())
+            results_.push_back(std::move(result)); // the device is the same for all
+        return found;
+    }
+
+    const BenchOptions &options_;
+    std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+    bool pipelines_ = false;
+    std::vector<PartResult> results_;
+};
+
+void write(const std::filesystem::path &path, const std::string &text)
+{
+    writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+}
+
+} // namespace
+
+int benchCommand(const BenchOptions &options)
+{
+    if (options.part)
+        return runPart(*options.part, options.device);
+    const std::filesystem::path page = outputFor(options.output, "vellum-bench.html");
+    const std::filesystem::path data = std::filesystem::path(page).replace_extension(".json");
+    checkWritable(page, options.force);
+    checkWritable(data, true);
+    Run run(options);
+    const std::vector<Way> ways = run.findWays();
+    if (ways.empty())
+        throw Error("the device cannot have micromaps: vellum info says why");
+    run.measure(ways);
+    const std::vector<std::string> verdict = verdictOf(run.results());
+    const std::string json = benchJson(run.results(), verdict, run.elapsed());
+    write(data, json);
+    write(page, benchPage(json));
+    bool complete = true;
+    for (const PartResult &result : run.results())
+        complete = complete && result.failure.empty();
+    for (const std::string &sentence : verdict)
+        fmt::print("{}\n", sentence);
+    fmt::print("Report: {}, {}\n", page.string(), data.string());
+    return static_cast<int>(complete ? ExitCode::Success : ExitCode::Failed);
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// `vellum bench`
+#pragma once
+
+#include "cli/bench/part.h"
+
+namespace vellum::cli
+{
+
+struct BenchOptions {
+    std::optional<std::filesystem::path> output; // the page; the JSON is beside it
+    BenchDevice device;
+    double seconds = 180;     // of all parts together
+    bool force = false;       // replaces any file
+    std::optional<Part> part; // only this, in this process
+};
+
+// Measures, prints the verdict on stdout, and writes the report. Returns the exit code.
+int benchCommand(const BenchOptions &options);
+
+} // namespace vellum::cli

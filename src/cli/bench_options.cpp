@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <CLI/CLI.hpp>
+#include <memory>
+
+#include "cli/bench_command.h"
+#include "cli/commands.h"
+#include "cli/options/checks.h"
+#include "cli/options/help.h"
+#include "cli/render_options.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr const char *kBenchDetails = R"(
+Measures opacity micromaps on a GPU, and writes a report to send: one web page, and the same as JSON beside it. First a
+self-check by random cases, then frames with micromaps beside frames with alpha tests, by ray queries and by ray tracing
+pipelines; builds with the layer and without; and making pipelines. Where the driver has micromaps, they are measured
+beside emulated ones. Each part runs in a process of its own, with short submissions: if one hangs, crashes or loses the
+device, the rest goes on. The report names the device and its driver, and nothing of the machine or its user.
+
+Exit status:
+  0  everything was measured
+  1  some part failed; the report has the others
+  2  usage error
+
+Examples:
+  vellum bench
+      three minutes on the most powerful device; vellum-bench.html
+  vellum bench --device 1 --seconds 600 -o reports/
+      longer, another device
+)";
+
+// What a process that measures one part is told.
+struct PartWords {
+    std::string kind, implementation = "auto", api = "khr", trace = "query";
+};
+
+Part partOf(const PartWords &words, double seconds)
+{
+    size_t kind = 0;
+    while (words.kind != kPartNames[kind])
+        ++kind;
+    return {static_cast<PartKind>(kind), words.implementation, micromapApis().at(words.api),
+            words.trace == "query" ? Trace::Query : Trace::Pipeline, seconds};
+}
+
+} // namespace
+
+std::function<int()> declareBenchCommand(CLI::App &app)
+{
+    const auto options = std::make_shared<BenchOptions>();
+    const auto part = std::make_shared<PartWords>();
+    CLI::App &command = *app.add_subcommand("bench", "Measures micromaps on a GPU, and writes a report to send");
+    command.footer(kBenchDetails);
+    command.option_defaults()->group(kOutput);
+    command.add_option("-o,--output", options->output, "The page, or a folder for it [vellum-bench.html]")
+        ->type_name("FILE");
+    command.add_flag("--force", options->force, "Replace a file that vellum did not write");
+    command.option_defaults()->group(kDevice);
+    command.add_option("-d,--device", options->device.device, "The Vulkan device: a number or a part of its name");
+    command
+        .add_option("--layer-path", options->device.layerFolder,
+                    "Folder of the layer's manifest, instead of the one installed with this program")
+        ->type_name("FOLDER");
+    command.option_defaults()->group(kSelection);
+    command.add_option("--seconds", options->seconds, "How long it may take, about [180]")->check(between(0.1, 86400));
+    command.option_defaults()->group(""); // for its own processes
+    takesWords(*command.add_option("--part", part->kind), {std::begin(kPartNames), std::end(kPartNames)});
+    takesWords(*command.add_option("--implementation", part->implementation), {"auto", "driver", "ext", "emulated"});
+    takesWords(*command.add_option("--api", part->api), {"khr", "ext"});
+    takesWords(*command.add_option("--trace", part->trace), {"query", "pipeline"});
+    return [options, part] {
+        if (!part->kind.empty())
+            options->part = partOf(*part, options->seconds);
+        return benchCommand(*options);
+    };
+}
+
+} // namespace vellum::cli
