@@ -99,7 +99,7 @@ public:
         const std::vector<Part> parts = partsOf(ways, pipelines_, std::max(options_.seconds - elapsed(), 10.0));
         for (const Part &part : parts) {
             Progress progress(fmt::format("vellum bench: {}", part.name()));
-            results_.push_back(runPartProcess(part, options_.device, [&](const std::string &) {
+            results_.push_back(runPartProcess(part, options_.device, options_.timeout, [&] {
                 progress.update(static_cast<size_t>(elapsed()), static_cast<size_t>(options_.seconds) + 1);
             }));
         }
@@ -114,7 +114,7 @@ private:
     Found describe(const char *implementation)
     {
         const Part part{PartKind::Device, implementation, MicromapApi::Khr, Trace::Query, 5};
-        PartResult result = runPartProcess(part, options_.device, [](const std::string &) {});
+        PartResult result = runPartProcess(part, options_.device, options_.timeout, [] {});
         if (result.rows.empty() && results_.empty())
             throw Error("no device can be measured: " + result.failure);
         const Found found = foundBy(result);

@@ -124,6 +124,19 @@ with tempfile.TemporaryDirectory() as name:
         assert int(suite.get("tests")) == len(suite.findall("testcase"))
         assert int(suite.get("failures")) == len(suite.findall("testcase/failure"))
 
+    # Times of a fraction of a second mean nothing, but every part has rows.
+    done = subprocess.run([VELLUM, "bench", "--seconds", "1", "-o", folder / "bench.html"], capture_output=True, text=True,
+                          timeout=300)
+    assert done.returncode == 0, done.stderr
+    bench = json.loads((folder / "bench.json").read_text(encoding="utf-8"))
+    found = faults(bench, SCHEMA)
+    assert not found, found
+    assert all(part["rows"] and not part["failure"] for part in bench["parts"]), bench
+    assert all(row["differingPixels"] == 0 for part in bench["parts"] for row in part["rows"] if row["row"] == "frame")
+    assert all(row["failed"] == 0 for part in bench["parts"] for row in part["rows"] if row["row"] == "check")
+    page = (folder / "bench.html").read_text(encoding="utf-8")
+    assert all(word not in page for word in ("<!--@", str(folder), "/home/", "/root/"))
+
     # The schema is no use if it takes everything.
     assert faults({}, SCHEMA) and faults([], SCHEMA)
     for change in (lambda v: v.update(schema="vellum/0"), lambda v: v["files"][0].pop("bytes"),

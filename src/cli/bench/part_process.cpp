@@ -19,8 +19,6 @@ namespace vellum::cli
 namespace
 {
 
-constexpr double kStarting = 30; // seconds beyond those of the part
-
 std::vector<std::string> wordsOf(const Part &part, const BenchDevice &device)
 {
     std::vector<std::string> words = {"vellum",
@@ -135,8 +133,11 @@ public:
         const size_t last = errors.find_last_not_of('\n');
         const std::string text = last == std::string::npos ? "" : errors.substr(0, last + 1);
         const size_t line = text.rfind('\n');
-        return text.empty() ? fmt::format("ended with code {}", WEXITSTATUS(status))
-                            : text.substr(line == std::string::npos ? 0 : line + 1);
+        if (text.empty())
+            return fmt::format("ended with code {}", WEXITSTATUS(status));
+        constexpr std::string_view kName = "vellum: "; // of the program, before a message
+        const std::string message = text.substr(line == std::string::npos ? 0 : line + 1);
+        return message.starts_with(kName) ? message.substr(kName.size()) : message;
     }
 
 private:
@@ -146,8 +147,8 @@ private:
 
 } // namespace
 
-PartResult runPartProcess(const Part &part, const BenchDevice &device,
-                          const std::function<void(const std::string &row)> &seen)
+PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
+                          const std::function<void()> &progress)
 {
     PartResult result{part, {}, {}, 0};
     const auto begin = std::chrono::steady_clock::now();
@@ -157,7 +158,7 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device,
     Child child(wordsOf(part, device));
     std::string output, errors;
     bool open = true;
-    while (open && elapsed() < 3 * part.seconds + kStarting) {
+    for (double last = 0; open && elapsed() < last + timeout; progress()) {
         open = child.read(output, errors, 200);
         for (size_t end = output.find('\n'); end != std::string::npos; end = output.find('\n')) {
             const std::string line = output.substr(0, end);
@@ -165,13 +166,12 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device,
             if (!line.starts_with("{\"row\":")) // a driver printed it
                 continue;
             result.rows.push_back(line);
-            seen(line);
+            last = elapsed();
         }
-        seen({});
     }
     if (open) {
         child.kill();
-        result.failure = fmt::format("did not end within {:.0f} seconds", 3 * part.seconds + kStarting);
+        result.failure = fmt::format("hung: no result for {:g} seconds", timeout);
     } else {
         result.failure = child.ending(errors);
     }

@@ -18,10 +18,9 @@ struct PartResult {
     double seconds = 0;
 };
 
-// Runs `vellum bench --part` and waits, at most until three times the seconds that the part should take and some more
-// for starting. `seen`: called with each row, and now and then with an empty one. Throws Error if no process can be
-// started.
-PartResult runPartProcess(const Part &part, const BenchDevice &device,
-                          const std::function<void(const std::string &row)> &seen);
+// Runs `vellum bench --part`, and ends it if no row comes for `timeout` seconds. `progress` is called now and then.
+// Throws Error if no process can be started.
+PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
+                          const std::function<void()> &progress);
 
 } // namespace vellum::cli

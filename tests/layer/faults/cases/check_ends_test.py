@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""On a device that hangs, dies, is lost or does nothing, `vellum check` runs to its end and keeps every result."""
+"""On a device that hangs, dies, is lost or does nothing, `vellum check` and `vellum bench` run to their end and keep every
+result."""
+import json
 import os
 import pathlib
 import subprocess
@@ -50,6 +52,23 @@ class CheckEnds(unittest.TestCase):
                 code, results = self.check(fault, 10, 1)
                 self.assertEqual(code, 0)
                 self.assertEqual(set(results.values()), {"Pass", "Flake"})
+
+
+    def test_bench(self):
+        for fault, words in {"hangs": "hung", "dies": "crashed", "loses-device": "the device was lost"}.items():
+            with self.subTest(fault), tempfile.TemporaryDirectory() as name:
+                folder = pathlib.Path(name)
+                planted = next(known for known in faults.known_faults(BUILD) if known.name == fault)
+                variables = faults.environment(BUILD, folder, planted) | {"VELLUM_TEST_FAULT_AFTER": "30"}
+                ended = subprocess.run([str(BUILD / "bin/vellum"), "bench", "--seconds", "1", "--timeout", "5" if fault == "hangs" else "60", "-o",
+                                        str(folder / "report.html")], env=variables, capture_output=True, text=True, check=False)
+                self.assertEqual(ended.returncode, 1, ended.stderr)
+                parts = json.loads((folder / "report.json").read_text())["parts"]
+                self.assertTrue((folder / "report.html").is_file())
+                self.assertTrue(parts[0]["rows"])
+                self.assertTrue(any(part["failure"] for part in parts))
+                for part in parts:
+                    self.assertIn(words if part["failure"] else "", part["failure"])
 
 
 if __name__ == "__main__":
