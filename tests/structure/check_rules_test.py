@@ -66,7 +66,6 @@ class CheckRules(unittest.TestCase):
         self.assertIn(expected, out)
 
     def test_page_is_written(self):
-        self.assertIn("docs/validation.md: the tables are stale", self.run_check()[1])
         code, out = self.run_check("--write")
         self.assertEqual((code, out), (0, "1 rules are open\n\n0 findings in 4 rules\n"))
         page = self.read("docs/validation.md")
