@@ -1,0 +1,188 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Which rules do Vellum's validation and Khronos' validation layer report? Runs the wrong programs of tests/validation, and
+the right program beside each, with both, and prints tables.
+
+  side_by_side.py --build build/release                   with the validation layer of this machine
+  side_by_side.py --build build/release --root FOLDER     with that of the Debian in FOLDER, which is made if it is not there
+  side_by_side.py --build build/release --cases '*11560*' --json out.json
+
+Vellum runs as in the tests. Khronos' layer runs above Vellum, which emulates micromaps and validates nothing: once with
+its default checks, and, if these are silent, with synchronization and GPU-assisted validation as well. Each program has
+a process of its own. With --root it runs there by chroot, as root, with the folder of the checkout in its place; lavapipe is
+the driver.
+"""
+import argparse
+import collections
+import csv
+import json
+import os
+import pathlib
+import re
+import shlex
+import signal
+import subprocess
+import sys
+
+CHECKOUT = pathlib.Path(__file__).resolve().parents[2]
+RULES = CHECKOUT / "src/layer/validation/rules.csv"
+PROGRAM = "bin/validation_tests"
+PACKAGES = "libvulkan1,mesa-vulkan-drivers,vulkan-validationlayers"
+DRIVER = "/usr/share/vulkan/icd.d/lvp_icd*.json"
+ALL_CHECKS = {"VK_KHRONOS_VALIDATION_VALIDATE_SYNC": "1", "VK_KHRONOS_VALIDATION_GPUAV_ENABLE": "1"}
+LOG = {"VK_KHRONOS_VALIDATION_DEBUG_ACTION": "VK_DBG_LAYER_ACTION_LOG_MSG",
+       "VK_KHRONOS_VALIDATION_LOG_FILENAME": "stdout", "VK_KHRONOS_VALIDATION_REPORT_FLAGS": "error"}
+ERROR = re.compile(r"Validation Error: \[ (\S+) \]")
+CASE = re.compile(r"^  (\S+)")
+ENDED = re.compile(r"^\[ +(OK|FAILED|SKIPPED) +\] (\S+?),? .*\(\d+ ms\)$", re.M)
+DRIVEN_BY_SIGNALS = 128
+
+# errors: ids in the order in which they were reported; ended: "ok", "skipped", "hangs", or a signal
+Run = collections.namedtuple("Run", "errors ended")
+Case = collections.namedtuple("Case", "name rule variant")
+
+
+class Place:
+    """Where Khronos' layer runs: this machine, or the Debian in a folder."""
+    def __init__(self, root, suite, mirror):
+        self.root = root
+        if root and not (root / "usr/share/vulkan/explicit_layer.d").exists():
+            subprocess.run(["debootstrap", "--variant=minbase", f"--include={PACKAGES}", suite, str(root), *mirror],
+                           check=True)
+
+    def command(self, *words):
+        if not self.root:
+            return list(words)
+        folder = CHECKOUT.parents[-2]  # the first below the root of this machine
+        mounts = [("proc", "--bind"), ("sys", "--bind"), ("dev", "--rbind"), (str(folder).lstrip("/"), "--rbind")]
+        (self.root / str(folder).lstrip("/")).mkdir(parents=True, exist_ok=True)
+        script = " && ".join(f"mount {how} /{what} {shlex.quote(str(self.root / what))}" for what, how in mounts)
+        return ["unshare", "--mount", "sh", "-c", f'{script} && exec chroot {shlex.quote(str(self.root))} "$@"', "sh", *words]
+
+    def driver(self):
+        found = sorted((self.root or pathlib.Path("/")).glob(DRIVER.lstrip("/")))
+        return "/" + str(found[0].relative_to(self.root or "/")) if found else ""
+
+
+def rules_by_letters():
+    """Rules by their ids without punctuation, as GoogleTest has them in the names of cases."""
+    with open(RULES, newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {re.sub(r"\W", "", row["vuid"]): row["vuid"] for row in rows}
+
+
+def cases_of(program, pattern):
+    listed = subprocess.run([program, "--gtest_list_tests", f"--gtest_filter={pattern}"], check=True, text=True,
+                            stdout=subprocess.PIPE).stdout
+    rules = rules_by_letters()
+    suite, cases = "", []
+    for line in listed.splitlines():
+        match = CASE.match(line)
+        if not match:
+            suite = line.split()[0] if line.endswith(".") else suite
+            continue
+        letters = match[1].split("/")[-1]
+        known = max((each for each in rules if letters.startswith(each)), key=len, default=None)
+        if suite.endswith("WrongPrograms.") and known:
+            cases.append(Case(suite + match[1], rules[known], letters[len(known):]))
+    return cases
+
+
+def vellum(program, cases, seconds):
+    """How each case ended as a test."""
+    output = subprocess.run([program, "--gtest_color=no", "--gtest_filter=" + ":".join(case.name for case in cases)],
+                            check=False, text=True, errors="replace", stdout=subprocess.PIPE, timeout=seconds * len(cases)).stdout
+    return {name: how for how, name in ENDED.findall(output)}
+
+
+def khronos(place, program, case, which, checks, seconds):
+    variables = {name: value for name, value in os.environ.items() if not name.startswith(("VELLUM_", "VK_"))}
+    variables |= {"VELLUM_TEST_VALIDATION": "above", "VELLUM_TEST_PROGRAM": which, "VK_DRIVER_FILES": place.driver(),
+                  **LOG, **checks}
+    try:
+        done = subprocess.run(place.command(program, f"--gtest_filter={case.name}"), check=False, env=variables, text=True,
+                              errors="replace", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=seconds)
+    except subprocess.TimeoutExpired as late:
+        return Run(ERROR.findall((late.stdout or b"").decode(errors="replace")), "hangs")
+    code = done.returncode if done.returncode <= DRIVEN_BY_SIGNALS else DRIVEN_BY_SIGNALS - done.returncode
+    ended = signal.Signals(-code).name if code < 0 else "skipped" if "SKIPPED" in done.stdout else "ok"
+    return Run(list(dict.fromkeys(ERROR.findall(done.stdout))), ended)
+
+
+def verdict(rule, right, wrong):
+    """What a layer makes of a wrong program, given what it reports of the right one."""
+    new = [error for error in wrong.errors if error not in right.errors]
+    if wrong.ended == "skipped":
+        return "skipped"
+    if rule in new:
+        return "reported" if wrong.ended == "ok" else f"reported, {wrong.ended}"
+    if wrong.ended != "ok":
+        return wrong.ended if right.ended == "ok" else f"{right.ended} (also the right one)"
+    return "as " + ", ".join(new) if new else "silent"
+
+
+def compare(place, program, case, seconds):
+    result = {}
+    for name, checks in (("default", {}), ("all", ALL_CHECKS)):
+        right, wrong = (khronos(place, program, case, which, checks, seconds) for which in ("right", "wrong"))
+        result[name] = {"verdict": verdict(case.rule, right, wrong), "right": right.errors, "wrong": wrong.errors}
+        if not result[name]["verdict"].startswith(("silent", "as")):
+            break
+    return result
+
+
+def printed(results):
+    def short(text):
+        return re.sub(r"VUID-\w+-(?:[\w-]*-)?(\d{5})", r"\1", text)
+
+    def theirs(result):
+        verdicts = [result[name]["verdict"] for name in ("default", "all") if name in result]
+        if verdicts[-1].startswith("reported") and len(verdicts) > 1:
+            return verdicts[-1] + " (all checks)"
+        return verdicts[0] if verdicts[-1] == "silent" else verdicts[-1] + (" (all checks)" if len(verdicts) > 1 else "")
+
+    kinds = collections.Counter()
+    lines = ["| rule | program | Vellum | Khronos |", "|---|---|---|---|"]
+    for case, ours, result in results:
+        cell = theirs(result)
+        kinds[(ours, re.sub(r"^as .*", "another rule", cell))] += 1
+        lines.append(f"| {case.rule} | {case.variant} | {ours} | {short(cell)} |")
+    false = [(case, name, each["right"]) for case, _, result in results for name, each in result.items() if each["right"]]
+    print(f"{len(results)} wrong programs\n\n| Vellum | Khronos | programs |\n|---|---|--:|")
+    for (ours, cell), count in kinds.most_common():
+        print(f"| {ours} | {cell} | {count} |")
+    print("\n" + "\n".join(lines))
+    print(f"\nErrors of Khronos' layer in {len({case for case, _, _ in false})} right programs")
+    for case, name, errors in false:
+        print(f"- {case.rule} {case.variant} ({name}): {', '.join(errors)}")
+
+
+def main():
+    parser = argparse.ArgumentParser(usage=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", type=pathlib.Path, required=True)
+    parser.add_argument("--root", type=pathlib.Path)
+    parser.add_argument("--suite", default="testing")
+    parser.add_argument("--mirror", nargs="?", default=[], type=lambda value: [value])
+    parser.add_argument("--cases", default="*")
+    parser.add_argument("--seconds", type=float, default=60, help="after which a program hangs")
+    parser.add_argument("--json", type=pathlib.Path)
+    options = parser.parse_args()
+    program = str((options.build / PROGRAM).resolve())
+    place = Place(options.root.resolve() if options.root else None, options.suite, options.mirror)
+    cases = cases_of(program, options.cases)
+    if not cases:
+        raise SystemExit("there is no such case")
+    ours = vellum(program, cases, options.seconds)
+    words = {"OK": "reported", "FAILED": "not as expected", "SKIPPED": "skipped"}
+    results = []
+    for number, case in enumerate(cases, 1):
+        results.append((case, words.get(ours.get(case.name), "crashes"), compare(place, program, case, options.seconds)))
+        print(f"\r{number} of {len(cases)}", end="", file=sys.stderr)
+    if options.json:
+        options.json.write_text(json.dumps([{**case._asdict(), "vellum": how, "khronos": result}
+                                            for case, how, result in results], indent=1), encoding="utf-8")
+    printed(results)
+
+
+if __name__ == "__main__":
+    main()
