@@ -14,7 +14,6 @@ the driver.
 """
 import argparse
 import collections
-import csv
 import json
 import os
 import pathlib
@@ -25,7 +24,6 @@ import subprocess
 import sys
 
 CHECKOUT = pathlib.Path(__file__).resolve().parents[2]
-RULES = CHECKOUT / "src/layer/validation/rules.csv"
 PROGRAM = "bin/validation_tests"
 PACKAGES = "libvulkan1,mesa-vulkan-drivers,vulkan-validationlayers"
 DRIVER = "/usr/share/vulkan/icd.d/lvp_icd*.json"
@@ -33,7 +31,7 @@ ALL_CHECKS = {"VK_KHRONOS_VALIDATION_VALIDATE_SYNC": "1", "VK_KHRONOS_VALIDATION
 LOG = {"VK_KHRONOS_VALIDATION_DEBUG_ACTION": "VK_DBG_LAYER_ACTION_LOG_MSG",
        "VK_KHRONOS_VALIDATION_LOG_FILENAME": "stdout", "VK_KHRONOS_VALIDATION_REPORT_FLAGS": "error"}
 ERROR = re.compile(r"Validation Error: \[ (\S+) \]")
-CASE = re.compile(r"^  (\S+)")
+CASE = re.compile(r"^  (\S+)  # GetParam\(\) = (\S+) ?(.*)$")
 ENDED = re.compile(r"^\[ +(OK|FAILED|SKIPPED) +\] (\S+?),? .*\(\d+ ms\)$", re.M)
 DRIVEN_BY_SIGNALS = 128
 
@@ -64,27 +62,16 @@ class Place:
         return "/" + str(found[0].relative_to(self.root or "/")) if found else ""
 
 
-def rules_by_letters():
-    """Rules by their ids without punctuation, as GoogleTest has them in the names of cases."""
-    with open(RULES, newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return {re.sub(r"\W", "", row["vuid"]): row["vuid"] for row in rows}
-
-
 def cases_of(program, pattern):
     listed = subprocess.run([program, "--gtest_list_tests", f"--gtest_filter={pattern}"], check=True, text=True,
                             stdout=subprocess.PIPE).stdout
-    rules = rules_by_letters()
     suite, cases = "", []
     for line in listed.splitlines():
         match = CASE.match(line)
-        if not match:
-            suite = line.split()[0] if line.endswith(".") else suite
-            continue
-        letters = match[1].split("/")[-1]
-        known = max((each for each in rules if letters.startswith(each)), key=len, default=None)
-        if suite.endswith("WrongPrograms.") and known:
-            cases.append(Case(suite + match[1], rules[known], letters[len(known):]))
+        if match:
+            cases.append(Case(suite + match[1], match[2], match[3]))
+        elif not line.startswith(" "):
+            suite = line.split()[0]
     return cases
 
 

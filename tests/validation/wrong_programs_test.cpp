@@ -6,6 +6,17 @@
 
 #include "programs.h"
 
+namespace vt
+{
+
+// For --gtest_list_tests, which bench/validation reads.
+void PrintTo(const WrongProgram &program, std::ostream *out)
+{
+    *out << program.rule << ' ' << program.variant;
+}
+
+} // namespace vt
+
 namespace
 {
 
