@@ -6,6 +6,7 @@
   structures, those that name a micromap, and those of address ranges;
 - src/layer has the id of every rule that is checked, and the rule has a test: a file of wrong programs in
   tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither;
+- every rule that src/layer names has a row;
 - columns have words that are known.
 
 With --write, the tables of the page are written anew, and rows without a test get those that name their id.
@@ -51,6 +52,8 @@ OF_RANGES = range(13000, 13130)
 # Rules of Vulkan 1.3.239 that later versions have under other numbers.
 RENUMBERED = re.compile(r"-(?:03677|07334|07403|0743[0124]|07439|0746[567]|07501|07513|0751[789]|0752[012346]|07534|07535|"
                         r"07538|07545|07551|0757[345])$|VkCopyMicromapInfoEXT-src-07532$")
+# The registry has no such rules of mesh draws, only of other draws.
+OF_MESHES = re.compile(r"MeshTasksIndirect(?:Count)?2EXT-pInfo-1311[0-3]$")
 NAMED = re.compile(r"VUID-[A-Za-z0-9-]+[A-Za-z0-9]")
 EXPECTED = re.compile(r"VELLUM-(VUID-[A-Za-z0-9-]+[A-Za-z0-9])")
 BEGIN, END = "<!-- begin {} -->\n", "<!-- end {} -->\n"
@@ -212,6 +215,8 @@ def check(registry, root):
     if vuids != sorted(set(vuids)):
         found.append(f"{TABLE}: rows are not sorted, or a rule has two")
     found += [f"{TABLE}: no row for {vuid}" for vuid in sorted(of_registry(registry) - set(vuids))]
+    found += [f"src/layer: {TABLE} has no row for {name}" for name in sorted(names) if not OF_MESHES.search(name)
+              and not any(fnmatch.fnmatchcase(name, vuid) for vuid in vuids)]
     page = (root / PAGE).read_text(encoding="utf-8")
     if page != generated(page, rows, names) and not UNFINISHED:
         found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")

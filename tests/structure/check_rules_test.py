@@ -82,7 +82,7 @@ class CheckRules(unittest.TestCase):
     def test_missing_rows(self):
         for vuid in ("VUID-vkMapEXT-a-00001", "VUID-vkOld-micromap-00004", "VUID-vkRangeKHR-b-00002"):
             rest = "".join(line for line in TABLE.splitlines(True) if vuid not in line)
-            self.expect_finding(f"no row for {vuid}\n1 findings", rest)
+            self.expect_finding(f"rules.csv: no row for {vuid}\n", rest)
 
     def test_unknown_words(self):
         self.expect_finding("where is cpu", TABLE.replace("gpu", "cpu"))
@@ -99,9 +99,10 @@ class CheckRules(unittest.TestCase):
         self.expect_finding("there is no test Suite.Cz*\n", TABLE.replace("Suite.Ca*", "Suite.Cz*"))
         self.expect_finding("there is no test some_programs.cpp\n", TABLE.replace("Suite.Ca*", "some_programs.cpp"))
 
-    def test_code_is_missing(self):
+    def test_other_ids_in_code(self):
         self.put("src/layer/validation/some.cpp", CODE.replace("a-00001", "a-00009"))
         self.run_check("--write")
+        self.assertIn("rules.csv has no row for VUID-vkMapEXT-a-00009\n", self.run_check()[1])
         self.assertIn("| open | 2 |", self.read("docs/validation.md"))
 
 
