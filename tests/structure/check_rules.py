@@ -5,7 +5,8 @@
 - every numbered rule (VUID) that the registry has for these extensions has a row: the rules of their commands and
   structures, those that name a micromap, and those of address ranges;
 - src/layer has the id of every rule that is checked, and the rule has a test: a file of wrong programs in
-  tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither;
+  tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither.
+  Where src/layer has only the end of an id ("micromap-11636"), one command with a test stands for all;
 - every rule that src/layer names has a row;
 - columns have words that are known.
 
@@ -28,6 +29,7 @@ import findings
 REGISTRY = "/usr/share/vulkan/registry/validusage.json"
 TABLE = "src/layer/validation/rules.csv"
 PROGRAMS = "tests/validation"
+SUITE = "WrongPrograms"
 PAGE = "docs/validation.md"
 COLUMNS = ["vuid", "extension", "where", "how", "without", "test"]
 MICROMAP = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap")
@@ -52,6 +54,7 @@ OF_RANGES = range(13000, 13130)
 # Rules of Vulkan 1.3.239 that later versions have under other numbers.
 RENUMBERED = re.compile(r"-(?:03677|07334|07403|0743[0124]|07439|0746[567]|07501|07513|0751[789]|0752[012346]|07534|07535|"
                         r"07538|07545|07551|0757[345])$|VkCopyMicromapInfoEXT-src-07532$")
+END_OF_ID = re.compile(r'"-?([A-Za-z]+-\d{5})"')
 # The registry has no such rules of mesh draws, only of other draws.
 OF_MESHES = re.compile(r"MeshTasksIndirect(?:Count)?2EXT-pInfo-1311[0-3]$")
 NAMED = re.compile(r"VUID-[A-Za-z0-9-]+[A-Za-z0-9]")
@@ -103,7 +106,11 @@ def code_of(folder):
 
 
 def in_code(root):
-    return {name for _, code in code_of(root / "src/layer") for name in NAMED.findall(code)}
+    """Ids, and patterns where the code has only the end of an id."""
+    names = set()
+    for _, code in code_of(root / "src/layer"):
+        names |= {*NAMED.findall(code), *(f"VUID-*-{end}" for end in END_OF_ID.findall(code))}
+    return names
 
 
 def in_tests(root):
@@ -118,15 +125,30 @@ def in_tests(root):
     return tests
 
 
+def end_of(vuid):
+    """The id without its command or structure."""
+    return vuid.split("-", 2)[-1]
+
+
 def is_named(vuid, names):
-    return vuid in names or ("*" in vuid and any(fnmatch.fnmatchcase(name, vuid) for name in names))
+    if "*" in vuid:
+        return any(fnmatch.fnmatchcase(name, vuid) for name in names)
+    return vuid in names or f"VUID-*-{end_of(vuid)}" in names
 
 
-def missing_test(row, tests, expected):
+def expected_of(vuid, names, expected):
+    """The tests that expect a rule."""
+    found = set(expected.get(vuid, ()))
+    if not found and f"VUID-*-{end_of(vuid)}" in names:
+        found = set().union(*(tests for other, tests in expected.items() if end_of(other) == end_of(vuid)))
+    return found
+
+
+def missing_test(row, tests, found):
     """The first test of a row that does not exist."""
     for test in row["test"].split():
         suite, _, case = test.partition(".")
-        if test in expected.get(row["vuid"], ()):
+        if test in found or (suite == SUITE and found):
             continue
         if not any(fnmatch.fnmatchcase(s, suite) and fnmatch.fnmatchcase(c, case) for s, cases in tests.items()
                    for c in cases):
@@ -139,6 +161,7 @@ def is_open(row, names):
 
 
 def wrong_row(row, names, tests, expected):
+    missing = missing_test(row, tests, expected_of(row["vuid"], names, expected))
     vuid, where = row["vuid"], row["where"]
     if where not in WHERE:
         yield f"{vuid}: where is {where}"
@@ -148,8 +171,8 @@ def wrong_row(row, names, tests, expected):
         yield f"{vuid}: without is {row['without']}"
     if not row["how"]:
         yield f"{vuid}: how is empty"
-    if missing_test(row, tests, expected):
-        yield f"{vuid}: there is no test {missing_test(row, tests, expected)}"
+    if missing:
+        yield f"{vuid}: there is no test {missing}"
     if where in CHECKED and not UNFINISHED:
         if not is_named(vuid, names):
             yield f"{vuid}: src/layer does not name it"
@@ -196,16 +219,17 @@ def generated(page, rows, names):
 
 
 def write(root):
-    rows, named = read(root), in_tests(root)
+    rows, names, expected = read(root), in_code(root), in_tests(root)
     for row in rows:
-        row["test"] = row["test"] or " ".join(sorted(named.get(row["vuid"], ())))
+        if not row["test"] or row["test"].startswith(SUITE):
+            row["test"] = " ".join(sorted(expected_of(row["vuid"], names, expected)))
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
     writer.writerows(sorted(rows, key=lambda row: row["vuid"]))
     (root / TABLE).write_text(text.getvalue(), encoding="utf-8")
     page = root / PAGE
-    page.write_text(generated(page.read_text(encoding="utf-8"), rows, in_code(root)), encoding="utf-8")
+    page.write_text(generated(page.read_text(encoding="utf-8"), rows, names), encoding="utf-8")
 
 
 def check(registry, root):
@@ -216,7 +240,7 @@ def check(registry, root):
         found.append(f"{TABLE}: rows are not sorted, or a rule has two")
     found += [f"{TABLE}: no row for {vuid}" for vuid in sorted(of_registry(registry) - set(vuids))]
     found += [f"src/layer: {TABLE} has no row for {name}" for name in sorted(names) if not OF_MESHES.search(name)
-              and not any(fnmatch.fnmatchcase(name, vuid) for vuid in vuids)]
+              and not any(fnmatch.fnmatchcase(name, vuid) or fnmatch.fnmatchcase(vuid, name) for vuid in vuids)]
     page = (root / PAGE).read_text(encoding="utf-8")
     if page != generated(page, rows, names) and not UNFINISHED:
         found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")

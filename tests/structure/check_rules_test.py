@@ -79,6 +79,22 @@ class CheckRules(unittest.TestCase):
         self.assertIn("order,undefined,Suite.Case\n", table)
         self.assertIn("knows,ignored,some_programs.cpp\n", table)
 
+    def test_ends_of_ids(self):
+        self.put("src/layer/validation/more.cpp", 'say("-micromap-00004");\n')
+        self.put("tests/validation/some_test.cpp", TESTS.replace("vkOld", "vkOther"))
+        self.put("src/layer/validation/rules.csv", TABLE.replace("open,order,undefined,", "sync,order,undefined,"))
+        self.assertEqual(self.run_check("--write"), (0, "0 rules are open\n\n0 findings in 4 rules\n"))
+        self.assertIn("order,undefined,Suite.Case\n", self.read("src/layer/validation/rules.csv"))
+
+    def test_wrong_programs(self):
+        table = TABLE.replace("knows,ignored,", "knows,ignored,WrongPrograms.VUID")
+        self.put("src/layer/validation/rules.csv", table)
+        self.assertEqual(self.run_check()[0], 0)
+        self.run_check("--write")
+        self.assertIn("knows,ignored,some_programs.cpp\n", self.read("src/layer/validation/rules.csv"))
+        self.put("tests/validation/some_programs.cpp", "")
+        self.assertEqual(self.run_check()[0], 1)
+
     def test_missing_rows(self):
         for vuid in ("VUID-vkMapEXT-a-00001", "VUID-vkOld-micromap-00004", "VUID-vkRangeKHR-b-00002"):
             rest = "".join(line for line in TABLE.splitlines(True) if vuid not in line)
