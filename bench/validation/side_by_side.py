@@ -28,6 +28,7 @@ PROGRAM = "bin/validation_tests"
 PACKAGES = "libvulkan1,mesa-vulkan-drivers,vulkan-validationlayers"
 DRIVER = "/usr/share/vulkan/icd.d/lvp_icd*.json"
 ALL_CHECKS = {"VK_KHRONOS_VALIDATION_VALIDATE_SYNC": "1", "VK_KHRONOS_VALIDATION_GPUAV_ENABLE": "1"}
+WITHOUT_BUILDS = ALL_CHECKS | {"VK_KHRONOS_VALIDATION_GPUAV_ACCELERATION_STRUCTURES_BUILDS": "0"}
 LOG = {"VK_KHRONOS_VALIDATION_DEBUG_ACTION": "VK_DBG_LAYER_ACTION_LOG_MSG",
        "VK_KHRONOS_VALIDATION_LOG_FILENAME": "stdout", "VK_KHRONOS_VALIDATION_REPORT_FLAGS": "error"}
 ERROR = re.compile(r"Validation Error: \[ (\S+) \]")
@@ -98,50 +99,58 @@ def khronos(place, program, case, which, checks, seconds):
 
 def verdict(rule, right, wrong):
     """What a layer makes of a wrong program, given what it reports of the right one."""
-    new = [error for error in wrong.errors if error not in right.errors]
-    if wrong.ended == "skipped":
+    if "skipped" in (right.ended, wrong.ended):
         return "skipped"
+    new = [error for error in wrong.errors if error not in right.errors]
+    if right.ended != "ok":
+        return f"{right.ended}, right program as well"
     if rule in new:
-        return "reported" if wrong.ended == "ok" else f"reported, {wrong.ended}"
+        return "reported" if wrong.ended == "ok" else f"reported, then {wrong.ended}"
     if wrong.ended != "ok":
-        return wrong.ended if right.ended == "ok" else f"{right.ended} (also the right one)"
-    return "as " + ", ".join(new) if new else "silent"
+        return wrong.ended
+    return "another rule: " + ", ".join(new) if new else "silent"
 
 
 def compare(place, program, case, seconds):
+    """The verdict with each set of checks, until one is more than silence."""
     result = {}
-    for name, checks in (("default", {}), ("all", ALL_CHECKS)):
+    for name, checks in (("default checks", {}), ("all checks", ALL_CHECKS), ("all checks but builds", WITHOUT_BUILDS)):
         right, wrong = (khronos(place, program, case, which, checks, seconds) for which in ("right", "wrong"))
         result[name] = {"verdict": verdict(case.rule, right, wrong), "right": right.errors, "wrong": wrong.errors}
-        if not result[name]["verdict"].startswith(("silent", "as")):
+        if not result[name]["verdict"].startswith(("silent", "another")) and right.ended == "ok":
+            break
+        if name == "all checks" and right.ended == "ok":
             break
     return result
 
 
+def best(result):
+    """The verdict of the last checks that did not crash on the right program, and which these were."""
+    kept = [(each["verdict"], name) for name, each in result.items() if "as well" not in each["verdict"]]
+    said, name = (kept or [(each["verdict"], name) for name, each in result.items()])[-1]
+    if said == "silent" and kept[0][0] != "silent":
+        said, name = kept[0]
+    return said + (f" ({name})" if said.startswith("reported") and name != "default checks" else "")
+
+
 def printed(results):
     def short(text):
-        return re.sub(r"VUID-\w+-(?:[\w-]*-)?(\d{5})", r"\1", text)
+        return re.sub(r"(?:VUID|UNASSIGNED)-(\w+)-(?:[\w-]*-)?(\d{5})", r"\2", text)
 
-    def theirs(result):
-        verdicts = [result[name]["verdict"] for name in ("default", "all") if name in result]
-        if verdicts[-1].startswith("reported") and len(verdicts) > 1:
-            return verdicts[-1] + " (all checks)"
-        return verdicts[0] if verdicts[-1] == "silent" else verdicts[-1] + (" (all checks)" if len(verdicts) > 1 else "")
-
-    kinds = collections.Counter()
-    lines = ["| rule | program | Vellum | Khronos |", "|---|---|---|---|"]
-    for case, ours, result in results:
-        cell = theirs(result)
-        kinds[(ours, re.sub(r"^as .*", "another rule", cell))] += 1
-        lines.append(f"| {case.rule} | {case.variant} | {ours} | {short(cell)} |")
-    false = [(case, name, each["right"]) for case, _, result in results for name, each in result.items() if each["right"]]
+    kinds = collections.Counter((ours, re.sub(r"^another rule.*", "another rule", best(result)))
+                                for _, ours, result in results)
     print(f"{len(results)} wrong programs\n\n| Vellum | Khronos | programs |\n|---|---|--:|")
-    for (ours, cell), count in kinds.most_common():
-        print(f"| {ours} | {cell} | {count} |")
-    print("\n" + "\n".join(lines))
-    print(f"\nErrors of Khronos' layer in {len({case for case, _, _ in false})} right programs")
-    for case, name, errors in false:
-        print(f"- {case.rule} {case.variant} ({name}): {', '.join(errors)}")
+    for (ours, theirs), count in kinds.most_common():
+        print(f"| {ours} | {theirs} | {count} |")
+    print("\n| rule | program | Vellum | Khronos |\n|---|---|---|---|")
+    for case, ours, result in results:
+        print(f"| {case.rule} | {case.variant} | {ours} | {short(best(result))} |")
+    right = {(case, error) for case, _, result in results for each in result.values() for error in each["right"]}
+    print(f"\nErrors of Khronos' layer in {len({case for case, _ in right})} right programs")
+    for case, error in sorted(right):
+        print(f"- {case.rule} {case.variant}: {error}")
+    crashes = [case.rule for case, _, result in results if any("as well" in each["verdict"] for each in result.values())]
+    print(f"\nCrashes of Khronos' layer in {len(crashes)} right programs: {', '.join(crashes)}")
 
 
 def main():
