@@ -28,6 +28,8 @@ import findings
 
 REGISTRY = "/usr/share/vulkan/registry/validusage.json"
 TABLE = "src/layer/validation/rules.csv"
+CODE = "src/layer"
+VALIDATION = "src/layer/validation"
 PROGRAMS = "tests/validation"
 SUITE = "WrongPrograms"
 PAGE = "docs/validation.md"
@@ -105,10 +107,10 @@ def code_of(folder):
             yield path, check_messages.SEAM.sub("", code)
 
 
-def in_code(root):
+def in_code(folder):
     """Ids, and patterns where the code has only the end of an id."""
     names = set()
-    for _, code in code_of(root / "src/layer"):
+    for _, code in code_of(folder):
         names |= {*NAMED.findall(code), *(f"VUID-*-{end}" for end in END_OF_ID.findall(code))}
     return names
 
@@ -190,17 +192,28 @@ def places(rows):
     return ", ".join(names) if len(names) < 4 else f"{names[0]} and {len(names) - 1} more"
 
 
-def totals(rows, names):
-    counts = collections.Counter("open" if is_open(row, names) else row["where"] for row in rows)
+def where_of(row, names, everywhere):
+    """As on the page: also whether only the implementation reports the rule, and not validation."""
+    where = row["where"]
+    if is_open(row, names):
+        return where if where == "open" else f"{where} (open)"
+    return where if where not in CHECKED or is_named(row["vuid"], everywhere) else f"{where} (not the driver's)"
+
+
+def totals(rows, names, everywhere):
+    wheres = [where_of(row, names, everywhere) for row in rows]
+    counts = collections.Counter("open" if "open" in where else where.split()[0] for where in wheres)
     lines = ["| where | rules | how |", "|---|---|---|"]
     lines += [f"| {where} | {counts[where]} | {words} |" for where, words in WHERE.items()]
-    return "\n".join([*lines, f"| total | {len(rows)} | |"]) + "\n"
+    own = sum("driver's" in where for where in wheres)
+    lines += [f"| total | {len(rows)} | {own} of them are not checked where micromaps are the driver's own |"]
+    return "\n".join(lines) + "\n"
 
 
-def table(rows, names):
+def table(rows, names, everywhere):
     groups = {}
     for row in rows:
-        where = f"{row['where']} (open)" if is_open(row, names) and row["where"] != "open" else row["where"]
+        where = where_of(row, names, everywhere)
         key = (short(row["vuid"]), where, row["how"], row["without"], row["test"])
         groups.setdefault(key, []).append(row)
     lines = ["| rule | of | where | how | without validation | tests |", "|---|---|---|---|---|---|"]
@@ -210,16 +223,17 @@ def table(rows, names):
     return "\n".join(lines) + "\n"
 
 
-def generated(page, rows, names):
+def generated(page, rows, root):
+    names, everywhere = in_code(root / CODE), in_code(root / VALIDATION)
     for name, text in (("totals", totals), ("rules", table)):
         begin, end = BEGIN.format(name), END.format(name)
         before, rest = page.split(begin)
-        page = before + begin + text(rows, names) + end + rest.split(end)[1]
+        page = before + begin + text(rows, names, everywhere) + end + rest.split(end)[1]
     return page
 
 
 def write(root):
-    rows, names, expected = read(root), in_code(root), in_tests(root)
+    rows, names, expected = read(root), in_code(root / CODE), in_tests(root)
     for row in rows:
         if not row["test"] or row["test"].startswith(SUITE):
             row["test"] = " ".join(sorted(expected_of(row["vuid"], names, expected)))
@@ -229,11 +243,11 @@ def write(root):
     writer.writerows(sorted(rows, key=lambda row: row["vuid"]))
     (root / TABLE).write_text(text.getvalue(), encoding="utf-8")
     page = root / PAGE
-    page.write_text(generated(page.read_text(encoding="utf-8"), rows, names), encoding="utf-8")
+    page.write_text(generated(page.read_text(encoding="utf-8"), rows, root), encoding="utf-8")
 
 
 def check(registry, root):
-    rows, names, tests, expected = read(root), in_code(root), check_coverage.of_sources(root), in_tests(root)
+    rows, names, tests, expected = read(root), in_code(root / CODE), check_coverage.of_sources(root), in_tests(root)
     vuids = [row["vuid"] for row in rows]
     found = [f"{TABLE}: {line}" for row in rows for line in wrong_row(row, names, tests, expected)]
     if vuids != sorted(set(vuids)):
@@ -242,7 +256,7 @@ def check(registry, root):
     found += [f"src/layer: {TABLE} has no row for {name}" for name in sorted(names) if not OF_MESHES.search(name)
               and not any(fnmatch.fnmatchcase(name, vuid) or fnmatch.fnmatchcase(vuid, name) for vuid in vuids)]
     page = (root / PAGE).read_text(encoding="utf-8")
-    if page != generated(page, rows, names) and not UNFINISHED:
+    if page != generated(page, rows, root) and not UNFINISHED:
         found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")
     print(f"{sum(is_open(row, names) for row in rows)} rules are open")
     return found, len(rows)

@@ -73,6 +73,14 @@ class CheckRules(unittest.TestCase):
         self.assertIn("| gpu | 1 |", page)
         self.assertIn("| open | 1 |", page)
 
+    def test_only_the_implementation_reports(self):
+        self.put("src/layer/micromaps/some.cpp", CODE)
+        self.put("src/layer/validation/some.cpp", "")
+        self.run_check("--write")
+        page = self.read("docs/validation.md")
+        self.assertIn("| 00001 | vkMapEXT | gpu (not the driver's) | data | works: all | Suite.Ca\\* |\n", page)
+        self.assertIn("| total | 4 | 2 of them are not", page)
+
     def test_tests_are_filled_in(self):
         self.run_check("--write")
         table = self.read("src/layer/validation/rules.csv")
