@@ -10,7 +10,7 @@
 - every rule that src/layer names has a row;
 - columns have words that are known.
 
-With --write, the tables of the page are written anew, and rows without a test get those that name their id.
+With --write, the tables of the page are written anew, and rows get the tests that name their id.
 
 usage: check_rules.py [--write] [VALIDUSAGE [ROOT]]
 """
@@ -235,8 +235,8 @@ def generated(page, rows, root):
 def write(root):
     rows, names, expected = read(root), in_code(root / CODE), in_tests(root)
     for row in rows:
-        if not row["test"] or row["test"].startswith(SUITE):
-            row["test"] = " ".join(sorted(expected_of(row["vuid"], names, expected)))
+        kept = {test for test in row["test"].split() if not test.startswith(SUITE)}
+        row["test"] = " ".join(sorted(kept | expected_of(row["vuid"], names, expected)))
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()

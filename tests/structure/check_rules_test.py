@@ -85,6 +85,7 @@ class CheckRules(unittest.TestCase):
         self.run_check("--write")
         table = self.read("src/layer/validation/rules.csv")
         self.assertIn("order,undefined,Suite.Case\n", table)
+        self.assertIn("pointers,passed on,Suite.Case\n", table)
         self.assertIn("knows,ignored,some_programs.cpp\n", table)
 
     def test_ends_of_ids(self):
