@@ -5,10 +5,12 @@
 - every numbered rule (VUID) that the registry has for these extensions has a row: the rules of their commands and
   structures, those that name a micromap, and those of address ranges;
 - src/layer has the id of every rule that is checked, and the rule has a test: a file of wrong programs in
-  tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither;
+  tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither.
+  Where src/layer has only the end of an id ("micromap-11636"), one command with a test stands for all;
+- every rule that src/layer names has a row;
 - columns have words that are known.
 
-With --write, the tables of the page are written anew, and rows without a test get those that name their id.
+With --write, the tables of the page are written anew, and rows get the tests that name their id.
 
 usage: check_rules.py [--write] [VALIDUSAGE [ROOT]]
 """
@@ -26,7 +28,10 @@ import findings
 
 REGISTRY = "/usr/share/vulkan/registry/validusage.json"
 TABLE = "src/layer/validation/rules.csv"
+CODE = "src/layer"
+VALIDATION = "src/layer/validation"
 PROGRAMS = "tests/validation"
+SUITE = "WrongPrograms"
 PAGE = "docs/validation.md"
 COLUMNS = ["vuid", "extension", "where", "how", "without", "test"]
 MICROMAP = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap")
@@ -51,10 +56,13 @@ OF_RANGES = range(13000, 13130)
 # Rules of Vulkan 1.3.239 that later versions have under other numbers.
 RENUMBERED = re.compile(r"-(?:03677|07334|07403|0743[0124]|07439|0746[567]|07501|07513|0751[789]|0752[012346]|07534|07535|"
                         r"07538|07545|07551|0757[345])$|VkCopyMicromapInfoEXT-src-07532$")
+END_OF_ID = re.compile(r'"-?([A-Za-z]+-\d{5})"')
+# The registry has no such rules of mesh draws, only of other draws.
+OF_MESHES = re.compile(r"MeshTasksIndirect(?:Count)?2EXT-pInfo-1311[0-3]$")
 NAMED = re.compile(r"VUID-[A-Za-z0-9-]+[A-Za-z0-9]")
 EXPECTED = re.compile(r"VELLUM-(VUID-[A-Za-z0-9-]+[A-Za-z0-9])")
 BEGIN, END = "<!-- begin {} -->\n", "<!-- end {} -->\n"
-# Until the rules are written, those without code or test are counted as open.
+# Until the rules are written, those without code or test are counted as open, and the page may be stale.
 UNFINISHED = True
 
 
@@ -99,8 +107,12 @@ def code_of(folder):
             yield path, check_messages.SEAM.sub("", code)
 
 
-def in_code(root):
-    return {name for _, code in code_of(root / "src/layer") for name in NAMED.findall(code)}
+def in_code(folder):
+    """Ids, and patterns where the code has only the end of an id."""
+    names = set()
+    for _, code in code_of(folder):
+        names |= {*NAMED.findall(code), *(f"VUID-*-{end}" for end in END_OF_ID.findall(code))}
+    return names
 
 
 def in_tests(root):
@@ -115,15 +127,30 @@ def in_tests(root):
     return tests
 
 
+def end_of(vuid):
+    """The id without its command or structure."""
+    return vuid.split("-", 2)[-1]
+
+
 def is_named(vuid, names):
-    return vuid in names or ("*" in vuid and any(fnmatch.fnmatchcase(name, vuid) for name in names))
+    if "*" in vuid:
+        return any(fnmatch.fnmatchcase(name, vuid) for name in names)
+    return vuid in names or f"VUID-*-{end_of(vuid)}" in names
 
 
-def missing_test(row, tests, expected):
+def expected_of(vuid, names, expected):
+    """The tests that expect a rule."""
+    found = set(expected.get(vuid, ()))
+    if not found and f"VUID-*-{end_of(vuid)}" in names:
+        found = set().union(*(tests for other, tests in expected.items() if end_of(other) == end_of(vuid)))
+    return found
+
+
+def missing_test(row, tests, found):
     """The first test of a row that does not exist."""
     for test in row["test"].split():
         suite, _, case = test.partition(".")
-        if test in expected.get(row["vuid"], ()):
+        if test in found or (suite == SUITE and found):
             continue
         if not any(fnmatch.fnmatchcase(s, suite) and fnmatch.fnmatchcase(c, case) for s, cases in tests.items()
                    for c in cases):
@@ -136,6 +163,7 @@ def is_open(row, names):
 
 
 def wrong_row(row, names, tests, expected):
+    missing = missing_test(row, tests, expected_of(row["vuid"], names, expected))
     vuid, where = row["vuid"], row["where"]
     if where not in WHERE:
         yield f"{vuid}: where is {where}"
@@ -145,8 +173,8 @@ def wrong_row(row, names, tests, expected):
         yield f"{vuid}: without is {row['without']}"
     if not row["how"]:
         yield f"{vuid}: how is empty"
-    if missing_test(row, tests, expected):
-        yield f"{vuid}: there is no test {missing_test(row, tests, expected)}"
+    if missing:
+        yield f"{vuid}: there is no test {missing}"
     if where in CHECKED and not UNFINISHED:
         if not is_named(vuid, names):
             yield f"{vuid}: src/layer does not name it"
@@ -164,17 +192,28 @@ def places(rows):
     return ", ".join(names) if len(names) < 4 else f"{names[0]} and {len(names) - 1} more"
 
 
-def totals(rows, names):
-    counts = collections.Counter("open" if is_open(row, names) else row["where"] for row in rows)
+def where_of(row, names, everywhere):
+    """As on the page: also whether only the implementation reports the rule, and not validation."""
+    where = row["where"]
+    if is_open(row, names):
+        return where if where == "open" else f"{where} (open)"
+    return where if where not in CHECKED or is_named(row["vuid"], everywhere) else f"{where} (not the driver's)"
+
+
+def totals(rows, names, everywhere):
+    wheres = [where_of(row, names, everywhere) for row in rows]
+    counts = collections.Counter("open" if "open" in where else where.split()[0] for where in wheres)
     lines = ["| where | rules | how |", "|---|---|---|"]
     lines += [f"| {where} | {counts[where]} | {words} |" for where, words in WHERE.items()]
-    return "\n".join([*lines, f"| total | {len(rows)} | |"]) + "\n"
+    own = sum("driver's" in where for where in wheres)
+    lines += [f"| total | {len(rows)} | {own} of them are not checked where micromaps are the driver's own |"]
+    return "\n".join(lines) + "\n"
 
 
-def table(rows, names):
+def table(rows, names, everywhere):
     groups = {}
     for row in rows:
-        where = f"{row['where']} (open)" if is_open(row, names) and row["where"] != "open" else row["where"]
+        where = where_of(row, names, everywhere)
         key = (short(row["vuid"]), where, row["how"], row["without"], row["test"])
         groups.setdefault(key, []).append(row)
     lines = ["| rule | of | where | how | without validation | tests |", "|---|---|---|---|---|---|"]
@@ -184,36 +223,40 @@ def table(rows, names):
     return "\n".join(lines) + "\n"
 
 
-def generated(page, rows, names):
+def generated(page, rows, root):
+    names, everywhere = in_code(root / CODE), in_code(root / VALIDATION)
     for name, text in (("totals", totals), ("rules", table)):
         begin, end = BEGIN.format(name), END.format(name)
         before, rest = page.split(begin)
-        page = before + begin + text(rows, names) + end + rest.split(end)[1]
+        page = before + begin + text(rows, names, everywhere) + end + rest.split(end)[1]
     return page
 
 
 def write(root):
-    rows, named = read(root), in_tests(root)
+    rows, names, expected = read(root), in_code(root / CODE), in_tests(root)
     for row in rows:
-        row["test"] = row["test"] or " ".join(sorted(named.get(row["vuid"], ())))
+        kept = {test for test in row["test"].split() if not test.startswith(SUITE)}
+        row["test"] = " ".join(sorted(kept | expected_of(row["vuid"], names, expected)))
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
     writer.writerows(sorted(rows, key=lambda row: row["vuid"]))
     (root / TABLE).write_text(text.getvalue(), encoding="utf-8")
     page = root / PAGE
-    page.write_text(generated(page.read_text(encoding="utf-8"), rows, in_code(root)), encoding="utf-8")
+    page.write_text(generated(page.read_text(encoding="utf-8"), rows, root), encoding="utf-8")
 
 
 def check(registry, root):
-    rows, names, tests, expected = read(root), in_code(root), check_coverage.of_sources(root), in_tests(root)
+    rows, names, tests, expected = read(root), in_code(root / CODE), check_coverage.of_sources(root), in_tests(root)
     vuids = [row["vuid"] for row in rows]
     found = [f"{TABLE}: {line}" for row in rows for line in wrong_row(row, names, tests, expected)]
     if vuids != sorted(set(vuids)):
         found.append(f"{TABLE}: rows are not sorted, or a rule has two")
     found += [f"{TABLE}: no row for {vuid}" for vuid in sorted(of_registry(registry) - set(vuids))]
+    found += [f"src/layer: {TABLE} has no row for {name}" for name in sorted(names) if not OF_MESHES.search(name)
+              and not any(fnmatch.fnmatchcase(name, vuid) or fnmatch.fnmatchcase(vuid, name) for vuid in vuids)]
     page = (root / PAGE).read_text(encoding="utf-8")
-    if page != generated(page, rows, names):
+    if page != generated(page, rows, root) and not UNFINISHED:
         found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")
     print(f"{sum(is_open(row, names) for row in rows)} rules are open")
     return found, len(rows)
