@@ -77,6 +77,11 @@ inline constexpr std::array kLibrariesNames{
     Name<TracePlan::Libraries>{TracePlan::Libraries::Three, "three"},
     Name<TracePlan::Libraries>{TracePlan::Libraries::Nested, "nested"},
 };
+inline constexpr std::array kLaunchNames{
+    Name<Launch>{Launch::Direct, "direct"},
+    Name<Launch>{Launch::Indirect, "indirect"},
+    Name<Launch>{Launch::Indirect2, "indirect2"},
+};
 inline constexpr std::array kStageNames{
     Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_COMPUTE_BIT, "VK_SHADER_STAGE_COMPUTE_BIT"},
     Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_VERTEX_BIT, "VK_SHADER_STAGE_VERTEX_BIT"},

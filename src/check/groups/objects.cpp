@@ -33,7 +33,7 @@ Case copies(Random &random, const DeviceLimits &limits)
 
 Case serialization(Random &random, const DeviceLimits &limits)
 {
-    constexpr std::array kinds{Kind::ReloadObject, Kind::ReloadMicromap, Kind::ReloadTop};
+    constexpr std::array kinds{Kind::ReloadObject, Kind::ReloadMicromap, Kind::ReloadMicromap, Kind::ReloadTop};
     return withSteps(random, limits, kinds, 3);
 }
 
@@ -56,15 +56,34 @@ Case sequences(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+// Micromaps by host commands, mixed with those of the device.
+Case hostCopies(Random &random, const DeviceLimits &limits)
+{
+    constexpr std::array kinds{Kind::CloneMicromap, Kind::CompactMicromap, Kind::ReloadMicromap, Kind::SetStates};
+    Case c = withSteps(random, limits, kinds, 4);
+    if (chance(random, 50))
+        c.build.micromaps = BuildCommand::Host;
+    for (Step &step : c.steps) {
+        step.host = chance(random, 75);
+        step.deferred = step.host && chance(random, 40);
+    }
+    return c;
+}
+
 constexpr std::array kGroups{
     Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
           200, runGroup<copies>},
-    Group{"serialization", "serialized and deserialized, into fresh memory and into memory that was in use",
+    Group{"serialization", "serialized and deserialized, into fresh memory and over another content; version data",
           "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
-          "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries",
+          "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries; "
+          "vkGetDeviceAccelerationStructureCompatibilityKHR, vkGetDeviceMicromapCompatibilityEXT",
           150, runGroup<serialization>},
+    Group{"host-copies", "micromaps that are copied, serialized, deserialized and queried on the host, also deferred",
+          "vkCopyMicromapEXT, vkCopyMicromapToMemoryEXT, vkCopyMemoryToMicromapEXT, vkWriteMicromapsPropertiesEXT; "
+          "Deferred Host Operations; micromapHostCommands",
+          120, runGroup<hostCopies>},
     Group{"updates", "updates with other states, other indices and the same data",
           "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
           "acceleration structure can change on update\"",

@@ -227,7 +227,27 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     c.trace.dynamicStackSize = chance(random, 20);
     c.trace.recursion = chance(random, 30);
     c.trace.flags2 = chance(random, 30);
+    c.trace.unusedStage = chance(random, 20);
+    c.trace.recordPadding = chance(random, 30) ? 1 + below(random, 4) : 0;
     c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
+    return c;
+}
+
+// Rays whose number and tables are read by the device.
+Case indirectTraces(Random &random, const DeviceLimits &limits)
+{
+    Case c = pipelines(random, limits);
+    c.trace.launch = chance(random, 50) ? Launch::Indirect : Launch::Indirect2;
+    c.trace.recordPadding = chance(random, 60) ? below(random, 8) : 0;
+    c.trace.recursion = chance(random, 15);
+    return c;
+}
+
+// Two ray queries at a time, in an array.
+Case queryObjects(Random &random, const DeviceLimits &limits)
+{
+    Case c = queries(random, limits);
+    c.trace.queryArray = true;
     return c;
 }
 
@@ -280,6 +300,12 @@ constexpr std::array kGroups{
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR; "
           "VK_KHR_pipeline_library",
           200, runGroup<pipelinePlans>},
+    Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
+          "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
+          120, runGroup<indirectTraces>},
+    Group{"query-objects", "two ray queries at a time, in an array",
+          "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own", 60,
+          runGroup<queryObjects>},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
           runGroup<executionMode>},
