@@ -244,6 +244,9 @@ std::string Account::commandsOf(const Step &step) const
         return fmt::format("vkCreateAccelerationStructureKHR makes a second handle at the address of object {}, whose "
                            "first one is destroyed.",
                            t);
+    case Kind::RebuildObjects:
+        return fmt::format("One vkCmdBuildAccelerationStructuresKHR builds every second object again, among them {}.",
+                           t);
     case Kind::CloneMicromap:
         return fmt::format("{} clones micromap {}{}; {}.", copyMicromap, t,
                            step.states.empty() ? "" : ", and the original is built with other states", users);

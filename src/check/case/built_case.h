@@ -56,6 +56,8 @@ private:
     void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
     void reloadObject(Bottom &bottom);
     void buildObject(uint32_t object, bool update);
+    void prepareObject(uint32_t object, VkBuildAccelerationStructureModeKHR mode);
+    void rebuildObjects(uint32_t parity);
     void buildMicromapUsers(uint32_t micromap, bool update);
     void moveObject(Bottom &moved, uint32_t built);
     void setStates(Micromap &micromap, const Step &step);

@@ -38,13 +38,34 @@ bool compatible(const Device &gpu, const uint8_t *version)
 
 } // namespace
 
-void BuiltCase::buildObject(uint32_t object, bool update)
+void BuiltCase::prepareObject(uint32_t object, VkBuildAccelerationStructureModeKHR mode)
 {
     Bottom &bottom = bottoms_[object];
     bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_);
-    bottom.structure->prepare(bottom.geometries, bottom.flags,
-                              update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
-                                     : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    bottom.structure->prepare(bottom.geometries, bottom.flags, mode);
+}
+
+void BuiltCase::rebuildObjects(uint32_t parity)
+{
+    std::vector<const Structure *> structures;
+    Writes writes;
+    for (uint32_t o = parity; o < bottoms_.size(); o += 2) {
+        prepareObject(o, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+        const Blas &structure = *bottoms_[o].structure;
+        structures.push_back(&structure);
+        writes.insert(writes.end(), {structure.range(), structure.scratchRange()});
+    }
+    const StructureBuilds builds(gpu_, structures);
+    execute("built again together", writes, [&](VkCommandBuffer commands) { builds.record(commands); });
+    for (uint32_t o = parity; o < bottoms_.size(); o += 2)
+        bottoms_[o].structure->forgetInput();
+}
+
+void BuiltCase::buildObject(uint32_t object, bool update)
+{
+    Bottom &bottom = bottoms_[object];
+    prepareObject(object, update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
+                                 : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     execute(update ? "updated" : "built", {bottom.structure->range(), bottom.structure->scratchRange()},
             [&](VkCommandBuffer commands) { bottom.structure->record(commands); });
     bottom.structure->forgetInput();
@@ -100,6 +121,7 @@ void BuiltCase::applyToObject(const Step &step)
     case Kind::ReloadObject: return reloadObject(bottom);
     case Kind::UpdateObject: return buildObject(step.target, true);
     case Kind::RebuildObject: return buildObject(step.target, false);
+    case Kind::RebuildObjects: return rebuildObjects(step.target % 2);
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
         auto second = std::make_unique<Blas>(gpu_);

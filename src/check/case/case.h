@@ -46,8 +46,9 @@ struct Step {
         ReloadObject, // serialized and deserialized
         UpdateObject, // with the same data
         RebuildObject,
-        MoveObject,   // cloned, and `other` built in its memory by the same submission
-        RenameObject, // a second handle at the same address
+        MoveObject,     // cloned, and `other` built in its memory by the same submission
+        RenameObject,   // a second handle at the same address
+        RebuildObjects, // every second object, the target among them, by one command
         // On a micromap; the structures that use it are built again (`update`: updated).
         CloneMicromap, // and the original built again with `states`, if there are any
         CompactMicromap,

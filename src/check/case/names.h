@@ -44,6 +44,7 @@ inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::RebuildObject, "rebuild-object"},
     Name<Step::Kind>{Step::Kind::MoveObject, "move-object"},
     Name<Step::Kind>{Step::Kind::RenameObject, "rename-object"},
+    Name<Step::Kind>{Step::Kind::RebuildObjects, "rebuild-objects"},
     Name<Step::Kind>{Step::Kind::CloneMicromap, "clone-micromap"},
     Name<Step::Kind>{Step::Kind::CompactMicromap, "compact-micromap"},
     Name<Step::Kind>{Step::Kind::ReloadMicromap, "reload-micromap"},

@@ -159,6 +159,7 @@ std::vector<Kind> simplerThan(Kind kind)
 {
     switch (kind) {
     case Kind::UpdateObject: return {Kind::CloneObject, Kind::RebuildObject};
+    case Kind::RebuildObjects: return {Kind::RebuildObject};
     case Kind::CompactObject:
     case Kind::ReloadObject:
     case Kind::RebuildObject:
