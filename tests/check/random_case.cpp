@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "random_case.h"
 
+#include "check/case/step.h"
 #include "check/case/trace.h"
 #include "check/groups/random_case.h"
 
@@ -29,7 +30,13 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .threads = 1 + below(random, 4),
                .instancePointers = yes(),
                .single = c.steps.empty() && yes(),
-               .spareTriangles = below(random, 3)};
+               .conditional = yes(),
+               .spareTriangles = below(random, 3),
+               .spareInstances = below(random, 3)};
+    for (Step &step : c.steps) {
+        step.host = targetOf(step.kind) == Target::Micromap && yes();
+        step.deferred = step.host && yes();
+    }
     c.trace = {.method = static_cast<TracePlan::Method>(below(random, 2)),
                .stage = kQueryStages[below(random, kQueryStages.size())],
                .flags = static_cast<TracePlan::Flags>(below(random, 3)),
@@ -37,10 +44,16 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .byAddress = yes(),
                .inlineModules = yes(),
                .besideBuild = yes(),
+               .boundFirst = yes(),
                .libraries = static_cast<TracePlan::Libraries>(below(random, 4)),
                .dynamicStackSize = yes(),
                .recursion = yes(),
                .flags2 = yes(),
+               .unusedStage = yes(),
+               .launch = static_cast<Launch>(below(random, 3)),
+               .recordPadding = below(random, 3),
                .withoutMicromaps = yes()};
+    c.trace.queryArray = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
+                         !c.trace.byAddress;
     return c;
 }

@@ -84,6 +84,22 @@ const Break kBreaks[] = {
     {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 3; })},
     {"no such stage",
      kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
+    {"needs the compute stage", kAlwaysPossible([](Case &c) {
+         c.trace.queryArray = true;
+         c.trace.byAddress = true;
+     })},
+    {"has no host command", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::CloneTop, 0)};
+         c.steps[0].host = true;
+     })},
+    {"only host commands are deferred", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.steps = {stepOf(Step::Kind::ReloadMicromap, *use.micromap)};
+         c.steps[0].deferred = true;
+     })},
+    {"has states that it does not use", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.steps = {stepOf(Step::Kind::ReloadMicromap, *use.micromap)};
+         c.steps[0].states = c.scene.micromaps[*use.micromap].triangles;
+     })},
     {"has steps", kAlwaysPossible([](Case &c) {
          c.build.single = true;
          c.steps = {stepOf(Step::Kind::CloneTop, 0)};

@@ -144,6 +144,11 @@ private:
             return "vkBuildMicromapsEXT";
         return khr_ ? "vkCmdBuildAccelerationStructuresKHR" : "vkCmdBuildMicromapsEXT";
     }
+    [[nodiscard]] const char *structureBuild() const
+    {
+        return case_.build.structures == BuildCommand::Indirect ? "vkCmdBuildAccelerationStructuresIndirectKHR"
+                                                                : "vkCmdBuildAccelerationStructuresKHR";
+    }
     void writeMicromaps()
     {
         for (size_t i = 0; i < case_.scene.micromaps.size(); ++i) {
@@ -160,13 +165,10 @@ private:
     }
     void writeObjects()
     {
-        const char *const command = case_.build.structures == BuildCommand::Indirect
-                                        ? "vkCmdBuildAccelerationStructuresIndirectKHR"
-                                        : "vkCmdBuildAccelerationStructuresKHR";
         for (size_t o = 0; o < case_.scene.objects.size(); ++o) {
             const oracle::Object &object = case_.scene.objects[o];
             number("{} builds object {}, a bottom-level structure, flags {} and those that what follows needs{}:",
-                   command, o, namesOf(object.flags, kStructureFlagNames),
+                   structureBuild(), o, namesOf(object.flags, kStructureFlagNames),
                    case_.build.together && o > 0 ? ", by the same command" : "");
             for (size_t m = 0; m < object.meshes.size(); ++m)
                 line("     geometry {}: {}", m, describe(object.meshes[m]));
@@ -176,11 +178,15 @@ private:
     }
     void writeTop()
     {
-        number("vkCmdBuildAccelerationStructuresKHR builds the top level{}:",
+        number("{} builds the top level{}:", structureBuild(),
                case_.build.instancePointers ? " from an array of pointers" : "");
         writeInstances(case_.scene.instances);
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
+        if (case_.build.conditional)
+            line("     Builds, copies and queries are within conditional rendering whose predicate is false.");
+        if (case_.build.spareInstances > 0)
+            line("     ppMaxPrimitiveCounts allows for {} more.", case_.build.spareInstances);
     }
     void writeInstances(const std::vector<oracle::Instance> &instances)
     {
@@ -204,9 +210,16 @@ private:
 std::string Account::commandsOf(const Step &step) const
 {
     const uint32_t t = step.target;
-    const std::string copyMicromap = khr_ ? "vkCmdCopyAccelerationStructureKHR" : "vkCmdCopyMicromapEXT";
-    const std::string serialize = khr_ ? "vkCmdCopyAccelerationStructureToMemoryKHR" : "vkCmdCopyMicromapToMemoryEXT";
-    const std::string load = khr_ ? "vkCmdCopyMemoryToAccelerationStructureKHR" : "vkCmdCopyMemoryToMicromapEXT";
+    // Of micromaps.
+    const auto command = [&](const char *khr, const char *ext, const char *host) {
+        return std::string(khr_ ? khr : step.host ? host : ext) + (step.deferred ? ", deferred," : "");
+    };
+    const std::string copyMicromap =
+        command("vkCmdCopyAccelerationStructureKHR", "vkCmdCopyMicromapEXT", "vkCopyMicromapEXT");
+    const std::string serialize = command("vkCmdCopyAccelerationStructureToMemoryKHR", "vkCmdCopyMicromapToMemoryEXT",
+                                          "vkCopyMicromapToMemoryEXT");
+    const std::string load = command("vkCmdCopyMemoryToAccelerationStructureKHR", "vkCmdCopyMemoryToMicromapEXT",
+                                     "vkCopyMemoryToMicromapEXT");
     const std::string users = step.update ? "the structures that use it are updated (MODE_UPDATE)"
                                           : "the structures that use it are built again";
     switch (step.kind) {
@@ -231,17 +244,22 @@ std::string Account::commandsOf(const Step &step) const
         return fmt::format("vkCreateAccelerationStructureKHR makes a second handle at the address of object {}, whose "
                            "first one is destroyed.",
                            t);
+    case Kind::RebuildObjects:
+        return fmt::format("One vkCmdBuildAccelerationStructuresKHR builds every second object again, among them {}.",
+                           t);
     case Kind::CloneMicromap:
         return fmt::format("{} clones micromap {}{}; {}.", copyMicromap, t,
                            step.states.empty() ? "" : ", and the original is built with other states", users);
     case Kind::CompactMicromap:
         return fmt::format("{} compacts micromap {} to the size that a query reports; {}.", copyMicromap, t, users);
     case Kind::ReloadMicromap:
-        return fmt::format("{} serializes micromap {}, {} deserializes it to a new one; {}.", serialize, t, load,
-                           users);
+        return fmt::format("{} serializes micromap {}, {} deserializes it to {}{}; {}.", serialize, t, load,
+                           step.inPlace ? "its own memory" : "a new one",
+                           step.states.empty() ? "" : ", where other states were built in between", users);
     case Kind::SetStates:
-        return fmt::format("Micromap {} is built {} with other states; {}:{}", t,
-                           step.inPlace ? "by its handle" : "anew", users, describe(step.states));
+        return fmt::format("Micromap {} is built {}{} with other states; {}:{}", t,
+                           step.inPlace ? "by its handle" : "anew", step.host ? " by vkBuildMicromapsEXT" : "", users,
+                           describe(step.states));
     case Kind::SetIndices:
         return fmt::format("vkCmdBuildAccelerationStructuresKHR {} object {}, whose geometry {} has now {}.",
                            step.update ? "updates" : "builds again", t, step.other,
@@ -330,6 +348,10 @@ void Account::writeRay()
          case_.trace.method == TracePlan::Method::Pipeline
              ? std::string("a ray tracing pipeline")
              : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage)));
+    if (case_.trace.boundFirst)
+        line("What traces was bound before the builds of the same command buffer.");
+    if (case_.trace.launch != Launch::Direct)
+        line("The command is vkCmdTraceRaysIndirect{}KHR.", case_.trace.launch == Launch::Indirect2 ? "2" : "");
     line("origin ({}), direction ({}), t {} to {}, cull mask {:#x}, flags {}; candidates are confirmed: {}.",
          fmt::join(ray.origin, ", "), fmt::join(ray.direction, ", "), ray.tMin, ray.tMax, ray.cullMask,
          namesOf(ray.flags, kRayFlagNames), nameOf(kRuleNames, ray.rule));

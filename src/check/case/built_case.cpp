@@ -79,10 +79,17 @@ bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene)
     }
 }
 
+bool isIndirect(const Case &c)
+{
+    return c.build.structures == BuildCommand::Indirect;
+}
+
 } // namespace
 
 BuiltCase::BuiltCase(Device &gpu, const Case &c) : gpu_(gpu), case_(c), scene_(c.scene)
 {
+    if (c.build.conditional)
+        predicate_ = Buffer(gpu, sizeof(uint32_t), VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
     if (c.build.single)
         prepareAll();
     else
@@ -104,10 +111,27 @@ void BuiltCase::buildAll()
     }
 }
 
+void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) const
+{
+    if (!case_.build.conditional)
+        return record(commands);
+    const auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = predicate_.handle()});
+    gpu_.vk().CmdBeginConditionalRenderingEXT(commands, &begin);
+    record(commands);
+    gpu_.vk().CmdEndConditionalRenderingEXT(commands);
+}
+
 void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record)
 {
     Watch watch(gpu_);
-    gpu_.submit(record);
+    gpu_.submit([&](VkCommandBuffer commands) { recordUnder(commands, record); });
+    watch.expectOnlyChanged(writes, what);
+}
+
+void BuiltCase::executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command)
+{
+    Watch watch(gpu_);
+    command();
     watch.expectOnlyChanged(writes, what);
 }
 
@@ -215,7 +239,7 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
 
 void BuiltCase::buildObjects()
 {
-    const bool indirect = case_.build.structures == BuildCommand::Indirect;
+    const bool indirect = isIndirect(case_);
     const uint32_t spare = indirect ? case_.build.spareTriangles : 0;
     for (uint32_t o = 0; o < scene_.objects.size(); ++o)
         bottoms_.push_back({flagsOf(o), oracle::geometriesOf(scene_.objects[o], micromaps_, spare), nullptr});
@@ -255,8 +279,10 @@ void BuiltCase::buildTop()
 {
     auto tlas = std::make_unique<Tlas>(gpu_);
     prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    const Structure *const structure = tlas.get();
+    const StructureBuilds build(gpu_, std::span(&structure, 1), isIndirect(case_));
     execute("top level built", {tlas->range(), tlas->scratchRange()},
-            [&](VkCommandBuffer commands) { tlas->record(commands); });
+            [&](VkCommandBuffer commands) { build.record(commands); });
     tlas->forgetInput();
     top_ = std::move(tlas);
 }
@@ -272,7 +298,8 @@ void BuiltCase::prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode)
         oracle::instancesOf(scene_, objects),
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
             (updated ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR} : 0u),
-        mode, case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array);
+        mode, case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array, 0,
+        isIndirect(case_) ? case_.build.spareInstances : 0);
 }
 
 void BuiltCase::updateTop()
@@ -321,13 +348,13 @@ void BuiltCase::recordAll(VkCommandBuffer commands) const
 void BuiltCase::recordWithRays(VkCommandBuffer commands)
 {
     if (case_.build.single)
-        recordAll(commands);
+        recordUnder(commands, [this](VkCommandBuffer to) { recordAll(to); });
     if (!case_.trace.besideBuild)
         return;
     Bottom &bottom = bottoms_[0];
     beside_ = std::make_unique<Blas>(gpu_);
     beside_->prepare(bottom.geometries, bottom.flags);
-    beside_->record(commands);
+    recordUnder(commands, [this](VkCommandBuffer to) { beside_->record(to); });
 }
 
 } // namespace vellum::check

@@ -50,27 +50,37 @@ private:
     void updateTop();
     void prepareAll();
     void recordAll(VkCommandBuffer commands) const;
-    void buildMicromap(Micromap &micromap);
+    void buildMicromap(Micromap &micromap, const Step &step);
 
     [[nodiscard]] VkBuildAccelerationStructureFlagsKHR flagsOf(uint32_t object) const;
     void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
     void reloadObject(Bottom &bottom);
     void buildObject(uint32_t object, bool update);
+    void prepareObject(uint32_t object, VkBuildAccelerationStructureModeKHR mode);
+    void rebuildObjects(uint32_t parity);
     void buildMicromapUsers(uint32_t micromap, bool update);
     void moveObject(Bottom &moved, uint32_t built);
-    [[nodiscard]] std::unique_ptr<Micromap> copyOfMicromap(const Micromap &source, Step::Kind kind);
+    void setStates(Micromap &micromap, const Step &step);
+    [[nodiscard]] std::unique_ptr<Micromap> copyOfMicromap(const Micromap &source, const Step &step);
+    [[nodiscard]] std::unique_ptr<Micromap> reloadMicromap(std::unique_ptr<Micromap> source, const Step &step);
+    [[nodiscard]] VkDeviceSize sizeToDeserialize(const uint8_t *data, VkDeviceSize size, std::string_view of,
+                                                 bool (*compatible)(const Device &, const uint8_t *));
     void reload(const Structure &source, Structure &target);
 
     void runOnThreads(const Work &work);
+    // Records as the case does everything but rays: within conditional rendering, or not.
+    void recordUnder(VkCommandBuffer commands, const Record &record) const;
     // Executes, and reports what else was written to.
     void execute(const std::string &what, const Writes &writes, const Record &record);
+    void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
     [[nodiscard]] uint64_t query(VkQueryType type, uint32_t count,
                                  const std::function<void(VkCommandBuffer, VkQueryPool)> &record);
     [[nodiscard]] VkDeviceSize sizeOf(const Structure &structure, VkQueryType type);
-    [[nodiscard]] VkDeviceSize sizeOf(const Micromap &micromap, VkQueryType type);
+    [[nodiscard]] VkDeviceSize sizeOf(const Micromap &micromap, VkQueryType type, const Step &step);
 
     Device &gpu_;
     const Case &case_;
+    Buffer predicate_;    // of conditional rendering: false
     oracle::Scene scene_; // as the steps so far have made it
     std::vector<std::unique_ptr<Micromap>> micromaps_;
     std::vector<Bottom> bottoms_;

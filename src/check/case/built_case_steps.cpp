@@ -2,6 +2,7 @@
 // The steps of a case.
 #include <algorithm>
 #include <cstring>
+#include <fmt/format.h>
 
 #include "check/case/built_case.h"
 #include "check/case/step.h"
@@ -37,13 +38,34 @@ bool compatible(const Device &gpu, const uint8_t *version)
 
 } // namespace
 
-void BuiltCase::buildObject(uint32_t object, bool update)
+void BuiltCase::prepareObject(uint32_t object, VkBuildAccelerationStructureModeKHR mode)
 {
     Bottom &bottom = bottoms_[object];
     bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_);
-    bottom.structure->prepare(bottom.geometries, bottom.flags,
-                              update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
-                                     : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    bottom.structure->prepare(bottom.geometries, bottom.flags, mode);
+}
+
+void BuiltCase::rebuildObjects(uint32_t parity)
+{
+    std::vector<const Structure *> structures;
+    Writes writes;
+    for (uint32_t o = parity; o < bottoms_.size(); o += 2) {
+        prepareObject(o, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+        const Blas &structure = *bottoms_[o].structure;
+        structures.push_back(&structure);
+        writes.insert(writes.end(), {structure.range(), structure.scratchRange()});
+    }
+    const StructureBuilds builds(gpu_, structures);
+    execute("built again together", writes, [&](VkCommandBuffer commands) { builds.record(commands); });
+    for (uint32_t o = parity; o < bottoms_.size(); o += 2)
+        bottoms_[o].structure->forgetInput();
+}
+
+void BuiltCase::buildObject(uint32_t object, bool update)
+{
+    Bottom &bottom = bottoms_[object];
+    prepareObject(object, update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
+                                 : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     execute(update ? "updated" : "built", {bottom.structure->range(), bottom.structure->scratchRange()},
             [&](VkCommandBuffer commands) { bottom.structure->record(commands); });
     bottom.structure->forgetInput();
@@ -62,29 +84,27 @@ void BuiltCase::buildMicromapUsers(uint32_t micromap, bool update)
 void BuiltCase::apply(const Step &step)
 {
     applyTo(scene_, step);
+    std::unique_ptr<Micromap> original;
     switch (step.kind) {
     case Kind::CloneMicromap:
     case Kind::CompactMicromap:
-    case Kind::ReloadMicromap: {
-        const std::unique_ptr<Micromap> original = std::move(micromaps_[step.target]);
-        micromaps_[step.target] = copyOfMicromap(*original, step.kind);
-        if (!step.states.empty()) {
-            oracle::SceneMicromap other = scene_.micromaps[step.target];
-            other.triangles = step.states;
-            if (original->setInput(oracle::inputOf(other)))
-                buildMicromap(*original);
-        }
+        original = std::move(micromaps_[step.target]);
+        micromaps_[step.target] = copyOfMicromap(*original, step);
+        if (!step.states.empty())
+            setStates(*original, step);
         // What the original's memory has is nothing that the copy depends on.
         original->forget();
         return buildMicromapUsers(step.target, step.update);
-    }
+    case Kind::ReloadMicromap:
+        micromaps_[step.target] = reloadMicromap(std::move(micromaps_[step.target]), step);
+        return buildMicromapUsers(step.target, step.update);
     case Kind::SetStates: {
         const oracle::SceneMicromap &from = scene_.micromaps[step.target];
         // A compacted one may be too small to be built in.
         std::unique_ptr<Micromap> micromap = std::move(micromaps_[step.target]);
         if (!step.inPlace || !micromap->setInput(oracle::inputOf(from)))
             micromap = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags);
-        buildMicromap(*micromap);
+        buildMicromap(*micromap, step);
         micromaps_[step.target] = std::move(micromap);
         return buildMicromapUsers(step.target, step.update);
     }
@@ -101,6 +121,7 @@ void BuiltCase::applyToObject(const Step &step)
     case Kind::ReloadObject: return reloadObject(bottom);
     case Kind::UpdateObject: return buildObject(step.target, true);
     case Kind::RebuildObject: return buildObject(step.target, false);
+    case Kind::RebuildObjects: return rebuildObjects(step.target % 2);
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
         auto second = std::make_unique<Blas>(gpu_);
@@ -114,39 +135,84 @@ void BuiltCase::applyToObject(const Step &step)
     }
 }
 
-void BuiltCase::buildMicromap(Micromap &micromap)
+void BuiltCase::buildMicromap(Micromap &micromap, const Step &step)
 {
-    execute("micromap built", {micromap.range(), micromap.scratchRange()},
-            [&](VkCommandBuffer commands) { micromap.record(commands); });
+    if (step.host)
+        executeOnHost("micromap built on the host", {micromap.range(), micromap.scratchRange()},
+                      [&] { micromap.buildOnHost(step.deferred); });
+    else
+        execute("micromap built", {micromap.range(), micromap.scratchRange()},
+                [&](VkCommandBuffer commands) { micromap.record(commands); });
     micromap.forgetInput();
 }
 
+// Builds another content in a micromap that the scene does not use any more, if it is large enough.
+void BuiltCase::setStates(Micromap &micromap, const Step &step)
+{
+    oracle::SceneMicromap other = scene_.micromaps[step.target];
+    other.triangles = step.states;
+    if (micromap.setInput(oracle::inputOf(other)))
+        buildMicromap(micromap, step);
+}
+
 // The old one is destroyed at once: no ray is traced until the structures that use it are built with the new one.
-std::unique_ptr<Micromap> BuiltCase::copyOfMicromap(const Micromap &source, Step::Kind kind)
+std::unique_ptr<Micromap> BuiltCase::copyOfMicromap(const Micromap &source, const Step &step)
 {
     const MicromapHandle handle = source.handle();
-    if (kind != Kind::ReloadMicromap) {
-        const bool clone = kind == Kind::CloneMicromap;
-        auto target = std::make_unique<Micromap>(
-            gpu_, source, clone ? source.size() : sizeOf(source, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT));
-        execute(clone ? "micromap cloned" : "micromap compacted", {target->range()}, [&](VkCommandBuffer commands) {
-            recordMicromapCopy(gpu_, commands, handle, target->handle(),
-                               clone ? VK_COPY_MICROMAP_MODE_CLONE_EXT : VK_COPY_MICROMAP_MODE_COMPACT_EXT);
-        });
-        return target;
-    }
-    const Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT), 256, kSerializedUsage);
-    execute("micromap serialized", {data.range()},
-            [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, handle, data.address()); });
-    if (!micromapIsCompatible(gpu_, data.bytes()))
-        gpu_.fault("the device does not accept the version of a micromap that it serialized");
-    const uint64_t bytes = numberAt(data.bytes(), kHeaderDeserializedSize);
-    if (numberAt(data.bytes(), kHeaderSerializedSize) > data.size())
-        gpu_.fault("the header of a serialized micromap has a size above that of the query");
-    auto target = std::make_unique<Micromap>(gpu_, source, bytes);
-    execute("micromap deserialized", {target->range()}, [&](VkCommandBuffer commands) {
-        recordMemoryToMicromap(gpu_, commands, data.address(), target->handle());
-    });
+    const bool clone = step.kind == Kind::CloneMicromap;
+    const VkCopyMicromapModeEXT mode = clone ? VK_COPY_MICROMAP_MODE_CLONE_EXT : VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+    auto target = std::make_unique<Micromap>(
+        gpu_, source, clone ? source.size() : sizeOf(source, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, step));
+    const char *const what = clone ? "micromap cloned" : "micromap compacted";
+    if (step.host)
+        executeOnHost(what, {target->range()},
+                      [&] { HostCommands(gpu_, step.deferred).copy(handle.ext, target->handle().ext, mode); });
+    else
+        execute(what, {target->range()},
+                [&](VkCommandBuffer commands) { recordMicromapCopy(gpu_, commands, handle, target->handle(), mode); });
+    return target;
+}
+
+// The size that the header of serialized data states, which is checked.
+VkDeviceSize BuiltCase::sizeToDeserialize(const uint8_t *data, VkDeviceSize size, std::string_view of,
+                                          bool (*compatible)(const Device &, const uint8_t *))
+{
+    std::vector<uint8_t> version(data, data + 2 * VK_UUID_SIZE);
+    if (!compatible(gpu_, version.data()))
+        gpu_.fault(fmt::format("the device does not accept the version of a {} that it serialized", of));
+    // What identifies the compatibility is that of no device.
+    for (size_t i = VK_UUID_SIZE; i < version.size(); ++i)
+        version[i] = static_cast<uint8_t>(~version[i]);
+    if (compatible(gpu_, version.data()))
+        gpu_.fault(fmt::format("the device accepts every version of a serialized {}", of));
+    if (numberAt(data, kHeaderSerializedSize) > size)
+        gpu_.fault(fmt::format("the header of a serialized {} has a size above that of the query", of));
+    return numberAt(data, kHeaderDeserializedSize);
+}
+
+std::unique_ptr<Micromap> BuiltCase::reloadMicromap(std::unique_ptr<Micromap> source, const Step &step)
+{
+    const HostCommands host(gpu_, step.deferred);
+    const VkDeviceSize size = sizeOf(*source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, step);
+    const Guarded data(gpu_, size, 256, kSerializedUsage);
+    const MicromapHandle from = source->handle();
+    if (step.host)
+        executeOnHost("micromap serialized", {data.range()}, [&] { host.toMemory(from.ext, data.bytes()); });
+    else
+        execute("micromap serialized", {data.range()},
+                [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, from, data.address()); });
+    const VkDeviceSize bytes = sizeToDeserialize(data.bytes(), size, "micromap", micromapIsCompatible);
+    std::unique_ptr<Micromap> target = std::move(source);
+    if (!step.inPlace || bytes > target->size())
+        target = std::make_unique<Micromap>(gpu_, *target, bytes);
+    else if (!step.states.empty())
+        setStates(*target, step);
+    const MicromapHandle to = target->handle();
+    if (step.host)
+        executeOnHost("micromap deserialized", {target->range()}, [&] { host.toMicromap(data.bytes(), to.ext); });
+    else
+        execute("micromap deserialized", {target->range()},
+                [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, data.address(), to); });
     return target;
 }
 
@@ -168,11 +234,7 @@ void BuiltCase::reload(const Structure &source, Structure &target)
                        kSerializedUsage);
     execute("serialized", {data.range()},
             [&](VkCommandBuffer commands) { recordSerialize(gpu_, commands, source, data.address()); });
-    if (!compatible(gpu_, data.bytes()))
-        gpu_.fault("the device does not accept the version of a structure that it serialized");
-    const uint64_t bytes = numberAt(data.bytes(), kHeaderDeserializedSize);
-    if (numberAt(data.bytes(), kHeaderSerializedSize) > data.size())
-        gpu_.fault("the header of a serialized structure has a size above that of the query");
+    const VkDeviceSize bytes = sizeToDeserialize(data.bytes(), data.size(), "structure", compatible);
     target.create(bytes);
     execute("deserialized", {target.range()}, [&](VkCommandBuffer commands) {
         auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
@@ -267,7 +329,7 @@ VkDeviceSize BuiltCase::sizeOf(const Structure &structure, VkQueryType type)
     return one;
 }
 
-VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of)
+VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of, const Step &step)
 {
     const VkQueryType type = micromapQueryType(gpu_, of);
     std::vector<MicromapHandle> all;
@@ -277,7 +339,14 @@ VkDeviceSize BuiltCase::sizeOf(const Micromap &micromap, VkQueryType of)
             all.push_back(micromaps_[i]->handle());
     }
     all.push_back(micromap.handle());
-    const auto ask = [&](std::span<const MicromapHandle> some) {
+    const auto ask = [&](std::span<const MicromapHandle> some) -> VkDeviceSize {
+        if (step.host) {
+            std::vector<VkMicromapEXT> handles;
+            for (const MicromapHandle &handle : some)
+                handles.push_back(handle.ext);
+            constexpr size_t kStride = 3 * sizeof(VkDeviceSize);
+            return HostCommands(gpu_, false).sizes(handles, type, kStride).back();
+        }
         return query(type, static_cast<uint32_t>(some.size()), [&](VkCommandBuffer commands, VkQueryPool pool) {
             recordMicromapProperties(gpu_, commands, some, type, pool, 0);
         });

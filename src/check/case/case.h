@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "check/gpu/pipeline_builder.h"
 #include "check/oracle/scene.h"
 
 namespace vellum::check
@@ -27,8 +28,12 @@ struct BuildPlan {
     uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
     bool single = false;           // everything by one command buffer, with the rays; without steps only
-    // Indirect builds allow that many triangles more than they build: ppMaxPrimitiveCounts.
+    // Builds, copies and queries are recorded within conditional rendering whose predicate is false. They are none of
+    // the commands that it discards.
+    bool conditional = false;
+    // Indirect builds allow that many triangles and instances more than they build: ppMaxPrimitiveCounts.
     uint32_t spareTriangles = 0;
+    uint32_t spareInstances = 0;
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps
@@ -41,13 +46,15 @@ struct Step {
         ReloadObject, // serialized and deserialized
         UpdateObject, // with the same data
         RebuildObject,
-        MoveObject,   // cloned, and `other` built in its memory by the same submission
-        RenameObject, // a second handle at the same address
+        MoveObject,     // cloned, and `other` built in its memory by the same submission
+        RenameObject,   // a second handle at the same address
+        RebuildObjects, // every second object, the target among them, by one command
         // On a micromap; the structures that use it are built again (`update`: updated).
         CloneMicromap, // and the original built again with `states`, if there are any
         CompactMicromap,
-        ReloadMicromap,
-        SetStates, // built anew with `states`, which have the levels and formats of before if `inPlace`
+        ReloadMicromap, // serialized and deserialized; `inPlace`: by the handle of before, once `states` were built
+                        // there
+        SetStates,      // built anew with `states`, which have the levels and formats of before if `inPlace`
         // On a mesh.
         SetIndices, // `micromapUse` instead of what it had; the structure is updated (`update`) or built again
         // On the top level.
@@ -61,7 +68,9 @@ struct Step {
     uint32_t target = 0; // an object or a micromap
     uint32_t other = 0;  // MoveObject: another object. SetIndices: a mesh of the object
     bool update = false;
-    bool inPlace = false; // by the same handle
+    bool inPlace = false;  // by the same handle
+    bool host = false;     // On a micromap: by host commands
+    bool deferred = false; // host commands get a deferred operation
     std::vector<oracle::MicromapTriangle> states;
     std::optional<oracle::MeshMicromap> micromapUse;
     std::vector<oracle::Instance> instances;
@@ -86,11 +95,18 @@ struct TracePlan {
     bool byAddress = false;     // the acceleration structure is a device address instead of a descriptor
     bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
     bool besideBuild = false;   // traced while another structure is built by the same submission
+    // Pipeline, descriptors and push constants are bound before the builds of the same command buffer.
+    bool boundFirst = false;
+    // Query, in the compute stage, with flags of run time and a descriptor: one of two queries in an array.
+    bool queryArray = false;
     // Pipeline
     Libraries libraries = Libraries::None;
     bool dynamicStackSize = false;
-    bool recursion = false;        // traced by a closest-hit shader
-    bool flags2 = false;           // VkPipelineCreateFlags2CreateInfo
+    bool recursion = false;   // traced by a closest-hit shader
+    bool flags2 = false;      // VkPipelineCreateFlags2CreateInfo
+    bool unusedStage = false; // a stage that no group uses
+    Launch launch = Launch::Direct;
+    uint32_t recordPadding = 0;    // of hit records, in multiples of shaderGroupHandleAlignment
     bool withoutMicromaps = false; // without the micromap bit: sceneRule
 
     bool operator==(const TracePlan &) const = default;
@@ -113,10 +129,10 @@ oracle::Scene sceneAfter(const Case &c);
 struct Verdict {
     std::string cause; // one line without numbers that vary
     std::string detail;
-    uint64_t rays = 0;           // that were compared with the oracle
-    std::optional<uint32_t> ray; // the first that is wrong
+    uint64_t rays = 0;               // that were compared with the oracle
+    std::optional<uint32_t> ray;     // the first that is wrong
     std::vector<uint32_t> wrongRays; // all that are wrong
-    bool skipped = false;        // the device lacks what the case needs, which `cause` says
+    bool skipped = false;            // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };
 // Runs it. Throws what checkResult throws: VK_ERROR_DEVICE_LOST, for one.

@@ -103,7 +103,9 @@ void ofBuild(Archive &archive, T &build)
     archive.value("threads", build.threads, standard.threads);
     archive.value("instancePointers", build.instancePointers, standard.instancePointers);
     archive.value("single", build.single, standard.single);
+    archive.value("conditional", build.conditional, standard.conditional);
     archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);
+    archive.value("spareInstances", build.spareInstances, standard.spareInstances);
 }
 
 template <class Archive, class T>
@@ -114,6 +116,8 @@ void ofStep(Archive &archive, T &step)
     archive.value("other", step.other, 0u);
     archive.value("update", step.update, false);
     archive.value("inPlace", step.inPlace, false);
+    archive.value("host", step.host, false);
+    archive.value("deferred", step.deferred, false);
     archive.list("states", step.states, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
     archive.optional("micromapUse", step.micromapUse, [](auto &a, auto &use) { ofUse(a, use); });
     archive.list("instances", step.instances, [](auto &a, auto &instance) { ofInstance(a, instance); });
@@ -130,10 +134,15 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("byAddress", trace.byAddress, standard.byAddress);
     archive.value("inlineModules", trace.inlineModules, standard.inlineModules);
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
+    archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
+    archive.value("queryArray", trace.queryArray, standard.queryArray);
     archive.name("libraries", trace.libraries, kLibrariesNames, standard.libraries);
     archive.value("dynamicStackSize", trace.dynamicStackSize, standard.dynamicStackSize);
     archive.value("recursion", trace.recursion, standard.recursion);
     archive.value("flags2", trace.flags2, standard.flags2);
+    archive.value("unusedStage", trace.unusedStage, standard.unusedStage);
+    archive.name("launch", trace.launch, kLaunchNames, standard.launch);
+    archive.value("recordPadding", trace.recordPadding, standard.recordPadding);
     archive.value("withoutMicromaps", trace.withoutMicromaps, standard.withoutMicromaps);
 }
 

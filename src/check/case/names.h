@@ -44,6 +44,7 @@ inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::RebuildObject, "rebuild-object"},
     Name<Step::Kind>{Step::Kind::MoveObject, "move-object"},
     Name<Step::Kind>{Step::Kind::RenameObject, "rename-object"},
+    Name<Step::Kind>{Step::Kind::RebuildObjects, "rebuild-objects"},
     Name<Step::Kind>{Step::Kind::CloneMicromap, "clone-micromap"},
     Name<Step::Kind>{Step::Kind::CompactMicromap, "compact-micromap"},
     Name<Step::Kind>{Step::Kind::ReloadMicromap, "reload-micromap"},
@@ -76,6 +77,11 @@ inline constexpr std::array kLibrariesNames{
     Name<TracePlan::Libraries>{TracePlan::Libraries::Two, "two"},
     Name<TracePlan::Libraries>{TracePlan::Libraries::Three, "three"},
     Name<TracePlan::Libraries>{TracePlan::Libraries::Nested, "nested"},
+};
+inline constexpr std::array kLaunchNames{
+    Name<Launch>{Launch::Direct, "direct"},
+    Name<Launch>{Launch::Indirect, "indirect"},
+    Name<Launch>{Launch::Indirect2, "indirect2"},
 };
 inline constexpr std::array kStageNames{
     Name<VkShaderStageFlagBits>{VK_SHADER_STAGE_COMPUTE_BIT, "VK_SHADER_STAGE_COMPUTE_BIT"},

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
 #include "check/case/built_case.h"
 #include "check/case/trace.h"
 
@@ -13,6 +15,10 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
 {
     if (c.build.micromaps == BuildCommand::Host && !gpu.hasMicromapHostCommands())
         return "micromapHostCommands is not supported";
+    if (std::ranges::any_of(c.steps, &Step::host) && !gpu.hasMicromapHostCommands())
+        return "micromapHostCommands is not supported";
+    if (c.build.conditional && !gpu.has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
+        return "VK_EXT_conditional_rendering is not supported";
     if (c.build.structures == BuildCommand::Indirect && !gpu.hasIndirectBuilds())
         return "accelerationStructureIndirectBuild is not supported";
     for (const oracle::SceneMicromap &micromap : c.scene.micromaps) {

@@ -53,6 +53,8 @@ class PlannedTracer::Pipelines
 public:
     Pipelines(Device &gpu, const TracePlan &plan) : gpu_(gpu), plan_(plan) {}
 
+    void setPlan(const TracePlan &plan) { plan_ = plan; }
+
     std::vector<std::string> faults(const Structure &top, const Scene &scene, std::span<const Hits> hits,
                                     const Record &beside)
     {
@@ -105,17 +107,21 @@ private:
     template <class Traces>
     void run(Traces &tracer, const Structure &top, std::span<const Ray> rays, const Record &beside)
     {
+        if constexpr (std::is_same_v<Traces, PipelineTracer>)
+            tracer.setLaunch(plan_.launch, plan_.recordPadding);
         tracer.prepare(top, rays, oracle::kCapacity);
         tracer.clearResults();
         gpu_.submit([&](VkCommandBuffer commands) {
             barrier(commands);
-            if (beside)
+            if (beside && !plan_.boundFirst)
                 beside(commands);
             tracer.bind(commands);
             if constexpr (std::is_same_v<Traces, PipelineTracer>) {
                 if (plan_.dynamicStackSize)
                     gpu_.vk().CmdSetRayTracingPipelineStackSizeKHR(commands, tracer.stackSize());
             }
+            if (beside && plan_.boundFirst)
+                beside(commands);
             tracer.dispatch(commands);
             barrier(commands);
         });
@@ -159,6 +165,11 @@ private:
 PlannedTracer::PlannedTracer(Device &gpu, const TracePlan &plan) : pipelines_(std::make_unique<Pipelines>(gpu, plan)) {}
 PlannedTracer::~PlannedTracer() = default;
 
+void PlannedTracer::setPlan(const TracePlan &plan)
+{
+    pipelines_->setPlan(plan);
+}
+
 std::vector<std::string> PlannedTracer::faults(const Structure &top, const Scene &scene, std::span<const Hits> hits,
                                                const Record &beside)
 {
@@ -174,7 +185,9 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     };
     const std::shared_ptr<Tracers> tracers = gpu.kept<Tracers>();
     TracePlan pipelines = plan; // what pipelines depend on
-    pipelines.besideBuild = false;
+    pipelines.besideBuild = pipelines.boundFirst = false;
+    pipelines.launch = Launch::Direct;
+    pipelines.recordPadding = 0;
     auto found = std::find_if(tracers->all.begin(), tracers->all.end(),
                               [&](const auto &kept) { return kept.first == pipelines; });
     if (found == tracers->all.end()) {
@@ -183,6 +196,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
         tracers->all.emplace_back(pipelines, std::make_unique<PlannedTracer>(gpu, pipelines));
         found = std::prev(tracers->all.end());
     }
+    found->second->setPlan(plan);
     return found->second->faults(top, scene, hits, beside);
 }
 

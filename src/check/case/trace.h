@@ -40,6 +40,9 @@ public:
     PlannedTracer &operator=(const PlannedTracer &) = delete;
     ~PlannedTracer();
 
+    // Another plan, of the same pipelines.
+    void setPlan(const TracePlan &plan);
+
     // What is wrong with each ray of the scene, whose top level is `top`; empty: nothing, or the ray is unsure.
     // hits: allHits of each. beside: recorded once, in a submission that traces, without a barrier between.
     std::vector<std::string> faults(const Structure &top, const oracle::Scene &scene,

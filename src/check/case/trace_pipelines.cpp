@@ -111,6 +111,10 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
         return missing;
     if (plan.flags2 && !has(gpu, "VK_KHR_maintenance5", missing))
         return missing;
+    if (plan.launch == Launch::Indirect && !gpu.hasIndirectTraces())
+        return "rayTracingPipelineTraceRaysIndirect is not supported";
+    if (plan.launch == Launch::Indirect2 && !gpu.hasIndirectTraces2())
+        return "rayTracingPipelineTraceRaysIndirect2 is not supported";
     if (plan.recursion && gpu.pipelineProperties().maxRayRecursionDepth < 2)
         return "maxRayRecursionDepth is 1";
     return {};
@@ -119,7 +123,10 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
 std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t flags)
 {
     std::vector<uint32_t> words =
-        withFlags(gpu, plan, queryModule(plan.stage, plan.flags != TracePlan::Flags::RunTime, plan.byAddress), flags);
+        withFlags(gpu, plan,
+                  plan.queryArray ? queryModuleInArray()
+                                  : queryModule(plan.stage, plan.flags != TracePlan::Flags::RunTime, plan.byAddress),
+                  flags);
     TracerSetup setup{
         .specializedFlags = specializedFlags(plan, flags), .inlineModule = plan.inlineModules, .stage = plan.stage};
     if (gpu.khr() && usesMicromaps(gpu)) {
@@ -143,7 +150,8 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
                               .sbtStride = 1,
                               .flags2 = plan.flags2,
                               .inlineModules = plan.inlineModules,
-                              .dynamicStackSize = plan.dynamicStackSize};
+                              .dynamicStackSize = plan.dynamicStackSize,
+                              .unusedStage = plan.unusedStage};
     (plan.recursion ? setup.relay : setup.raygen) = tracing;
     if (plan.withoutMicromaps)
         setup.flags = VkPipelineCreateFlags{0};

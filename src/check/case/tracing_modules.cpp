@@ -14,6 +14,7 @@
 #include "shaders/pipeline_traces_rgen_specialized_by_address.h"
 #include "shaders/tracer_comp.h"
 #include "shaders/tracer_comp_by_address.h"
+#include "shaders/tracer_comp_in_array.h"
 #include "shaders/tracer_comp_specialized.h"
 #include "shaders/tracer_comp_specialized_by_address.h"
 #include "shaders/tracer_frag.h"
@@ -114,6 +115,11 @@ std::span<const uint32_t> variantOf(std::span<const Variants> modules, VkShaderS
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress)
 {
     return variantOf(kQueries, stage, specialized, byAddress);
+}
+
+std::span<const uint32_t> queryModuleInArray()
+{
+    return tracer_comp_in_array;
 }
 
 std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress)

@@ -205,12 +205,15 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
 {
     using Kind = Step::Kind;
     rule(step.kind < Kind::Count, where, "no such step");
-    rule(step.kind == Kind::SetStates || step.kind == Kind::CloneMicromap || step.states.empty(), where,
+    const bool reused = step.kind == Kind::ReloadMicromap && step.inPlace;
+    rule(step.kind == Kind::SetStates || step.kind == Kind::CloneMicromap || reused || step.states.empty(), where,
          "has states that it does not use");
     rule(step.kind == Kind::SetIndices || !step.micromapUse, where, "has indices that it does not use");
     rule(step.kind == Kind::UpdateTop || step.instances.empty(), where, "has instances that it does not use");
-    rule(step.kind == Kind::SetStates || !step.inPlace, where, "is not in place");
+    rule(step.kind == Kind::SetStates || reused || !step.inPlace, where, "is not in place");
     const Target target = targetOf(step.kind);
+    rule(target == Target::Micromap || !step.host, where, "has no host command");
+    rule(step.host || !step.deferred, where, "only host commands are deferred");
     rule(target != Target::Object || step.target < scene.objects.size(), where, "object {} does not exist",
          step.target);
     rule(target != Target::Micromap || step.target < scene.micromaps.size(), where, "micromap {} does not exist",
@@ -221,7 +224,7 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
         // VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502
         rule((scene.micromaps[step.target].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0, where,
              "micromap {} does not allow compaction", step.target);
-    } else if (step.kind == Kind::SetStates || (step.kind == Kind::CloneMicromap && !step.states.empty())) {
+    } else if (step.kind == Kind::SetStates || !step.states.empty()) {
         checkMicromapTriangles(step.states, where + ".states", states);
         // Of the same size, so that they can be built in the same memory.
         rule((step.kind == Kind::SetStates && !step.inPlace) ||
@@ -288,8 +291,14 @@ void checkPlans(const Case &c)
     rule(isNamed(kFlagSourceNames, c.trace.flags), "trace.flags", "no such source");
     rule(isNamed(kModeNames, c.trace.mode), "trace.mode", "no such mode");
     rule(isNamed(kLibrariesNames, c.trace.libraries), "trace.libraries", "no such number");
+    rule(!c.trace.queryArray || (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT &&
+                                 c.trace.flags == TracePlan::Flags::RunTime && !c.trace.byAddress),
+         "trace.queryArray", "needs the compute stage, ray flags of run time and a descriptor");
+    rule(isNamed(kLaunchNames, c.trace.launch), "trace.launch", "no such command");
+    rule(c.trace.recordPadding <= 64, "trace.recordPadding", "{} is too large", c.trace.recordPadding);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
     rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
+    rule(c.build.spareInstances <= 1000, "build.spareInstances", "{} is too large", c.build.spareInstances);
 }
 
 void check(const Case &c)

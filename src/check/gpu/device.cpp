@@ -349,6 +349,8 @@ void Device::createDevice()
                       0};
     indirectBuilds_ = structures.accelerationStructureIndirectBuild != VK_FALSE;
     micromapHostCommands_ = micromaps.micromapHostCommands != VK_FALSE;
+    indirectTraces_ = {pipelines.rayTracingPipelineTraceRaysIndirect != VK_FALSE,
+                       maintenance.rayTracingPipelineTraceRaysIndirect2 != VK_FALSE};
 }
 
 VkQueue Device::queueOf(uint32_t family) const

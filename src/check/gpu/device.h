@@ -252,6 +252,8 @@ public:
     // Enabled features.
     [[nodiscard]] bool hasIndirectBuilds() const { return indirectBuilds_; }
     [[nodiscard]] bool hasMicromapHostCommands() const { return micromapHostCommands_; }
+    [[nodiscard]] bool hasIndirectTraces() const { return indirectTraces_[0]; } // vkCmdTraceRaysIndirectKHR
+    [[nodiscard]] bool hasIndirectTraces2() const { return indirectTraces_[1]; }
     // Of micromap triangles, by format.
     [[nodiscard]] uint32_t maxLevel(uint16_t format) const
     {
@@ -334,6 +336,7 @@ private:
     std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
     bool indirectBuilds_ = false, micromapHostCommands_ = false;
+    std::array<bool, 2> indirectTraces_{};
     std::array<uint32_t, 3> maxLevels_{};
     std::mutex faultsMutex_;
     std::vector<std::string> faults_;

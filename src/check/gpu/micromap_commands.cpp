@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "check/gpu/micromap_commands.h"
 
+#include <algorithm>
+
 namespace vellum::check
 {
 namespace
@@ -210,6 +212,80 @@ void recordMicromapProperties(const Device &gpu, VkCommandBuffer commands, std::
         gpu.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, count, khr.data(), type, pool, first);
     else
         gpu.vk().CmdWriteMicromapsPropertiesEXT(commands, count, ext.data(), type, pool, first);
+}
+
+template <class Command>
+void HostCommands::run(const Command &command) const
+{
+    if (!deferred_)
+        return checkResult(command(VK_NULL_HANDLE), "a host command of micromaps");
+    const Commands &vk = gpu_.vk();
+    VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+    CHECK_VK(vk.CreateDeferredOperationKHR(gpu_.device(), nullptr, &operation));
+    VkResult result = command(operation);
+    if (result == VK_OPERATION_DEFERRED_KHR) {
+        do {
+            result = vk.DeferredOperationJoinKHR(gpu_.device(), operation);
+        } while (result == VK_THREAD_IDLE_KHR);
+        if (result == VK_SUCCESS)
+            result = vk.GetDeferredOperationResultKHR(gpu_.device(), operation);
+    } else if (result == VK_OPERATION_NOT_DEFERRED_KHR) {
+        result = VK_SUCCESS;
+    }
+    vk.DestroyDeferredOperationKHR(gpu_.device(), operation, nullptr);
+    checkResult(result, "a deferred host command of micromaps");
+}
+
+void HostCommands::build(const VkMicromapBuildInfoEXT &info) const
+{
+    run([&](VkDeferredOperationKHR operation) {
+        return gpu_.vk().BuildMicromapsEXT(gpu_.device(), operation, 1, &info);
+    });
+}
+
+void HostCommands::copy(VkMicromapEXT from, VkMicromapEXT to, VkCopyMicromapModeEXT mode) const
+{
+    const auto info = vkInit<VkCopyMicromapInfoEXT>({.src = from, .dst = to, .mode = mode});
+    run([&](VkDeferredOperationKHR operation) { return gpu_.vk().CopyMicromapEXT(gpu_.device(), operation, &info); });
+}
+
+void HostCommands::toMemory(VkMicromapEXT from, void *to) const
+{
+    auto info = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = from});
+    info.dst.hostAddress = to;
+    info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+    run([&](VkDeferredOperationKHR operation) {
+        return gpu_.vk().CopyMicromapToMemoryEXT(gpu_.device(), operation, &info);
+    });
+}
+
+void HostCommands::toMicromap(const void *from, VkMicromapEXT to) const
+{
+    auto info = vkInit<VkCopyMemoryToMicromapInfoEXT>();
+    info.src.hostAddress = from;
+    info.dst = to;
+    info.mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+    run([&](VkDeferredOperationKHR operation) {
+        return gpu_.vk().CopyMemoryToMicromapEXT(gpu_.device(), operation, &info);
+    });
+}
+
+std::vector<VkDeviceSize> HostCommands::sizes(std::span<const VkMicromapEXT> micromaps, VkQueryType type,
+                                              size_t stride) const
+{
+    constexpr uint8_t kGuard = 0x5a;
+    std::vector<uint8_t> data(micromaps.size() * stride, kGuard);
+    CHECK_VK(gpu_.vk().WriteMicromapsPropertiesEXT(gpu_.device(), static_cast<uint32_t>(micromaps.size()),
+                                                   micromaps.data(), type, data.size(), data.data(), stride));
+    std::vector<VkDeviceSize> sizes(micromaps.size());
+    for (size_t i = 0; i < sizes.size(); ++i) {
+        const auto at = data.begin() + static_cast<ptrdiff_t>(i * stride);
+        std::memcpy(&sizes[i], &*at, sizeof(VkDeviceSize));
+        if (std::any_of(at + sizeof(VkDeviceSize), at + static_cast<ptrdiff_t>(stride),
+                        [](uint8_t byte) { return byte != kGuard; }))
+            gpu_.fault("vkWriteMicromapsPropertiesEXT wrote between two sizes");
+    }
+    return sizes;
 }
 
 bool micromapIsCompatible(const Device &gpu, const uint8_t *version)

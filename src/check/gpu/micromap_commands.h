@@ -78,6 +78,27 @@ VkQueryType micromapQueryType(const Device &gpu, VkQueryType type);
 // `type` as a pool was created with.
 void recordMicromapProperties(const Device &gpu, VkCommandBuffer commands, std::span<const MicromapHandle> micromaps,
                               VkQueryType type, VkQueryPool pool, uint32_t first);
+// Host commands of VK_EXT_opacity_micromap, at once or as deferred operations, which are joined.
+class HostCommands
+{
+public:
+    HostCommands(Device &gpu, bool deferred) : gpu_(gpu), deferred_(deferred) {}
+    void build(const VkMicromapBuildInfoEXT &info) const;
+    void copy(VkMicromapEXT from, VkMicromapEXT to, VkCopyMicromapModeEXT mode) const;
+    void toMemory(VkMicromapEXT from, void *to) const;
+    void toMicromap(const void *from, VkMicromapEXT to) const;
+    // The sizes of micromaps, which are written `stride` bytes apart.
+    [[nodiscard]] std::vector<VkDeviceSize> sizes(std::span<const VkMicromapEXT> micromaps, VkQueryType type,
+                                                  size_t stride) const;
+
+private:
+    template <class Command>
+    void run(const Command &command) const;
+
+    Device &gpu_;
+    bool deferred_;
+};
+
 bool micromapIsCompatible(const Device &gpu, const uint8_t *version);
 
 } // namespace vellum::check

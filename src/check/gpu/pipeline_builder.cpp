@@ -158,10 +158,13 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
                                {&miss, records.miss, 0},
                                {&hit, records.hit, 0},
                                {&callable, records.callable, 0}}};
+    const VkDeviceSize hitStride =
+        stride + records.hitPadding * std::max<VkDeviceSize>(limits.shaderGroupHandleAlignment, 4);
+    const auto strideOf = [&](const Part &part) { return part.region == &hit ? hitStride : stride; };
     VkDeviceSize size = base;
     for (Part &part : parts) {
         part.offset = size;
-        size = alignUp(size + stride * part.records.size(), base) + base;
+        size = alignUp(size + strideOf(part) * part.records.size(), base) + base;
     }
     buffer_ = Buffer(gpu, size + base,
                      VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
@@ -169,7 +172,7 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
     for (Part &part : parts) {
         for (size_t i = 0; i < part.records.size(); ++i) {
             const BindingRecord &record = part.records[i];
-            uint8_t *at = buffer_.bytes() + start + part.offset + i * stride;
+            uint8_t *at = buffer_.bytes() + start + part.offset + i * strideOf(part);
             if (record.group)
                 std::memcpy(at, pipeline.groupHandles(*record.group).data(), static_cast<size_t>(handle));
             if (record.data.size() > kDataWords)
@@ -178,14 +181,52 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
                 std::memcpy(at + handle, record.data.data(), record.data.size() * 4);
         }
         const bool none = part.records.empty();
-        const VkDeviceSize bytes = part.region == &raygen ? alignUp(stride, 1) : stride * part.records.size();
-        *part.region = {none ? 0 : buffer_.address() + start + part.offset, none ? 0 : stride, none ? 0 : bytes};
+        const VkDeviceSize partStride = strideOf(part);
+        const VkDeviceSize bytes = partStride * part.records.size();
+        *part.region = {none ? 0 : buffer_.address() + start + part.offset, none ? 0 : partStride, none ? 0 : bytes};
     }
 }
 
 void BindingTable::trace(VkCommandBuffer commands, uint32_t width, uint32_t height, uint32_t depth) const
 {
     gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
+}
+
+void BindingTable::prepare(Launch launch, uint32_t width)
+{
+    launch_ = launch;
+    width_ = width;
+    constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
+    if (launch == Launch::Indirect) {
+        const VkTraceRaysIndirectCommandKHR command{width, 1, 1};
+        command_ = gpu_.upload(std::span(&command, 1), kUsage);
+    } else if (launch == Launch::Indirect2) {
+        const VkTraceRaysIndirectCommand2KHR command{raygen.deviceAddress,
+                                                     raygen.size,
+                                                     miss.deviceAddress,
+                                                     miss.size,
+                                                     miss.stride,
+                                                     hit.deviceAddress,
+                                                     hit.size,
+                                                     hit.stride,
+                                                     callable.deviceAddress,
+                                                     callable.size,
+                                                     callable.stride,
+                                                     width,
+                                                     1,
+                                                     1};
+        command_ = gpu_.upload(std::span(&command, 1), kUsage);
+    }
+}
+
+void BindingTable::trace(VkCommandBuffer commands) const
+{
+    if (launch_ == Launch::Direct)
+        trace(commands, width_);
+    else if (launch_ == Launch::Indirect)
+        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &raygen, &miss, &hit, &callable, command_.address());
+    else
+        gpu_.vk().CmdTraceRaysIndirect2KHR(commands, command_.address());
 }
 
 PipelineResources::PipelineResources(Device &gpu, uint32_t buffers, uint32_t pushSize,

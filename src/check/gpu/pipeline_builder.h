@@ -104,7 +104,11 @@ struct BindingRecord {
 struct BindingRecords {
     BindingRecord raygen{0, {}};
     std::vector<BindingRecord> miss, hit, callable;
+    uint32_t hitPadding = 0; // after each hit record, in multiples of shaderGroupHandleAlignment
 };
+
+// What traces rays: vkCmdTraceRaysKHR or its indirect forms.
+enum class Launch { Direct, Indirect, Indirect2 };
 
 class BindingTable
 {
@@ -113,12 +117,18 @@ public:
 
     BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records);
     void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
+    // Prepares a trace of that width by the command.
+    void prepare(Launch launch, uint32_t width);
+    void trace(VkCommandBuffer commands) const;
 
     VkStridedDeviceAddressRegionKHR raygen{}, miss{}, hit{}, callable{};
 
 private:
     Device &gpu_;
     Buffer buffer_;
+    Launch launch_ = Launch::Direct;
+    uint32_t width_ = 0;
+    Buffer command_; // of an indirect trace
 };
 
 // A descriptor set layout, a pipeline layout with push constants for all ray tracing stages, and a set: binding 0 an

@@ -40,6 +40,7 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
         // the any-hit shader of one of them for both.
         {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_tracer_intersection},
     };
+    constexpr uint32_t kRelayStage = 6;
     // launcher.rgen, whose rays are to hit a triangle
     constexpr uint32_t kTriangle = 2;
     const VkSpecializationInfo toTriangle{1, &entry, sizeof(kTriangle), &kTriangle};
@@ -51,6 +52,8 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
     }
     if (setup.specializedFlags)
         tracing->specialization = &specialization;
+    if (setup.unusedStage)
+        pipeline.stages.push_back(PipelineStage(*tracing));
     for (PipelineStage &stage : pipeline.stages)
         stage.inlineModule = setup.inlineModules;
     pipeline.groups = {{.general = 0}, {.general = 1}};
@@ -61,7 +64,7 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
                                                    : group.anyHit ? 4u
                                                                   : 5u});
     if (!setup.relay.empty())
-        pipeline.groups.push_back({.closestHit = static_cast<uint32_t>(pipeline.stages.size() - 1)});
+        pipeline.groups.push_back({.closestHit = kRelayStage});
     pipeline.layout = layout;
     pipeline.flags = setup.flags.value_or(gpu.options().micromaps ? kMicromapBit : 0);
     pipeline.flags2 = setup.flags2;
@@ -81,7 +84,7 @@ PipelineTracer::PipelineTracer(Device &gpu, const PipelineTracerSetup &setup)
     std::vector<std::optional<uint32_t>> names = setup.records;
     for (uint32_t i = 0; setup.records.empty() && i < setup.groups.size(); ++i)
         names.emplace_back(i);
-    BindingRecords records;
+    BindingRecords &records = records_;
     records.raygen.group = placeOf(0);
     if (setup.missRecord)
         records.miss = {{placeOf(1), {50}}};
@@ -97,6 +100,15 @@ PipelineTracer::PipelineTracer(Device &gpu, const PipelineTracerSetup &setup)
     table_ = std::make_unique<BindingTable>(gpu, pipeline_.pipeline, records);
     push_.sbtOffset = setup.sbtOffset;
     push_.sbtStride = setup.sbtStride;
+}
+
+void PipelineTracer::setLaunch(Launch launch, uint32_t recordPadding)
+{
+    launch_ = launch;
+    if (records_.hitPadding == recordPadding)
+        return;
+    records_.hitPadding = recordPadding;
+    table_ = std::make_unique<BindingTable>(gpu_, pipeline_.pipeline, records_);
 }
 
 uint32_t PipelineTracer::stackSize() const
@@ -136,6 +148,7 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
     push_.rayCount = static_cast<uint32_t>(rays.size());
     push_.capacity = capacity;
     push_.scene = scene.address();
+    table_->prepare(launch_, push_.rayCount);
     resources_.write(scene.handle(), buffers());
 }
 
@@ -148,7 +161,7 @@ void PipelineTracer::bind(VkCommandBuffer commands) const
 
 void PipelineTracer::dispatch(VkCommandBuffer commands) const
 {
-    table_->trace(commands, push_.rayCount);
+    table_->trace(commands);
 }
 
 void PipelineTracer::clearResults()

@@ -66,6 +66,7 @@ struct PipelineTracerSetup {
     bool flags2 = false;
     bool inlineModules = false;
     bool dynamicStackSize = false;
+    bool unusedStage = false;                            // a stage that no group uses
     std::vector<VkPushConstantRange> otherPushConstants; // in the layout, for other stages
     // Makes the pipeline in another way: stages are ray generation, miss, closest-hit, any-hit, and intersection for
     // groups with and without any-hit shader, and the relay; groups are ray generation, miss, `groups`, and the
@@ -81,6 +82,9 @@ public:
     explicit PipelineTracer(Device &gpu, const PipelineTracerSetup &setup = {});
 
     std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
+
+    // Traces by that command from now on, with hit records that have that padding (BindingRecords::hitPadding).
+    void setLaunch(Launch launch, uint32_t recordPadding);
 
     // The same in steps.
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
@@ -119,6 +123,8 @@ private:
 
     MadePipeline pipeline_;
     std::vector<TracerGroup> groups_;
+    Launch launch_ = Launch::Direct;
+    BindingRecords records_;
     std::unique_ptr<BindingTable> table_;
     Buffer rays_, results_, candidates_, notes_, visits_, mores_;
     Push push_{};

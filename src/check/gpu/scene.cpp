@@ -176,10 +176,9 @@ VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
     return info;
 }
 
-void Micromap::buildOnHost() const
+void Micromap::buildOnHost(bool deferred) const
 {
-    const VkMicromapBuildInfoEXT info = hostBuildInfo();
-    CHECK_VK(gpu_.vk().BuildMicromapsEXT(gpu_.device(), VK_NULL_HANDLE, 1, &info));
+    HostCommands(gpu_, deferred).build(hostBuildInfo());
 }
 
 void Micromap::scribble()
@@ -426,7 +425,7 @@ VkAccelerationStructureInstanceKHR instance(const Structure &blas, Vec3 place, u
 
 void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances,
                    VkBuildAccelerationStructureFlagsKHR flags, VkBuildAccelerationStructureModeKHR mode,
-                   Arrangement arrangement, uint32_t skipped)
+                   Arrangement arrangement, uint32_t skipped, uint32_t spare)
 {
     // The skipped ones hold garbage: nobody may read them.
     std::vector<VkAccelerationStructureInstanceKHR> all(skipped);
@@ -456,7 +455,8 @@ void Tlas::prepare(std::span<const VkAccelerationStructureInstanceKHR> instances
     }
     geometries_ = {geometry};
     ranges_ = {range};
-    prepareBuild(flags, mode, std::span(&range.primitiveCount, 1));
+    const uint32_t most = range.primitiveCount + spare;
+    prepareBuild(flags, mode, std::span(&most, 1));
 }
 
 void Tlas::build(std::span<const VkAccelerationStructureInstanceKHR> instances,

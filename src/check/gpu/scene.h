@@ -61,7 +61,7 @@ public:
     // The same input in host memory, for vkBuildMicromapsEXT.
     [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
     // Builds it by vkBuildMicromapsEXT.
-    void buildOnHost() const;
+    void buildOnHost(bool deferred = false) const;
     // The buffer that the micromap lies in.
     [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
     // Where it lies, and what a build writes to beside that.
@@ -226,11 +226,12 @@ class Tlas : public Structure
 {
 public:
     explicit Tlas(Device &gpu) : Structure(gpu, VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {}
+    // skipped: instances before the first one. spare: sizes allow for as many more, which do not exist.
     Tlas(Device &gpu, std::vector<VkAccelerationStructureInstanceKHR> instances) : Tlas(gpu) { build(instances); }
     void prepare(std::span<const VkAccelerationStructureInstanceKHR> instances,
                  VkBuildAccelerationStructureFlagsKHR flags = 0,
                  VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
-                 Arrangement arrangement = Arrangement::Array, uint32_t skipped = 0);
+                 Arrangement arrangement = Arrangement::Array, uint32_t skipped = 0, uint32_t spare = 0);
     void build(std::span<const VkAccelerationStructureInstanceKHR> instances,
                VkBuildAccelerationStructureFlagsKHR flags = 0,
                VkBuildAccelerationStructureModeKHR mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,

@@ -2,6 +2,7 @@
 // Groups about builds: commands, threads, memory.
 #include <array>
 
+#include "check/case/trace.h"
 #include "check/groups/random_case.h"
 
 namespace vellum::check
@@ -16,6 +17,7 @@ Case builds(Random &random, const DeviceLimits &limits)
     if (limits.indirectBuilds && chance(random, 40)) {
         c.build.structures = BuildCommand::Indirect;
         c.build.spareTriangles = below(random, 4);
+        c.build.spareInstances = below(random, 4);
     }
     c.build.instancePointers = chance(random, 50);
     return c;
@@ -61,6 +63,28 @@ Case threads(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+// Builds between what is bound and what it does, and within conditional rendering.
+Case state(Random &random, const DeviceLimits &limits)
+{
+    using Kind = Step::Kind;
+    Case c{.scene = makeScene(random, smallScene(limits), limits)};
+    c.build.conditional = chance(random, 50);
+    c.build.single = chance(random, 60);
+    c.trace.boundFirst = true;
+    if (!c.build.single) {
+        constexpr std::array kinds{Kind::CloneObject,     Kind::ReloadObject,   Kind::CloneMicromap,
+                                   Kind::CompactMicromap, Kind::ReloadMicromap, Kind::SetIndices,
+                                   Kind::CloneTop,        Kind::ReloadTop,      Kind::UpdateTop};
+        c.trace.besideBuild = true;
+        addSteps(random, c, kinds, 2, limits);
+    }
+    if (limits.pipelines && chance(random, 40))
+        c.trace.method = TracePlan::Method::Pipeline;
+    else if (chance(random, 30))
+        c.trace.stage = kQueryStages[below(random, kQueryStages.size())];
+    return c;
+}
+
 constexpr std::array kGroups{
     Group{"builds",
           "several micromaps and structures by one command, indirect builds, arrays of pointers, usage counts by "
@@ -81,6 +105,10 @@ constexpr std::array kGroups{
     Group{"generic", "GENERIC structures that reach to the end of their buffer, beyond what is built in them",
           "VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; VkAccelerationStructureCreateInfoKHR: size", 150,
           runGroup<generic>},
+    Group{"state", "what is bound before a build is still there after it; builds within conditional rendering",
+          "Command Buffer State: build and copy commands change no bound pipeline, descriptor set or push constants; "
+          "Conditional Rendering: discards draws, dispatches and clears only",
+          120, runGroup<state>},
     Group{"threads", "builds recorded on several threads and submitted to all queues; rays beside a build",
           "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>},
 };

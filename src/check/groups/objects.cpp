@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Groups about what is done with micromaps and structures: copies, updates, serialization.
+#include <algorithm>
 #include <array>
 
 #include "check/groups/random_case.h"
@@ -15,7 +16,10 @@ using Kind = Step::Kind;
 Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind> kinds, uint32_t most)
 {
     constexpr std::array memories{Memory::Apart, Memory::Packed, Memory::PackedToTheEnd};
-    Case c{.memory = memories[below(random, 3)], .scene = makeScene(random, smallScene(limits), limits)};
+    Limits scene = smallScene(limits);
+    if (chance(random, 30))
+        scene.objects = 6;
+    Case c{.memory = memories[below(random, 3)], .scene = makeScene(random, scene, limits)};
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
         micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     addSteps(random, c, kinds, 1 + below(random, most), limits);
@@ -33,7 +37,7 @@ Case copies(Random &random, const DeviceLimits &limits)
 
 Case serialization(Random &random, const DeviceLimits &limits)
 {
-    constexpr std::array kinds{Kind::ReloadObject, Kind::ReloadMicromap, Kind::ReloadTop};
+    constexpr std::array kinds{Kind::ReloadObject, Kind::ReloadMicromap, Kind::ReloadMicromap, Kind::ReloadTop};
     return withSteps(random, limits, kinds, 3);
 }
 
@@ -56,19 +60,61 @@ Case sequences(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+// Many objects, of which some have no micromaps, are built again by one command, between others that stay.
+Case rebuilds(Random &random, const DeviceLimits &limits)
+{
+    Limits scene = smallScene(limits);
+    scene.objects = 8;
+    scene.instances = 12;
+    scene.meshes = 1;
+    Case c{.memory = chance(random, 50) ? Memory::Packed : Memory::Apart, .scene = makeScene(random, scene, limits)};
+    const uint32_t parity = below(random, 2);
+    for (size_t o = parity; o < c.scene.objects.size(); o += 2) {
+        if (chance(random, 60))
+            c.scene.objects[o].meshes[0].micromap.reset();
+    }
+    c.steps = {
+        {.kind = Kind::RebuildObjects, .target = std::min(parity, static_cast<uint32_t>(c.scene.objects.size()) - 1)}};
+    constexpr std::array kinds{Kind::RebuildObjects, Kind::RebuildObject, Kind::CloneObject, Kind::UpdateObject};
+    addSteps(random, c, kinds, below(random, 3), limits);
+    return c;
+}
+
+// Micromaps by host commands, mixed with those of the device.
+Case hostCopies(Random &random, const DeviceLimits &limits)
+{
+    constexpr std::array kinds{Kind::CloneMicromap, Kind::CompactMicromap, Kind::ReloadMicromap, Kind::SetStates};
+    Case c = withSteps(random, limits, kinds, 4);
+    if (chance(random, 50))
+        c.build.micromaps = BuildCommand::Host;
+    for (Step &step : c.steps) {
+        step.host = chance(random, 75);
+        step.deferred = step.host && chance(random, 40);
+    }
+    return c;
+}
+
 constexpr std::array kGroups{
     Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
           200, runGroup<copies>},
-    Group{"serialization", "serialized and deserialized, into fresh memory and into memory that was in use",
+    Group{"serialization", "serialized and deserialized, into fresh memory and over another content; version data",
           "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
-          "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries",
+          "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries; "
+          "vkGetDeviceAccelerationStructureCompatibilityKHR, vkGetDeviceMicromapCompatibilityEXT",
           150, runGroup<serialization>},
+    Group{"host-copies", "micromaps that are copied, serialized, deserialized and queried on the host, also deferred",
+          "vkCopyMicromapEXT, vkCopyMicromapToMemoryEXT, vkCopyMemoryToMicromapEXT, vkWriteMicromapsPropertiesEXT; "
+          "Deferred Host Operations; micromapHostCommands",
+          120, runGroup<hostCopies>},
     Group{"updates", "updates with other states, other indices and the same data",
           "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
           "acceleration structure can change on update\"",
           200, runGroup<updates>},
+    Group{"rebuilds", "structures of all kinds that are built again by one command, between others that stay",
+          "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
+          runGroup<rebuilds>},
     Group{"sequences", "up to ten steps of all kinds, and rays beside a build",
           "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>},
 };

@@ -117,8 +117,9 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         if (able.empty())
             return {};
         step.target = able[below(random, static_cast<uint32_t>(able.size()))];
-        step.inPlace = kind == Kind::SetStates && chance(random, 50);
-        if (kind == Kind::SetStates || (kind == Kind::CloneMicromap && chance(random, 50)))
+        step.inPlace = (kind == Kind::SetStates || kind == Kind::ReloadMicromap) && chance(random, 50);
+        if (kind == Kind::SetStates ||
+            ((kind == Kind::CloneMicromap || (kind == Kind::ReloadMicromap && step.inPlace)) && chance(random, 70)))
             step.states =
                 otherStates(random, scene.micromaps[step.target], step.inPlace || kind != Kind::SetStates, limits);
         return step;

@@ -86,6 +86,22 @@ oracle::MicromapTriangle fineTriangle(Random &random, uint32_t level, uint16_t f
     return triangle;
 }
 
+// States that are the same within sub-triangles, as those of a picture are: none smaller than one random size.
+oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level)
+{
+    oracle::MicromapTriangle triangle{.level = level, .format = kFourState};
+    const size_t count = size_t{1} << (2 * level);
+    const uint32_t least = below(random, level + 1);
+    while (triangle.states.size() < count) {
+        // 4^n states of the curve from a multiple of 4^n on are a sub-triangle.
+        uint32_t n = least + below(random, level + 1 - least);
+        while (triangle.states.size() % (size_t{1} << (2 * n)) != 0)
+            --n;
+        triangle.states.insert(triangle.states.end(), size_t{1} << (2 * n), static_cast<uint8_t>(below(random, 4)));
+    }
+    return triangle;
+}
+
 // A few triangles with fine micromaps of both formats, up to the limits of the device.
 Case levels(Random &random, const DeviceLimits &limits)
 {
@@ -95,6 +111,10 @@ Case levels(Random &random, const DeviceLimits &limits)
     const uint32_t level = chance(random, 20) ? most : below(random, std::min(most, 9u) + 1);
     const uint32_t triangles = level > 9 ? 1 : 4;
     oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
+    constexpr std::array<VkBuildMicromapFlagsEXT, 4> flags{0, VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT,
+                                                           VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT,
+                                                           VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT};
+    micromap.flags = flags[below(random, flags.size())];
     for (uint32_t i = 0; i < triangles; ++i) {
         const uint16_t format = i % 2 == (two ? 0u : 1u) ? kTwoState : kFourState;
         micromap.triangles.push_back(
@@ -162,12 +182,14 @@ Case lossy(Random &random, const DeviceLimits &limits)
     Case c{.scene = rowScene(random)};
     oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
     micromap.flags = kLossy;
-    const uint32_t level = std::min(below(random, 7), limits.maxLossyLevel);
-    for (uint32_t i = 0; i < 6; ++i)
-        micromap.triangles.push_back(chance(random, 50) ? fineTriangle(random, level, kFourState)
-                                                        : oracle::randomTriangle(random, level));
-    addRow(random, c.scene, 6, level, 24);
-    c.scene.objects[0].meshes[0].micromap = oracle::randomUse(random, c.scene, 6, {.byteIndices = limits.byteIndices});
+    const uint32_t level = std::min(chance(random, 75) ? below(random, 7) : 7 + below(random, 3), limits.maxLossyLevel);
+    const uint32_t triangles = level > 6 ? 2 : 6;
+    for (uint32_t i = 0; i < triangles; ++i)
+        micromap.triangles.push_back(chance(random, 80) ? patchyTriangle(random, level)
+                                                        : fineTriangle(random, level, kFourState));
+    addRow(random, c.scene, triangles, level, 48);
+    c.scene.objects[0].meshes[0].micromap =
+        oracle::randomUse(random, c.scene, triangles, {.byteIndices = limits.byteIndices});
     return c;
 }
 
@@ -205,7 +227,27 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     c.trace.dynamicStackSize = chance(random, 20);
     c.trace.recursion = chance(random, 30);
     c.trace.flags2 = chance(random, 30);
+    c.trace.unusedStage = chance(random, 20);
+    c.trace.recordPadding = chance(random, 30) ? 1 + below(random, 4) : 0;
     c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
+    return c;
+}
+
+// Rays whose number and tables are read by the device.
+Case indirectTraces(Random &random, const DeviceLimits &limits)
+{
+    Case c = pipelines(random, limits);
+    c.trace.launch = chance(random, 50) ? Launch::Indirect : Launch::Indirect2;
+    c.trace.recordPadding = chance(random, 60) ? below(random, 8) : 0;
+    c.trace.recursion = chance(random, 15);
+    return c;
+}
+
+// Two ray queries at a time, in an array.
+Case queryObjects(Random &random, const DeviceLimits &limits)
+{
+    Case c = queries(random, limits);
+    c.trace.queryArray = true;
     return c;
 }
 
@@ -258,6 +300,12 @@ constexpr std::array kGroups{
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR; "
           "VK_KHR_pipeline_library",
           200, runGroup<pipelinePlans>},
+    Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
+          "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
+          120, runGroup<indirectTraces>},
+    Group{"query-objects", "two ray queries at a time, in an array",
+          "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own", 60,
+          runGroup<queryObjects>},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
           runGroup<executionMode>},

@@ -8,6 +8,7 @@
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
+//   IN_ARRAY     the ray query is one of two in an array, both of which trace
 #ifdef BY_ADDRESS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
@@ -55,47 +56,60 @@ bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint pr
     return rule == kAlways || (rule == kHash && ((h ^ (h >> 15u)) & 0x40u) != 0u);
 }
 
+#ifdef IN_ARRAY
+#define QUERY queries[own]
+#else
+#define QUERY query
+#endif
+
 void traceRay(uint id)
 {
     if (id >= push.rayCount)
         return;
     const Ray ray = rays[id];
-    rayQueryEXT query;
-#ifdef BY_ADDRESS
-    rayQueryInitializeEXT(query, accelerationStructureEXT(push.sceneAddress), FLAGS(ray), ray.cullMask,
+#ifdef IN_ARRAY
+    rayQueryEXT queries[2];
+    const uint own = id & 1u;
+    // The other one has flags of its own and meets nothing.
+    rayQueryInitializeEXT(queries[1u - own], scene, gl_RayFlagsNoneEXT, 0u, vec3(0.0), 0.0, vec3(0.0, 0.0, 1.0), 1.0);
 #else
-    rayQueryInitializeEXT(query, scene, FLAGS(ray), ray.cullMask,
+    rayQueryEXT query;
+#endif
+#ifdef BY_ADDRESS
+    rayQueryInitializeEXT(QUERY, accelerationStructureEXT(push.sceneAddress), FLAGS(ray), ray.cullMask,
+#else
+    rayQueryInitializeEXT(QUERY, scene, FLAGS(ray), ray.cullMask,
 #endif
                           vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,
                           vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax);
     uint count = 0u;
-    while (rayQueryProceedEXT(query)) {
+    while (rayQueryProceedEXT(QUERY)) {
         Candidate c;
-        c.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false));
-        c.instance = uint(rayQueryGetIntersectionInstanceIdEXT(query, false));
-        c.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(query, false));
-        c.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
+        c.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(QUERY, false));
+        c.instance = uint(rayQueryGetIntersectionInstanceIdEXT(QUERY, false));
+        c.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(QUERY, false));
+        c.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(QUERY, false));
         c.t = 0.0;
         c.u = 0.0;
         c.v = 0.0;
-        if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionAABBEXT) {
-            c.bits = 1u | (rayQueryGetIntersectionCandidateAABBOpaqueEXT(query) ? 2u : 0u);
+        if (rayQueryGetIntersectionTypeEXT(QUERY, false) == gl_RayQueryCandidateIntersectionAABBEXT) {
+            c.bits = 1u | (rayQueryGetIntersectionCandidateAABBOpaqueEXT(QUERY) ? 2u : 0u);
             const float limit =
-                rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionNoneEXT
+                rayQueryGetIntersectionTypeEXT(QUERY, true) == gl_RayQueryCommittedIntersectionNoneEXT
                     ? ray.tMax
-                    : rayQueryGetIntersectionTEXT(query, true);
+                    : rayQueryGetIntersectionTEXT(QUERY, true);
             if (ray.generate > 0.0 && ray.generate < limit) {
-                rayQueryGenerateIntersectionEXT(query, ray.generate);
+                rayQueryGenerateIntersectionEXT(QUERY, ray.generate);
                 c.bits |= 8u;
             }
         } else {
-            c.bits = rayQueryGetIntersectionFrontFaceEXT(query, false) ? 4u : 0u;
-            c.t = rayQueryGetIntersectionTEXT(query, false);
-            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
+            c.bits = rayQueryGetIntersectionFrontFaceEXT(QUERY, false) ? 4u : 0u;
+            c.t = rayQueryGetIntersectionTEXT(QUERY, false);
+            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(QUERY, false);
             c.u = uv.x;
             c.v = uv.y;
             if (confirms(ray.rule, c.customIndex, c.instance, c.geometry, c.primitive)) {
-                rayQueryConfirmIntersectionEXT(query);
+                rayQueryConfirmIntersectionEXT(QUERY);
                 c.bits |= 8u;
             }
         }
@@ -105,9 +119,9 @@ void traceRay(uint id)
     }
     Result r;
     r.candidates = count;
-    r.flags = rayQueryGetRayFlagsEXT(query);
-    r.tMin = rayQueryGetRayTMinEXT(query);
-    r.committed = rayQueryGetIntersectionTypeEXT(query, true);
+    r.flags = rayQueryGetRayFlagsEXT(QUERY);
+    r.tMin = rayQueryGetRayTMinEXT(QUERY);
+    r.committed = rayQueryGetIntersectionTypeEXT(QUERY, true);
     r.customIndex = 0u;
     r.instance = 0u;
     r.geometry = 0u;
@@ -117,18 +131,22 @@ void traceRay(uint id)
     r.v = 0.0;
     r.frontFace = 0u;
     if (r.committed != gl_RayQueryCommittedIntersectionNoneEXT) {
-        r.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true));
-        r.instance = uint(rayQueryGetIntersectionInstanceIdEXT(query, true));
-        r.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(query, true));
-        r.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true));
-        r.t = rayQueryGetIntersectionTEXT(query, true);
+        r.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(QUERY, true));
+        r.instance = uint(rayQueryGetIntersectionInstanceIdEXT(QUERY, true));
+        r.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(QUERY, true));
+        r.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(QUERY, true));
+        r.t = rayQueryGetIntersectionTEXT(QUERY, true);
         if (r.committed == gl_RayQueryCommittedIntersectionTriangleEXT) {
-            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, true);
+            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(QUERY, true);
             r.u = uv.x;
             r.v = uv.y;
-            r.frontFace = rayQueryGetIntersectionFrontFaceEXT(query, true) ? 1u : 0u;
+            r.frontFace = rayQueryGetIntersectionFrontFaceEXT(QUERY, true) ? 1u : 0u;
         }
     }
+#ifdef IN_ARRAY
+    if (rayQueryProceedEXT(queries[1u - own]) || rayQueryGetRayFlagsEXT(queries[1u - own]) != 0u)
+        r.flags = ~0u;
+#endif
     results[id] = r;
 }
 

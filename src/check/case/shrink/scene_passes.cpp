@@ -159,6 +159,7 @@ std::vector<Kind> simplerThan(Kind kind)
 {
     switch (kind) {
     case Kind::UpdateObject: return {Kind::CloneObject, Kind::RebuildObject};
+    case Kind::RebuildObjects: return {Kind::RebuildObject};
     case Kind::CompactObject:
     case Kind::ReloadObject:
     case Kind::RebuildObject:
@@ -193,12 +194,19 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.build.threads = 1; },
         [](Case &c) { c.build.instancePointers = false; },
         [](Case &c) { c.build.single = false; },
+        [](Case &c) { c.build.conditional = false; },
         [](Case &c) { c.build.spareTriangles = 0; },
+        [](Case &c) { c.build.spareInstances = 0; },
         [](Case &c) { c.trace.method = TracePlan::Method::Query; },
         [](Case &c) { c.trace.stage = VK_SHADER_STAGE_COMPUTE_BIT; },
         [](Case &c) { c.trace.flags = TracePlan::Flags::RunTime; },
         [](Case &c) { c.trace.mode = TracePlan::Mode::True; },
         [](Case &c) { c.trace.besideBuild = false; },
+        [](Case &c) { c.trace.boundFirst = false; },
+        [](Case &c) { c.trace.queryArray = false; },
+        [](Case &c) { c.trace.unusedStage = false; },
+        [](Case &c) { c.trace.launch = Launch::Direct; },
+        [](Case &c) { c.trace.recordPadding = 0; },
         [](Case &c) { c.trace.libraries = TracePlan::Libraries::None; },
         [](Case &c) { c.trace.byAddress = false; },
         [](Case &c) { c.trace.inlineModules = false; },
@@ -208,12 +216,13 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
-        for (bool Step::*const flag : {&Step::update, &Step::inPlace})
+        for (bool Step::*const flag : {&Step::update, &Step::inPlace, &Step::deferred, &Step::host})
             edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
         edits.emplace_back([i](Case &c) { c.steps[i].other = 0; });
         if (targetOf(attempts.best().steps[i].kind) == Target::Top)
             edits.emplace_back([i](Case &c) { c.steps[i].target = 0; });
-        if (attempts.best().steps[i].kind == Kind::CloneMicromap)
+        if (attempts.best().steps[i].kind == Kind::CloneMicromap ||
+            attempts.best().steps[i].kind == Kind::ReloadMicromap)
             edits.emplace_back([i](Case &c) { c.steps[i].states.clear(); });
         // An update that changes nothing
         if (attempts.best().steps[i].kind == Kind::UpdateTop)
