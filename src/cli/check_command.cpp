@@ -37,16 +37,6 @@ void prepareEnvironment(const CheckOptions &options)
         setenv("VELLUM_IMPLEMENTATION", options.implementation.c_str(), 1);
 }
 
-std::vector<std::string> workerOptions(const CheckOptions &options, const std::optional<std::string> &device)
-{
-    std::vector<std::string> words;
-    if (device)
-        words.insert(words.end(), {"--device", *device});
-    if (!options.layer)
-        words.emplace_back("--no-layer");
-    return words;
-}
-
 std::vector<CaseId> readCaseList(const std::filesystem::path &path)
 {
     std::vector<CaseId> cases;
@@ -98,7 +88,7 @@ Expectations expectationsOf(const CheckOptions &options)
 RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
 {
     RunSettings settings;
-    settings.workerOptions = workerOptions(options, std::to_string(device.number));
+    settings.worker = {.device = std::to_string(device.number), .layer = options.layer};
     settings.seed = options.seed;
     settings.jobs = options.jobs;
     settings.timeout = options.timeout;
@@ -318,7 +308,7 @@ int checkCommand(const CheckOptions &options)
         throw UsageError("no case is selected; vellum check --list prints them");
     DeviceSummary device;
     try {
-        device = askForDevice(workerOptions(options, options.device), options.timeout);
+        device = askForDevice({.device = options.device, .layer = options.layer}, options.timeout);
         removeMissing(options, device, selection);
     } catch (const Error &error) {
         if (Interruptible::interrupted())

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -66,5 +67,13 @@ std::shared_ptr<Session> openSession(const SessionOptions &options);
 
 // Runs the case of an Outcome's reproducer.
 Outcome replay(Session &session, const std::string &reproducer);
+
+// The case that a group makes of a seed, as a reproducer. It does not run.
+std::string makeCase(Session &session, const Group &group, uint64_t seed);
+
+// For cases that end their process: runs a reproducer by `run`, which has a process for it, and makes it smaller for at
+// most that many seconds, if it crashes or loses the device.
+Outcome runSeparately(const std::string &reproducer, Api api, double seconds,
+                      const std::function<Outcome(const std::string &reproducer)> &run);
 
 } // namespace vellum::check

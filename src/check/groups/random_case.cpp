@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "check/case/json.h"
 #include "check/case/step.h"
 #include "check/groups/session.h"
 
@@ -179,6 +180,8 @@ Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, M
     Case c = make(random, session.limits());
     c.group = group;
     c.seed = seed;
+    if (session.onlyMakesCases)
+        return {.reproducer = toJson(c)};
     return runAndShrink(session, c, kShrinkSeconds);
 }
 

@@ -96,4 +96,12 @@ Outcome replay(Session &session, const std::string &reproducer)
     return runAndShrink(session, caseFromJson(reproducer), 0);
 }
 
+std::string makeCase(Session &session, const Group &group, uint64_t seed)
+{
+    session.onlyMakesCases = true;
+    std::string reproducer = group.run(session, group.name, seed).reproducer;
+    session.onlyMakesCases = false;
+    return reproducer;
+}
+
 } // namespace vellum::check

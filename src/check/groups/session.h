@@ -22,6 +22,8 @@ public:
     // What layers reported since the last call, errors only.
     [[nodiscard]] std::vector<std::string> takeErrors();
 
+    bool onlyMakesCases = false; // instead of running them: a group's outcome is Pass, with the reproducer
+
 private:
     SessionOptions options_;
     DeviceLimits limits_;

@@ -20,7 +20,7 @@ namespace vellum::cli
 namespace
 {
 
-constexpr std::array kRequests = {"describe", "run", "replay"};
+constexpr std::array kRequests = {"describe", "run", "replay", "make", "separate"};
 constexpr std::array kEvents = {"device", "begin", "end", "error"};
 constexpr std::array kStatuses = {check::Status::Pass,  check::Status::Fail,    check::Status::Skip,
                                   check::Status::Crash, check::Status::Timeout, check::Status::DeviceLost};
@@ -134,8 +134,7 @@ check::Outcome readOutcome(const Reader &reader)
     check::Outcome outcome{statusOf(reader.text("status")), reader.text("cause"),     reader.text("detail"),
                            reader.text("reproducer"),       reader.hexNumber("rays"), {}};
     reader.forEach("files", [&](const rapidjson::Value &file) {
-        outcome.files.push_back(
-            {Reader::textOf(file, "extension"), bytesOf(Reader::textOf(file, "hex"))});
+        outcome.files.push_back({Reader::textOf(file, "extension"), bytesOf(Reader::textOf(file, "hex"))});
     });
     return outcome;
 }
@@ -147,15 +146,20 @@ std::string write(const Request &request)
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().member("request", kRequests.at(static_cast<size_t>(request.kind)));
     json.member("group", request.group).member("seed", hexadecimal(request.seed));
-    json.member("document", request.document.string()).end();
+    json.member("document", request.document.string()).member("timeout", hexadecimal(request.timeout));
+    json.member("shrinkSeconds", hexadecimal(request.shrinkSeconds)).end();
     return json.text();
 }
 
 Request parseRequest(const std::string &line)
 {
     const Reader reader(line);
-    return {kindOf<Request::Kind>(reader.text("request"), kRequests), reader.text("group"), reader.hexNumber("seed"),
-            reader.text("document")};
+    return {kindOf<Request::Kind>(reader.text("request"), kRequests),
+            reader.text("group"),
+            reader.hexNumber("seed"),
+            reader.text("document"),
+            static_cast<uint32_t>(reader.hexNumber("timeout")),
+            static_cast<uint32_t>(reader.hexNumber("shrinkSeconds"))};
 }
 
 std::string write(const Event &event)

@@ -15,10 +15,18 @@ namespace vellum::cli
 // To the worker. It answers each with an Event::Device; or with an Event::Begin when the device is open, and an
 // Event::End; or with an Event::Error, after which it ends.
 struct Request {
-    enum class Kind { Describe, Run, Replay } kind = Kind::Run;
-    std::string group;              // Run
-    uint64_t seed = 0;              // Run
+    enum class Kind {
+        Describe,
+        Run,
+        Replay,
+        Make,     // makes the case, which does not run: the outcome's reproducer
+        Separate, // runs and shrinks the case in other workers, because it ended one or did not end
+    } kind = Kind::Run;
+    std::string group;              // not with Replay
+    uint64_t seed = 0;              // the same
     std::filesystem::path document; // Replay: of readReproducer
+    uint32_t timeout = 0;           // Separate: seconds for opening the device and for a case
+    uint32_t shrinkSeconds = 0;     // Separate: limit of shrinking; 0: none
 };
 std::string write(const Request &request);
 // Throws Error.

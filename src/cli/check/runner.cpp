@@ -2,7 +2,7 @@
 #include "cli/check/runner.h"
 
 #include <algorithm>
-#include <csignal>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <utility>
@@ -19,64 +19,12 @@ namespace
 using Clock = std::chrono::steady_clock;
 
 constexpr int kMillisecondsOfWaiting = 20;
+constexpr uint32_t kShrinkSeconds = 30;
 
 double since(Clock::time_point begin)
 {
     return std::chrono::duration<double>(Clock::now() - begin).count();
 }
-
-std::vector<std::string> with(std::vector<std::string> options, check::Api api)
-{
-    options.insert(options.end(), {"--api", nameOf(api)});
-    return options;
-}
-
-// The failed assertion that a driver printed; empty if there is none.
-std::string assertionIn(const std::string &printed)
-{
-    for (const char *word : {"Assertion ", "assertion "}) {
-        const size_t at = printed.rfind(word);
-        if (at == std::string::npos)
-            continue;
-        const size_t line = printed.rfind('\n', at);
-        const size_t begin = line == std::string::npos ? 0 : line + 1;
-        return printed.substr(begin, printed.find('\n', at) - begin);
-    }
-    return {};
-}
-
-// Of a worker that ended in a case.
-std::string causeOfEnd(const std::string &ending, const std::string &printed)
-{
-    const std::string assertion = assertionIn(printed);
-    return (ending.empty() ? "exit code 0" : ending) + (assertion.empty() ? "" : ": " + assertion);
-}
-
-check::Outcome outcomeOf(check::Status status, std::string cause, const std::string &printed)
-{
-    check::Outcome outcome;
-    outcome.status = status;
-    outcome.cause = std::move(cause);
-    if (printed.empty())
-        return outcome;
-    outcome.detail = "The last output was:\n";
-    for (const char c : printed)
-        outcome.detail += (c >= ' ' && c <= '~') || c == '\n' || c == '\t' ? c : '?';
-    return outcome;
-}
-
-// A write to a worker that has ended fails instead of ending this process.
-class IgnoredPipeSignal
-{
-public:
-    IgnoredPipeSignal() : before_(std::signal(SIGPIPE, SIG_IGN)) {}
-    ~IgnoredPipeSignal() { std::signal(SIGPIPE, before_); }
-    IgnoredPipeSignal(const IgnoredPipeSignal &) = delete;
-    IgnoredPipeSignal &operator=(const IgnoredPipeSignal &) = delete;
-
-private:
-    void (*before_)(int);
-};
 
 } // namespace
 
@@ -117,7 +65,9 @@ private:
     std::optional<CaseId> current_;
     bool open_ = false; // the device
     bool closing_ = false;
+    bool separate_ = false;          // the last request was a Request::Separate
     Clock::time_point waitingSince_; // for the next event of the worker
+    double limit_ = 0;               // of waiting, in seconds
     // A result of this process that a crash at its end may still change.
     std::optional<Finished> held_;
     // A failure, until its case has been run again.
@@ -158,15 +108,29 @@ bool Runner::Slot::proceed(Schedule &schedule)
 
 void Runner::Slot::begin(const CaseId &id)
 {
+    const RunSettings &settings = runner_.settings_;
     if (process_ == nullptr) {
-        process_ = std::make_unique<WorkerProcess>(with(runner_.settings_.workerOptions, id.api));
+        check::SessionOptions options = settings.worker;
+        options.api = id.api;
+        process_ = std::make_unique<WorkerProcess>(options);
         open_ = false;
     }
     current_ = id;
     waitingSince_ = Clock::now();
-    const bool replays = !runner_.settings_.replay.empty();
-    process_->send({replays ? Request::Kind::Replay : Request::Kind::Run, std::string(id.group->name),
-                    seedOf(runner_.settings_.seed, id), runner_.settings_.replay});
+    limit_ = settings.timeout;
+    Request request{.group = std::string(id.group->name), .seed = seedOf(settings.seed, id)};
+    if (!settings.replay.empty()) {
+        request.kind = Request::Kind::Replay;
+        request.document = settings.replay;
+    } else if (failure_ && failure_->outcome.status != check::Status::Fail) {
+        request.kind = Request::Kind::Separate;
+        request.timeout = static_cast<uint32_t>(std::ceil(settings.timeout));
+        request.shrinkSeconds = runner_.confirmed_.contains(causeOf(failure_->outcome)) ? 0 : kShrinkSeconds;
+        // Besides the time limits of its own: making the case, running it, and running it once more in the end.
+        limit_ = 4 * settings.timeout + request.shrinkSeconds;
+    }
+    separate_ = request.kind == Request::Kind::Separate;
+    process_->send(request);
 }
 
 void Runner::Slot::check()
@@ -177,7 +141,7 @@ void Runner::Slot::check()
     const std::vector<Event> events = process_->read();
     for (const Event &event : events)
         handle(event);
-    const bool late = (current_ || closing_) && since(waitingSince_) > runner_.settings_.timeout;
+    const bool late = (current_ || closing_) && since(waitingSince_) > limit_;
     if (process_ == nullptr || (!ending && !late))
         return;
     const check::Status status = ending ? check::Status::Crash : check::Status::Timeout;
@@ -201,8 +165,8 @@ void Runner::Slot::handle(const Event &event)
         break;
     case Event::Kind::End:
         finish(event.outcome);
-        // The driver is of no use after that.
-        if (event.outcome.status == check::Status::DeviceLost)
+        // The driver is of no use after a lost device, and its worker has not opened it for a separate run.
+        if (event.outcome.status == check::Status::DeviceLost || separate_)
             drop();
         break;
     case Event::Kind::Error:
@@ -218,7 +182,7 @@ void Runner::Slot::fail(check::Status status, std::string cause)
         ++runner_.failedOpenings_;
         cause = "the device cannot be opened" + (cause.empty() ? "" : ": " + cause);
     }
-    finish(outcomeOf(status, std::move(cause), process_->printed()));
+    finish(outcomeOfEnd(status, std::move(cause), process_->printed()));
 }
 
 void Runner::Slot::finish(check::Outcome outcome)
@@ -234,6 +198,10 @@ void Runner::Slot::finish(check::Outcome outcome)
             failure_->verdict = Verdict::Flake;
         else
             ++runner_.confirmed_[causeOf(failure_->outcome)];
+        if (separate_ && !outcome.reproducer.empty()) {
+            failure_->outcome.reproducer = std::move(outcome.reproducer);
+            failure_->outcome.files = std::move(outcome.files);
+        }
         runner_.report_(*std::exchange(failure_, std::nullopt));
         return;
     }
@@ -252,13 +220,14 @@ void Runner::Slot::close()
     process_->endRequests();
     closing_ = true;
     waitingSince_ = Clock::now();
+    limit_ = runner_.settings_.timeout;
 }
 
 // The worker has ended after its last case, or does not end.
 void Runner::Slot::closed(check::Status status, const std::string &how)
 {
     if (held_ && isSuccess(held_->verdict) && !how.empty()) {
-        held_->outcome = outcomeOf(status, how + " when the device was closed", process_->printed());
+        held_->outcome = outcomeOfEnd(status, how + " when the device was closed", process_->printed());
         held_->verdict = runner_.expectations_.verdictOn(nameOf(held_->id), status);
     }
 }
@@ -311,7 +280,7 @@ std::optional<CaseId> Runner::nextOf(Stream &stream)
         const CaseId id = stream.next();
         if (!expectations_.skips(nameOf(id)))
             return id;
-        report_({id, outcomeOf(check::Status::Skip, "by --skips", ""), Verdict::Skip, 0});
+        report_({id, outcomeOfEnd(check::Status::Skip, "by --skips", ""), Verdict::Skip, 0});
     }
     return std::nullopt;
 }
@@ -328,7 +297,7 @@ void Runner::reportMissing(Schedule &schedule)
 {
     while (Stream *stream = schedule.choose())
         if (const std::optional<CaseId> id = nextOf(*stream))
-            report_({*id, outcomeOf(check::Status::Crash, "the device cannot be opened", ""), Verdict::Missing, 0});
+            report_({*id, outcomeOfEnd(check::Status::Crash, "the device cannot be opened", ""), Verdict::Missing, 0});
 }
 
 void Runner::run(Schedule &schedule)
@@ -362,25 +331,18 @@ void Runner::run(Schedule &schedule)
         reportMissing(schedule);
 }
 
-DeviceSummary askForDevice(const std::vector<std::string> &workerOptions, double timeout)
+DeviceSummary askForDevice(const check::SessionOptions &options, double timeout)
 {
     const IgnoredPipeSignal ignored;
-    const Clock::time_point begin = Clock::now();
-    WorkerProcess worker(workerOptions);
-    worker.send({Request::Kind::Describe, {}, 0, {}});
-    while (since(begin) < timeout && !Interruptible::interrupted()) {
-        waitForAny({&worker}, kMillisecondsOfWaiting);
-        const std::optional<std::string> ending = worker.ending();
-        for (const Event &event : worker.read()) {
-            if (event.kind == Event::Kind::Error)
-                throw Error(event.message);
-            if (event.kind == Event::Kind::Device)
-                return event.device;
-        }
-        if (ending)
-            throw Error("listing the Vulkan devices failed: " + *ending);
-    }
-    throw Error("listing the Vulkan devices takes too long");
+    WorkerProcess worker(options);
+    worker.send({.kind = Request::Kind::Describe});
+    const Answer answer = waitForAnswer(worker, timeout);
+    if (!answer.event)
+        throw Error(answer.ending ? "listing the Vulkan devices failed: " + *answer.ending
+                                  : "listing the Vulkan devices takes too long");
+    if (answer.event->kind == Event::Kind::Error)
+        throw Error(answer.event->message);
+    return answer.event->device;
 }
 
 } // namespace vellum::cli

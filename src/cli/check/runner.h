@@ -19,7 +19,7 @@ namespace vellum::cli
 {
 
 struct RunSettings {
-    std::vector<std::string> workerOptions; // without --api
+    check::SessionOptions worker; // with any API
     uint64_t seed = 0;
     unsigned jobs = 1;
     double timeout = 60;          // seconds of a case, of opening and of closing the device
@@ -69,13 +69,13 @@ private:
     std::function<void(const Finished &)> report_;
     std::function<void()> tick_;
     Clock::time_point start_ = Clock::now();
-    double turn_ = 0;                         // seconds that a worker runs the cases of one stream
-    unsigned failedOpenings_ = 0;             // one after the other
+    double turn_ = 0;             // seconds that a worker runs the cases of one stream
+    unsigned failedOpenings_ = 0; // one after the other
     bool failed_ = false;
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };
 
 // The device that workers with these options test. Throws Error where there is none.
-DeviceSummary askForDevice(const std::vector<std::string> &workerOptions, double timeout);
+DeviceSummary askForDevice(const check::SessionOptions &options, double timeout);
 
 } // namespace vellum::cli

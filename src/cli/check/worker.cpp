@@ -15,6 +15,7 @@
 #include "cli/check/case_id.h"
 #include "cli/check/device.h"
 #include "cli/check/protocol.h"
+#include "cli/check/separate_runs.h"
 
 namespace vellum::cli
 {
@@ -43,6 +44,10 @@ public:
             send({Event::Kind::Device, describeDevice(options_), {}, {}});
             return;
         }
+        if (request.kind == Request::Kind::Separate) {
+            send({Event::Kind::End, {}, runSeparately(request), {}});
+            return;
+        }
         if (session_ == nullptr)
             session_ = check::openSession(options_);
         send({Event::Kind::Begin, {}, {}, {}});
@@ -50,11 +55,25 @@ public:
     }
 
 private:
+    check::Outcome runSeparately(const Request &request)
+    {
+        SeparateRuns runs(options_, request.timeout);
+        const std::string made = runs.make(request.group, request.seed);
+        send({Event::Kind::Begin, {}, {}, {}});
+        return check::runSeparately(made, options_.api, request.shrinkSeconds,
+                                    [&](const std::string &reproducer) { return runs.run(reproducer); });
+    }
+
     check::Outcome outcomeOf(const Request &request)
     {
         try {
             if (request.kind == Request::Kind::Run)
                 return run(request.group, request.seed);
+            if (request.kind == Request::Kind::Make) {
+                check::Outcome outcome;
+                outcome.reproducer = check::makeCase(*session_, groupOf(request.group), request.seed);
+                return outcome;
+            }
             const Reproducer reproducer = readReproducer(request.document);
             return reproducer.shrunk.empty() ? run(reproducer.group, reproducer.seed)
                                              : check::replay(*session_, reproducer.shrunk);
@@ -66,12 +85,14 @@ private:
         }
     }
 
-    check::Outcome run(const std::string &name, uint64_t seed)
+    check::Outcome run(const std::string &group, uint64_t seed) { return groupOf(group).run(*session_, group, seed); }
+
+    static const check::Group &groupOf(const std::string &name)
     {
         const check::Group *group = findGroup(name);
         if (group == nullptr)
             throw Error("there is no group " + name);
-        return group->run(*session_, group->name, seed);
+        return *group;
     }
 
     check::SessionOptions options_;

@@ -14,6 +14,8 @@
 #include <utility>
 
 #include "cli/base/error.h"
+#include "cli/base/interrupt.h"
+#include "cli/check/case_id.h"
 #include "cli/check/worker.h"
 
 namespace vellum::cli
@@ -22,6 +24,7 @@ namespace
 {
 
 constexpr size_t kMostPrinted = 4096;
+constexpr int kMillisecondsOfWaiting = 20;
 
 struct Pipe {
     Descriptor reading;
@@ -94,6 +97,20 @@ pid_t spawn(std::vector<std::string> words, const Descriptor &requests, const De
     return process;
 }
 
+// The failed assertion that a driver printed; empty if there is none.
+std::string assertionIn(const std::string &printed)
+{
+    for (const char *word : {"Assertion ", "assertion "}) {
+        const size_t at = printed.rfind(word);
+        if (at == std::string::npos)
+            continue;
+        const size_t line = printed.rfind('\n', at);
+        const size_t begin = line == std::string::npos ? 0 : line + 1;
+        return printed.substr(begin, printed.find('\n', at) - begin);
+    }
+    return {};
+}
+
 } // namespace
 
 Descriptor &Descriptor::operator=(Descriptor &&other) noexcept
@@ -109,13 +126,16 @@ void Descriptor::close()
     number_ = -1;
 }
 
-WorkerProcess::WorkerProcess(const std::vector<std::string> &options)
+WorkerProcess::WorkerProcess(const check::SessionOptions &options)
 {
     Pipe requests = makePipe();
     Pipe events = makePipe();
     Pipe output = makePipe();
-    std::vector<std::string> words = {"vellum", "check", "--worker"};
-    words.insert(words.end(), options.begin(), options.end());
+    std::vector<std::string> words = {"vellum", "check", "--worker", "--api", nameOf(options.api)};
+    if (options.device)
+        words.insert(words.end(), {"--device", *options.device});
+    if (!options.layer)
+        words.emplace_back("--no-layer");
     process_ = spawn(std::move(words), requests.reading, events.writing, output.writing);
     requests_ = std::move(requests.writing);
     events_ = std::move(events.reading);
@@ -172,6 +192,43 @@ std::vector<Event> WorkerProcess::read()
         line_.erase(0, end + 1);
     }
     return events;
+}
+
+std::string causeOfEnd(const std::string &ending, const std::string &printed)
+{
+    const std::string assertion = assertionIn(printed);
+    return (ending.empty() ? "exit code 0" : ending) + (assertion.empty() ? "" : ": " + assertion);
+}
+
+check::Outcome outcomeOfEnd(check::Status status, std::string cause, const std::string &printed)
+{
+    check::Outcome outcome;
+    outcome.status = status;
+    outcome.cause = std::move(cause);
+    if (printed.empty())
+        return outcome;
+    outcome.detail = "The last output was:\n";
+    for (const char c : printed)
+        outcome.detail += (c >= ' ' && c <= '~') || c == '\n' || c == '\t' ? c : '?';
+    return outcome;
+}
+
+Answer waitForAnswer(WorkerProcess &worker, double seconds)
+{
+    using Clock = std::chrono::steady_clock;
+    Clock::time_point begin = Clock::now();
+    while (std::chrono::duration<double>(Clock::now() - begin).count() < seconds && !Interruptible::interrupted()) {
+        waitForAny({&worker}, kMillisecondsOfWaiting);
+        const std::optional<std::string> ending = worker.ending(); // first: what was written before it is read below
+        for (const Event &event : worker.read()) {
+            if (event.kind != Event::Kind::Begin)
+                return {event, {}};
+            begin = Clock::now();
+        }
+        if (ending)
+            return {{}, ending};
+    }
+    return {};
 }
 
 void waitForAny(const std::vector<const WorkerProcess *> &workers, int milliseconds)

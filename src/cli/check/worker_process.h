@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <csignal>
 #include <optional>
 #include <string>
 #include <sys/types.h>
@@ -28,11 +29,24 @@ private:
     int number_;
 };
 
+// A write to a worker that has ended fails instead of ending this process.
+class IgnoredPipeSignal
+{
+public:
+    IgnoredPipeSignal() : before_(std::signal(SIGPIPE, SIG_IGN)) {}
+    ~IgnoredPipeSignal() { std::signal(SIGPIPE, before_); }
+    IgnoredPipeSignal(const IgnoredPipeSignal &) = delete;
+    IgnoredPipeSignal &operator=(const IgnoredPipeSignal &) = delete;
+
+private:
+    void (*before_)(int);
+};
+
 class WorkerProcess
 {
 public:
     // Starts `vellum check --worker` with these options, in a process group of its own. Throws Error.
-    explicit WorkerProcess(const std::vector<std::string> &options);
+    explicit WorkerProcess(const check::SessionOptions &options);
     // Kills it if it is still there.
     ~WorkerProcess();
     WorkerProcess(const WorkerProcess &) = delete;
@@ -63,6 +77,19 @@ private:
     std::string line_; // begun
     std::string printed_;
 };
+
+// What a worker answers to a request.
+struct Answer {
+    std::optional<Event> event;        // no Event::Begin
+    std::optional<std::string> ending; // of a process that has ended instead; neither: the time is over
+};
+// Waits that many seconds for the device to be open, and as many for what follows; less if vellum is interrupted.
+Answer waitForAnswer(WorkerProcess &worker, double seconds);
+
+// Of a case whose worker ended or did not end in time.
+check::Outcome outcomeOfEnd(check::Status status, std::string cause, const std::string &printed);
+// What became of the worker, with the failed assertion that a driver has printed.
+std::string causeOfEnd(const std::string &ending, const std::string &printed);
 
 // Waits until one of them has something to read, or for some milliseconds.
 void waitForAny(const std::vector<const WorkerProcess *> &workers, int milliseconds);
