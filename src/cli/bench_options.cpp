@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "cli/bench_command.h"
-#include "cli/commands.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/render_options.h"
 

@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "cli/base/error.h"
-#include "cli/commands.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 
 namespace vellum::cli

@@ -8,8 +8,8 @@
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/version.h"
-#include "cli/commands.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "gltf/micromaps/stored_micromaps.h"
 

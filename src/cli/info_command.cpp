@@ -7,9 +7,9 @@
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/standard_streams.h"
-#include "cli/commands.h"
 #include "cli/info/file_report.h"
 #include "cli/info/loader_report.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "gltf/file/gltf_error.h"
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "cli/bake_options.h"
+#include "cli/bake/bake_options.h"
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/numbers.h"
@@ -13,11 +13,11 @@
 #include "cli/base/progress.h"
 #include "cli/base/report_parts.h"
 #include "cli/base/standard_streams.h"
-#include "cli/commands.h"
 #include "cli/inspect/drawing/uv_picture.h"
 #include "cli/inspect/page.h"
 #include "cli/inspect/tally.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 
 namespace vellum::cli

@@ -5,12 +5,12 @@
 #include <map>
 #include <memory>
 
-#include "cli/bake_options.h"
+#include "cli/bake/bake_options.h"
 #include "cli/base/error.h"
 #include "cli/base/output_file.h"
 #include "cli/base/standard_streams.h"
-#include "cli/commands.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/render_command.h"
 

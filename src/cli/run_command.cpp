@@ -8,9 +8,9 @@
 #include <unistd.h>
 
 #include "cli/base/error.h"
-#include "cli/commands.h"
 #include "cli/info/manifests.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/run/message_summary.h"
 #include "cli/run/program.h"

@@ -8,8 +8,8 @@
 #include "cli/base/error.h"
 #include "cli/base/progress.h"
 #include "cli/base/standard_streams.h"
-#include "cli/commands.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/verify/verify_report.h"
 

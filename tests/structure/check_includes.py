@@ -62,8 +62,8 @@ SUBSYSTEMS = {
     "bake": below("numbers", "texture", ""),
     "check": below("shaders", "gpu", "oracle", "case", "groups"),
     "gltf": below("file", "data", "", "micromaps"),
-    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "bench", "spirv", "verify", "inspect",
-                 "", "manual"),
+    "cli": below("base", "options", "picture", "scene", "vulkan", "renderer", "info", "run", "check", "bench", "spirv",
+                 "verify", "inspect", "bake", "", "manual"),
 }
 
 MOST_FILES = 24

@@ -1,3 +1,5 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws the tables and charts of the report.
 const report = JSON.parse(document.getElementById("report").textContent);
 const element = (name, text, parent) => {
   const made = document.createElement(name);

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/bake_command.h"
+#include "cli/bake/bake_command.h"
 #include "cli/base/report_parts.h"
 #include "gltf/micromaps/known_surface.h"
 

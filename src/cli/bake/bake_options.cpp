@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/bake_options.h"
+#include "cli/bake/bake_options.h"
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -9,11 +9,11 @@
 #include <memory>
 #include <unistd.h>
 
-#include "cli/bake_command.h"
+#include "cli/bake/bake_command.h"
 #include "cli/base/error.h"
 #include "cli/base/standard_streams.h"
-#include "cli/commands.h"
 #include "cli/options/checks.h"
+#include "cli/options/commands.h"
 #include "cli/options/help.h"
 
 namespace vellum::cli

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/bake_command.h"
+#include "cli/bake/bake_command.h"
 
 #include <algorithm>
 #include <atomic>
@@ -9,7 +9,7 @@
 #include <optional>
 #include <thread>
 
-#include "cli/bake_report.h"
+#include "cli/bake/bake_report.h"
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/interrupt.h"

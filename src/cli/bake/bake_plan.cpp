@@ -4,7 +4,7 @@
 #include <optional>
 #include <sys/stat.h>
 
-#include "cli/bake_command.h"
+#include "cli/bake/bake_command.h"
 #include "cli/base/error.h"
 #include "cli/base/standard_streams.h"
 #include "gltf/file/container.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/bake_report.h"
+#include "cli/bake/bake_report.h"
 
 #include <algorithm>
 #include <fmt/format.h>

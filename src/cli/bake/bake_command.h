@@ -2,7 +2,7 @@
 // `vellum bake`
 #pragma once
 
-#include "cli/bake_options.h"
+#include "cli/bake/bake_options.h"
 
 namespace vellum::cli
 {
