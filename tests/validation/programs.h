@@ -30,9 +30,16 @@ struct WrongProgram {
     unsigned needs;   // ProgramNeeds
     void (*run)(Gpu &gpu, bool wrong);
     const char *variant = ""; // of several programs for one rule
+    // Translated, what the wrong program asks for is not available, which is reported as well.
+    bool mayBeUnavailable = false;
 };
 
 // The programs of each file.
+std::span<const WrongProgram> creationPrograms();
 std::span<const WrongProgram> buildPrograms();
+std::span<const WrongProgram> attachmentPrograms();
+std::span<const WrongProgram> copyPrograms();
+std::span<const WrongProgram> queryPrograms();
+std::span<const WrongProgram> hostPrograms();
 
 } // namespace vt

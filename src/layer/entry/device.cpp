@@ -182,6 +182,8 @@ private:
     VkResult prepareEmulation();
     void prepareTranslation();
     VkResult startEmulation();
+    // As the application sees them.
+    [[nodiscard]] RuleLimits ruleLimits(const EnabledFeatures &enabled) const;
 
     Instance &instance_;
     VkPhysicalDevice physicalHandle_;
@@ -294,10 +296,38 @@ VkResult DeviceCreation::start()
     return VK_SUCCESS;
 }
 
+RuleLimits DeviceCreation::ruleLimits(const EnabledFeatures &enabled) const
+{
+    if ((!enabled.ext && !enabled.khr) || !instance_.next.GetPhysicalDeviceProperties2)
+        return {};
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
+    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
+    VkPhysicalDeviceAccelerationStructurePropertiesKHR structures{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &structures, {}};
+    const auto add = [&properties](auto &structure) {
+        structure.pNext = properties.pNext;
+        properties.pNext = &structure;
+    };
+    if (enabled.ext)
+        add(ext);
+    if (enabled.khr)
+        add(khr);
+    getPhysicalDeviceProperties2(physicalHandle_, &properties);
+    return {{ext.maxOpacity2StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel, 0, 0},
+            {khr.maxOpacity2StateSubdivisionLevel, khr.maxOpacity4StateSubdivisionLevel,
+             khr.maxOpacityLossy4StateSubdivisionLevel, khr.maxMicromapTriangles},
+            structures.minAccelerationStructureScratchOffsetAlignment};
+}
+
 void DeviceCreation::startValidation(Device &added) const
 {
-    if (added.driver.enabled.any() && instance_.settings.validate.any())
-        added.validation = createValidation(added.driver, implementationProcAddr, queueFamiliesIn(info_));
+    const EnabledFeatures &enabled = added.driver.enabled;
+    if (enabled.any() && instance_.settings.validate.any())
+        added.validation =
+            createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
     if (added.validation && !added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
 }

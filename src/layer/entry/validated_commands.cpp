@@ -7,6 +7,9 @@
 
 #include "layer/entry/command.h"
 #include "layer/validation/builds.h"
+#include "layer/validation/copies.h"
+#include "layer/validation/host.h"
+#include "layer/validation/queries.h"
 
 namespace vellum::layer
 {

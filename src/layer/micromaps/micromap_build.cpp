@@ -25,7 +25,7 @@ constexpr uint32_t kMostInPlace = uint32_t{1} << 31;
 bool checkBuildOnDevice(const DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info,
                         MicromapBuild &build)
 {
-    if (!checkMicromapBuild(check, info, build))
+    if (!checkMicromapBuild(check, kDeviceBuildRules, info, build))
         return false;
     if (build.extent.triangles == 0)
         return true;

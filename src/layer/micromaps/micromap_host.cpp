@@ -118,14 +118,16 @@ void write(const DeviceMicromaps &device, const MicromapBuild &build, uint8_t *o
 VkResult buildOne(DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info)
 {
     auto build = parseMicromapBuild(check, info);
-    if (!build || !checkMicromapBuild(check, info, *build))
+    if (!build || !checkMicromapBuild(check, kHostBuildRules, info, *build))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const View view(device, info.dstMicromap, build->extent.bytes(), HostView::For::Writing);
     if (!view.bytes())
         return reject(check, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
                       "dstMicromap is not bound to host-visible memory");
     if (build->extent.triangles > 0 && (!build->data.hostAddress || !build->triangles.hostAddress))
-        return reject(check, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553", "data or triangleArray is null");
+        return reject(check, build->data.hostAddress ? "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07554"
+                                                     : "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553",
+                      "data or triangleArray is null");
     write(device, *build, view.bytes());
     return VK_SUCCESS;
 }

@@ -196,11 +196,6 @@ std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const V
                      "type " + std::to_string(info.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
         return std::nullopt;
     }
-    // Tolerated: there is no other mode.
-    if (info.mode != VK_BUILD_MICROMAP_MODE_BUILD_EXT &&
-        !check.tolerate("VELLUM-VUID-VkMicromapBuildInfoEXT-mode-parameter",
-                        "mode " + std::to_string(info.mode) + " is not VK_BUILD_MICROMAP_MODE_BUILD_EXT"))
-        return std::nullopt;
     MicromapBuild build;
     build.flags = info.flags;
     build.data = info.data;
@@ -221,13 +216,18 @@ std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const V
     return build;
 }
 
-bool checkMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info, MicromapBuild &build)
+bool checkMicromapBuild(const InputCheck &check, const MicromapBuildRules &rules, const VkMicromapBuildInfoEXT &info,
+                        MicromapBuild &build)
 {
+    // Tolerated: there is no other mode.
+    if (info.mode != VK_BUILD_MICROMAP_MODE_BUILD_EXT &&
+        !check.tolerate(rules.mode, "mode " + std::to_string(info.mode) + " is not VK_BUILD_MICROMAP_MODE_BUILD_EXT"))
+        return false;
     if (!info.dstMicromap)
-        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", "dstMicromap is VK_NULL_HANDLE");
+        return check.reject(rules.target, "dstMicromap is VK_NULL_HANDLE");
     build.target = *micromapOf(info.dstMicromap);
     if (build.target.size < build.extent.bytes())
-        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
+        return check.reject(rules.size,
                             "dstMicromap has " + std::to_string(build.target.size) + " bytes, the build needs " +
                                 std::to_string(build.extent.bytes()));
     return build.extent.triangles <= 1 || checkStride(check, build, "VELLUM-micromap-stride");

@@ -49,8 +49,21 @@ struct MicromapBuildSizes {
 
 // The build of a VkMicromapBuildInfoEXT. nullopt, after a message, if its sizes cannot be computed.
 std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info);
-// Finds the target, and checks the rules that device and host builds have in common.
-bool checkMicromapBuild(const InputCheck &check, const VkMicromapBuildInfoEXT &info, MicromapBuild &build);
+// The rules that device and host builds have in common.
+struct MicromapBuildRules {
+    const char *mode;
+    const char *target;
+    const char *size;
+};
+inline constexpr MicromapBuildRules kDeviceBuildRules{"VELLUM-VUID-vkCmdBuildMicromapsEXT-mode-07462",
+                                                      "VELLUM-VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463",
+                                                      "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07461"};
+inline constexpr MicromapBuildRules kHostBuildRules{"VELLUM-VUID-vkBuildMicromapsEXT-mode-07462",
+                                                    "VELLUM-VUID-vkBuildMicromapsEXT-dstMicromap-07463",
+                                                    "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07461"};
+// Finds the target, and checks these rules.
+bool checkMicromapBuild(const InputCheck &check, const MicromapBuildRules &rules, const VkMicromapBuildInfoEXT &info,
+                        MicromapBuild &build);
 
 inline bool isMicromapBuild(const VkAccelerationStructureBuildGeometryInfoKHR &info)
 {

@@ -128,11 +128,11 @@ VkResult createMicromapPool(const DeviceQueryPools &device, const VkQueryPoolCre
 
 // Whether a command's queries are all in the pool.
 bool checkQueries(const DeviceQueryPools &device, const QueryPool &pool, uint32_t first, uint64_t count,
-                  const char *command)
+                  const char *command, const char *id = "VELLUM-query-range")
 {
     if (first + count <= pool.count)
         return true;
-    device.driver.report().error("VELLUM-query-range", std::string(command) + ": queries " + std::to_string(first) +
+    device.driver.report().error(id, std::string(command) + ": queries " + std::to_string(first) +
                                                            " to " + std::to_string(first + count) + " of a pool of " +
                                                            std::to_string(pool.count));
     return false;
@@ -353,8 +353,9 @@ void cmdWriteMicromapsProperties(DeviceQueryPools &device, VkCommandBuffer comma
                      "a micromap is VK_NULL_HANDLE");
         return;
     }
-    // VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528
-    if (count == 0 || !checkQueries(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT") ||
+    if (count == 0 ||
+        !checkQueries(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT",
+                      "VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528") ||
         InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT"))
         return;
     const uint32_t kind =
@@ -372,7 +373,8 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &device, VkComman
 {
     const auto pool = device.pools.get(queryPool);
     if (!checkPropertyType(device, pool.get(), type) || count == 0 ||
-        !checkQueries(device, *pool, first, count, kWriteProperties) ||
+        !checkQueries(device, *pool, first, count, kWriteProperties,
+                      "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880") ||
         InjectedWork::rejectedIn(device.commands, commandBuffer, kWriteProperties))
         return;
     std::vector<std::shared_ptr<AccelerationStructure>> known;

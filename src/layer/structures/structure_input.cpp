@@ -193,9 +193,7 @@ std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, cons
         return reject("VELLUM-copy-type", "one of src and dst is not a micromap");
     if (copy.source->location == copy.target->location ||
         (!copy.isMicromap() && objects.driver.structureAddress(info.src) == objects.driver.structureAddress(info.dst)))
-        return copy.isMicromap() ? reject("VELLUM-micromap-copy-overlap", "src and dst overlap")
-                                 : reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791",
-                                          "src and dst are the same memory");
+        return reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "src and dst are the same memory");
     copy.compact = info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
     // Tolerated: other modes are clones, as in drivers.
     if (!copy.compact &&

@@ -5,6 +5,7 @@
 
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
+#include "layer/validation/rules/build_rules.h"
 
 namespace vellum::layer
 {
@@ -20,6 +21,11 @@ std::vector<VkMicromapUsageEXT> usagesOf(uint32_t count, const Counts *counts, c
         usages.push_back({usage.count, usage.subdivisionLevel, static_cast<uint32_t>(usage.format)});
     }
     return usages;
+}
+
+uint32_t arraysOf(uint32_t count, const void *counts, const void *pointers)
+{
+    return count == 0 ? 1 : uint32_t{counts != nullptr} + uint32_t{pointers != nullptr};
 }
 
 std::shared_ptr<const StructureContents> contentsOf(const MicromapBuildInput &build)
@@ -51,6 +57,8 @@ std::shared_ptr<const StructureContents> contentsOf(const DeviceValidation &devi
         part.primitives = primitives(g);
         if (const auto attachment = attachmentOf(device, *geometry)) {
             part.hasMicromap = true;
+            part.khr = attachment->khr;
+            part.micromapHandle = attachment->handle;
             part.micromap = attachment->micromap;
         }
     }
@@ -95,6 +103,7 @@ MicromapBuildInput micromapBuildOf(const DeviceValidation &device, const VkMicro
     build.target = device.objects.micromaps.get(info.dstMicromap);
     build.flags = info.flags;
     build.usages = usagesOf(info.usageCountsCount, info.pUsageCounts, info.ppUsageCounts);
+    build.usageArrays = arraysOf(info.usageCountsCount, info.pUsageCounts, info.ppUsageCounts);
     build.data = info.data;
     build.triangles = info.triangleArray;
     build.triangleStride = info.triangleArrayStride;
@@ -115,7 +124,9 @@ std::optional<MicromapBuildInput> micromapBuildOf(const DeviceValidation &device
     MicromapBuildInput build;
     build.target = device.objects.structures.get(info.dstAccelerationStructure);
     build.flags = info.flags;
+    build.khr = true;
     build.usages = usagesOf(data->usageCountsCount, data->pUsageCounts, data->ppUsageCounts);
+    build.usageArrays = arraysOf(data->usageCountsCount, data->pUsageCounts, data->ppUsageCounts);
     build.data.deviceAddress = data->data;
     build.triangles.deviceAddress = data->triangleArray;
     build.triangleStride = data->triangleArrayStride;
@@ -151,6 +162,7 @@ std::optional<AttachmentInput> attachmentOf(const DeviceValidation &device,
         attachment.indexBuffer = ext->indexBuffer;
         attachment.micromap = ext->micromap ? device.objects.micromaps.get(ext->micromap) : nullptr;
         attachment.usages = usagesOf(ext->usageCountsCount, ext->pUsageCounts, ext->ppUsageCounts);
+        attachment.usageArrays = arraysOf(ext->usageCountsCount, ext->pUsageCounts, ext->ppUsageCounts);
         return attachment;
     }
     return std::nullopt;
@@ -164,16 +176,42 @@ const VkAccelerationStructureGeometryKHR *geometryOf(const VkAccelerationStructu
     return info.ppGeometries ? info.ppGeometries[g] : nullptr;
 }
 
+void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const MicromapBuildInput &build)
+{
+    if (commandBuffer)
+        construct(device, commandBuffer, build.target, contentsOf(build));
+    else if (build.target)
+        build.target->contents = contentsOf(build);
+}
+
 namespace validation
 {
+
+void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
+                           const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
+{
+    if (device.checks.core)
+        checkMicromapSizeQuery(device, *info);
+    device.next.GetMicromapBuildSizesEXT(handle, type, info, sizes);
+}
+
+void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handle,
+                                        VkAccelerationStructureBuildTypeKHR type,
+                                        const VkAccelerationStructureBuildGeometryInfoKHR *info, const uint32_t *most,
+                                        VkAccelerationStructureBuildSizesInfoKHR *sizes)
+{
+    if (device.checks.core)
+        checkStructureSizeQuery(device, type, *info, most);
+    device.next.GetAccelerationStructureBuildSizesKHR(handle, type, info, most, sizes);
+}
 
 void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkMicromapBuildInfoEXT *infos)
 {
-    for (uint32_t i = 0; i < count; ++i) {
-        const MicromapBuildInput build = micromapBuildOf(device, infos[i]);
-        construct(device, commandBuffer, build.target, contentsOf(build));
-    }
+    if (device.checks.core)
+        checkMicromapBuilds(device, commandBuffer, count, infos);
+    for (uint32_t i = 0; i < count; ++i)
+        micromapBuilt(device, commandBuffer, micromapBuildOf(device, infos[i]));
     device.next.CmdBuildMicromapsEXT(commandBuffer, count, infos);
 }
 
@@ -181,16 +219,10 @@ void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer co
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
-    const Place command("vkCmdBuildAccelerationStructuresKHR");
-    for (uint32_t i = 0; i < count; ++i) {
-        const Place place = command.element("pInfos", i);
-        if (device.checks.core && buildsMicromap(infos[i]) && infos[i].geometryCount != 1)
-            device.fault(place.member("geometryCount"),
-                         "VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560",
-                         std::to_string(infos[i].geometryCount) + " geometries; a micromap has one",
-                         infos[i].dstAccelerationStructure);
+    if (device.checks.core)
+        checkStructureBuilds(device, commandBuffer, {infos, count}, ranges);
+    for (uint32_t i = 0; i < count; ++i)
         construct(device, commandBuffer, infos[i], ranges ? ranges[i] : nullptr, nullptr);
-    }
     device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, count, infos, ranges);
 }
 
@@ -199,6 +231,8 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
                                             const VkDeviceAddress *addresses, const uint32_t *strides,
                                             const uint32_t *const *most)
 {
+    if (device.checks.core)
+        checkIndirectStructureBuilds(device, commandBuffer, {infos, count});
     for (uint32_t i = 0; i < count; ++i)
         construct(device, commandBuffer, infos[i], nullptr, most[i]);
     device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);

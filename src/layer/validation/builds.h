@@ -15,9 +15,11 @@ namespace vellum::layer
 {
 
 struct MicromapBuildInput {
+    bool khr = false;                           // by VK_KHR_opacity_micromap
     std::shared_ptr<ValidatedStructure> target; // null: unknown
     VkFlags flags = 0;                          // VkBuildMicromapFlagsEXT or VkBuildAccelerationStructureFlagsKHR
     std::vector<VkMicromapUsageEXT> usages;
+    uint32_t usageArrays = 1; // of the two arrays of usage counts, how many are given; 1 if there are no counts
     VkDeviceOrHostAddressConstKHR data{};
     VkDeviceOrHostAddressConstKHR triangles{};
     VkDeviceSize triangleStride = 0;
@@ -40,6 +42,7 @@ struct AttachmentInput {
     ObjectHandle handle;                          // 0 for a null handle
     std::shared_ptr<ValidatedStructure> micromap; // null for a null handle, and if it is unknown
     std::vector<VkMicromapUsageEXT> usages;       // VK_EXT_opacity_micromap has them
+    uint32_t usageArrays = 1;                     // as in MicromapBuildInput
 };
 std::optional<AttachmentInput> attachmentOf(const DeviceValidation &device,
                                             const VkAccelerationStructureGeometryKHR &geometry);
@@ -52,9 +55,17 @@ inline bool buildsMicromap(const VkAccelerationStructureBuildGeometryInfoKHR &in
 const VkAccelerationStructureGeometryKHR *geometryOf(const VkAccelerationStructureBuildGeometryInfoKHR &info,
                                                      uint32_t g);
 
+// The effect of a build of a micromap; `commandBuffer`: null for one on the host.
+void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const MicromapBuildInput &build);
+
 namespace validation
 {
 
+void getMicromapBuildSizes(DeviceValidation &, VkDevice, VkAccelerationStructureBuildTypeKHR,
+                           const VkMicromapBuildInfoEXT *, VkMicromapBuildSizesInfoEXT *);
+void getAccelerationStructureBuildSizes(DeviceValidation &, VkDevice, VkAccelerationStructureBuildTypeKHR,
+                                        const VkAccelerationStructureBuildGeometryInfoKHR *, const uint32_t *,
+                                        VkAccelerationStructureBuildSizesInfoKHR *);
 void cmdBuildMicromaps(DeviceValidation &, VkCommandBuffer, uint32_t, const VkMicromapBuildInfoEXT *);
 void cmdBuildAccelerationStructures(DeviceValidation &, VkCommandBuffer, uint32_t,
                                     const VkAccelerationStructureBuildGeometryInfoKHR *,

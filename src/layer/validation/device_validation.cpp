@@ -20,7 +20,8 @@ std::string DeviceValidation::nameOf(ObjectHandle object) const
     return name.empty() ? handle : "\"" + name + "\" (" + handle + ")";
 }
 
-std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, PFN_vkGetDeviceProcAddr implementation,
+std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleLimits &limits,
+                                                   PFN_vkGetDeviceProcAddr implementation,
                                                    std::shared_ptr<const std::vector<uint32_t>> queueFamilies)
 {
     auto device = std::make_unique<DeviceValidation>();
@@ -30,6 +31,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, PFN_vkG
     device->driver.next.load(driver.handle, implementation);
     device->next.load(driver.handle, implementation);
     device->checks = driver.settings->validate;
+    device->limits = limits;
     GpuContext &gpu = device->buffers.gpu;
     gpu.device = driver.handle;
     gpu.next = &device->driver.next;

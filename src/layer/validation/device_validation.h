@@ -16,11 +16,27 @@
 namespace vellum::layer
 {
 
+// The limits of the micromaps of one extension.
+struct MicromapRuleLimits {
+    uint32_t twoStateLevel = 0;
+    uint32_t fourStateLevel = 0;
+    uint32_t lossyLevel = 0;    // VK_KHR_opacity_micromap
+    uint64_t mostTriangles = 0; // VK_KHR_opacity_micromap
+};
+
+// The limits of a physical device, as the application sees them. 0: unknown.
+struct RuleLimits {
+    MicromapRuleLimits ext{};
+    MicromapRuleLimits khr{};
+    uint32_t scratchAlignment = 0;
+};
+
 struct DeviceValidation {
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;
     NextCommands next{};
     Checks checks{};
+    RuleLimits limits{};
 
     // The subsystems below, once more: for validation's own work on the GPU.
     DeviceBuffers buffers{driver};
@@ -44,7 +60,8 @@ struct DeviceValidation {
 
 // Makes the validation of a device that was created. `implementation`: the functions of the device without validation.
 // Null, after a message, without memory.
-std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, PFN_vkGetDeviceProcAddr implementation,
+std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleLimits &limits,
+                                                   PFN_vkGetDeviceProcAddr implementation,
                                                    std::shared_ptr<const std::vector<uint32_t>> queueFamilies);
 
 } // namespace vellum::layer

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/objects.h"
 
+#include <bit>
+
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
+#include "layer/validation/rules/creation_rules.h"
 
 namespace vellum::layer
 {
@@ -29,9 +32,20 @@ void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkD
     device.buffers.addresses.add(buffer->address, handle, buffer->size, buffer->usage);
 }
 
+ValidatedMemory memoryOf(const DeviceValidation &device, const VkMemoryAllocateInfo &info)
+{
+    const VkMemoryPropertyFlags type = device.buffers.gpu.memory.memoryTypes[info.memoryTypeIndex].propertyFlags;
+    const auto *flags =
+        findInChain<VkMemoryAllocateFlagsInfo>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO);
+    return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0,
+            .multipleInstances = flags && (flags->flags & VK_MEMORY_ALLOCATE_DEVICE_MASK_BIT) != 0 &&
+                                 std::popcount(flags->deviceMask) > 1};
+}
+
 std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, ObjectHandle handle,
                                                  VkAccelerationStructureTypeKHR type, VkBuffer buffer,
-                                                 VkDeviceSize offset, VkDeviceSize size, VkFlags flags)
+                                                 VkDeviceSize offset, VkDeviceSize size, VkFlags flags,
+                                                 bool ownAllocator)
 {
     auto structure = std::make_shared<ValidatedStructure>();
     structure->handle = handle;
@@ -41,6 +55,7 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     structure->buffer = device.objects.buffers.get(buffer);
     structure->offset = offset;
     structure->size = size;
+    structure->ownAllocator = ownAllocator;
     if (structure->buffer && structure->buffer->address)
         structure->memoryAddress = structure->buffer->address + offset;
     return structure;
@@ -68,6 +83,22 @@ void getDeviceQueue2(DeviceValidation &device, VkDevice handle, const VkDeviceQu
     device.next.GetDeviceQueue2(handle, info, queue);
     if (*queue)
         device.objects.queueFamilies.set(*queue, info->queueFamilyIndex);
+}
+
+VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemoryAllocateInfo *info,
+                        const VkAllocationCallbacks *allocator, VkDeviceMemory *memory)
+{
+    const VkResult result = device.next.AllocateMemory(handle, info, allocator, memory);
+    if (result == VK_SUCCESS)
+        device.objects.memories.set(*memory, memoryOf(device, *info));
+    return result;
+}
+
+void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory,
+                const VkAllocationCallbacks *allocator)
+{
+    device.objects.memories.take(memory);
+    device.next.FreeMemory(handle, memory, allocator);
 }
 
 VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferCreateInfo *info,
@@ -119,10 +150,12 @@ VkResult createAccelerationStructure(DeviceValidation &device, VkDevice handle,
                                      const VkAccelerationStructureCreateInfoKHR *info,
                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
+    if (device.checks.core)
+        checkCreation(device, *info);
     const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created == VK_SUCCESS)
         device.objects.structures.set(*result, newStructure(device, *result, info->type, info->buffer, info->offset,
-                                                            info->size, info->createFlags));
+                                                            info->size, info->createFlags, allocator != nullptr));
     return created;
 }
 
@@ -130,12 +163,14 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
+    if (device.checks.core)
+        checkCreation(device, *info);
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
     const AddressMap::Location place = device.buffers.addresses.find(info->addressRange.address);
     auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
-                                  info->createFlags);
+                                  info->createFlags, allocator != nullptr);
     structure->memoryAddress = info->addressRange.address;
     device.objects.structures.set(*result, std::move(structure));
     return created;
@@ -144,7 +179,10 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
 void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkAccelerationStructureKHR structure,
                                   const VkAllocationCallbacks *allocator)
 {
-    if (const auto known = device.objects.structures.take(structure))
+    const auto known = device.objects.structures.take(structure);
+    if (device.checks.core)
+        checkDestruction(device, known.get(), allocator != nullptr);
+    if (known)
         known->destroyed = true;
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
@@ -161,18 +199,24 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, 
 VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicromapCreateInfoEXT *info,
                         const VkAllocationCallbacks *allocator, VkMicromapEXT *result)
 {
+    if (device.checks.core)
+        checkCreation(device, *info);
     const VkResult created = device.next.CreateMicromapEXT(handle, info, allocator, result);
     if (created == VK_SUCCESS)
         device.objects.micromaps.set(*result,
                                      newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
-                                                  info->buffer, info->offset, info->size, info->createFlags));
+                                                  info->buffer, info->offset, info->size, info->createFlags,
+                                                  allocator != nullptr));
     return created;
 }
 
 void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT micromap,
                      const VkAllocationCallbacks *allocator)
 {
-    if (const auto known = device.objects.micromaps.take(micromap))
+    const auto known = device.objects.micromaps.take(micromap);
+    if (device.checks.core)
+        checkDestruction(device, known.get(), allocator != nullptr);
+    if (known)
         known->destroyed = true;
     device.next.DestroyMicromapEXT(handle, micromap, allocator);
 }

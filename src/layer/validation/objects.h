@@ -52,6 +52,8 @@ struct GeometryContents {
     VkGeometryFlagsKHR flags = 0;
     uint32_t primitives = 0;
     bool hasMicromap = false;                   // there is a structure that attaches one, with a null handle or not
+    bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
+    ObjectHandle micromapHandle;                // 0 for a null handle
     std::weak_ptr<ValidatedStructure> micromap; // that is attached
 };
 
@@ -62,6 +64,7 @@ struct StructureContents {
     std::vector<GeometryContents> geometries;
     std::vector<VkMicromapUsageEXT> usages; // of a micromap
     uint64_t triangles = 0;                 // of a micromap
+    bool deserialized = false;              // the other members are unknown
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
@@ -79,6 +82,7 @@ struct ValidatedStructure {
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
     std::shared_ptr<const StructureContents> contents; // null: not constructed
     bool destroyed = false;
+    bool ownAllocator = false; // it was created with allocation callbacks
 
     [[nodiscard]] bool isMicromap() const
     {
@@ -87,7 +91,21 @@ struct ValidatedStructure {
     }
 };
 
+struct ValidatedMemory {
+    bool hostVisible = true;
+    bool multipleInstances = false;
+};
+
+// A query pool with sizes of structures or micromaps.
+struct ValidatedQueryPool {
+    enum class State : uint8_t { Unknown, Unavailable, Available };
+    VkQueryType type = VK_QUERY_TYPE_MAX_ENUM;
+    std::vector<State> states; // of its queries, which change when commands are executed
+};
+
 struct ValidatedObjects {
+    HandleMap<VkDeviceMemory, ValidatedMemory> memories;
+    HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<ValidatedStructure>> structures;
     HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
@@ -103,6 +121,9 @@ namespace validation
 
 void getDeviceQueue(DeviceValidation &, VkDevice, uint32_t, uint32_t, VkQueue *);
 void getDeviceQueue2(DeviceValidation &, VkDevice, const VkDeviceQueueInfo2 *, VkQueue *);
+VkResult allocateMemory(DeviceValidation &, VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
+                        VkDeviceMemory *);
+void freeMemory(DeviceValidation &, VkDevice, VkDeviceMemory, const VkAllocationCallbacks *);
 VkResult createBuffer(DeviceValidation &, VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *,
                       VkBuffer *);
 void destroyBuffer(DeviceValidation &, VkDevice, VkBuffer, const VkAllocationCallbacks *);

@@ -13,6 +13,8 @@
 #define VELLUM_VALIDATED_COMMANDS(X)                                                                                   \
     X(GetDeviceQueue, getDeviceQueue)                                                                                  \
     X(GetDeviceQueue2, getDeviceQueue2)                                                                                \
+    X(AllocateMemory, allocateMemory)                                                                                  \
+    X(FreeMemory, freeMemory)                                                                                          \
     X(CreateBuffer, createBuffer)                                                                                      \
     X(DestroyBuffer, destroyBuffer)                                                                                    \
     X(BindBufferMemory, bindBufferMemory)                                                                              \
@@ -38,6 +40,28 @@
     X(CmdEndConditionalRenderingEXT, cmdEndConditionalRendering)                                                       \
     X(QueueSubmit, queueSubmit)                                                                                        \
     X(QueueSubmit2, queueSubmit2)                                                                                      \
+    X(GetMicromapBuildSizesEXT, getMicromapBuildSizes)                                                                 \
+    X(GetAccelerationStructureBuildSizesKHR, getAccelerationStructureBuildSizes)                                       \
+    X(CmdCopyMicromapEXT, cmdCopyMicromap)                                                                             \
+    X(CmdCopyMicromapToMemoryEXT, cmdCopyMicromapToMemory)                                                             \
+    X(CmdCopyMemoryToMicromapEXT, cmdCopyMemoryToMicromap)                                                             \
+    X(CmdCopyAccelerationStructureKHR, cmdCopyAccelerationStructure)                                                   \
+    X(CmdCopyAccelerationStructureToMemoryKHR, cmdCopyAccelerationStructureToMemory)                                   \
+    X(CmdCopyMemoryToAccelerationStructureKHR, cmdCopyMemoryToAccelerationStructure)                                   \
+    X(CreateQueryPool, createQueryPool)                                                                                \
+    X(DestroyQueryPool, destroyQueryPool)                                                                              \
+    X(ResetQueryPool, resetQueryPool)                                                                                  \
+    X(CmdResetQueryPool, cmdResetQueryPool)                                                                            \
+    X(CmdBeginQuery, cmdBeginQuery)                                                                                    \
+    X(CmdBeginQueryIndexedEXT, cmdBeginQueryIndexed)                                                                   \
+    X(CmdWriteMicromapsPropertiesEXT, cmdWriteMicromapsProperties)                                                     \
+    X(CmdWriteAccelerationStructuresPropertiesKHR, cmdWriteAccelerationStructuresProperties)                           \
+    X(BuildMicromapsEXT, buildMicromaps)                                                                               \
+    X(CopyMicromapEXT, copyMicromap)                                                                                   \
+    X(CopyMicromapToMemoryEXT, copyMicromapToMemory)                                                                   \
+    X(CopyMemoryToMicromapEXT, copyMemoryToMicromap)                                                                   \
+    X(WriteMicromapsPropertiesEXT, writeMicromapsProperties)                                                           \
+    X(GetDeviceMicromapCompatibilityEXT, getDeviceMicromapCompatibility)                                               \
     X(CmdBuildMicromapsEXT, cmdBuildMicromaps)                                                                         \
     X(CmdBuildAccelerationStructuresKHR, cmdBuildAccelerationStructures)                                               \
     X(CmdBuildAccelerationStructuresIndirectKHR, cmdBuildAccelerationStructuresIndirect)

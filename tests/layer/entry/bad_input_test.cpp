@@ -179,7 +179,7 @@ TEST_F(BadInputExt, Type)
 
 TEST_F(BadInput, Mode)
 {
-    expectBuilt(id("VkMicromapBuildInfoEXT-mode-parameter", "mode-11545"),
+    expectBuilt(id("vkCmdBuildMicromapsEXT-mode-07462", "mode-11545"),
                 [](VkMicromapBuildInfoEXT &info) { info.mode = static_cast<VkBuildMicromapModeEXT>(3); });
 }
 

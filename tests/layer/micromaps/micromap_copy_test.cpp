@@ -344,7 +344,7 @@ TEST_F(MicromapCopy, RejectsWrongCopies)
     expectMessage(id("VkCopyMicromapInfoEXT-mode-07531", "VkCopyAccelerationStructureInfoKHR-mode-03410"));
     expectDone();
     copy(source, source, VK_COPY_MICROMAP_MODE_CLONE_EXT);
-    expectMessage("VELLUM-micromap-copy-overlap");
+    expectMessage(id("VELLUM-micromap-copy-overlap", "VkCopyAccelerationStructureInfoKHR-dst-07791"));
     for (const auto &[from, to, khr] :
          {std::tuple{MicromapHandle{}, target.handle(), "VkCopyAccelerationStructureInfoKHR-src-parameter"},
           std::tuple{source.handle(), MicromapHandle{}, "VkCopyAccelerationStructureInfoKHR-dst-parameter"}}) {

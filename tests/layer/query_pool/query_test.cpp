@@ -310,8 +310,8 @@ TEST_F(Queries, RejectsWrongUse)
     if (gpu().khr() || strictTests())
         rejected(gpu().khr() ? "02493" : "07525", kTypes[1], compacted, 0, 1);
     rejected(gpu().khr() ? "02493" : "07503", VK_QUERY_TYPE_OCCLUSION, compacted, 0, 1);
-    rejected("query-range", kTypes[0], compacted, 1, 2);
-    rejected("query-range", kTypes[0], compacted, 0xffffffff, 1);
+    rejected(gpu().khr() ? "query-04880" : "query-07528", kTypes[0], compacted, 1, 2);
+    rejected(gpu().khr() ? "query-04880" : "query-07528", kTypes[0], compacted, 0xffffffff, 1);
     handles_[1] = {};
     rejected(gpu().khr() ? "pAccelerationStructures-parameter" : "pMicromaps-parameter", kTypes[0], compacted, 0, 2);
     uint64_t value = 0;

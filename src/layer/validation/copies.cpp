@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/copies.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+bool isMicromap(const std::shared_ptr<ValidatedStructure> &structure)
+{
+    return structure && structure->isMicromap();
+}
+
+void checkSerializedAddress(const RuleCheck &check, VkDeviceAddress address, uint32_t alignment, const char *member,
+                            const char *nullId, const char *alignmentId)
+{
+    if (check.require(address != 0, member, nullId, "the address is null"))
+        checkMultiple(check, address, alignment, member, alignmentId);
+}
+
+void checkMicromapCopy(const RuleCheck &check, const VkCopyMicromapInfoEXT &info,
+                       const std::shared_ptr<ValidatedStructure> &source,
+                       const std::shared_ptr<ValidatedStructure> &target)
+{
+    checkBound(check, source.get(), "src", "VUID-vkCmdCopyMicromapEXT-buffer-07529");
+    checkBound(check, target.get(), "dst", "VUID-vkCmdCopyMicromapEXT-buffer-07530");
+    checkConstructed(check, source, "VUID-vkCmdCopyMicromapEXT-src-07532");
+    check.require(info.mode == VK_COPY_MICROMAP_MODE_CLONE_EXT || info.mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT,
+                  "mode", "VUID-VkCopyMicromapInfoEXT-mode-07531", "it is neither CLONE nor COMPACT");
+    if (info.mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT)
+        checkCompactable(check, source, "VUID-VkCopyMicromapInfoEXT-mode-07533");
+}
+
+void checkStructureCopy(const RuleCheck &check, const VkCopyAccelerationStructureInfoKHR &info,
+                        const std::shared_ptr<ValidatedStructure> &source,
+                        const std::shared_ptr<ValidatedStructure> &target)
+{
+    checkBound(check, source.get(), "src", "VUID-VkCopyAccelerationStructureInfoKHR-buffer-03718");
+    checkBound(check, target.get(), "dst", "VUID-VkCopyAccelerationStructureInfoKHR-buffer-03719");
+    checkConstructed(check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11633");
+    check.require(info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR ||
+                      info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR,
+                  "mode", "VUID-VkCopyAccelerationStructureInfoKHR-mode-03410", "it is neither CLONE nor COMPACT");
+    if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
+        checkCompactable(check, source, "VUID-VkCopyAccelerationStructureInfoKHR-src-03411");
+    // The host knows only that the first byte is accessed.
+    if (source && target)
+        check.require(!memoryOf(source.get(), 1).overlaps(memoryOf(target.get(), 1)), "dst",
+                      "VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "it overlaps src in memory");
+}
+
+} // namespace
+
+void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+            const std::shared_ptr<ValidatedStructure> &target)
+{
+    if (target && source)
+        check.whenExecuted([source, target] { target->contents = source->contents; });
+}
+
+void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target)
+{
+    if (!target)
+        return;
+    auto contents = std::make_shared<StructureContents>();
+    contents->type = target->type;
+    contents->deserialized = true;
+    check.whenExecuted([target, contents = std::shared_ptr<const StructureContents>(std::move(contents))] {
+        target->contents = contents;
+    });
+}
+
+namespace validation
+{
+
+void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
+{
+    const Place command("vkCmdCopyMicromapEXT");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst, commandBuffer);
+    const auto source = device.objects.micromaps.get(info->src);
+    const auto target = device.objects.micromaps.get(info->dst);
+    if (device.checks.core)
+        checkMicromapCopy(check, *info, source, target);
+    copied(check, source, target);
+    device.next.CmdCopyMicromapEXT(commandBuffer, info);
+}
+
+void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                             const VkCopyMicromapToMemoryInfoEXT *info)
+{
+    const Place command("vkCmdCopyMicromapToMemoryEXT");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->src, commandBuffer);
+    if (device.checks.core) {
+        const auto source = device.objects.micromaps.get(info->src);
+        checkBound(check, source.get(), "src", "VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539");
+        checkConstructed(check, source, "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540");
+        check.require(info->mode == VK_COPY_MICROMAP_MODE_SERIALIZE_EXT, "mode",
+                      "VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "it is not SERIALIZE");
+        checkSerializedAddress(check, info->dst.deviceAddress, 256, "dst",
+                               "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
+                               "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537");
+    }
+    device.next.CmdCopyMicromapToMemoryEXT(commandBuffer, info);
+}
+
+void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                             const VkCopyMemoryToMicromapInfoEXT *info)
+{
+    const Place command("vkCmdCopyMemoryToMicromapEXT");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst, commandBuffer);
+    const auto target = device.objects.micromaps.get(info->dst);
+    if (device.checks.core) {
+        checkBound(check, target.get(), "dst", "VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546");
+        check.require(info->mode == VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT, "mode",
+                      "VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "it is not DESERIALIZE");
+        checkSerializedAddress(check, info->src.deviceAddress, 256, "src",
+                               "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
+                               "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544");
+    }
+    deserialized(check, target);
+    device.next.CmdCopyMemoryToMicromapEXT(commandBuffer, info);
+}
+
+void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                  const VkCopyAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCmdCopyAccelerationStructureKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst, commandBuffer);
+    const auto source = device.objects.structures.get(info->src);
+    const auto target = device.objects.structures.get(info->dst);
+    if (device.checks.core)
+        checkStructureCopy(check, *info, source, target);
+    copied(check, source, target);
+    device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
+}
+
+void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                          const VkCopyAccelerationStructureToMemoryInfoKHR *info)
+{
+    const Place command("vkCmdCopyAccelerationStructureToMemoryKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->src, commandBuffer);
+    const auto source = device.objects.structures.get(info->src);
+    if (device.checks.core && isMicromap(source)) {
+        checkBound(check, source.get(), "src", "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-11714");
+        checkConstructed(check, source, "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959");
+        check.require(info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR, "mode",
+                      "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", "it is not SERIALIZE");
+        checkSerializedAddress(check, info->dst.deviceAddress, 128, "dst",
+                               "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
+                               "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
+    }
+    device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
+}
+
+void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                          const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCmdCopyMemoryToAccelerationStructureKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst, commandBuffer);
+    const auto target = device.objects.structures.get(info->dst);
+    if (device.checks.core && isMicromap(target)) {
+        checkBound(check, target.get(), "dst", "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11717");
+        check.require(info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR, "mode",
+                      "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", "it is not DESERIALIZE");
+        checkSerializedAddress(check, info->src.deviceAddress, 128, "src",
+                               "VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
+                               "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
+    }
+    deserialized(check, target);
+    device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
+}
+
+} // namespace validation
+} // namespace vellum::layer

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// The host commands of VK_EXT_opacity_micromap.
+#pragma once
+
+#include "layer/validation/objects.h"
+
+namespace vellum::layer::validation
+{
+
+VkResult buildMicromaps(DeviceValidation &, VkDevice, VkDeferredOperationKHR, uint32_t, const VkMicromapBuildInfoEXT *);
+VkResult copyMicromap(DeviceValidation &, VkDevice, VkDeferredOperationKHR, const VkCopyMicromapInfoEXT *);
+VkResult copyMicromapToMemory(DeviceValidation &, VkDevice, VkDeferredOperationKHR,
+                              const VkCopyMicromapToMemoryInfoEXT *);
+VkResult copyMemoryToMicromap(DeviceValidation &, VkDevice, VkDeferredOperationKHR,
+                              const VkCopyMemoryToMicromapInfoEXT *);
+VkResult writeMicromapsProperties(DeviceValidation &, VkDevice, uint32_t, const VkMicromapEXT *, VkQueryType, size_t,
+                                  void *, size_t);
+void getDeviceMicromapCompatibility(DeviceValidation &, VkDevice, const VkMicromapVersionInfoEXT *,
+                                    VkAccelerationStructureCompatibilityKHR *);
+
+} // namespace vellum::layer::validation

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/rules/creation_rules.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkFlags kBufferReplay = VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT;
+constexpr VkFlags kReplay = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR;
+constexpr VkFlags kDescriptorReplay = VK_ACCELERATION_STRUCTURE_CREATE_DESCRIPTOR_BUFFER_CAPTURE_REPLAY_BIT_EXT;
+
+// The buffer that has the range of a structure.
+void checkBuffer(const RuleCheck &check, const ValidatedBuffer &buffer, VkFlags createFlags)
+{
+    constexpr const char *kMember = "addressRange";
+    check.require((buffer.flags & VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT) == 0, kMember,
+                  "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11604",
+                  "its buffer was created with VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT");
+    const bool replaysBuffer = (buffer.flags & kBufferReplay) != 0;
+    const bool replays = (createFlags & kReplay) != 0;
+    check.require(replays || !replaysBuffer, "createFlags",
+                  "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11606",
+                  "the buffer was created for capture and replay of its address, the structure is not");
+    check.require(replaysBuffer || !replays, "createFlags",
+                  "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11607",
+                  "the structure is for capture and replay of its address, its buffer is not");
+}
+
+void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, VkFlags createFlags)
+{
+    constexpr const char *kMember = "addressRange";
+    if (!check.require(range.address != 0, kMember, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
+                       "the address is null") ||
+        !check.require(range.size != 0, kMember, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608",
+                       "the size is 0"))
+        return;
+    checkMultiple(check, range.address, 256, kMember, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605");
+    checkUsage(check, range.address, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR, kMember,
+               "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
+               "VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR");
+    // Of several buffers at the address, the host does not know which one the application means.
+    const DeviceValidation &device = check.device();
+    const AddressMap::Location only = device.buffers.addresses.onlyCovering(range.address, range.size, 0);
+    if (const auto buffer = only.buffer ? device.objects.buffers.get(only.buffer) : nullptr)
+        checkBuffer(check, *buffer, createFlags);
+}
+
+void checkMicromapBuffer(const RuleCheck &check, const VkMicromapCreateInfoEXT &info, const ValidatedBuffer &buffer)
+{
+    check.require((buffer.usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) != 0, "buffer",
+                  "VUID-VkMicromapCreateInfoEXT-buffer-07435",
+                  "it was created without VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT");
+    check.require((buffer.flags & VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT) == 0, "buffer",
+                  "VUID-VkMicromapCreateInfoEXT-buffer-07436",
+                  "it was created with VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT");
+    if (info.offset > buffer.size || info.size > buffer.size - info.offset)
+        check.fault("offset", "VUID-VkMicromapCreateInfoEXT-offset-07437",
+                    std::to_string(info.offset) + " and size " + std::to_string(info.size) +
+                        " are more than the buffer has, " + std::to_string(buffer.size));
+}
+
+} // namespace
+
+void checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info)
+{
+    const EnabledFeatures &enabled = device.driver.enabled;
+    const Place command("vkCreateMicromapEXT");
+    const Place place = command.member("pCreateInfo");
+    const RuleCheck check(device, place, info.buffer);
+    if (!enabled.extFeature)
+        check.fault("VUID-vkCreateMicromapEXT-micromap-11615", "the feature micromap is not enabled");
+    const bool replays = (info.createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
+    check.require(!replays || enabled.captureReplay, "createFlags",
+                  "VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
+                  "it asks for capture and replay; the feature micromapCaptureReplay is not enabled");
+    check.require(replays || info.deviceAddress == 0, "deviceAddress",
+                  "VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
+                  "it is not 0, but createFlags does not ask for capture and replay");
+    checkMultiple(check, info.offset, 256, "offset", "VUID-VkMicromapCreateInfoEXT-offset-07438");
+    if (const auto buffer = device.objects.buffers.get(info.buffer))
+        checkMicromapBuffer(check, info, *buffer);
+}
+
+void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfoKHR &info)
+{
+    const Place command("vkCreateAccelerationStructureKHR");
+    const Place place = command.member("pCreateInfo");
+    RuleCheck(device, place, info.buffer)
+        .require(info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, "type",
+                 "VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
+                 "micromaps are created by vkCreateAccelerationStructure2KHR");
+}
+
+void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfo2KHR &info)
+{
+    const Place command("vkCreateAccelerationStructure2KHR");
+    const Place place = command.member("pCreateInfo");
+    const RuleCheck check(device, place);
+    checkRange(check, info.addressRange, info.createFlags);
+    if (info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        return;
+    check.require(device.driver.enabled.khrFeature, "type",
+                  "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+                  "the feature micromap of VK_KHR_opacity_micromap is not enabled");
+    check.require((info.createFlags & kDescriptorReplay) == 0, "createFlags",
+                  "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11610",
+                  "DESCRIPTOR_BUFFER_CAPTURE_REPLAY is not for micromaps");
+    check.require((info.createFlags & VK_ACCELERATION_STRUCTURE_CREATE_MOTION_BIT_NV) == 0, "createFlags",
+                  "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11611", "MOTION is not for micromaps");
+}
+
+void checkDestruction(DeviceValidation &device, const ValidatedStructure *structure, bool allocator)
+{
+    if (!structure)
+        return;
+    const bool ext = structure->handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
+    const Place command(ext ? "vkDestroyMicromapEXT" : "vkDestroyAccelerationStructureKHR");
+    const RuleCheck check(device, command, structure->handle);
+    if (ext && !device.driver.enabled.extFeature)
+        check.fault("VUID-vkDestroyMicromapEXT-micromap-11619", "the feature micromap is not enabled");
+    check.require(allocator || !structure->ownAllocator, "pAllocator",
+                  ext ? "VUID-vkDestroyMicromapEXT-micromap-07442"
+                      : "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02443",
+                  "it is null; the object was created with allocation callbacks");
+    check.require(!allocator || structure->ownAllocator, "pAllocator",
+                  ext ? "VUID-vkDestroyMicromapEXT-micromap-07443"
+                      : "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02444",
+                  "it is not null; the object was created without allocation callbacks");
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rules of creating and destroying micromaps and acceleration structures.
+#pragma once
+
+#include "layer/validation/rules/rule_check.h"
+
+namespace vellum::layer
+{
+
+void checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info);
+void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfoKHR &info);
+void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfo2KHR &info);
+// `structure`: null if it is unknown. `allocator`: allocation callbacks are given.
+void checkDestruction(DeviceValidation &device, const ValidatedStructure *structure, bool allocator);
+
+} // namespace vellum::layer

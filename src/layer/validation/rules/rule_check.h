@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rules of one object or element of a command. Tables of rules have null for a rule that an extension lacks: such a
+// rule is not checked.
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+
+class RuleCheck
+{
+public:
+    // `commandBuffer`: null for host commands.
+    RuleCheck(DeviceValidation &device, const Place &place, ObjectHandle object = {},
+              VkCommandBuffer commandBuffer = VK_NULL_HANDLE)
+        : device_(device), place_(place), object_(object), commandBuffer_(commandBuffer)
+    {
+    }
+
+    [[nodiscard]] DeviceValidation &device() const { return device_; }
+    // The check of a part, whose place must outlive it.
+    [[nodiscard]] RuleCheck at(const Place &place) const { return {device_, place, object_, commandBuffer_}; }
+    [[nodiscard]] const Place &place() const { return place_; }
+
+    void fault(const char *vuid, const std::string &text) const
+    {
+        if (vuid)
+            device_.fault(place_, vuid, text, object_);
+    }
+    void fault(const char *member, const char *vuid, const std::string &text) const
+    {
+        if (vuid)
+            device_.fault(place_.member(member), vuid, text, object_);
+    }
+    // Returns `kept`.
+    bool require(bool kept, const char *member, const char *vuid, const char *found) const
+    {
+        if (!kept)
+            fault(member, vuid, found);
+        return kept;
+    }
+
+    // Checks a rule when the command is executed. `find` returns what is wrong then, or an empty text.
+    void whenExecuted(const char *vuid, std::function<std::string()> find) const;
+    // The same for an effect of the command.
+    void whenExecuted(std::function<void()> effect) const;
+
+private:
+    DeviceValidation &device_;
+    const Place &place_;
+    ObjectHandle object_;
+    VkCommandBuffer commandBuffer_;
+};
+
+// A range of memory that an object or an address names.
+struct MemoryRange {
+    VkDeviceMemory memory = VK_NULL_HANDLE; // null: unknown
+    VkDeviceSize begin = 0;
+    VkDeviceSize end = 0;
+
+    [[nodiscard]] bool overlaps(const MemoryRange &other) const
+    {
+        return memory && memory == other.memory && begin < other.end && other.begin < end;
+    }
+};
+// The first `bytes` bytes of a structure, at most its size.
+MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes);
+MemoryRange memoryAt(const DeviceValidation &device, VkDeviceAddress address, VkDeviceSize bytes);
+
+// --- Rules that several commands have ---
+
+// The buffer of the structure is bound to memory.
+void checkBound(const RuleCheck &check, const ValidatedStructure *structure, const char *member, const char *vuid);
+// Some buffer at the address has the usage. Unknown addresses are not checked.
+void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,
+                const char *usageName);
+// The buffer at the address has `bytes` bytes from there. Unknown addresses are not checked.
+void checkBytes(const RuleCheck &check, VkDeviceAddress address, VkDeviceSize bytes, const char *member,
+                const char *vuid);
+bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid);
+// The micromap is constructed when the command is executed. Does nothing for other structures.
+void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap, const char *vuid);
+// The micromap was built with a flag that allows compaction, where its flags are known.
+void checkCompactable(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap, const char *vuid);
+
+} // namespace vellum::layer

@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wrong micromaps of geometries, and wrong updates.
+#include "recorded.h"
+
+namespace vt
+{
+namespace
+{
+
+using Ext = VkAccelerationStructureTrianglesOpacityMicromapEXT;
+using Khr = VkAccelerationStructureTrianglesOpacityMicromapKHR;
+using Flags = VkBuildAccelerationStructureFlagsKHR;
+
+constexpr VkMicromapUsageEXT kTooDeepTwoState{1, 31, kTwoState};
+constexpr VkMicromapUsageEXT kTooDeepFourState{1, 31, kFourState};
+constexpr VkMicromapUsageEXT kNoFormat{1, 2, 7};
+constexpr VkMicromapUsageEXT kGood{1, 2, kFourState};
+constexpr const VkMicromapUsageEXT *kGoodPointer = &kGood;
+constexpr Flags kUpdatable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
+constexpr Flags kReplaces =
+    kUpdatable | VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR;
+constexpr auto kUpdate = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+
+Geometry withMicromap(const Micromap *micromap, std::vector<int32_t> indices = {0})
+{
+    return {.vertices = triangleRow(1),
+            .micromap = Attachment{
+                .micromap = micromap, .indexType = VK_INDEX_TYPE_UINT32, .indices = std::move(indices)}};
+}
+
+// A build that can be changed.
+struct Build {
+    explicit Build(const Structure &structure)
+        : info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges())
+    {
+        info.pGeometries = &geometry;
+        info.geometryCount = 1;
+    }
+    void record(Gpu &gpu, VkCommandBuffer commands) const
+    {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    }
+    VkAccelerationStructureBuildGeometryInfoKHR info;
+    VkAccelerationStructureGeometryKHR geometry;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges;
+};
+
+// Builds a triangle with a micromap; in the wrong build the structure that attaches it has been changed.
+template <typename Attached, auto change>
+void attach(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Blas blas(gpu, {withMicromap(&micromap)});
+    Build build(blas);
+    auto attached = *static_cast<const Attached *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &attached;
+    if (wrong)
+        change(attached);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(gpu, commands); });
+}
+
+void indirectIndexBuffer(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Blas blas(gpu, {withMicromap(&micromap)});
+    Build build(blas);
+    auto attached = *static_cast<const Ext *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &attached;
+    if (wrong)
+        attached.indexBuffer.deviceAddress = 0;
+    const Buffer ranges(gpu, 64, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    const VkDeviceAddress address = ranges.address();
+    const uint32_t stride = sizeof(VkAccelerationStructureBuildRangeInfoKHR), one = 1;
+    const uint32_t *most = &one;
+    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &build.info, &address, &stride, &most);
+    });
+}
+
+// Attaches a micromap of VK_KHR_opacity_micromap or VK_EXT_opacity_micromap to `triangles` triangles. The GPU finds
+// `inMemory` at its place.
+void attachTwin(Gpu &gpu, const Micromap &inMemory, MicromapHandle handle, VkIndexType indexType, uint32_t triangles)
+{
+    Geometry geometry{.vertices = triangleRow(triangles),
+                      .micromap = Attachment{.micromap = &inMemory, .indexType = indexType}};
+    if (indexType != VK_INDEX_TYPE_NONE_KHR)
+        geometry.micromap->indices.assign(triangles, 0);
+    const Blas blas(gpu, {geometry});
+    Build build(blas);
+    const void *attached = build.geometry.geometry.triangles.pNext;
+    auto ext = gpu.khr() ? vkInit<Ext>() : *static_cast<const Ext *>(attached);
+    auto khr = gpu.khr() ? *static_cast<const Khr *>(attached) : vkInit<Khr>();
+    ext.micromap = handle.ext;
+    khr.micromap = handle.khr;
+    build.geometry.geometry.triangles.pNext = gpu.khr() ? static_cast<const void *>(&khr) : &ext;
+    gpu.submit([&](VkCommandBuffer commands) { build.record(gpu, commands); });
+}
+
+void buildAt(Gpu &gpu, const Micromap &micromap, MicromapHandle handle)
+{
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{micromap.buildInfo(), handle}});
+    });
+}
+
+void notBuilt(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    attachTwin(gpu, micromap, wrong ? twins.other : twins.built, VK_INDEX_TYPE_UINT32, 1);
+}
+
+// A GENERIC structure that holds triangles.
+void notAMicromap(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    SharedMemory memory(gpu);
+    const MicromapHandle generic = memory.create(0, 32768, VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR);
+    const MicromapHandle twin = memory.create(0, micromap.size());
+    const Blas plain(gpu, {Geometry{.vertices = triangleRow(1)}});
+    Build inner(plain);
+    inner.info.dstAccelerationStructure = generic.khr;
+    gpu.submit([&](VkCommandBuffer commands) { inner.record(gpu, commands); });
+    buildAt(gpu, micromap, wrong ? twin : generic);
+    attachTwin(gpu, micromap, generic, VK_INDEX_TYPE_UINT32, 1);
+}
+
+// Without indices: more triangles than the micromap has.
+void tooManyTriangles(Gpu &gpu, bool wrong)
+{
+    MicromapInput input = oneTriangle();
+    input.triangles.assign(4, input.triangles[0]);
+    Micromap four(gpu, std::move(input));
+    four.build();
+    const Micromap one(gpu, oneTriangle());
+    SharedMemory memory(gpu);
+    const MicromapHandle micromap = memory.create(0, four.size());
+    const MicromapHandle twin = memory.create(0, four.size());
+    buildAt(gpu, one, micromap);
+    buildAt(gpu, four, wrong ? twin : micromap);
+    attachTwin(gpu, four, micromap, VK_INDEX_TYPE_NONE_KHR, 4);
+}
+
+// The micromap of one element is the target of another one, or in its memory.
+template <bool sameHandle>
+void builtBesides(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    Micromap other(gpu, oneTriangle());
+    other.build();
+    const Blas blas(gpu, {withMicromap(&other)});
+    Build build(blas);
+    auto attached = *static_cast<const Khr *>(build.geometry.geometry.triangles.pNext);
+    attached.micromap = twins.built.khr;
+    build.geometry.geometry.triangles.pNext = &attached;
+    const StructureBuild micromap(other.buildInfo(), !wrong       ? other.handle().khr
+                                                     : sameHandle ? twins.built.khr
+                                                                  : twins.other.khr);
+    const VkAccelerationStructureBuildGeometryInfoKHR infos[] = {build.info, micromap.info};
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges[] = {build.ranges, nullptr};
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 2, infos, ranges);
+    });
+}
+
+// --- Updates ---
+
+void loses(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    Blas blas(gpu, {withMicromap(&micromap)}, kReplaces);
+    blas.build({wrong ? Geometry{.vertices = triangleRow(1)} : withMicromap(&micromap)}, kReplaces, kUpdate);
+}
+
+void replacesNull(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    Blas blas(gpu, {withMicromap(nullptr, {-1})}, kReplaces);
+    blas.build({wrong ? withMicromap(&micromap) : withMicromap(nullptr, {-1})}, kReplaces, kUpdate);
+}
+
+void adds(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Geometry plain{.vertices = triangleRow(1)};
+    Blas blas(gpu, {withMicromap(&micromap)}, kReplaces); // large enough for the micromap
+    blas.build({plain}, kReplaces);
+    blas.build({wrong ? withMicromap(&micromap) : plain}, kReplaces, kUpdate);
+}
+
+void replaces(Gpu &gpu, bool wrong)
+{
+    Micromap one(gpu, oneTriangle()), other(gpu, oneTriangle());
+    one.build();
+    other.build();
+    const Flags flags = wrong ? kUpdatable : kReplaces;
+    Blas blas(gpu, {withMicromap(&one)}, flags);
+    blas.build({withMicromap(&other)}, flags, kUpdate);
+}
+
+#define EXT_CHANGE(...) [](Ext & attached) { __VA_ARGS__; }
+#define KHR_CHANGE(...) [](Khr & attached) { __VA_ARGS__; }
+
+const WrongProgram kPrograms[] = {
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10719", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.indexType = VK_INDEX_TYPE_UINT8_EXT)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10722", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.indexStride = 6)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10723", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.indexStride = VkDeviceSize{1} << 32)>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10904", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.indexType = VK_INDEX_TYPE_NONE_KHR)>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10905", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.indexBuffer.deviceAddress = 0)>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905", Api::Ext, kNeedsNothing, indirectIndexBuffer},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-pUsageCounts-07335", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.ppUsageCounts = &kGoodPointer)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-format-11679", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.pUsageCounts = &kNoFormat)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-subdivisionLevel-11680", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.pUsageCounts = &kTooDeepTwoState)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-subdivisionLevel-11681", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.pUsageCounts = &kTooDeepFourState)>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632", Api::Ext, kNeedsNothing, notBuilt},
+
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Api::Khr, kNeedsNothing,
+     attach<Khr, KHR_CHANGE(attached.indexType = static_cast<VkIndexType>(9))>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexStride-11573", Api::Khr, kNeedsNothing,
+     attach<Khr, KHR_CHANGE(attached.indexStride = 6)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexStride-11574", Api::Khr, kNeedsNothing,
+     attach<Khr, KHR_CHANGE(attached.indexStride = VkDeviceSize{1} << 32)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11571", Api::Khr, kNeedsNothing,
+     attach<Khr, KHR_CHANGE(attached.indexType = VK_INDEX_TYPE_NONE_KHR)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11572", Api::Khr, kNeedsNothing,
+     attach<Khr, KHR_CHANGE(attached.indexBuffer = 0)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-11579", Api::Khr, kNeedsNothing,
+     attach<Khr, KHR_CHANGE(attached.indexType = VK_INDEX_TYPE_NONE_KHR; attached.indexBuffer = 0;
+                            attached.micromap = VK_NULL_HANDLE)>},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576", Api::Khr, kNeedsNothing,
+     tooManyTriangles},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624", Api::Khr, kNeedsNothing, notAMicromap},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701", Api::Khr, kNeedsNothing, notBuilt},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548", Api::Khr, kNeedsNothing,
+     builtBesides<true>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549", Api::Khr, kNeedsNothing,
+     builtBesides<false>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625", Api::Khr, kNeedsNothing, loses},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626", Api::Khr, kNeedsNothing, replacesNull},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627", Api::Khr, kNeedsNothing, adds},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629", Api::Khr, kNeedsNothing, replaces},
+};
+
+#undef EXT_CHANGE
+#undef KHR_CHANGE
+
+} // namespace
+
+std::span<const WrongProgram> attachmentPrograms()
+{
+    return kPrograms;
+}
+
+} // namespace vt

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wrong copies of micromaps.
+#include "recorded.h"
+
+namespace vt
+{
+namespace
+{
+
+constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+constexpr auto kClone = VK_COPY_MICROMAP_MODE_CLONE_EXT;
+constexpr auto kCompact = VK_COPY_MICROMAP_MODE_COMPACT_EXT;
+constexpr auto kSerialize = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT;
+constexpr auto kDeserialize = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT;
+
+void mode(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const Micromap target(gpu, twins.source, twins.source.size());
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, twins.built, target.handle(), wrong ? kSerialize : kClone);
+    });
+}
+
+void notBuilt(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const Micromap target(gpu, twins.source, twins.source.size());
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, wrong ? twins.other : twins.built, target.handle(), kClone);
+    });
+}
+
+void compaction(Gpu &gpu, bool wrong)
+{
+    Micromap source(gpu, oneTriangle(), wrong ? 0 : kAllow);
+    source.build();
+    const Micromap target(gpu, source, source.size());
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, source.handle(), target.handle(), kCompact);
+    });
+}
+
+void overlap(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const Micromap target(gpu, twins.source, twins.source.size());
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, twins.built, wrong ? twins.other : target.handle(), kClone);
+    });
+}
+
+// What a program with serialized data changes.
+struct Serialized {
+    VkDeviceAddress offset = 0;
+    bool null = false;
+    bool otherMode = false;
+};
+
+Buffer serializedMemory(Gpu &gpu)
+{
+    return {gpu, 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT};
+}
+
+VkDeviceAddress addressIn(const Buffer &buffer, const Serialized &change)
+{
+    return change.null ? 0 : (buffer.address() + 255) / 256 * 256 + change.offset;
+}
+
+template <Serialized change>
+void serialize(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const Buffer memory = serializedMemory(gpu);
+    const Serialized used = wrong ? change : Serialized{};
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapToMemory(gpu, commands, twins.built, addressIn(memory, used),
+                               used.otherMode ? kClone : kSerialize);
+    });
+}
+
+template <Serialized change>
+void deserialize(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const Micromap target(gpu, twins.source, twins.source.size());
+    const Buffer memory = serializedMemory(gpu);
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapToMemory(gpu, commands, twins.built, addressIn(memory, {}));
+    });
+    const Serialized used = wrong ? change : Serialized{};
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMemoryToMicromap(gpu, commands, addressIn(memory, used), target.handle(),
+                               used.otherMode ? kClone : kDeserialize);
+    });
+}
+
+void serializeNotBuilt(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const Buffer memory = serializedMemory(gpu);
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapToMemory(gpu, commands, wrong ? twins.other : twins.built, addressIn(memory, {}));
+    });
+}
+
+// A micromap in a buffer without memory; the right one has memory.
+struct Unbound {
+    Unbound(Gpu &g, bool wrong) : gpu(g)
+    {
+        auto info = vkInit<VkBufferCreateInfo>({.size = 65536, .usage = micromapStorageUsage(gpu)});
+        VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer));
+        if (!wrong)
+            memory = gpu.bindMemory(buffer);
+        auto creation = vkInit<VkMicromapCreateInfoEXT>(
+            {.buffer = buffer, .size = 32768, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
+        VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &creation, nullptr, &micromap.ext));
+    }
+    Unbound(const Unbound &) = delete;
+    Unbound &operator=(const Unbound &) = delete;
+    ~Unbound()
+    {
+        destroyMicromap(gpu, micromap);
+        vkDestroyBuffer(gpu.device(), buffer, nullptr);
+        vkFreeMemory(gpu.device(), memory, nullptr);
+    }
+    Gpu &gpu;
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    MicromapHandle micromap;
+};
+
+template <auto record>
+void unbound(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const Unbound other(gpu, wrong);
+    const Buffer memory = serializedMemory(gpu);
+    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
+        record(gpu, commands, twins, other.micromap, addressIn(memory, {}));
+    });
+}
+
+const WrongProgram kPrograms[] = {
+    {"VUID-VkCopyMicromapInfoEXT-mode-07531", Api::Ext, kNeedsNothing, mode},
+    {"VUID-vkCmdCopyMicromapEXT-src-07532", Api::Ext, kNeedsNothing, notBuilt},
+    {"VUID-VkCopyMicromapInfoEXT-mode-07533", Api::Ext, kNeedsNothing, compaction},
+    {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536", Api::Ext, kNeedsNothing, serialize<Serialized{.null = true}>},
+    {"VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537", Api::Ext, kNeedsNothing, serialize<Serialized{.offset = 128}>},
+    {"VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", Api::Ext, kNeedsNothing,
+     serialize<Serialized{.otherMode = true}>},
+    {"VUID-VkCopyMicromapToMemoryInfoEXT-src-07540", Api::Ext, kNeedsNothing, serializeNotBuilt},
+    {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543", Api::Ext, kNeedsNothing, deserialize<Serialized{.null = true}>},
+    {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544", Api::Ext, kNeedsNothing,
+     deserialize<Serialized{.offset = 128}>},
+    {"VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", Api::Ext, kNeedsNothing,
+     deserialize<Serialized{.otherMode = true}>},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Api::Ext, kNeedsNothing,
+     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress) {
+         recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{twins.source.buildInfo(), other}});
+     }>},
+    {"VUID-vkCmdCopyMicromapEXT-buffer-07529", Api::Ext, kNeedsNothing,
+     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress) {
+         recordMicromapCopy(gpu, commands, other, twins.built, kClone);
+     }>},
+    {"VUID-vkCmdCopyMicromapEXT-buffer-07530", Api::Ext, kNeedsNothing,
+     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress) {
+         recordMicromapCopy(gpu, commands, twins.built, other, kClone);
+     }>},
+    {"VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539", Api::Ext, kNeedsNothing,
+     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &, MicromapHandle other, VkDeviceAddress address) {
+         recordMicromapToMemory(gpu, commands, other, address);
+     }>},
+    {"VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546", Api::Ext, kNeedsNothing,
+     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &, MicromapHandle other, VkDeviceAddress address) {
+         recordMemoryToMicromap(gpu, commands, address, other);
+     }>},
+
+    {"VUID-VkCopyAccelerationStructureInfoKHR-mode-03410", Api::Khr, kNeedsNothing, mode},
+    {"VUID-vkCmdCopyAccelerationStructureKHR-src-11633", Api::Khr, kNeedsNothing, notBuilt},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-src-03411", Api::Khr, kNeedsNothing, compaction},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", Api::Khr, kNeedsNothing, overlap},
+    {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739", Api::Khr, kNeedsNothing,
+     serialize<Serialized{.null = true}>},
+    {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699", Api::Khr, kNeedsNothing,
+     serialize<Serialized{.offset = 64}>, "", true},
+    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", Api::Khr, kNeedsNothing,
+     serialize<Serialized{.otherMode = true}>},
+    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959", Api::Khr, kNeedsNothing, serializeNotBuilt},
+    {"VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742", Api::Khr, kNeedsNothing,
+     deserialize<Serialized{.null = true}>},
+    {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700", Api::Khr, kNeedsNothing,
+     deserialize<Serialized{.offset = 64}>, "", true},
+};
+
+} // namespace
+
+std::span<const WrongProgram> copyPrograms()
+{
+    return kPrograms;
+}
+
+} // namespace vt

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wrong creations and destructions of micromaps, and use without the feature.
+#include "recorded.h"
+
+namespace vt
+{
+namespace
+{
+
+constexpr VkAllocationCallbacks kCallbacks{
+    .pUserData = nullptr,
+    .pfnAllocation = [](void *, size_t size, size_t alignment, VkSystemAllocationScope) -> void * {
+        return std::aligned_alloc(std::max<size_t>(alignment, 16), (size + 63) / 64 * 64);
+    },
+    .pfnReallocation = [](void *, void *old, size_t size, size_t, VkSystemAllocationScope) -> void * {
+        return std::realloc(old, size);
+    },
+    .pfnFree = [](void *, void *memory) { std::free(memory); },
+    .pfnInternalAllocation = nullptr,
+    .pfnInternalFree = nullptr,
+};
+
+// --- VK_EXT_opacity_micromap ---
+
+template <auto change>
+void extCreation(Gpu &gpu, bool wrong)
+{
+    const Buffer right(gpu, 65536, micromapStorageUsage(gpu));
+    const Buffer other(gpu, 65536, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    auto info = vkInit<VkMicromapCreateInfoEXT>(
+        {.buffer = right.handle(), .size = 4096, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
+    if (wrong)
+        change(info, other.handle());
+    VkMicromapEXT micromap = VK_NULL_HANDLE;
+    if (gpu.vk().CreateMicromapEXT(gpu.device(), &info, nullptr, &micromap) == VK_SUCCESS)
+        gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, nullptr);
+}
+
+template <bool createdWith>
+void extAllocator(Gpu &gpu, bool wrong)
+{
+    const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
+    auto info = vkInit<VkMicromapCreateInfoEXT>(
+        {.buffer = buffer.handle(), .size = 4096, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
+    const VkAllocationCallbacks *given = createdWith ? &kCallbacks : nullptr;
+    const VkAllocationCallbacks *other = createdWith ? nullptr : &kCallbacks;
+    VkMicromapEXT micromap = VK_NULL_HANDLE;
+    VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &info, given, &micromap));
+    gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, wrong ? other : given);
+}
+
+// Without the feature there is no right use.
+void sizesWithoutFeature(Gpu &gpu, bool wrong)
+{
+    if (!wrong)
+        return;
+    auto info = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
+    auto sizes = vkInit<VkMicromapBuildSizesInfoEXT>();
+    gpu.vk().GetMicromapBuildSizesEXT(gpu.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, &sizes);
+}
+
+void versionWithoutFeature(Gpu &gpu, bool wrong)
+{
+    if (!wrong)
+        return;
+    const std::array<uint8_t, 2 * VK_UUID_SIZE> version{};
+    micromapIsCompatible(gpu, version.data());
+}
+
+void buildWithoutFeature(Gpu &gpu, bool wrong)
+{
+    if (wrong)
+        recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+            gpu.vk().CmdBuildMicromapsEXT(commands, 0, nullptr);
+        });
+}
+
+// --- VK_KHR_opacity_micromap ---
+
+template <auto change>
+void khrCreation(Gpu &gpu, bool wrong)
+{
+    const Guarded right(gpu, 4096, 256, micromapStorageUsage(gpu));
+    const Guarded other(gpu, 4096, 256,
+                        VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.addressRange = {right.address(), 2048}, .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
+    if (wrong)
+        change(info, other.address());
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    if (gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &structure) == VK_SUCCESS)
+        gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
+}
+
+void oldCreation(Gpu &gpu, bool wrong)
+{
+    const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
+    auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = buffer.handle(),
+         .size = 4096,
+         .type = wrong ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
+                       : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    if (gpu.vk().CreateAccelerationStructureKHR(gpu.device(), &info, nullptr, &structure) == VK_SUCCESS)
+        gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
+}
+
+void creationWithoutFeature(Gpu &gpu, bool wrong)
+{
+    const Guarded memory(gpu, 4096, 256, micromapStorageUsage(gpu));
+    auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.addressRange = {memory.address(), 2048},
+         .type = wrong ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
+                       : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    if (gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &structure) == VK_SUCCESS)
+        gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
+}
+
+#define EXT_CHANGE(...) [](VkMicromapCreateInfoEXT & info, [[maybe_unused]] VkBuffer other) { __VA_ARGS__; }
+#define KHR_CHANGE(...)                                                                                                \
+    [](VkAccelerationStructureCreateInfo2KHR & info, [[maybe_unused]] VkDeviceAddress other) { __VA_ARGS__; }
+
+const WrongProgram kPrograms[] = {
+    {"VUID-VkMicromapCreateInfoEXT-deviceAddress-07433", Api::Ext, kNeedsNothing,
+     extCreation<EXT_CHANGE(info.deviceAddress = 65536)>},
+    {"VUID-VkMicromapCreateInfoEXT-buffer-07435", Api::Ext, kNeedsNothing, extCreation<EXT_CHANGE(info.buffer = other)>},
+    {"VUID-VkMicromapCreateInfoEXT-offset-07437", Api::Ext, kNeedsNothing,
+     extCreation<EXT_CHANGE(info.offset = 65536)>},
+    {"VUID-VkMicromapCreateInfoEXT-offset-07438", Api::Ext, kNeedsNothing, extCreation<EXT_CHANGE(info.offset = 128)>},
+    {"VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616", Api::Ext, kNeedsNothing,
+     extCreation<EXT_CHANGE(info.createFlags = VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT)>},
+    {"VUID-vkDestroyMicromapEXT-micromap-07442", Api::Ext, kNeedsNothing, extAllocator<true>},
+    {"VUID-vkDestroyMicromapEXT-micromap-07443", Api::Ext, kNeedsNothing, extAllocator<false>},
+    {"VUID-vkGetMicromapBuildSizesEXT-micromap-11618", Api::Ext, kNeedsNoFeature, sizesWithoutFeature},
+    {"VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666", Api::Ext, kNeedsNoFeature, versionWithoutFeature},
+    {"VUID-vkCmdBuildMicromapsEXT-micromap-11648", Api::Ext, kNeedsNoFeature, buildWithoutFeature},
+
+    {"VUID-VkAccelerationStructureCreateInfoKHR-type-11600", Api::Khr, kNeedsNothing, oldCreation},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609", Api::Khr, kNeedsNoFeature, creationWithoutFeature},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602", Api::Khr, kNeedsNothing,
+     khrCreation<KHR_CHANGE(info.addressRange.address = 0)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603", Api::Khr, kNeedsNothing,
+     khrCreation<KHR_CHANGE(info.addressRange.address = other)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605", Api::Khr, kNeedsNothing,
+     khrCreation<KHR_CHANGE(info.addressRange.address += 128)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", Api::Khr, kNeedsNothing,
+     khrCreation<KHR_CHANGE(info.addressRange.size = 0)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11607", Api::Khr, kNeedsNothing,
+     khrCreation<KHR_CHANGE(info.createFlags =
+                                VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11610", Api::Khr, kNeedsNothing,
+     khrCreation<KHR_CHANGE(info.createFlags =
+                                VK_ACCELERATION_STRUCTURE_CREATE_DESCRIPTOR_BUFFER_CAPTURE_REPLAY_BIT_EXT)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11611", Api::Khr, kNeedsNothing,
+     khrCreation<KHR_CHANGE(info.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_MOTION_BIT_NV)>},
+};
+
+#undef EXT_CHANGE
+#undef KHR_CHANGE
+
+} // namespace
+
+std::span<const WrongProgram> creationPrograms()
+{
+    return kPrograms;
+}
+
+} // namespace vt

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// Wrong queries of sizes of micromaps.
+#include "recorded.h"
+
+namespace vt
+{
+namespace
+{
+
+constexpr VkBuildMicromapFlagsEXT kAllow = VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+constexpr VkQueryType kCompacted = VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT;
+constexpr VkQueryType kSerialized = VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
+
+// A query of one micromap.
+struct Query {
+    VkQueryType type = kSerialized;
+    VkQueryType poolType = kSerialized;
+    uint32_t first = 0;
+    bool reset = true;
+    bool neverBuilt = false;
+    bool allowsCompaction = true;
+    bool execute = false; // the wrong one as well: it does no harm
+};
+
+template <Query change, Query right = Query{}>
+void query(Gpu &gpu, bool wrong)
+{
+    const Query used = wrong ? change : right;
+    const Twins twins(gpu, used.allowsCompaction ? kAllow : 0);
+    const MicromapHandle micromap = used.neverBuilt ? twins.other : twins.built;
+    const QueryPool pool(gpu, micromapQueryType(gpu, used.poolType), 2);
+    vkResetQueryPool(gpu.device(), pool, 0, 2);
+    const auto write = [&](VkCommandBuffer commands) {
+        recordMicromapProperties(gpu, commands, std::span(&micromap, 1), micromapQueryType(gpu, used.type), pool,
+                                 used.first);
+    };
+    if (!used.reset) {
+        gpu.submit(write);
+    }
+    recordUnlessWrong(gpu, wrong && !used.execute, write);
+}
+
+void begin(Gpu &gpu, bool wrong)
+{
+    const QueryPool sizes(gpu, kCompacted, 1), occlusion(gpu, VK_QUERY_TYPE_OCCLUSION, 1);
+    vkResetQueryPool(gpu.device(), occlusion, 0, 1);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        const VkQueryPool pool = wrong ? sizes : occlusion;
+        vkCmdBeginQuery(commands, pool, 0, 0);
+        vkCmdEndQuery(commands, pool, 0);
+    });
+}
+
+constexpr Query kWrongType{.type = VK_QUERY_TYPE_OCCLUSION, .poolType = VK_QUERY_TYPE_OCCLUSION};
+constexpr Query kWrongPool{.poolType = kCompacted};
+constexpr Query kPastThePool{.first = 2};
+constexpr Query kAvailable{.reset = false, .execute = true};
+constexpr Query kNeverBuilt{.neverBuilt = true, .execute = true};
+constexpr Query kCompactedSize{.type = kCompacted, .poolType = kCompacted};
+constexpr Query kNotAllowed{
+    .type = kCompacted, .poolType = kCompacted, .allowsCompaction = false, .execute = true};
+
+const WrongProgram kPrograms[] = {
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503", Api::Ext, kNeedsNothing, query<kWrongType>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525", Api::Ext, kNeedsNothing, query<kWrongPool>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528", Api::Ext, kNeedsNothing, query<kPastThePool>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417", Api::Ext, kNeedsNothing, query<kAvailable>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662", Api::Ext, kNeedsNothing, query<kNeverBuilt>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502", Api::Ext, kNeedsNothing,
+     query<kNotAllowed, kCompactedSize>},
+    {"VUID-vkCmdBeginQuery-queryType-08972", Api::Ext, kNeedsNothing, begin},
+
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742", Api::Khr, kNeedsNothing,
+     query<kWrongType>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493", Api::Khr, kNeedsNothing,
+     query<kWrongPool>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880", Api::Khr, kNeedsNothing, query<kPastThePool>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494", Api::Khr, kNeedsNothing,
+     query<kAvailable>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11684", Api::Khr, kNeedsNothing,
+     query<kNeverBuilt>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-accelerationStructures-03431", Api::Khr, kNeedsNothing,
+     query<kNotAllowed, kCompactedSize>},
+};
+
+} // namespace
+
+std::span<const WrongProgram> queryPrograms()
+{
+    return kPrograms;
+}
+
+} // namespace vt

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the programs have in common.
+#pragma once
+
+#include "programs.h"
+
+namespace vt
+{
+
+// Records commands, and executes them if they are right: a driver may do anything with wrong ones.
+template <typename Record>
+void recordUnlessWrong(Gpu &gpu, bool wrong, Record record)
+{
+    const VkCommandBuffer commands = gpu.begin();
+    record(commands);
+    gpu.end(commands);
+    if (!wrong)
+        gpu.execute(commands);
+    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
+}
+
+// One triangle of level 2.
+inline MicromapInput oneTriangle()
+{
+    MicromapInput input;
+    input.add(2, kFourState, std::vector<uint8_t>(16, 1));
+    return input;
+}
+
+// Memory for micromaps, and handles to it. A micromap that is built there can be read by each of the handles, so that a
+// driver does no harm where a program uses one that was never built.
+class SharedMemory
+{
+public:
+    explicit SharedMemory(Gpu &gpu, VkDeviceSize size = 65536)
+        : gpu_(gpu), memory_(gpu, size, 256, micromapStorageUsage(gpu))
+    {
+    }
+    SharedMemory(const SharedMemory &) = delete;
+    SharedMemory &operator=(const SharedMemory &) = delete;
+    ~SharedMemory()
+    {
+        for (const MicromapHandle &handle : handles_)
+            destroyMicromap(gpu_, handle);
+    }
+    MicromapHandle create(VkDeviceSize offset, VkDeviceSize size,
+                          VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+    {
+        handles_.push_back(createMicromap(gpu_, memory_.buffer(), memory_.address() - memory_.offset(),
+                                          memory_.offset() + offset, size, type));
+        return handles_.back();
+    }
+    // Destroys a handle before the others.
+    void destroy(MicromapHandle handle)
+    {
+        std::erase_if(handles_, [&](const MicromapHandle &h) { return h.object() == handle.object(); });
+        destroyMicromap(gpu_, handle);
+    }
+    [[nodiscard]] VkDeviceAddress address() const { return memory_.address(); }
+
+private:
+    Gpu &gpu_;
+    Guarded memory_;
+    std::vector<MicromapHandle> handles_;
+};
+
+// A handle to the memory of a micromap that was built by another one.
+struct Twins {
+    explicit Twins(Gpu &gpu, VkBuildMicromapFlagsEXT flags = 0)
+        : source(gpu, oneTriangle(), flags), memory(gpu), built(memory.create(0, source.size())),
+          other(memory.create(0, source.size()))
+    {
+        gpu.submit([&](VkCommandBuffer commands) {
+            recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{source.buildInfo(), built}});
+        });
+    }
+    Micromap source;
+    SharedMemory memory;
+    MicromapHandle built;
+    MicromapHandle other; // never built
+};
+
+} // namespace vt
