@@ -300,6 +300,8 @@ void DeviceCreation::startValidation(Device &added) const
         added.validation = createValidation(added.driver, implementationProcAddr, queueFamiliesIn(info_));
     if (added.validation && !added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
+    if (added.validation)
+        added.validation->facts = factsOf(added.driver, info_);
 }
 
 } // namespace

@@ -7,6 +7,8 @@
 
 #include "layer/entry/command.h"
 #include "layer/validation/builds.h"
+#include "layer/validation/ranges/image_copies.h"
+#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer
 {
