@@ -183,14 +183,14 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739", Api::Khr, kNeedsNothing,
      serialize<Serialized{.null = true}>},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699", Api::Khr, kNeedsNothing,
-     serialize<Serialized{.offset = 64}>, "", true},
+     serialize<Serialized{.offset = 64}>, "", "", true},
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", Api::Khr, kNeedsNothing,
      serialize<Serialized{.otherMode = true}>},
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959", Api::Khr, kNeedsNothing, serializeNotBuilt},
     {"VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742", Api::Khr, kNeedsNothing,
      deserialize<Serialized{.null = true}>},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700", Api::Khr, kNeedsNothing,
-     deserialize<Serialized{.offset = 64}>, "", true},
+     deserialize<Serialized{.offset = 64}>, "", "", true},
 };
 
 } // namespace

@@ -22,6 +22,8 @@ enum ProgramNeeds : unsigned {
     kNeedsPipelines = 4,       // ray tracing pipelines
     kNeedsBothApis = 8,        // both micromap extensions
     kNeedsNoFeature = 16,      // the extension is enabled, its feature is not
+    kNeedsFewFeatures = 32,    // a device without some features of Vulkan (DeviceOptions::fewFeatures)
+    kNeedsMarkers = 64,        // VK_AMD_buffer_marker, which the spy plays; no spy is below a driver's own micromaps
 };
 
 struct WrongProgram {
@@ -30,6 +32,8 @@ struct WrongProgram {
     unsigned needs;   // ProgramNeeds
     void (*run)(Gpu &gpu, bool wrong);
     const char *variant = ""; // of several programs for one rule
+    // Other rules that cannot but be broken as well, with spaces.
+    const char *also = "";
     // Translated, what the wrong program asks for is not available, which is reported as well.
     bool mayBeUnavailable = false;
 };
@@ -41,5 +45,9 @@ std::span<const WrongProgram> attachmentPrograms();
 std::span<const WrongProgram> copyPrograms();
 std::span<const WrongProgram> queryPrograms();
 std::span<const WrongProgram> hostPrograms();
+std::span<const WrongProgram> rangePrograms();
+std::span<const WrongProgram> rangeFlagPrograms();
+std::span<const WrongProgram> drawRangePrograms();
+std::span<const WrongProgram> barrierRangePrograms();
 
 } // namespace vt

@@ -276,6 +276,9 @@ void Device::createDevice()
     robustness.robustBufferAccess2 = VK_FALSE;
     mesh.multiviewMeshShader = mesh.primitiveFragmentShadingRateMeshShader =
         VK_FALSE; // need features that are not enabled
+    if (options_.fewFeatures)
+        robustness.nullDescriptor = smallIndices.indexTypeUint8 = vulkan12.drawIndirectCount =
+            vulkan13.synchronization2 = synchronization.synchronization2 = VK_FALSE;
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 

@@ -48,6 +48,7 @@ struct DeviceOptions {
     bool bothApis = false;        // enable the other API as well
     bool micromapFeature = true;  // enable the feature as well as the extension
     bool hostCommands = true;     // enable micromapHostCommands
+    bool fewFeatures = false;     // without nullDescriptor, indexTypeUint8, drawIndirectCount and synchronization2
     bool declaresMode = true;     // with Api::Khr: modules with ray queries get the execution mode of micromaps
     bool addressReplay = true;    // enable bufferDeviceAddressCaptureReplay, where the device has it
     bool allQueueFamilies = true; // a queue of each family, or only of the one that is used

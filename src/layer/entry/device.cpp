@@ -330,6 +330,8 @@ void DeviceCreation::startValidation(Device &added) const
             createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
     if (added.validation && !added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
+    if (added.validation)
+        added.validation->facts = factsOf(added.driver, info_);
 }
 
 } // namespace

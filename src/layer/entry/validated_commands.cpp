@@ -10,6 +10,8 @@
 #include "layer/validation/copies.h"
 #include "layer/validation/host.h"
 #include "layer/validation/queries.h"
+#include "layer/validation/ranges/image_copies.h"
+#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer
 {

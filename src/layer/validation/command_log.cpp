@@ -2,6 +2,7 @@
 #include "layer/validation/command_log.h"
 
 #include "layer/validation/device_validation.h"
+#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer
 {
@@ -65,6 +66,8 @@ VkResult createCommandPool(DeviceValidation &device, VkDevice handle, const VkCo
     const VkResult result = device.next.CreateCommandPool(handle, info, allocator, pool);
     if (result == VK_SUCCESS)
         device.objects.poolFamilies.set(*pool, info->queueFamilyIndex);
+    if (result == VK_SUCCESS && (info->flags & VK_COMMAND_POOL_CREATE_PROTECTED_BIT) != 0)
+        device.objects.protectedPools.set(*pool, true);
     return result;
 }
 
@@ -73,6 +76,7 @@ void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool
 {
     CommandLogAccess::remove(device.logs, [pool](const auto &entry) { return entry.second->pool == pool; });
     device.objects.poolFamilies.take(pool);
+    device.objects.protectedPools.take(pool);
     layer::destroyCommandPool(device.commands, handle, pool, allocator);
 }
 
@@ -178,7 +182,10 @@ VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, co
 VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
                       VkFence fence)
 {
+    const Place command("vkQueueSubmit2");
     for (uint32_t i = 0; i < count; ++i) {
+        if (device.checks.core)
+            checkSubmission(device, command.element("pSubmits", i), submits[i]);
         for (uint32_t c = 0; c < submits[i].commandBufferInfoCount; ++c)
             submit(device, queue, submits[i].pCommandBufferInfos[c].commandBuffer);
     }

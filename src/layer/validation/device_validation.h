@@ -9,8 +9,10 @@
 
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/validation/command_log.h"
+#include "layer/validation/features.h"
 #include "layer/validation/objects.h"
 #include "layer/validation/place.h"
+#include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/validated_commands.h"
 
 namespace vellum::layer
@@ -37,6 +39,7 @@ struct DeviceValidation {
     NextCommands next{};
     Checks checks{};
     RuleLimits limits{};
+    DeviceFacts facts{};
 
     // The subsystems below, once more: for validation's own work on the GPU.
     DeviceBuffers buffers{driver};
@@ -44,6 +47,7 @@ struct DeviceValidation {
     DeviceCommandBuffers commands{driver, buffers, state};
 
     ValidatedObjects objects{};
+    HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images{};
     CommandLogs logs{};
     std::atomic<uint64_t> numbers{0}; // of structures
 

@@ -6,6 +6,7 @@
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/rules/creation_rules.h"
+#include "layer/validation/ranges/ranges.h"
 
 namespace vellum::layer
 {
@@ -112,6 +113,7 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
     buffer->size = info->size;
     buffer->usage = usageOf(*info);
     buffer->flags = info->flags;
+    buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE;
     device.objects.buffers.set(*result, std::move(buffer));
     return created;
 }
@@ -143,7 +145,12 @@ VkResult bindBufferMemory2(DeviceValidation &device, VkDevice handle, uint32_t c
 
 VkDeviceAddress getBufferDeviceAddress(DeviceValidation &device, VkDevice handle, const VkBufferDeviceAddressInfo *info)
 {
-    return device.next.GetBufferDeviceAddress(handle, info);
+    const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
+    if (const auto buffer = device.objects.buffers.get(info->buffer); buffer && !buffer->address) { // it is sparse
+        buffer->address = address;
+        device.buffers.addresses.add(address, info->buffer, buffer->size, buffer->usage);
+    }
+    return address;
 }
 
 VkResult createAccelerationStructure(DeviceValidation &device, VkDevice handle,
@@ -165,6 +172,10 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
 {
     if (device.checks.core)
         checkCreation(device, *info);
+    const Place command("vkCreateAccelerationStructure2KHR");
+    if (device.checks.core)
+        RangeCheck(device, VK_NULL_HANDLE)
+            .checkFlags(command.member("pCreateInfo"), info->addressRange, info->addressFlags, flag_rules::kCreation);
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;

@@ -11,6 +11,7 @@
 
 #include "layer/base/handle_map.h"
 #include "layer/base/vulkan_newer.h"
+#include "layer/validation/ranges/bound_ranges.h"
 
 namespace vellum::layer
 {
@@ -42,6 +43,8 @@ struct ValidatedBuffer {
     VkDeviceMemory memory = VK_NULL_HANDLE; // null until it is bound
     VkDeviceSize memoryOffset = 0;
     VkDeviceAddress address = 0; // 0: without one, or without memory
+    bool exclusive = true;       // sharing mode
+    BoundRanges bound;           // of a sparse buffer
 };
 
 struct ValidatedStructure;
@@ -111,6 +114,7 @@ struct ValidatedObjects {
     HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
     HandleMap<VkQueue, uint32_t> queueFamilies;
     HandleMap<VkCommandPool, uint32_t> poolFamilies;
+    HandleMap<VkCommandPool, bool> protectedPools;
 };
 
 // The structure at an address, which a buffer range or an instance names; null if there is none or it is unknown.

@@ -62,6 +62,36 @@
     X(CopyMemoryToMicromapEXT, copyMemoryToMicromap)                                                                   \
     X(WriteMicromapsPropertiesEXT, writeMicromapsProperties)                                                           \
     X(GetDeviceMicromapCompatibilityEXT, getDeviceMicromapCompatibility)                                               \
+    X(CreateImage, createImage)                                                                                        \
+    X(DestroyImage, destroyImage)                                                                                      \
+    X(QueueBindSparse, queueBindSparse)                                                                                \
+    X(CmdPipelineBarrier2, cmdPipelineBarrier2)                                                                        \
+    X(CmdSetEvent2, cmdSetEvent2)                                                                                      \
+    X(CmdWaitEvents2, cmdWaitEvents2)                                                                                  \
+    X(CmdResetEvent2, cmdResetEvent2)                                                                                  \
+    X(CmdWriteTimestamp2, cmdWriteTimestamp2)                                                                          \
+    X(CmdWriteBufferMarker2AMD, cmdWriteBufferMarker2)                                                                 \
+    X(CmdCopyMemoryKHR, cmdCopyMemory)                                                                                 \
+    X(CmdUpdateMemoryKHR, cmdUpdateMemory)                                                                             \
+    X(CmdFillMemoryKHR, cmdFillMemory)                                                                                 \
+    X(CmdCopyMemoryToImageKHR, cmdCopyMemoryToImage)                                                                   \
+    X(CmdCopyImageToMemoryKHR, cmdCopyImageToMemory)                                                                   \
+    X(CmdCopyQueryPoolResultsToMemoryKHR, cmdCopyQueryPoolResultsToMemory)                                             \
+    X(CmdWriteMarkerToMemoryAMD, cmdWriteMarkerToMemory)                                                               \
+    X(CmdBindIndexBuffer3KHR, cmdBindIndexBuffer3)                                                                     \
+    X(CmdBindVertexBuffers3KHR, cmdBindVertexBuffers3)                                                                 \
+    X(CmdDrawIndirect2KHR, cmdDrawIndirect2)                                                                           \
+    X(CmdDrawIndexedIndirect2KHR, cmdDrawIndexedIndirect2)                                                             \
+    X(CmdDrawMeshTasksIndirect2EXT, cmdDrawMeshTasksIndirect2)                                                         \
+    X(CmdDrawIndirectCount2KHR, cmdDrawIndirectCount2)                                                                 \
+    X(CmdDrawIndexedIndirectCount2KHR, cmdDrawIndexedIndirectCount2)                                                   \
+    X(CmdDrawMeshTasksIndirectCount2EXT, cmdDrawMeshTasksIndirectCount2)                                               \
+    X(CmdDispatchIndirect2KHR, cmdDispatchIndirect2)                                                                   \
+    X(CmdBeginConditionalRendering2EXT, cmdBeginConditionalRendering2)                                                 \
+    X(CmdBindTransformFeedbackBuffers2EXT, cmdBindTransformFeedbackBuffers2)                                           \
+    X(CmdBeginTransformFeedback2EXT, cmdBeginTransformFeedback2)                                                       \
+    X(CmdEndTransformFeedback2EXT, cmdEndTransformFeedback2)                                                           \
+    X(CmdDrawIndirectByteCount2EXT, cmdDrawIndirectByteCount2)                                                         \
     X(CmdBuildMicromapsEXT, cmdBuildMicromaps)                                                                         \
     X(CmdBuildAccelerationStructuresKHR, cmdBuildAccelerationStructures)                                               \
     X(CmdBuildAccelerationStructuresIndirectKHR, cmdBuildAccelerationStructuresIndirect)

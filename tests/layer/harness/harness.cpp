@@ -131,6 +131,7 @@ DeviceOptions deviceOptions(const Options &options, std::function<void(Message)>
             .bothApis = options.bothApis,
             .micromapFeature = options.micromapFeature,
             .hostCommands = options.hostCommands,
+            .fewFeatures = options.fewFeatures,
             // A driver without the extension knows nothing of the mode.
             .declaresMode = options.vellum && options.micromaps && options.declaresMode,
             .addressReplay = options.addressReplay,
@@ -151,7 +152,7 @@ public:
     explicit LayerEnvironment(const Options &options)
     {
         if (options.validate)
-            setenv("VELLUM_VALIDATE", "all", 1);
+            setenv("VELLUM_VALIDATE", "all", 0);
         setenv("VELLUM_MESSAGE_LIMIT", "0", 0);
         setenv("VELLUM_TEST_MOCK_DRIVER", quirksOf(options).c_str(), 1);
         setenv("VELLUM_TEST_FAULT", options.fault.c_str(), 1);
@@ -160,10 +161,14 @@ public:
     LayerEnvironment &operator=(const LayerEnvironment &) = delete;
     ~LayerEnvironment()
     {
-        for (const char *name :
-             {"VELLUM_TEST_MOCK_DRIVER", "VELLUM_TEST_FAULT", "VELLUM_VALIDATE", "VELLUM_LOWER_ASSUME_MICROMAPS"})
+        for (const char *name : {"VELLUM_TEST_MOCK_DRIVER", "VELLUM_TEST_FAULT", "VELLUM_LOWER_ASSUME_MICROMAPS"})
             unsetenv(name);
+        if (!validates_)
+            unsetenv("VELLUM_VALIDATE");
     }
+
+private:
+    const bool validates_ = std::getenv("VELLUM_VALIDATE") != nullptr; // by whoever runs the tests
 };
 
 Api apiOfTests()

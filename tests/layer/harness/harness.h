@@ -52,6 +52,7 @@ struct Options {
     Api api = apiOfTests();    // by this extension
     bool bothApis = false;     // enable the other one, too
     bool hostCommands = true;  // enable micromapHostCommands
+    bool fewFeatures = false;  // vellum::check::DeviceOptions::fewFeatures
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
     bool debugMarker = false;  // VK_EXT_debug_marker, which the spy has

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/features.h"
+
+#include <cstring>
+
+#include "layer/base/driver.h"
+#include "layer/base/pnext.h"
+#include "layer/base/vulkan_newer.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+bool enables(const VkDeviceCreateInfo &info, const char *extension)
+{
+    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
+        if (std::strcmp(info.ppEnabledExtensionNames[i], extension) == 0)
+            return true;
+    }
+    return false;
+}
+
+// Whether the chain enables a feature by either of two structures.
+template <typename First, typename Second>
+bool enables(const VkDeviceCreateInfo &info, VkStructureType first, VkBool32 First::*firstFeature,
+             VkStructureType second, VkBool32 Second::*secondFeature)
+{
+    const auto *a = findInChain<First>(info.pNext, first);
+    const auto *b = findInChain<Second>(info.pNext, second);
+    return (a && a->*firstFeature) || (b && b->*secondFeature);
+}
+
+bool enablesIndexTypeUint8(const VkDeviceCreateInfo &info)
+{
+    constexpr size_t kPlace = 13; // of indexTypeUint8 in VkPhysicalDeviceVulkan14Features
+    const auto *own = findInChain<VkPhysicalDeviceIndexTypeUint8FeaturesEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT);
+    const auto *core = findInChain<newer::Vulkan14Features>(info.pNext, newer::kVulkan14Features);
+    return (own && own->indexTypeUint8) || (core && core->before[kPlace]);
+}
+
+void readLimits(const Driver &driver, DeviceFacts &facts)
+{
+    VkPhysicalDeviceTransformFeedbackPropertiesEXT feedback{
+        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TRANSFORM_FEEDBACK_PROPERTIES_EXT};
+    VkPhysicalDeviceProtectedMemoryProperties memory{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROTECTED_MEMORY_PROPERTIES,
+                                                     &feedback};
+    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &memory};
+    driver.instance->GetPhysicalDeviceProperties2(driver.physicalDevice, &properties);
+    facts.protectedNoFault = memory.protectedNoFault;
+    facts.maxVertexInputBindings = properties.properties.limits.maxVertexInputBindings;
+    facts.maxVertexInputBindingStride = properties.properties.limits.maxVertexInputBindingStride;
+    if (feedback.maxTransformFeedbackBufferSize != 0)
+        facts.maxTransformFeedbackBufferSize = feedback.maxTransformFeedbackBufferSize;
+}
+
+} // namespace
+
+DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
+{
+    DeviceFacts facts;
+    const auto *robustness = findInChain<VkPhysicalDeviceRobustness2FeaturesEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT);
+    const auto *core12 = findInChain<VkPhysicalDeviceVulkan12Features>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
+    facts.nullDescriptor = robustness && robustness->nullDescriptor;
+    facts.indexTypeUint8 = enablesIndexTypeUint8(info);
+    facts.drawIndirectCount =
+        (core12 && core12->drawIndirectCount) || enables(info, VK_KHR_DRAW_INDIRECT_COUNT_EXTENSION_NAME);
+    facts.synchronization2 = enables(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES,
+                                     &VkPhysicalDeviceSynchronization2Features::synchronization2,
+                                     VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES,
+                                     &VkPhysicalDeviceVulkan13Features::synchronization2);
+    facts.maintenance11 = enables(info, "VK_KHR_maintenance11");
+    if (driver.instance->GetPhysicalDeviceProperties2)
+        readLimits(driver, facts);
+    uint32_t count = 0;
+    driver.instance->GetPhysicalDeviceQueueFamilyProperties(driver.physicalDevice, &count, nullptr);
+    std::vector<VkQueueFamilyProperties> families(count);
+    driver.instance->GetPhysicalDeviceQueueFamilyProperties(driver.physicalDevice, &count, families.data());
+    for (const VkQueueFamilyProperties &family : families)
+        facts.queueFamilies.push_back(family.queueFlags);
+    return facts;
+}
+
+} // namespace vellum::layer

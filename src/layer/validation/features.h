@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// What rules ask about a device: the features that the application enabled on it, and its limits.
+#pragma once
+
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+struct Driver;
+
+struct DeviceFacts {
+    // Enabled features, beyond those in EnabledFeatures.
+    bool nullDescriptor = false;
+    bool indexTypeUint8 = false;
+    bool drawIndirectCount = false;
+    bool synchronization2 = false;
+    bool maintenance11 = false;
+
+    bool protectedNoFault = false;
+    uint32_t maxVertexInputBindings = 0;
+    uint32_t maxVertexInputBindingStride = 0;
+    VkDeviceSize maxTransformFeedbackBufferSize = VK_WHOLE_SIZE;
+    std::vector<VkQueueFlags> queueFamilies; // of the physical device
+};
+
+DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info);
+
+} // namespace vellum::layer

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/ranges/image_copies.h"
+
+#include <algorithm>
+#include <tuple>
+#include <vector>
+
+#include "layer/validation/device_validation.h"
+#include "layer/validation/ranges/ranges.h"
+
+namespace vellum::layer::validation
+{
+namespace
+{
+
+// The ids of one of the two commands.
+struct CopyRules {
+    const char *command;
+    VkBufferUsageFlags usage;
+    const char *usageRule;
+    const char *flagRule;       // PROTECTED in an unprotected command buffer
+    const char *noFlagRule;     // no PROTECTED in a protected one; null: no rule
+    const char *imageRule;      // protected image in an unprotected command buffer
+    const char *plainImageRule; // unprotected image in a protected one; null: no rule
+    const char *queueRule;      // addresses on queues of transfers only
+};
+constexpr CopyRules kToImage{"vkCmdCopyMemoryToImageKHR",
+                             VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
+                             "VUID-vkCmdCopyMemoryToImageKHR-addressRange-13128",
+                             "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13102",
+                             nullptr,
+                             "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13103",
+                             "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13021",
+                             "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13104"};
+constexpr CopyRules kToMemory{"vkCmdCopyImageToMemoryKHR",
+                              VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                              "VUID-vkCmdCopyImageToMemoryKHR-addressRange-13129",
+                              "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13102",
+                              "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13025",
+                              "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13103",
+                              nullptr,
+                              "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13104"};
+
+// The rows of texel blocks in memory that a region accesses ("Buffer and Image Addressing").
+struct Rows {
+    VkDeviceAddress address = 0;
+    VkDeviceSize bytes = 0; // of a row
+    VkDeviceSize rowPitch = 0, slicePitch = 0;
+    uint64_t rows = 0, slices = 0; // rows in a slice
+    [[nodiscard]] VkDeviceSize size() const
+    {
+        return bytes == 0 || rows == 0 || slices == 0 ? 0 : (slices - 1) * slicePitch + (rows - 1) * rowPitch + bytes;
+    }
+    [[nodiscard]] VkDeviceAddress begin(uint64_t row) const
+    {
+        return address + row / rows * slicePitch + row % rows * rowPitch;
+    }
+    // The first row that does not end before `at`. Rows do not overlap.
+    [[nodiscard]] uint64_t firstFrom(VkDeviceAddress at) const
+    {
+        uint64_t low = 0, high = rows * slices;
+        while (low < high) {
+            const uint64_t middle = low + (high - low) / 2;
+            if (begin(middle) + bytes <= at)
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        return low;
+    }
+};
+
+Rows rowsOf(const VkDeviceMemoryImageCopyKHR &region, const TexelBlock &block, const ValidatedImage &image)
+{
+    const auto blocks = [](uint64_t texels, uint32_t size) { return (texels + size - 1) / size; };
+    const uint64_t length = region.addressRowLength ? region.addressRowLength : region.imageExtent.width;
+    const uint64_t height = region.addressImageHeight ? region.addressImageHeight : region.imageExtent.height;
+    const VkImageSubresourceLayers &part = region.imageSubresource;
+    const uint32_t layers = part.layerCount == VK_REMAINING_ARRAY_LAYERS
+                                ? image.arrayLayers - std::min(image.arrayLayers, part.baseArrayLayer)
+                                : part.layerCount;
+    Rows rows;
+    rows.address = region.addressRange.address;
+    rows.bytes = blocks(region.imageExtent.width, block.width) * block.bytes;
+    rows.rowPitch = blocks(length, block.width) * block.bytes;
+    rows.slicePitch = blocks(height, block.height) * rows.rowPitch;
+    rows.rows = blocks(region.imageExtent.height, block.height);
+    rows.slices = std::max(layers, region.imageExtent.depth);
+    return rows;
+}
+
+bool overlap(const Rows &a, const Rows &b)
+{
+    const uint64_t end = a.rows * a.slices;
+    for (uint64_t row = a.firstFrom(b.address); row < end; ++row) {
+        const VkDeviceAddress begin = a.begin(row);
+        if (begin >= b.address + b.size())
+            return false;
+        const uint64_t other = b.firstFrom(begin + 1);
+        if (other < b.rows * b.slices && b.begin(other) < begin + a.bytes)
+            return true;
+    }
+    return false;
+}
+
+class ImageCopyCheck
+{
+public:
+    ImageCopyCheck(DeviceValidation &device, VkCommandBuffer commandBuffer, const CopyRules &rules,
+                   const VkCopyDeviceMemoryImageInfoKHR &info)
+        : device_(device), ranges_(device, commandBuffer), rules_(rules), info_(info),
+          image_(device.images.get(info.image))
+    {
+        const auto log = device.logs.get(commandBuffer);
+        const auto &families = device.facts.queueFamilies;
+        onTransferQueue_ = log && log->family < families.size() && !device.facts.maintenance11 &&
+                           (families[log->family] & (VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT)) == 0;
+    }
+
+    void check() const
+    {
+        const Place command(rules_.command);
+        const Place info = command.member("pCopyMemoryInfo");
+        checkProtectedImage(info);
+        for (uint32_t i = 0; i < info_.regionCount; ++i) {
+            const Place place = info.element("pRegions", i);
+            checkRegion(place, info_.pRegions[i]);
+        }
+        if (rules_.usage == VK_BUFFER_USAGE_TRANSFER_DST_BIT)
+            checkOverlap(info);
+    }
+
+private:
+    void checkProtectedImage(const Place &info) const
+    {
+        if (!image_ || device_.facts.protectedNoFault)
+            return;
+        const bool isProtected = (image_->flags & VK_IMAGE_CREATE_PROTECTED_BIT) != 0;
+        const char *rule = isProtected ? rules_.imageRule : rules_.plainImageRule;
+        if (rule && isProtected != ranges_.isProtected())
+            ranges_.fault(info.member("image"), rule,
+                          isProtected ? "a protected image, in a command buffer that is not protected"
+                                      : "an image that is not protected, in a protected command buffer");
+    }
+
+    void checkRegion(const Place &place, const VkDeviceMemoryImageCopyKHR &region) const
+    {
+        const VkDeviceAddressRangeKHR &range = region.addressRange;
+        ranges_.check(place, range, region.addressFlags, flag_rules::kImageCopy,
+                      {.usage = rules_.usage, .usageRule = rules_.usageRule});
+        ranges_.checkProtection(place, "addressFlags", region.addressFlags, rules_.flagRule, rules_.noFlagRule);
+        const Place member = place.member("addressRange");
+        if (onTransferQueue_ && range.address % 4 != 0)
+            ranges_.fault(member, rules_.queueRule,
+                          textOf(range) + ": on a queue of transfers, the address must be a multiple of 4");
+        const auto block = image_ ? texelBlockOf(image_->format, region.imageSubresource.aspectMask) : std::nullopt;
+        if (!block)
+            return;
+        const bool depth = isDepthStencil(image_->format);
+        const uint32_t alignment = depth ? 4 : block->bytes;
+        if (range.address % alignment != 0)
+            ranges_.fault(member,
+                          depth                           ? "VUID-VkCopyDeviceMemoryImageInfoKHR-image-13031"
+                          : isMultiPlanar(image_->format) ? "VUID-VkCopyDeviceMemoryImageInfoKHR-image-13030"
+                                                          : "VUID-VkCopyDeviceMemoryImageInfoKHR-image-13029",
+                          textOf(range) + ": for this format, the address must be a multiple of " +
+                              std::to_string(alignment));
+        const VkDeviceSize size = rowsOf(region, *block, *image_).size();
+        if (range.size < size)
+            ranges_.fault(member, "VUID-VkDeviceMemoryImageCopyKHR-size-13037",
+                          std::to_string(range.size) + " bytes; the region accesses " + std::to_string(size));
+    }
+
+    // Rows of different regions that are written.
+    void checkOverlap(const Place &info) const
+    {
+        std::vector<std::pair<Rows, uint32_t>> regions;
+        for (uint32_t i = 0; image_ && i < info_.regionCount; ++i) {
+            const VkDeviceMemoryImageCopyKHR &region = info_.pRegions[i];
+            if (const auto block = texelBlockOf(image_->format, region.imageSubresource.aspectMask))
+                regions.emplace_back(rowsOf(region, *block, *image_), i);
+        }
+        std::erase_if(regions, [](const auto &region) { return region.first.size() == 0; });
+        std::ranges::sort(regions, {}, [](const auto &region) { return region.first.address; });
+        for (size_t a = 0; a < regions.size(); ++a) {
+            const VkDeviceAddress end = regions[a].first.address + regions[a].first.size();
+            for (size_t b = a + 1; b < regions.size() && regions[b].first.address < end; ++b) {
+                if (!overlap(regions[a].first, regions[b].first))
+                    continue;
+                const Place place = info.element("pRegions", regions[b].second);
+                return ranges_.fault(place.member("addressRange"), "VUID-VkCopyDeviceMemoryImageInfoKHR-pRegions-12473",
+                                     "the region writes bytes that pRegions[" + std::to_string(regions[a].second) +
+                                         "] writes");
+            }
+        }
+    }
+
+    const DeviceValidation &device_;
+    RangeCheck ranges_;
+    const CopyRules &rules_;
+    const VkCopyDeviceMemoryImageInfoKHR &info_;
+    std::shared_ptr<const ValidatedImage> image_; // null if it is unknown
+    bool onTransferQueue_ = false;
+};
+
+} // namespace
+
+VkResult createImage(DeviceValidation &device, VkDevice handle, const VkImageCreateInfo *info,
+                     const VkAllocationCallbacks *allocator, VkImage *image)
+{
+    const VkResult result = device.next.CreateImage(handle, info, allocator, image);
+    if (result == VK_SUCCESS)
+        device.images.set(*image, std::make_shared<const ValidatedImage>(
+                                      ValidatedImage{info->format, info->flags, info->arrayLayers}));
+    return result;
+}
+
+void destroyImage(DeviceValidation &device, VkDevice handle, VkImage image, const VkAllocationCallbacks *allocator)
+{
+    device.images.take(image);
+    device.next.DestroyImage(handle, image, allocator);
+}
+
+void cmdCopyMemoryToImage(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
+{
+    if (device.checks.core)
+        ImageCopyCheck(device, commandBuffer, kToImage, *info).check();
+    device.next.CmdCopyMemoryToImageKHR(commandBuffer, info);
+}
+
+void cmdCopyImageToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
+{
+    if (device.checks.core)
+        ImageCopyCheck(device, commandBuffer, kToMemory, *info).check();
+    device.next.CmdCopyImageToMemoryKHR(commandBuffer, info);
+}
+
+} // namespace vellum::layer::validation

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// Barriers of address ranges, and stages and accesses of micromap builds in all barriers, events, submissions and
+// timestamps.
+#include "layer/base/pnext.h"
+#include "layer/validation/device_validation.h"
+#include "layer/validation/ranges/ranges.h"
+
+namespace vellum::layer::validation
+{
+namespace
+{
+
+constexpr VkPipelineStageFlags2 kMicromapBuild = VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT;
+constexpr VkPipelineStageFlags2 kStructureBuild = VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR;
+// Stages that read in shaders, and those that stand for them.
+constexpr VkPipelineStageFlags2 kShaderStages =
+    VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT | VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT |
+    VK_PIPELINE_STAGE_2_PRE_RASTERIZATION_SHADERS_BIT | VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT |
+    VK_PIPELINE_STAGE_2_TESSELLATION_CONTROL_SHADER_BIT | VK_PIPELINE_STAGE_2_TESSELLATION_EVALUATION_SHADER_BIT |
+    VK_PIPELINE_STAGE_2_GEOMETRY_SHADER_BIT | VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
+    VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR |
+    VK_PIPELINE_STAGE_2_TASK_SHADER_BIT_EXT | VK_PIPELINE_STAGE_2_MESH_SHADER_BIT_EXT |
+    VK_PIPELINE_STAGE_2_SUBPASS_SHADING_BIT_HUAWEI | kStructureBuild | kMicromapBuild;
+// Stages of extensions that the oldest headers do not know may be stages of shaders.
+constexpr VkPipelineStageFlags2 kOtherStages = ~((VkPipelineStageFlags2{1} << 41) - 1);
+
+// The ids of one half of a barrier: its first or second stages and accesses.
+struct ScopeRules {
+    const char *stages, *accesses; // members
+    const char *shaderRead, *micromapWrite, *micromapRead, *feature;
+};
+struct BarrierRules {
+    ScopeRules source, target;
+};
+
+constexpr BarrierRules kMemoryBarrier{
+    {"srcStageMask", "srcAccessMask", "VUID-VkMemoryBarrier2-srcAccessMask-07454",
+     "VUID-VkMemoryBarrier2-srcAccessMask-07457", "VUID-VkMemoryBarrier2-srcAccessMask-07458",
+     "VUID-VkMemoryBarrier2-srcStageMask-11541"},
+    {"dstStageMask", "dstAccessMask", "VUID-VkMemoryBarrier2-dstAccessMask-07454",
+     "VUID-VkMemoryBarrier2-dstAccessMask-07457", "VUID-VkMemoryBarrier2-dstAccessMask-07458",
+     "VUID-VkMemoryBarrier2-dstStageMask-11541"}};
+constexpr BarrierRules kBufferBarrier{
+    {"srcStageMask", "srcAccessMask", "VUID-VkBufferMemoryBarrier2-srcAccessMask-07454",
+     "VUID-VkBufferMemoryBarrier2-srcAccessMask-07457", "VUID-VkBufferMemoryBarrier2-srcAccessMask-07458",
+     "VUID-VkBufferMemoryBarrier2-srcStageMask-11541"},
+    {"dstStageMask", "dstAccessMask", "VUID-VkBufferMemoryBarrier2-dstAccessMask-07454",
+     "VUID-VkBufferMemoryBarrier2-dstAccessMask-07457", "VUID-VkBufferMemoryBarrier2-dstAccessMask-07458",
+     "VUID-VkBufferMemoryBarrier2-dstStageMask-11541"}};
+constexpr BarrierRules kImageBarrier{
+    {"srcStageMask", "srcAccessMask", "VUID-VkImageMemoryBarrier2-srcAccessMask-07454",
+     "VUID-VkImageMemoryBarrier2-srcAccessMask-07457", "VUID-VkImageMemoryBarrier2-srcAccessMask-07458",
+     "VUID-VkImageMemoryBarrier2-srcStageMask-11541"},
+    {"dstStageMask", "dstAccessMask", "VUID-VkImageMemoryBarrier2-dstAccessMask-07454",
+     "VUID-VkImageMemoryBarrier2-dstAccessMask-07457", "VUID-VkImageMemoryBarrier2-dstAccessMask-07458",
+     "VUID-VkImageMemoryBarrier2-dstStageMask-11541"}};
+constexpr BarrierRules kRangeBarrier{
+    {"srcStageMask", "srcAccessMask", "VUID-VkMemoryRangeBarrierKHR-srcAccessMask-07454",
+     "VUID-VkMemoryRangeBarrierKHR-srcAccessMask-07457", "VUID-VkMemoryRangeBarrierKHR-srcAccessMask-07458",
+     "VUID-VkMemoryRangeBarrierKHR-srcStageMask-11541"},
+    {"dstStageMask", "dstAccessMask", "VUID-VkMemoryRangeBarrierKHR-dstAccessMask-07454",
+     "VUID-VkMemoryRangeBarrierKHR-dstAccessMask-07457", "VUID-VkMemoryRangeBarrierKHR-dstAccessMask-07458",
+     "VUID-VkMemoryRangeBarrierKHR-dstStageMask-11541"}};
+
+void checkStage(DeviceValidation &device, const Place &place, VkPipelineStageFlags2 stages, const char *rule,
+                ObjectHandle object = {})
+{
+    if ((stages & kMicromapBuild) != 0 && !device.driver.enabled.extFeature)
+        device.fault(place, rule,
+                     "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled", object);
+}
+
+void checkScope(DeviceValidation &device, const Place &barrier, VkPipelineStageFlags2 stages, VkAccessFlags2 accesses,
+                const ScopeRules &rules, VkCommandBuffer commandBuffer)
+{
+    const Place member = barrier.member(rules.accesses);
+    const auto needs = [&](VkAccessFlags2 access, VkPipelineStageFlags2 needed, const char *rule, const char *text) {
+        if ((accesses & access) != 0 && (stages & needed) == 0)
+            device.fault(member, rule, std::string(text) + " in " + rules.stages, commandBuffer);
+    };
+    needs(VK_ACCESS_2_SHADER_READ_BIT, kShaderStages | kOtherStages, rules.shaderRead,
+          "SHADER_READ, without a stage that runs shaders or builds structures");
+    // ALL_COMMANDS stands for all stages.
+    needs(VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT, kMicromapBuild | VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
+          rules.micromapWrite, "MICROMAP_WRITE, without MICROMAP_BUILD");
+    needs(VK_ACCESS_2_MICROMAP_READ_BIT_EXT, kMicromapBuild | kStructureBuild | VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT,
+          rules.micromapRead, "MICROMAP_READ, without MICROMAP_BUILD or ACCELERATION_STRUCTURE_BUILD");
+    checkStage(device, barrier.member(rules.stages), stages, rules.feature, commandBuffer);
+}
+
+template <typename Barrier>
+void checkScopes(DeviceValidation &device, const Place &place, const Barrier &barrier, const BarrierRules &rules,
+                 VkCommandBuffer commandBuffer)
+{
+    checkScope(device, place, barrier.srcStageMask, barrier.srcAccessMask, rules.source, commandBuffer);
+    checkScope(device, place, barrier.dstStageMask, barrier.dstAccessMask, rules.target, commandBuffer);
+}
+
+bool isFamily(const DeviceValidation &device, uint32_t family)
+{
+    return family < device.facts.queueFamilies.size() || family == VK_QUEUE_FAMILY_EXTERNAL ||
+           family == VK_QUEUE_FAMILY_FOREIGN_EXT;
+}
+
+void checkRangeBarrier(DeviceValidation &device, const Place &place, const VkMemoryRangeBarrierKHR &barrier,
+                       VkCommandBuffer commandBuffer)
+{
+    checkScopes(device, place, barrier, kRangeBarrier, commandBuffer);
+    RangeCheck(device, commandBuffer)
+        .check(place, barrier.addressRange, barrier.addressFlags, flag_rules::kBarrier, {});
+    const uint32_t from = barrier.srcQueueFamilyIndex, to = barrier.dstQueueFamilyIndex;
+    if (from == to)
+        return;
+    const std::string families = "from queue family " + std::to_string(from) + " to " + std::to_string(to);
+    if (((barrier.srcStageMask | barrier.dstStageMask) & VK_PIPELINE_STAGE_2_HOST_BIT) != 0)
+        device.fault(place, "VUID-VkMemoryRangeBarrierKHR-srcStageMask-13089",
+                     families + ", with the stage HOST; they must be equal", commandBuffer);
+    const auto buffer = bufferAt(device, barrier.addressRange.address);
+    if (!buffer || !buffer->exclusive)
+        return;
+    if (!isFamily(device, from))
+        device.fault(place.member("srcQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13087",
+                     families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family",
+                     commandBuffer);
+    if (!isFamily(device, to))
+        device.fault(place.member("dstQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13088",
+                     families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family",
+                     commandBuffer);
+}
+
+} // namespace
+
+void checkDependency(DeviceValidation &device, const Place &place, const VkDependencyInfo &info,
+                     VkCommandBuffer commandBuffer)
+{
+    for (uint32_t i = 0; i < info.memoryBarrierCount; ++i)
+        checkScopes(device, place.element("pMemoryBarriers", i), info.pMemoryBarriers[i], kMemoryBarrier,
+                    commandBuffer);
+    for (uint32_t i = 0; i < info.bufferMemoryBarrierCount; ++i)
+        checkScopes(device, place.element("pBufferMemoryBarriers", i), info.pBufferMemoryBarriers[i], kBufferBarrier,
+                    commandBuffer);
+    for (uint32_t i = 0; i < info.imageMemoryBarrierCount; ++i)
+        checkScopes(device, place.element("pImageMemoryBarriers", i), info.pImageMemoryBarriers[i], kImageBarrier,
+                    commandBuffer);
+    const auto *ranges =
+        findInChain<VkMemoryRangeBarriersInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+    for (uint32_t i = 0; ranges && i < ranges->memoryRangeBarrierCount; ++i)
+        checkRangeBarrier(device, place.element("pMemoryRangeBarriers", i), ranges->pMemoryRangeBarriers[i],
+                          commandBuffer);
+}
+
+void checkSubmission(DeviceValidation &device, const Place &submit, const VkSubmitInfo2 &info)
+{
+    const auto check = [&](const char *array, uint32_t count, const VkSemaphoreSubmitInfo *semaphores) {
+        for (uint32_t i = 0; i < count; ++i) {
+            const Place place = submit.element(array, i);
+            checkStage(device, place.member("stageMask"), semaphores[i].stageMask,
+                       "VUID-VkSemaphoreSubmitInfo-stageMask-11541");
+        }
+    };
+    check("pWaitSemaphoreInfos", info.waitSemaphoreInfoCount, info.pWaitSemaphoreInfos);
+    check("pSignalSemaphoreInfos", info.signalSemaphoreInfoCount, info.pSignalSemaphoreInfos);
+}
+
+void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
+{
+    const Place command("vkCmdPipelineBarrier2");
+    if (device.checks.core)
+        checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    device.next.CmdPipelineBarrier2(commandBuffer, info);
+}
+
+void cmdSetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
+{
+    const Place command("vkCmdSetEvent2");
+    if (device.checks.core)
+        checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    device.next.CmdSetEvent2(commandBuffer, event, info);
+}
+
+void cmdWaitEvents2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
+                    const VkDependencyInfo *infos)
+{
+    const Place command("vkCmdWaitEvents2");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i)
+        checkDependency(device, command.element("pDependencyInfos", i), infos[i], commandBuffer);
+    device.next.CmdWaitEvents2(commandBuffer, count, events, infos);
+}
+
+void cmdResetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event,
+                    VkPipelineStageFlags2 stages)
+{
+    const Place command("vkCmdResetEvent2");
+    if (device.checks.core)
+        checkStage(device, command.member("stageMask"), stages, "VUID-vkCmdResetEvent2-stageMask-11541", commandBuffer);
+    device.next.CmdResetEvent2(commandBuffer, event, stages);
+}
+
+void cmdWriteTimestamp2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                        VkQueryPool pool, uint32_t query)
+{
+    const Place command("vkCmdWriteTimestamp2");
+    if (device.checks.core)
+        checkStage(device, command.member("stage"), stage, "VUID-vkCmdWriteTimestamp2-stage-11541", commandBuffer);
+    device.next.CmdWriteTimestamp2(commandBuffer, stage, pool, query);
+}
+
+void cmdWriteBufferMarker2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                           VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
+{
+    const Place command("vkCmdWriteBufferMarker2AMD");
+    if (device.checks.core)
+        checkStage(device, command.member("stage"), stage, "VUID-vkCmdWriteBufferMarker2AMD-stage-11541",
+                   commandBuffer);
+    device.next.CmdWriteBufferMarker2AMD(commandBuffer, stage, buffer, offset, marker);
+}
+
+} // namespace vellum::layer::validation

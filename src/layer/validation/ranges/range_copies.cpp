@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+// Copies, fills, updates, query results and markers.
+#include <algorithm>
+#include <bit>
+
+#include "layer/validation/device_validation.h"
+#include "layer/validation/ranges/ranges.h"
+
+namespace vellum::layer::validation
+{
+namespace
+{
+
+constexpr VkDeviceSize kMaxUpdate = 65536;
+
+// Where a range is in memory: buffers may alias each other. Without a buffer, the range itself.
+struct MemoryRange {
+    VkDeviceMemory memory = VK_NULL_HANDLE;
+    uint64_t begin = 0, end = 0;
+    [[nodiscard]] bool overlaps(const MemoryRange &other) const
+    {
+        return memory == other.memory && begin < other.end && other.begin < end;
+    }
+};
+
+MemoryRange memoryOf(const DeviceValidation &device, const VkDeviceAddressRangeKHR &range)
+{
+    MemoryRange result{VK_NULL_HANDLE, range.address, range.address + range.size};
+    const auto buffer = bufferAt(device, range.address);
+    if (buffer && buffer->memory) {
+        result.memory = buffer->memory;
+        result.begin = range.address - buffer->address + buffer->memoryOffset;
+        result.end = result.begin + range.size;
+    }
+    return result;
+}
+
+// Of each source, the first range of the command that it overlaps.
+void checkOverlap(const DeviceValidation &device, const RangeCheck &ranges, const Place &info,
+                  const VkCopyDeviceMemoryInfoKHR &copy)
+{
+    struct Part {
+        MemoryRange at;
+        uint32_t region;
+        const char *member;
+    };
+    std::vector<Part> parts;
+    for (uint32_t i = 0; i < copy.regionCount; ++i) {
+        parts.push_back({memoryOf(device, copy.pRegions[i].srcRange), i, "srcRange"});
+        parts.push_back({memoryOf(device, copy.pRegions[i].dstRange), i, "dstRange"});
+    }
+    std::erase_if(parts, [](const Part &part) { return part.at.begin == part.at.end; });
+    std::ranges::sort(parts, {}, [](const Part &part) { return std::tuple(part.at.memory, part.at.begin); });
+    for (size_t p = 0; p < parts.size(); ++p) {
+        const auto isSource = [](const Part &part) { return part.member[0] == 's'; };
+        for (size_t q = p + 1; q < parts.size() && parts[q].at.overlaps(parts[p].at); ++q) {
+            if (!isSource(parts[p]) && !isSource(parts[q]))
+                continue;
+            const Part &source = isSource(parts[p]) ? parts[p] : parts[q];
+            const Part &other = isSource(parts[p]) ? parts[q] : parts[p];
+            const Place region = info.element("pRegions", source.region);
+            ranges.fault(region.member(source.member), "VUID-VkCopyDeviceMemoryInfoKHR-srcRange-13015",
+                         "overlaps " + std::string(other.member) + " of pRegions[" + std::to_string(other.region) +
+                             "] in memory");
+            break;
+        }
+    }
+}
+
+void checkCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &copy)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdCopyMemoryKHR");
+    const Place info = command.member("pCopyMemoryInfo");
+    for (uint32_t i = 0; i < copy.regionCount; ++i) {
+        const VkDeviceMemoryCopyKHR &region = copy.pRegions[i];
+        const Place place = info.element("pRegions", i);
+        ranges.check(
+            place, region.srcRange, region.srcFlags, flag_rules::kCopySource,
+            {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageRule = "VUID-VkDeviceMemoryCopyKHR-srcRange-13017"});
+        ranges.check(
+            place, region.dstRange, region.dstFlags, flag_rules::kCopyTarget,
+            {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT, .usageRule = "VUID-VkDeviceMemoryCopyKHR-dstRange-13018"});
+        if (region.dstRange.size < region.srcRange.size)
+            ranges.fault(place, "VUID-VkDeviceMemoryCopyKHR-size-13016",
+                         "dstRange has " + std::to_string(region.dstRange.size) + " bytes, srcRange has " +
+                             std::to_string(region.srcRange.size));
+        ranges.checkProtection(place, "srcFlags", region.srcFlags, "VUID-vkCmdCopyMemoryKHR-commandBuffer-13012",
+                               nullptr);
+        ranges.checkProtection(place, "dstFlags", region.dstFlags, "VUID-vkCmdCopyMemoryKHR-commandBuffer-13013",
+                               "VUID-vkCmdCopyMemoryKHR-commandBuffer-13014");
+    }
+    checkOverlap(device, ranges, info, copy);
+}
+
+void checkUpdate(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
+                 VkAddressCommandFlagsKHR flags, VkDeviceSize size)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdUpdateMemoryKHR");
+    ranges.check(command, range, flags, flag_rules::kUpdate,
+                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                  .usageRule = "VUID-vkCmdUpdateMemoryKHR-dstRange-13005",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-vkCmdUpdateMemoryKHR-pDstRange-13006",
+                  .least = size,
+                  .leastRule = "VUID-vkCmdUpdateMemoryKHR-dataSize-13008"});
+    if (range.size > kMaxUpdate)
+        ranges.fault(command.member("pDstRange"), "VUID-vkCmdUpdateMemoryKHR-pDstRange-13007",
+                     std::to_string(range.size) + " bytes; at most 65536 are allowed");
+    if (size % 4 != 0)
+        ranges.fault(command.member("dataSize"), "VUID-vkCmdUpdateMemoryKHR-dataSize-13009",
+                     std::to_string(size) + " is not a multiple of 4");
+    ranges.checkProtection(command, "dstFlags", flags, "VUID-vkCmdUpdateMemoryKHR-commandBuffer-13010",
+                           "VUID-vkCmdUpdateMemoryKHR-commandBuffer-13011");
+}
+
+void checkFill(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
+               VkAddressCommandFlagsKHR flags)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdFillMemoryKHR");
+    ranges.check(command, range, flags, flag_rules::kFill,
+                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                  .usageRule = "VUID-vkCmdFillMemoryKHR-dstRange-13000",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-vkCmdFillMemoryKHR-pDstRange-13001"});
+    if (range.size % 4 != 0)
+        ranges.fault(command.member("pDstRange"), "VUID-vkCmdFillMemoryKHR-pDstRange-13002",
+                     "size " + std::to_string(range.size) + " is not a multiple of 4");
+    ranges.checkProtection(command, "dstFlags", flags, "VUID-vkCmdFillMemoryKHR-commandBuffer-13003",
+                           "VUID-vkCmdFillMemoryKHR-commandBuffer-13004");
+}
+
+void checkQueryResults(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                       const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                       VkQueryResultFlags results)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdCopyQueryPoolResultsToMemoryKHR");
+    // At least: the number of values of a result depends on the type of the pool.
+    const bool wide = (results & VK_QUERY_RESULT_64_BIT) != 0;
+    const VkDeviceSize value = wide ? 8 : 4;
+    const VkDeviceSize result = (results & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0 ? 2 * value : value;
+    const VkDeviceSize before = count > 1 && range.stride > range.size ? range.size : (count - 1) * range.stride;
+    ranges.check(command, range, flags, flag_rules::kQueryResults,
+                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                  .usageRule = "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13080",
+                  .least = before + result,
+                  .leastRule = "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079"});
+    if (range.address % value != 0 || range.stride % value != 0)
+        ranges.fault(command.member("pDstRange"),
+                     wide ? "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-flags-13078"
+                          : "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-flags-13077",
+                     textOf({range.address, range.size}) + ", stride " + std::to_string(range.stride) +
+                         ": address or stride is not a multiple of " + std::to_string(value));
+    if ((flags & VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR) != 0)
+        ranges.fault(command.member("dstFlags"), "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-dstFlags-13085",
+                     "PROTECTED; query results are not written to protected memory");
+}
+
+void checkMarker(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD &marker)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdWriteMarkerToMemoryAMD");
+    const Place info = command.member("pInfo");
+    if (!device.facts.synchronization2)
+        ranges.fault(command, "VUID-vkCmdWriteMarkerToMemoryAMD-synchronization2-13042",
+                     "the feature synchronization2 is not enabled");
+    if (!std::has_single_bit(marker.stage))
+        ranges.fault(info.member("stage"), "VUID-VkMemoryMarkerInfoAMD-stage-13038",
+                     std::to_string(std::popcount(marker.stage)) + " stages; there must be one");
+    ranges.check(info, marker.dstRange, marker.dstFlags, flag_rules::kMarker,
+                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                  .usageRule = "VUID-VkMemoryMarkerInfoAMD-dstRange-13039",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-VkMemoryMarkerInfoAMD-dstRange-13040",
+                  .least = sizeof(uint32_t),
+                  .leastRule = "VUID-VkMemoryMarkerInfoAMD-dstRange-13041"});
+    ranges.checkProtection(info, "dstFlags", marker.dstFlags, "VUID-vkCmdWriteMarkerToMemoryAMD-commandBuffer-13044",
+                           "VUID-vkCmdWriteMarkerToMemoryAMD-commandBuffer-13045");
+    const auto buffer = bufferAt(device, marker.dstRange.address);
+    const bool flag = (marker.dstFlags & VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR) != 0;
+    if (buffer && flag != ((buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0))
+        ranges.fault(info.member("dstFlags"),
+                     flag ? "VUID-vkCmdWriteMarkerToMemoryAMD-pInfo-13046"
+                          : "VUID-vkCmdWriteMarkerToMemoryAMD-pInfo-13047",
+                     std::string(flag ? "PROTECTED" : "no PROTECTED") + ", for buffer " +
+                         device.nameOf(buffer->handle) + ", which is " + (flag ? "not protected" : "protected"));
+}
+
+} // namespace
+
+void cmdCopyMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
+{
+    if (device.checks.core)
+        checkCopy(device, commandBuffer, *info);
+    device.next.CmdCopyMemoryKHR(commandBuffer, info);
+}
+
+void cmdUpdateMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                     VkAddressCommandFlagsKHR flags, VkDeviceSize size, const void *data)
+{
+    if (device.checks.core)
+        checkUpdate(device, commandBuffer, *range, flags, size);
+    device.next.CmdUpdateMemoryKHR(commandBuffer, range, flags, size, data);
+}
+
+void cmdFillMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                   VkAddressCommandFlagsKHR flags, uint32_t data)
+{
+    if (device.checks.core)
+        checkFill(device, commandBuffer, *range, flags);
+    device.next.CmdFillMemoryKHR(commandBuffer, range, flags, data);
+}
+
+void cmdCopyQueryPoolResultsToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, VkQueryPool pool,
+                                     uint32_t first, uint32_t count, const VkStridedDeviceAddressRangeKHR *range,
+                                     VkAddressCommandFlagsKHR flags, VkQueryResultFlags results)
+{
+    if (device.checks.core && count > 0)
+        checkQueryResults(device, commandBuffer, count, *range, flags, results);
+    device.next.CmdCopyQueryPoolResultsToMemoryKHR(commandBuffer, pool, first, count, range, flags, results);
+}
+
+void cmdWriteMarkerToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
+{
+    if (device.checks.core)
+        checkMarker(device, commandBuffer, *info);
+    device.next.CmdWriteMarkerToMemoryAMD(commandBuffer, info);
+}
+
+} // namespace vellum::layer::validation

@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+// Index and vertex buffers, indirect draws and dispatches, conditional rendering.
+#include <algorithm>
+
+#include "layer/validation/device_validation.h"
+#include "layer/validation/ranges/ranges.h"
+
+namespace vellum::layer::validation
+{
+namespace
+{
+
+constexpr auto kUint8 = static_cast<VkIndexType>(1000265000); // VK_INDEX_TYPE_UINT8_KHR
+
+VkDeviceSize indexBytes(VkIndexType type)
+{
+    return type == VK_INDEX_TYPE_UINT16 ? 2 : type == VK_INDEX_TYPE_UINT32 ? 4 : 1;
+}
+
+void checkIndexBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR &buffer)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdBindIndexBuffer3KHR");
+    const Place info = command.member("pInfo");
+    const VkDeviceAddressRangeKHR &range = buffer.addressRange;
+    if (buffer.indexType == VK_INDEX_TYPE_NONE_KHR)
+        ranges.fault(info.member("indexType"), "VUID-VkBindIndexBuffer3InfoKHR-indexType-13053",
+                     "VK_INDEX_TYPE_NONE_KHR");
+    if (buffer.indexType == kUint8 && !device.facts.indexTypeUint8)
+        ranges.fault(info.member("indexType"), "VUID-VkBindIndexBuffer3InfoKHR-indexType-13054",
+                     "VK_INDEX_TYPE_UINT8, without the feature indexTypeUint8");
+    if (range.size == 0 && range.address != 0)
+        return ranges.fault(info.member("addressRange"), "VUID-VkBindIndexBuffer3InfoKHR-addressRange-13056",
+                            "address " + textOf(range) + "; of size 0, the address must be 0");
+    if (range.size == 0 && !device.facts.nullDescriptor)
+        ranges.fault(info.member("addressRange"), "VUID-VkBindIndexBuffer3InfoKHR-None-13055",
+                     "size 0, without the feature nullDescriptor");
+    ranges.check(info, range, buffer.addressFlags, flag_rules::kIndexBuffer,
+                 {.usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
+                  .usageRule = "VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051",
+                  .alignment = indexBytes(buffer.indexType),
+                  .alignmentRule = "VUID-VkBindIndexBuffer3InfoKHR-addressRange-13052"});
+}
+
+void checkVertexBuffer(const DeviceValidation &device, const RangeCheck &ranges, const Place &info,
+                       const VkBindVertexBuffer3InfoKHR &buffer)
+{
+    const VkStridedDeviceAddressRangeKHR &range = buffer.addressRange;
+    const Place member = info.member("addressRange");
+    if (buffer.setStride && range.stride > device.facts.maxVertexInputBindingStride)
+        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-setStride-13126",
+                     "stride " + std::to_string(range.stride) + "; maxVertexInputBindingStride is " +
+                         std::to_string(device.facts.maxVertexInputBindingStride));
+    if (!buffer.setStride && range.stride != 0)
+        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-setStride-13127",
+                     "stride " + std::to_string(range.stride) + "; without setStride it must be 0");
+    if (range.size == 0 && range.address != 0)
+        return ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-addressRange-13075",
+                            "address " + textOf({range.address, 0}) + "; of size 0, the address must be 0");
+    if (range.size == 0 && !device.facts.nullDescriptor)
+        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-size-13072",
+                     "size 0, without the feature nullDescriptor");
+    ranges.check(info, range, buffer.addressFlags, flag_rules::kVertexBuffer,
+                 {.usage = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
+                  .usageRule = "VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074"});
+}
+
+void checkVertexBuffers(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                        const VkBindVertexBuffer3InfoKHR *buffers)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdBindVertexBuffers3KHR");
+    const uint32_t most = device.facts.maxVertexInputBindings;
+    const std::string limit = "maxVertexInputBindings is " + std::to_string(most);
+    if (first >= most)
+        ranges.fault(command.member("firstBinding"), "VUID-vkCmdBindVertexBuffers3KHR-firstBinding-13070",
+                     std::to_string(first) + "; " + limit);
+    else if (count > most - first)
+        ranges.fault(command.member("bindingCount"), "VUID-vkCmdBindVertexBuffers3KHR-firstBinding-13071",
+                     std::to_string(count) + " bindings from " + std::to_string(first) + "; " + limit);
+    for (uint32_t i = 0; i < count; ++i)
+        checkVertexBuffer(device, ranges, command.element("pBindingInfos", i), buffers[i]);
+}
+
+// A kind of indirect draw. Mesh tasks have no rules about strides and sizes.
+struct Draw {
+    const char *command;
+    VkDeviceSize bytes; // of the commands that the device reads for each draw
+    const char *protectedRule;
+    const char *sizeRule = nullptr;
+    const char *noStrideRule = nullptr;
+    const char *smallStrideRule = nullptr;
+    const char *unalignedStrideRule = nullptr;
+};
+
+void checkUnprotected(const RangeCheck &ranges, const Place &command, const char *rule)
+{
+    if (ranges.isProtected())
+        ranges.fault(command.member("commandBuffer"), rule, "a protected command buffer");
+}
+
+// The rules of the range that holds the commands of `count` draws.
+void checkDraws(const DeviceValidation &device, const RangeCheck &ranges, const Place &info, const Draw &draw,
+                const VkStridedDeviceAddressRangeKHR &range, uint32_t count, const char *protectedBufferRule)
+{
+    const Place member = info.member("addressRange");
+    const std::string stride = "stride " + std::to_string(range.stride);
+    const VkDeviceSize room = range.size - std::min(range.size, draw.bytes);
+    if (draw.sizeRule && count > 0 &&
+        (range.size < draw.bytes || (range.stride != 0 && room / range.stride < count - 1)))
+        ranges.fault(member, draw.sizeRule,
+                     std::to_string(range.size) + " bytes, " + stride + "; the command reads " +
+                         std::to_string(draw.bytes) + " bytes for each of " + std::to_string(count) + " draws");
+    if (draw.noStrideRule && count > 1 && range.stride == 0)
+        ranges.fault(member, draw.noStrideRule, stride + ", for " + std::to_string(count) + " draws");
+    if (draw.smallStrideRule && range.stride != 0 && range.stride < draw.bytes)
+        ranges.fault(member, draw.smallStrideRule,
+                     stride + "; the commands of a draw have " + std::to_string(draw.bytes) + " bytes");
+    if (draw.unalignedStrideRule && range.stride % 4 != 0)
+        ranges.fault(member, draw.unalignedStrideRule, stride + " is not a multiple of 4");
+    const auto buffer = bufferAt(device, range.address);
+    if (buffer && (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && !device.facts.protectedNoFault)
+        ranges.fault(member, protectedBufferRule, "buffer " + device.nameOf(buffer->handle) + " is protected");
+}
+
+void check(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR &info,
+           const Draw &draw)
+{
+    if (!device.checks.core)
+        return;
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command(draw.command);
+    const Place place = command.member("pInfo");
+    checkUnprotected(ranges, command, draw.protectedRule);
+    checkDraws(device, ranges, place, draw, info.addressRange, info.drawCount,
+               "VUID-VkDrawIndirect2InfoKHR-protectedNoFault-13108");
+    ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kDraw,
+                 {.usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                  .usageRule = "VUID-VkDrawIndirect2InfoKHR-addressRange-13107",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-VkDrawIndirect2InfoKHR-addressRange-13109"});
+}
+
+void check(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirectCount2InfoKHR &info,
+           const Draw &draw, const char *featureRule)
+{
+    if (!device.checks.core)
+        return;
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command(draw.command);
+    const Place place = command.member("pInfo");
+    if (!device.facts.drawIndirectCount)
+        ranges.fault(command, featureRule, "the feature drawIndirectCount is not enabled");
+    checkUnprotected(ranges, command, draw.protectedRule);
+    checkDraws(device, ranges, place, draw, info.addressRange, info.maxDrawCount,
+               "VUID-VkDrawIndirectCount2InfoKHR-protectedNoFault-13108");
+    ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kCountedDraw,
+                 {.usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                  .usageRule = "VUID-VkDrawIndirectCount2InfoKHR-addressRange-13107",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-VkDrawIndirectCount2InfoKHR-addressRange-13109"});
+    ranges.check(place, info.countAddressRange, info.countAddressFlags, flag_rules::kDrawCount,
+                 {.usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                  .usageRule = "VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13114",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13115",
+                  .least = sizeof(uint32_t),
+                  .leastRule = "VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13117"});
+}
+
+void checkDispatch(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDispatchIndirect2InfoKHR &info)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdDispatchIndirect2KHR");
+    const Place place = command.member("pInfo");
+    checkUnprotected(ranges, command, "VUID-vkCmdDispatchIndirect2KHR-commandBuffer-13049");
+    const auto buffer = bufferAt(device, info.addressRange.address);
+    if (buffer && (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && !device.facts.protectedNoFault)
+        ranges.fault(place.member("addressRange"), "VUID-VkDispatchIndirect2InfoKHR-protectedNoFault-13108",
+                     "buffer " + device.nameOf(buffer->handle) + " is protected");
+    ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kDispatch,
+                 {.usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                  .usageRule = "VUID-VkDispatchIndirect2InfoKHR-addressRange-13107",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-VkDispatchIndirect2InfoKHR-addressRange-13109",
+                  .least = sizeof(VkDispatchIndirectCommand),
+                  .leastRule = "VUID-vkCmdDispatchIndirect2KHR-pInfo-13050"});
+}
+
+void checkCondition(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                    const VkConditionalRenderingBeginInfo2EXT &info, bool isActive)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdBeginConditionalRendering2EXT");
+    const Place place = command.member("pConditionalRenderingBegin");
+    if (isActive)
+        ranges.fault(command, "VUID-vkCmdBeginConditionalRendering2EXT-None-13063",
+                     "conditional rendering is active already");
+    ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kCondition,
+                 {.usage = VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT,
+                  .usageRule = "VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13064",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13065",
+                  .least = sizeof(uint32_t),
+                  .leastRule = "VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13066"});
+}
+
+} // namespace
+
+void cmdBindIndexBuffer3(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR *info)
+{
+    if (device.checks.core)
+        checkIndexBuffer(device, commandBuffer, *info);
+    device.next.CmdBindIndexBuffer3KHR(commandBuffer, info);
+}
+
+void cmdBindVertexBuffers3(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                           const VkBindVertexBuffer3InfoKHR *infos)
+{
+    if (device.checks.core)
+        checkVertexBuffers(device, commandBuffer, first, count, infos);
+    device.next.CmdBindVertexBuffers3KHR(commandBuffer, first, count, infos);
+}
+
+void cmdDrawIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+{
+    check(device, commandBuffer, *info,
+          {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand), "VUID-vkCmdDrawIndirect2KHR-commandBuffer-13057",
+           "VUID-vkCmdDrawIndirect2KHR-pInfo-13110", "VUID-vkCmdDrawIndirect2KHR-pInfo-13111",
+           "VUID-vkCmdDrawIndirect2KHR-pInfo-13112", "VUID-vkCmdDrawIndirect2KHR-pInfo-13113"});
+    device.next.CmdDrawIndirect2KHR(commandBuffer, info);
+}
+
+void cmdDrawIndexedIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                             const VkDrawIndirect2InfoKHR *info)
+{
+    check(device, commandBuffer, *info,
+          {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand),
+           "VUID-vkCmdDrawIndexedIndirect2KHR-commandBuffer-13059", "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110",
+           "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13111", "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13112",
+           "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13113"});
+    device.next.CmdDrawIndexedIndirect2KHR(commandBuffer, info);
+}
+
+void cmdDrawMeshTasksIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                               const VkDrawIndirect2InfoKHR *info)
+{
+    check(device, commandBuffer, *info,
+          {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
+           "VUID-vkCmdDrawMeshTasksIndirect2EXT-commandBuffer-13067"});
+    device.next.CmdDrawMeshTasksIndirect2EXT(commandBuffer, info);
+}
+
+void cmdDrawIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                           const VkDrawIndirectCount2InfoKHR *info)
+{
+    check(device, commandBuffer, *info,
+          {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
+           "VUID-vkCmdDrawIndirectCount2KHR-commandBuffer-13058", "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110",
+           "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13111", "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13112",
+           "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13113"},
+          "VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119");
+    device.next.CmdDrawIndirectCount2KHR(commandBuffer, info);
+}
+
+void cmdDrawIndexedIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                  const VkDrawIndirectCount2InfoKHR *info)
+{
+    check(device, commandBuffer, *info,
+          {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand),
+           "VUID-vkCmdDrawIndexedIndirectCount2KHR-commandBuffer-13060",
+           "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110", "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13111",
+           "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13112", "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13113"},
+          "VUID-vkCmdDrawIndexedIndirectCount2KHR-drawIndirectCount-13120");
+    device.next.CmdDrawIndexedIndirectCount2KHR(commandBuffer, info);
+}
+
+void cmdDrawMeshTasksIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                    const VkDrawIndirectCount2InfoKHR *info)
+{
+    check(device, commandBuffer, *info,
+          {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
+           "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-commandBuffer-13068"},
+          "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-drawIndirectCount-13069");
+    device.next.CmdDrawMeshTasksIndirectCount2EXT(commandBuffer, info);
+}
+
+void cmdDispatchIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                          const VkDispatchIndirect2InfoKHR *info)
+{
+    if (device.checks.core)
+        checkDispatch(device, commandBuffer, *info);
+    device.next.CmdDispatchIndirect2KHR(commandBuffer, info);
+}
+
+void cmdBeginConditionalRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                   const VkConditionalRenderingBeginInfo2EXT *info)
+{
+    const auto state = device.commands.states.get(commandBuffer);
+    if (device.checks.core)
+        checkCondition(device, commandBuffer, *info, state && state->conditionalRendering);
+    // For injected work, and for the end of conditional rendering.
+    const auto at = device.buffers.addresses.covering(info->addressRange.address, sizeof(uint32_t),
+                                                      VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
+    if (state && at.buffer)
+        state->conditionalRendering = {VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT, nullptr, at.buffer,
+                                       at.offset, info->flags};
+    device.next.CmdBeginConditionalRendering2EXT(commandBuffer, info);
+}
+
+} // namespace vellum::layer::validation

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/ranges/ranges.h"
+
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// The two flags about one usage of buffers, and the rules about both.
+struct UsageFlags {
+    VkBufferUsageFlags usage;
+    VkAddressCommandFlagsKHR has, unknown;
+    const char *name;
+    const char *both, *missing, *wrong; // ids
+};
+
+std::vector<UsageFlags> usageFlagsOf(const RangeFlagRules &rules)
+{
+    return {{VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, VK_ADDRESS_COMMAND_STORAGE_BUFFER_USAGE_BIT_KHR,
+             VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR, "STORAGE_BUFFER_USAGE", rules.bothStorage,
+             rules.storage, rules.noStorage},
+            {VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT,
+             VK_ADDRESS_COMMAND_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR,
+             VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR, "TRANSFORM_FEEDBACK_BUFFER_USAGE",
+             rules.bothFeedback, rules.feedback, rules.noFeedback}};
+}
+
+std::string hex(uint64_t value)
+{
+    char text[24];
+    std::snprintf(text, sizeof text, "0x%" PRIx64, value);
+    return text;
+}
+
+} // namespace
+
+std::string textOf(const VkDeviceAddressRangeKHR &range)
+{
+    return hex(range.address) + " + " + std::to_string(range.size) + " bytes";
+}
+
+void RangeCheck::fault(const Place &place, const char *vuid, const std::string &text) const
+{
+    device_.fault(place, vuid, text, commandBuffer_ ? ObjectHandle(commandBuffer_) : ObjectHandle());
+}
+
+bool RangeCheck::isProtected() const
+{
+    const auto log = device_.logs.get(commandBuffer_);
+    return log && device_.objects.protectedPools.get(log->pool);
+}
+
+void RangeCheck::checkProtection(const Place &place, const char *member, VkAddressCommandFlagsKHR flags,
+                                 const char *unprotectedRule, const char *protectedRule) const
+{
+    if (device_.facts.protectedNoFault)
+        return;
+    const bool flag = (flags & VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR) != 0;
+    if (flag && !isProtected())
+        fault(place.member(member), unprotectedRule, "PROTECTED, in a command buffer that is not protected");
+    else if (!flag && protectedRule && isProtected())
+        fault(place.member(member), protectedRule, "no PROTECTED, in a protected command buffer");
+}
+
+void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                       const RangeFlagRules &rules, const RangeNeed &need) const
+{
+    check(place, range, flags, rules, need,
+          {"VUID-VkDeviceAddressRangeKHR-size-11411", "VUID-VkDeviceAddressRangeKHR-address-11365"});
+}
+
+void RangeCheck::check(const Place &place, const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                       const RangeFlagRules &rules, const RangeNeed &need) const
+{
+    if (range.stride > range.size)
+        fault(place.member(rules.range), "VUID-VkStridedDeviceAddressRangeKHR-stride-10957",
+              "stride " + std::to_string(range.stride) + " is larger than the size, " + std::to_string(range.size));
+    check(place, {range.address, range.size}, flags, rules, need,
+          {"VUID-VkStridedDeviceAddressRangeKHR-size-11411", "VUID-VkStridedDeviceAddressRangeKHR-address-11365"});
+}
+
+void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                       const RangeFlagRules &rules, const RangeNeed &need, const Ids &ids) const
+{
+    const Place member = place.member(rules.range);
+    if (need.leastRule && range.size < need.least)
+        fault(member, need.leastRule,
+              std::to_string(range.size) + " bytes; the command accesses " + std::to_string(need.least));
+    if (range.address == 0) {
+        if (range.size != 0)
+            fault(member, ids.null, "address 0, with a size of " + std::to_string(range.size));
+        return;
+    }
+    if (need.alignmentRule && range.address % need.alignment != 0)
+        fault(member, need.alignmentRule,
+              "address " + hex(range.address) + " is not a multiple of " + std::to_string(need.alignment));
+    const AddressMap &addresses = device_.buffers.addresses;
+    const auto any = addresses.covering(range.address, range.size, 0);
+    if (!any.buffer) {
+        const auto at = addresses.find(range.address);
+        fault(member, ids.buffer,
+              textOf(range) + (at.buffer ? ": its buffer " + device_.nameOf(at.buffer) + " ends after " +
+                                               std::to_string(at.bytes) + " bytes"
+                                         : ": there is no buffer at this address"));
+        return;
+    }
+    if (need.usageRule && !addresses.covering(range.address, range.size, need.usage).buffer)
+        fault(member, need.usageRule,
+              "buffer " + device_.nameOf(any.buffer) + " has usage " +
+                  hex(device_.objects.buffers.get(any.buffer)->usage) + ", without " + hex(need.usage));
+    checkFlags(place, range, flags, rules);
+}
+
+void RangeCheck::checkFlags(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                            const RangeFlagRules &rules) const
+{
+    const auto buffer = bufferAt(device_, range.address);
+    if (!buffer)
+        return;
+    const bool isProtected = (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0;
+    const bool flag = (flags & VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR) != 0;
+    if (isProtected != flag && !device_.facts.protectedNoFault)
+        fault(place.member(rules.flags), isProtected ? rules.protectedBuffer : rules.unprotectedBuffer,
+              "buffer " + device_.nameOf(buffer->handle) +
+                  (isProtected ? " is protected; PROTECTED is not set" : " is not protected; PROTECTED is set"));
+    checkUsageFlags(place, range, flags, rules);
+    checkBinding(place, range, flags, rules);
+}
+
+void RangeCheck::checkUsageFlags(const Place &place, const VkDeviceAddressRangeKHR &range,
+                                 VkAddressCommandFlagsKHR flags, const RangeFlagRules &rules) const
+{
+    const std::vector<AddressMap::Location> buffers = device_.buffers.addresses.within(range.address, range.size);
+    for (const UsageFlags &usage : usageFlagsOf(rules)) {
+        const Place member = place.member(rules.flags);
+        const bool has = (flags & usage.has) != 0;
+        if (has && (flags & usage.unknown) != 0) {
+            fault(member, usage.both, std::string(usage.name) + " and UNKNOWN_" + usage.name);
+            continue;
+        }
+        // A buffer that the flags are wrong for.
+        const auto wrong = std::ranges::find_if(buffers, [&](const AddressMap::Location &location) {
+            const auto buffer = device_.objects.buffers.get(location.buffer);
+            const bool hasUsage = buffer && (buffer->usage & usage.usage) != 0;
+            return buffer && (flags & usage.unknown) == 0 && hasUsage != has;
+        });
+        if (wrong != buffers.end())
+            fault(member, has ? usage.wrong : usage.missing,
+                  std::string(usage.name) + (has ? " is set" : " is not set") + "; buffer " +
+                      device_.nameOf(wrong->buffer) + " was created " + (has ? "without" : "with") + " that usage");
+    }
+}
+
+// A range of a sparse buffer may be bound until the commands are executed.
+void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                              const RangeFlagRules &rules) const
+{
+    const AddressMap::Location location = device_.buffers.addresses.find(range.address);
+    const auto buffer = device_.objects.buffers.get(location.buffer);
+    if ((flags & VK_ADDRESS_COMMAND_FULLY_BOUND_BIT_KHR) == 0 || !buffer ||
+        (buffer->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) == 0)
+        return;
+    const auto report = [&device = device_, object = ObjectHandle(buffer->handle), buffer, location, range, rules,
+                         text = place.member(rules.flags).text()] {
+        if (!buffer->bound.contain(location.offset, location.offset + range.size))
+            device.fault(text, rules.notBound,
+                         "FULLY_BOUND, but " + textOf(range) + " of sparse buffer " + device.nameOf(buffer->handle) +
+                             " are not bound to memory",
+                         object);
+    };
+    if (commandBuffer_)
+        device_.logs.add(commandBuffer_, [report](const Submission &) { report(); });
+    else
+        report();
+}
+
+namespace validation
+{
+
+VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
+                         VkFence fence)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        for (uint32_t b = 0; b < infos[i].bufferBindCount; ++b) {
+            const VkSparseBufferMemoryBindInfo &info = infos[i].pBufferBinds[b];
+            const auto buffer = device.objects.buffers.get(info.buffer);
+            for (uint32_t k = 0; buffer && k < info.bindCount; ++k) {
+                const VkSparseMemoryBind &bind = info.pBinds[k];
+                buffer->bound.set(bind.resourceOffset, bind.resourceOffset + bind.size, bind.memory != VK_NULL_HANDLE);
+            }
+        }
+    }
+    return device.next.QueueBindSparse(queue, count, infos, fence);
+}
+
+} // namespace validation
+} // namespace vellum::layer
