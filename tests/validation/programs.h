@@ -34,5 +34,6 @@ struct WrongProgram {
 
 // The programs of each file.
 std::span<const WrongProgram> buildPrograms();
+std::span<const WrongProgram> dataPrograms();
 
 } // namespace vt

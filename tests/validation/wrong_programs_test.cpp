@@ -25,7 +25,7 @@ using namespace vt;
 std::vector<WrongProgram> allPrograms()
 {
     std::vector<WrongProgram> all;
-    for (const auto &programs : {buildPrograms()})
+    for (const auto &programs : {buildPrograms(), dataPrograms()})
         all.insert(all.end(), programs.begin(), programs.end());
     return all;
 }

@@ -5,6 +5,7 @@
 
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
+#include "layer/validation/gpu_checks.h"
 
 namespace vellum::layer
 {
@@ -55,6 +56,16 @@ std::shared_ptr<const StructureContents> contentsOf(const DeviceValidation &devi
         }
     }
     return contents;
+}
+
+// Adds the checks of one build on the device, before it.
+void addChecks(const DeviceValidation &device, GpuBuildChecks &checks, uint32_t i,
+               const VkAccelerationStructureBuildGeometryInfoKHR &info, const GeometryCounts &counts)
+{
+    if (!buildsMicromap(info))
+        checks.add(i, info, counts);
+    else if (const auto build = micromapBuildOf(device, info))
+        checks.add(i, *build);
 }
 
 // Gives a structure its new contents when the command is executed.
@@ -170,10 +181,13 @@ namespace validation
 void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkMicromapBuildInfoEXT *infos)
 {
+    GpuBuildChecks checks(device, commandBuffer, SiteCommand::BuildMicromaps);
     for (uint32_t i = 0; i < count; ++i) {
         const MicromapBuildInput build = micromapBuildOf(device, infos[i]);
+        checks.add(i, build);
         construct(device, commandBuffer, build.target, contentsOf(build));
     }
+    checks.record();
     device.next.CmdBuildMicromapsEXT(commandBuffer, count, infos);
 }
 
@@ -182,6 +196,7 @@ void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer co
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
     const Place command("vkCmdBuildAccelerationStructuresKHR");
+    GpuBuildChecks checks(device, commandBuffer, SiteCommand::BuildStructures);
     for (uint32_t i = 0; i < count; ++i) {
         const Place place = command.element("pInfos", i);
         if (device.checks.core && buildsMicromap(infos[i]) && infos[i].geometryCount != 1)
@@ -189,8 +204,10 @@ void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer co
                          "VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560",
                          std::to_string(infos[i].geometryCount) + " geometries; a micromap has one",
                          infos[i].dstAccelerationStructure);
+        addChecks(device, checks, i, infos[i], {.ranges = ranges ? ranges[i] : nullptr});
         construct(device, commandBuffer, infos[i], ranges ? ranges[i] : nullptr, nullptr);
     }
+    checks.record();
     device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, count, infos, ranges);
 }
 
@@ -199,8 +216,12 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
                                             const VkDeviceAddress *addresses, const uint32_t *strides,
                                             const uint32_t *const *most)
 {
-    for (uint32_t i = 0; i < count; ++i)
+    GpuBuildChecks checks(device, commandBuffer, SiteCommand::BuildStructuresIndirect);
+    for (uint32_t i = 0; i < count; ++i) {
+        addChecks(device, checks, i, infos[i], {.address = addresses[i], .stride = strides[i], .most = most[i]});
         construct(device, commandBuffer, infos[i], nullptr, most[i]);
+    }
+    checks.record();
     device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);
 }
 

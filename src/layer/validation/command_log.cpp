@@ -168,6 +168,7 @@ void cmdEndConditionalRendering(DeviceValidation &device, VkCommandBuffer comman
 VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits,
                      VkFence fence)
 {
+    device.gpu.log.drain(device);
     for (uint32_t i = 0; i < count; ++i) {
         for (uint32_t c = 0; c < submits[i].commandBufferCount; ++c)
             submit(device, queue, submits[i].pCommandBuffers[c]);
@@ -178,6 +179,7 @@ VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, co
 VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
                       VkFence fence)
 {
+    device.gpu.log.drain(device);
     for (uint32_t i = 0; i < count; ++i) {
         for (uint32_t c = 0; c < submits[i].commandBufferInfoCount; ++c)
             submit(device, queue, submits[i].pCommandBufferInfos[c].commandBuffer);

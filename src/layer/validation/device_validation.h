@@ -9,6 +9,7 @@
 
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/validation/command_log.h"
+#include "layer/validation/gpu_checks.h"
 #include "layer/validation/objects.h"
 #include "layer/validation/place.h"
 #include "layer/validation/validated_commands.h"
@@ -17,6 +18,8 @@ namespace vellum::layer
 {
 
 struct DeviceValidation {
+    ~DeviceValidation() { gpu.log.drain(*this); }
+
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;
     NextCommands next{};
@@ -27,6 +30,7 @@ struct DeviceValidation {
     DeviceState state{driver, buffers};
     DeviceCommandBuffers commands{driver, buffers, state};
 
+    GpuChecks gpu{};
     ValidatedObjects objects{};
     CommandLogs logs{};
     std::atomic<uint64_t> numbers{0}; // of structures
