@@ -27,7 +27,7 @@ struct Record {
 };
 
 struct Triangle {
-    uint32_t problem = 0; // kComplaint*
+    bool valid = true;
     uint32_t dataOffset = 0;
     uint32_t level = 0;
     uint32_t bits = 1; // per state
@@ -38,7 +38,7 @@ struct Triangle {
     [[nodiscard]] uint32_t bytes() const { return packedBytes(level, format()); }
     [[nodiscard]] uint32_t units() const
     {
-        return problem != 0 || level <= kCoarseLevel ? 0 : (bytes() + kDataUnitBytes - 1) / kDataUnitBytes;
+        return !valid || level <= kCoarseLevel ? 0 : (bytes() + kDataUnitBytes - 1) / kDataUnitBytes;
     }
     [[nodiscard]] uint32_t kind() const { return (level - kCoarseLevel - 1) * 2 + (bits - 1); }
 };
@@ -86,7 +86,7 @@ Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
     Triangle t;
     t.owner = i;
     if (i >= input.readable) {
-        t.problem = kFindingUnreadable;
+        t.valid = false;
         return t;
     }
     MicromapTriangle source;
@@ -95,15 +95,9 @@ Triangle readTriangle(const MicromapBuildInput &input, uint32_t i)
     t.dataOffset = source.dataOffset;
     t.level = source.subdivisionLevel;
     t.bits = format;
-    if (format != 1 && format != 2)
-        t.problem = kFindingFormat;
-    else if (t.level > kMaxSubdivisionLevel)
-        t.problem = kFindingLevel;
-    else if (t.level > input.maxLevel)
-        t.problem = kFindingUndeclared;
-    else if (uint64_t{t.dataOffset} + t.bytes() > std::min<uint64_t>(input.dataBytes, kUnknown))
-        t.problem = kFindingData;
-    if (t.problem == 0)
+    t.valid = (format == 1 || format == 2) && t.level <= std::min(kMaxSubdivisionLevel, input.maxLevel) &&
+              uint64_t{t.dataOffset} + t.bytes() <= std::min<uint64_t>(input.dataBytes, kUnknown);
+    if (t.valid)
         t.mask = maskOf(t, input.data + t.dataOffset);
     return t;
 }
@@ -158,7 +152,7 @@ void writeRecord(uint8_t *memory, uint64_t i, Record record)
 
 } // namespace
 
-void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const ReportMicromapFinding &reportFinding)
+void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out)
 {
     const uint32_t count = input.triangleCount;
     uint8_t *units = out + micromapMemoryBytes(count, 0);
@@ -185,13 +179,12 @@ void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out, const Re
             t.owner = owners.of(t, i);
         // Without sharing a folded triangle's units stay, since their places are fixed before the data is looked at.
         const uint64_t own = t.owner != i || (input.share && fold) ? 0 : t.units();
-        if (own > 0 && !stays && own > input.capacityUnits - std::min<uint64_t>(next, input.capacityUnits))
-            t.problem = kFindingNoCapacity;
-        if (t.problem != 0) {
-            if (reportFinding)
-                reportFinding(t.problem, i, t.dataOffset, t.level | t.bits << 16);
+        const bool overflows =
+            own > 0 && !stays && own > input.capacityUnits - std::min<uint64_t>(next, input.capacityUnits);
+        if (!t.valid || overflows) {
+            t.valid = false;
             writeRecord(out, i, {kKindInline | ~kKindMask, kUnknown});
-            if (t.problem == kFindingNoCapacity)
+            if (overflows)
                 next += own;
             continue;
         }

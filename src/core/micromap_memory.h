@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <vector>
 
 #include "core/records.h"
@@ -28,10 +27,6 @@ struct MicromapBuildInput {
     bool share = false; // identical data is kept once, uniform triangles take none
 };
 
-// Told of each triangle whose input is wrong, which becomes unknown: kComplaint*, the triangle's number, and the values
-// that go with it (records.h).
-using ReportMicromapFinding = std::function<void(uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1)>;
-
 // Bytes in use of a micromap of that many triangles and data units.
 constexpr uint64_t micromapMemoryBytes(uint64_t triangles, uint64_t units)
 {
@@ -39,9 +34,9 @@ constexpr uint64_t micromapMemoryBytes(uint64_t triangles, uint64_t units)
 }
 
 // Writes a micromap to `out`, which has room for micromapMemoryBytes(triangleCount, capacityUnits) bytes. What lies
-// behind the units in use, and between data that stay where they lie, stays as it is.
-void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out,
-                         const ReportMicromapFinding &reportFinding = {});
+// behind the units in use, and between data that stay where they lie, stays as it is. Triangles whose input is wrong
+// become unknown-opaque.
+void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out);
 
 // Bytes in use of the micromap that lies at `memory`; 0 where there is none.
 uint64_t micromapMemoryInUse(const uint8_t *memory);

@@ -23,8 +23,6 @@ struct MicromapPush {
     VELLUM_ADDRESS triangleArray; // VkMicromapTriangleEXT, each triangleArrayStride bytes
     VELLUM_ADDRESS data;
     VELLUM_ADDRESS scratch;
-    VELLUM_ADDRESS log;    // log of wrong input (validation_log.glsl); 0: input is not validated
-    VELLUM_ADDRESS object; // names the micromap in the log
     uint triangleArrayStride;
     uint triangleCount; // records in the destination
     uint readable;      // elements of triangleArray inside its buffer
@@ -43,8 +41,6 @@ struct MicromapPush {
 struct MicromapMovePush {
     VELLUM_ADDRESS micromap;   // copies: the target
     VELLUM_ADDRESS serialized; // copies: the source
-    VELLUM_ADDRESS log;
-    VELLUM_ADDRESS object;
     VELLUM_ADDRESS micromapBytes;
     VELLUM_ADDRESS serializedBytes; // up to the end of their buffer; copies: of the source
     VELLUM_UVEC4(driverUuid);
@@ -68,9 +64,7 @@ struct BlasRecordsPush {
     VELLUM_ADDRESS micromap;   // 0: special indices only
     VELLUM_ADDRESS indices;    // 0: the index is the triangle's number
     VELLUM_ADDRESS descriptor; // to be written; 0: another dispatch writes it
-    VELLUM_ADDRESS log;        // 0: input is not validated
     VELLUM_ADDRESS range;      // indirect builds: a VkAccelerationStructureBuildRangeInfoKHR; 0: the build is direct
-    VELLUM_ADDRESS object;     // the micromap's handle
     VELLUM_ADDRESS source;     // updates: the descriptor of the source; 0: the build is not an update
     VELLUM_ADDRESS sourceBegin;
     VELLUM_ADDRESS begin; // of the structure
@@ -242,6 +236,63 @@ struct WideIndicesPush {
     uint count;
     uint readable; // indices inside their buffer
     uint unused;
+};
+
+// Where validation found something, of the log of core/findings.h.
+struct FindingPush {
+    VELLUM_ADDRESS log;
+    VELLUM_ADDRESS object; // its handle
+    uint bits;             // kFindingKhr, kFindingStructure
+    uint site;             // the command, and the element of its infos
+    uint geometry;
+    uint padding;
+};
+
+// validation/usage_begin.comp
+struct UsageBeginPush {
+    VELLUM_ADDRESS counts;
+    uint declared[26]; // for each usageKind()
+};
+
+// validation/triangle_check.comp
+VELLUM_CONST uint kCheckedTriangles = 64u; // by each invocation
+struct TriangleCheckPush {
+    FindingPush finding;
+    VELLUM_ADDRESS triangles;
+    VELLUM_ADDRESS counts;
+    uint stride;
+    uint count;     // triangles inside their buffer
+    uint dataBytes; // to the end of their buffer
+    uint limits;    // kLimit*
+    uint comparing; // 0: the triangles are checked and counted; 1: then the numbers are compared
+    uint padding;
+};
+
+// validation/index_check.comp
+struct IndexCheckPush {
+    FindingPush finding;
+    VELLUM_ADDRESS indices;
+    VELLUM_ADDRESS record; // of the micromap
+    VELLUM_ADDRESS range;  // indirect builds: a VkAccelerationStructureBuildRangeInfoKHR; 0: the build is direct
+    uint triangleCount;
+    uint indexBytes; // 1, 2 or 4; 0: the index is the triangle's number
+    uint indexStride;
+    uint readable; // indices inside their buffer
+    uint baseTriangle;
+    uint attached; // 0: there is no micromap
+};
+
+// validation/instance_check.comp
+struct InstanceCheckPush {
+    FindingPush finding;
+    VELLUM_ADDRESS instances;
+    VELLUM_ADDRESS records;
+    VELLUM_ADDRESS references;
+    VELLUM_ADDRESS range; // indirect builds: a VkAccelerationStructureBuildRangeInfoKHR; 0: the build is direct
+    uint count;
+    uint pointers;     // 1: an array of pointers to instances
+    uint feature;      // 0: no micromap feature is enabled
+    uint allowDisable; // build flag of structures whose micromaps instances may disable
 };
 
 VELLUM_SHARED_END

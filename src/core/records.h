@@ -77,12 +77,10 @@ VELLUM_CONST uint kArgumentsScan = 6u;
 VELLUM_CONST uint kArgumentsParts = 9u;
 VELLUM_CONST uint kScratchTables = 32u; // words before the tables
 VELLUM_CONST uint kScratchPartCount = 0u;
-VELLUM_CONST uint kScratchElsewhere = 1u;  // not 0: some triangle's data cannot be used in place
-VELLUM_CONST uint kScratchLastUnit = 2u;   // end of the data that is used in place
-VELLUM_CONST uint kScratchTotalUnits = 3u; // of all triangles, if input is validated
-VELLUM_CONST uint kScratchWrong = 4u;      // not 0: some triangle is wrong; if input is validated
-VELLUM_CONST uint kScratchStaged = 5u;     // data units that are allocated to triangles of lossy builds
-VELLUM_CONST uint kScratchPartsFull = 6u;  // not 0: large triangles have more parts than the list's capacity
+VELLUM_CONST uint kScratchElsewhere = 1u; // not 0: some triangle's data cannot be used in place
+VELLUM_CONST uint kScratchLastUnit = 2u;  // end of the data that is used in place
+VELLUM_CONST uint kScratchStaged = 3u;    // data units that are allocated to triangles of lossy builds
+VELLUM_CONST uint kScratchPartsFull = 4u; // not 0: large triangles have more parts than the list's capacity
 VELLUM_CONST uint kPlaceBlock = 256u;
 VELLUM_CONST uint kCheckedPerInvocation = 16u;
 VELLUM_CONST uint kPartUnits = 64u;
@@ -257,27 +255,6 @@ VELLUM_CONST uint kMoveUnitsPerInvocation = 8u;
 VELLUM_CONST uint kQueryMicromapCompacted = 0u; // also the size that a clone needs: the bytes in use
 VELLUM_CONST uint kQueryMicromapSerialized = 1u;
 VELLUM_CONST uint kQueryMarked = 4u; // a bit: the size becomes kMicromapSizeMark modulo 256
-
-// --- log of wrong input: header (4 words), then kLogCapacity entries (8 words) ---
-// header word 0: number of entries, including those that did not fit
-// entry words: kFinding* (written last), triangle, two values, name of the object (2 words)
-VELLUM_CONST uint kLogHeaderWords = 4u;
-VELLUM_CONST uint kLogCount = 0u;
-VELLUM_CONST uint kLogEntryWords = 8u;
-VELLUM_CONST uint kLogCapacity = 4096u;
-VELLUM_CONST uint kFindingUnreadable = 1u; // the triangle lies outside triangleArray's buffer
-VELLUM_CONST uint kFindingFormat = 2u; // value 0: data offset, value 1: level | format << 16, also for the next ones
-VELLUM_CONST uint kFindingLevel = 3u;  // above 12
-VELLUM_CONST uint kFindingUndeclared = 4u;   // above the highest level of the usage counts
-VELLUM_CONST uint kFindingData = 5u;         // outside the buffer
-VELLUM_CONST uint kFindingNoCapacity = 6u;   // more data than the usage counts
-VELLUM_CONST uint kFindingCounts = 7u;       // not about a triangle; value 0, 1: data units declared, found
-VELLUM_CONST uint kFindingIndex = 8u;        // of a geometry; value 0: the index, value 1: triangles of the micromap
-VELLUM_CONST uint kFindingNotBuilt = 9u;     // a micromap that was never built, not about a triangle
-VELLUM_CONST uint kFindingTooLarge = 10u;    // a copy into a micromap that is too small, not about a triangle
-VELLUM_CONST uint kFindingSerialized = 11u;  // not a serialized micromap of this layout
-VELLUM_CONST uint kFindingIndexBuffer = 12u; // the index lies outside its buffer
-VELLUM_CONST uint kFindingOverlap = 13u;     // a copy of a micromap onto itself, in part or whole
 
 VELLUM_FN uint hashReference(VELLUM_IN uint low, VELLUM_IN uint high)
 {

@@ -48,18 +48,11 @@ bool needsNoData(const BuildModel &model, uint32_t i)
     return true;
 }
 
-uint32_t problemOf(const BuildModel &model, uint32_t i)
+bool isValid(const BuildModel &model, uint32_t i)
 {
     const SourceTriangle &t = model.triangles[i];
-    if (i >= model.readable)
-        return kFindingUnreadable;
-    if (t.format != 1 && t.format != 2)
-        return kFindingFormat;
-    if (t.level > 12)
-        return kFindingLevel;
-    if (t.level > model.maxLevel)
-        return kFindingUndeclared;
-    return t.dataOffset + dataBytes(t) > model.data.size() ? kFindingData : 0;
+    return i < model.readable && (t.format == 1 || t.format == 2) && t.level <= std::min(12u, model.maxLevel) &&
+           t.dataOffset + dataBytes(t) <= model.data.size();
 }
 
 uint32_t wordAt(std::span<const uint8_t> bytes, uint64_t at)
@@ -115,9 +108,9 @@ std::vector<Expected> expectedOf(const BuildModel &model)
     std::vector<Expected> expected(model.triangles.size());
     bool stays = !model.share;
     for (uint32_t i = 0; i < expected.size(); ++i) {
-        expected[i].complaint = problemOf(model, i);
+        expected[i].invalid = !isValid(model, i);
         const SourceTriangle &t = model.triangles[i];
-        if (expected[i].complaint == 0 && dataUnits(t) > 0)
+        if (!expected[i].invalid && dataUnits(t) > 0)
             stays &= t.dataOffset % std::min<uint64_t>(dataBytes(t), 16) == 0 &&
                      t.dataOffset / 16 + dataUnits(t) <= model.capacityUnits;
     }
@@ -126,7 +119,7 @@ std::vector<Expected> expectedOf(const BuildModel &model)
     uint64_t next = 0;
     for (uint32_t i = 0; i < expected.size() && !stays; ++i) {
         const SourceTriangle &t = model.triangles[i];
-        const uint64_t units = expected[i].complaint == 0 ? dataUnits(t) : 0;
+        const uint64_t units = !expected[i].invalid ? dataUnits(t) : 0;
         if (units == 0)
             continue;
         if (model.share) {
@@ -138,16 +131,16 @@ std::vector<Expected> expectedOf(const BuildModel &model)
             const auto [owner, first] =
                 owners.try_emplace({t.level, t.format, content, large ? t.dataOffset : UINT32_MAX}, i);
             if (!first) {
-                expected[i].unknown = expected[owner->second].complaint != 0;
+                expected[i].unknown = expected[owner->second].invalid;
                 continue;
             }
         }
         if (next + units > model.capacityUnits)
-            expected[i].complaint = kFindingNoCapacity;
+            expected[i].invalid = true;
         next += units;
     }
     for (Expected &e : expected)
-        e.unknown |= e.complaint != 0;
+        e.unknown |= e.invalid;
     return expected;
 }
 

@@ -28,8 +28,8 @@ struct BuildModel {
 };
 
 struct Expected {
-    uint32_t complaint = 0; // kComplaint*; then all of the triangle is unknown-opaque
-    bool unknown = false;   // it is, be it for the complaint or since it has the data of a triangle that is
+    bool invalid = false; // its input is, or there is no space for its data; then all of it is unknown-opaque
+    bool unknown = false; // it is, because it is invalid or has the data of a triangle that is
 };
 std::vector<Expected> expectedOf(const BuildModel &model);
 

@@ -57,7 +57,7 @@ SUBSYSTEMS = {
     "spirv": below("module", "mode", ""),
     "shaders": {
         "base": (), "micromaps": ("base",), "structures": ("base",), "query_pool": ("base",), "pipelines": ("base",),
-        "khr_over_ext": ("base",), "gpubake": ("base",),
+        "khr_over_ext": ("base",), "gpubake": ("base",), "validation": ("base",),
     },
     "bake": below("numbers", "texture", ""),
     "check": below("shaders", "gpu", "oracle", "case", "groups"),

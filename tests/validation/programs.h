@@ -49,5 +49,6 @@ std::span<const WrongProgram> rangePrograms();
 std::span<const WrongProgram> rangeFlagPrograms();
 std::span<const WrongProgram> drawRangePrograms();
 std::span<const WrongProgram> barrierRangePrograms();
+std::span<const WrongProgram> dataPrograms();
 
 } // namespace vt

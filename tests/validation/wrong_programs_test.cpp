@@ -26,9 +26,19 @@ using namespace vt;
 std::vector<WrongProgram> allPrograms()
 {
     std::vector<WrongProgram> all;
-    for (const auto &programs : {creationPrograms(), buildPrograms(), attachmentPrograms(), copyPrograms(),
-                                 queryPrograms(), hostPrograms(), rangePrograms(), rangeFlagPrograms(),
-                                 drawRangePrograms(), barrierRangePrograms()})
+    for (const auto &programs : {
+             creationPrograms(),
+             buildPrograms(),
+             attachmentPrograms(),
+             copyPrograms(),
+             queryPrograms(),
+             hostPrograms(),
+             rangePrograms(),
+             rangeFlagPrograms(),
+             drawRangePrograms(),
+             barrierRangePrograms(),
+             dataPrograms(),
+         })
         all.insert(all.end(), programs.begin(), programs.end());
     return all;
 }

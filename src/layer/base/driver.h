@@ -24,8 +24,9 @@ struct EnabledFeatures {
     bool khrFeature = false;      // VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap
     bool captureReplay = false;
     bool hostCommands = false;
-    bool structures = false; // VkPhysicalDeviceAccelerationStructureFeaturesKHR::accelerationStructure
-    bool rayQueries = false; // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
+    bool bufferAddresses = false; // VkPhysicalDeviceBufferDeviceAddressFeatures::bufferDeviceAddress
+    bool structures = false;      // VkPhysicalDeviceAccelerationStructureFeaturesKHR::accelerationStructure
+    bool rayQueries = false;      // VkPhysicalDeviceRayQueryFeaturesKHR::rayQuery
     bool rayTracingPipelines = false;
     bool pipelineMicromaps = false; // VK_ARM_pipeline_opacity_micromap
 

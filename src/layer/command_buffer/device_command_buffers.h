@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The subsystem of command buffers: their state, GPU work that the layer adds, synchronization, probes of the driver,
-// deferred operations, and the log of GPU validation.
+// and deferred operations.
 #pragma once
 
 #include <memory>
@@ -8,7 +8,6 @@
 #include "layer/command_buffer/command_state.h"
 #include "layer/command_buffer/deferred_operation.h"
 #include "layer/command_buffer/driver_probe.h"
-#include "layer/command_buffer/gpu_validation_log.h"
 #include "layer/command_buffer/injected_work.h"
 #include "layer/state/device_state.h"
 
@@ -20,7 +19,6 @@ struct DeviceCommandBuffers {
     DeviceBuffers &buffers;
     DeviceState &objects;
     InjectedPipelines injected{};
-    GpuValidationLog validationLog{};
     CommandStates states{};
     HandleMap<VkDeferredOperationKHR, std::shared_ptr<DeferredOperation>> deferredOperations{};
     ProbeQueue probes{}; // destroyed first: unfinished probes may use the other members

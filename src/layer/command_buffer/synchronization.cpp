@@ -180,10 +180,28 @@ void cmdWriteBufferMarker2(DeviceCommandBuffers &device, VkCommandBuffer command
     device.driver.next.CmdWriteBufferMarker2AMD(commandBuffer, driverStage(stage), buffer, offset, marker);
 }
 
+VkResult queueWaitIdle(DeviceCommandBuffers &device, VkQueue queue)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    return device.driver.next.QueueWaitIdle(queue);
+}
+
+VkResult deviceWaitIdle(DeviceCommandBuffers &device, VkDevice handle)
+{
+    const ProbeQueue::Lock lock = device.probes.lock();
+    return device.driver.next.DeviceWaitIdle(handle);
+}
+
+VkResult queueSubmit(DeviceCommandBuffers &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits,
+                     VkFence fence)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    return device.driver.next.QueueSubmit(queue, count, submits, fence);
+}
+
 VkResult queueSubmit2(DeviceCommandBuffers &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
                       VkFence fence)
 {
-    device.validationLog.drain(device.driver.report());
     std::vector<VkSubmitInfo2> own(submits, submits + count);
     std::deque<std::vector<VkSemaphoreSubmitInfo>> semaphores;
     for (VkSubmitInfo2 &submit : own) {

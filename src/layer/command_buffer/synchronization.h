@@ -17,6 +17,9 @@ void cmdWaitEvents2(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkE
 void cmdWriteTimestamp2(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineStageFlags2, VkQueryPool, uint32_t);
 void cmdWriteBufferMarker2(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineStageFlags2, VkBuffer, VkDeviceSize,
                            uint32_t);
+VkResult queueWaitIdle(DeviceCommandBuffers &, VkQueue);
+VkResult deviceWaitIdle(DeviceCommandBuffers &, VkDevice);
+VkResult queueSubmit(DeviceCommandBuffers &, VkQueue, uint32_t, const VkSubmitInfo *, VkFence);
 VkResult queueSubmit2(DeviceCommandBuffers &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
 // Queue commands, which may use the queue of probes (driver_probe.h).
 VkResult queueBindSparse(DeviceCommandBuffers &, VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);

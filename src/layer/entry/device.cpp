@@ -267,8 +267,6 @@ VkResult DeviceCreation::startEmulation()
     VkResult result = device->objects.root.create(gpu, keptAddresses(instance_.settings, *physical_));
     if (result == VK_SUCCESS)
         result = device->commands.injected.create(gpu, device->driver.pushBytes);
-    if (result == VK_SUCCESS && instance_.settings.validate.gpu)
-        result = device->commands.validationLog.create(gpu);
     if (result == VK_SUCCESS)
         device->commands.probes.choose(gpu, instance_.report, physical_->isCpu, physical_->queueFamilies, info_,
                                        loaderDataCallback(info_));
@@ -396,7 +394,6 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         destroy(handle, allocator);
     });
     reportGpuErrors(device->objects);
-    device->commands.validationLog.drain(device->driver.report());
 }
 
 bool forgetDevices(const Instance &instance)

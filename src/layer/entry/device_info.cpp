@@ -46,6 +46,12 @@ EnabledFeatures enabledFeatures(const VkDeviceCreateInfo &info)
     if (const auto *features = featuresIn<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
             info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
         enabled.structures = features->accelerationStructure;
+    if (const auto *features =
+            featuresIn<VkPhysicalDeviceVulkan12Features>(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES))
+        enabled.bufferAddresses = features->bufferDeviceAddress;
+    if (const auto *features = featuresIn<VkPhysicalDeviceBufferDeviceAddressFeatures>(
+            info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES))
+        enabled.bufferAddresses |= features->bufferDeviceAddress != VK_FALSE;
     if (const auto *features = featuresIn<VkPhysicalDeviceRayQueryFeaturesKHR>(
             info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_QUERY_FEATURES_KHR))
         enabled.rayQueries = features->rayQuery;

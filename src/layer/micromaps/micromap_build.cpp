@@ -66,8 +66,6 @@ MicromapPush pushOf(const DeviceMicromaps &device, const MicromapBuild &build)
     push.triangleArray = build.triangles.deviceAddress;
     push.data = build.data.deviceAddress;
     push.scratch = alignUp(build.scratch, kBuildScratchAlignment);
-    push.log = device.commands.validationLog.address();
-    push.object = findingObject(build.target);
     push.triangleArrayStride = static_cast<uint32_t>(build.triangleStride);
     push.triangleCount = static_cast<uint32_t>(extent.triangles);
     push.capacityUnits = static_cast<uint32_t>(extent.units);
@@ -91,7 +89,7 @@ MicromapPush coarseningOf(MicromapPush push, const MicromapExtent &extent)
     return push;
 }
 
-// Push constants of the ordinary passes after them. Findings have been reported.
+// Push constants of the ordinary passes after them.
 MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
 {
     push.triangleArray = push.scratch + extent.coarsenedOffset();
@@ -100,7 +98,6 @@ MicromapPush coarsenedOf(MicromapPush push, const MicromapExtent &extent)
     push.data = push.triangleArray;
     push.dataBytes = static_cast<uint32_t>(extent.coarsenedBytes());
     push.alike = 0;
-    push.log = 0;
     return push;
 }
 
@@ -185,9 +182,6 @@ void prepareInPlace(const DeviceMicromaps &device, OneBuild &build)
     if (push.readable < push.triangleCount || push.triangleArrayStride != sizeof(VkMicromapTriangleEXT) ||
         push.triangleArray % sizeof(VkMicromapTriangleEXT) != 0 || end < bytes)
         push.alike = 0;
-    // The log also compares the usage counts with the input. For counts of several kinds only the other passes do that.
-    if (push.alike == 0 && push.log != 0)
-        return;
     push.lastOffset = static_cast<uint32_t>(end - std::min(end, bytes));
     push.trianglesPerInvocation = trianglesPerInvocation(device, push.triangleCount);
     build.inPlace = true;

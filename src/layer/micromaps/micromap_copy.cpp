@@ -28,8 +28,6 @@ MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &microma
     MicromapMovePush push{};
     push.micromap = micromapAddress(device.driver, micromap);
     push.micromapBytes = micromap.size;
-    push.log = device.commands.validationLog.address();
-    push.object = findingObject(micromap);
     push.root = device.objects.root.address();
     push.mode = mode;
     return push;

@@ -41,10 +41,18 @@ bool enabled(const DeviceMicromaps &device, const InputCheck &check, const char 
     return device.driver.enabled.hostCommands || check.reject(id, "the feature micromapHostCommands is not enabled");
 }
 
-// Reports a copy that cannot be carried out. As on the device, this does not depend on the setting `validate`.
-void reportFindingAbout(const DeviceMicromaps &device, uint32_t what, VkMicromapEXT micromap)
+// Copies that cannot be carried out. As on the device, messages about them do not depend on the setting `validate`.
+constexpr const char *kNotBuilt[] = {"VELLUM-micromap-not-constructed",
+                                     "the micromap was not constructed before it is used"};
+constexpr const char *kOverlap[] = {"VELLUM-micromap-copy-overlap",
+                                    "src and dst of a copy overlap; the target is as it was"};
+constexpr const char *kTooLarge[] = {"VELLUM-micromap-copy-size", "the target of a copy is too small"};
+constexpr const char *kNotSerialized[] = {
+    "VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-src-07549",
+    "the source is not a serialized micromap of this version of the layer, or is cut off"};
+void reportCopy(const DeviceMicromaps &device, const char *const (&error)[2], VkMicromapEXT micromap)
 {
-    reportFinding(device.driver.report(), what, 0, 0, 0, reinterpret_cast<uint64_t>(micromap));
+    device.driver.report().error(error[0], error[1], VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap));
 }
 
 constexpr uint64_t kHeaderBytes = kMicromapHeaderWords * 4;
@@ -95,7 +103,7 @@ View viewOf(DeviceMicromaps &device, VkMicromapEXT handle, uint64_t used)
     return {device, handle, std::max(used, kHeaderBytes), HostView::For::Reading};
 }
 
-void write(const DeviceMicromaps &device, const MicromapBuild &build, uint8_t *out)
+void write(const MicromapBuild &build, uint8_t *out)
 {
     MicromapBuildInput input;
     input.triangles = static_cast<const uint8_t *>(build.triangles.hostAddress);
@@ -106,13 +114,7 @@ void write(const DeviceMicromaps &device, const MicromapBuild &build, uint8_t *o
     input.maxLevel = build.extent.maxLevel;
     input.buildFlags = build.flags;
     input.share = build.extent.share;
-    ReportMicromapFinding report;
-    if (device.commands.validationLog.address() != 0) {
-        report = [&](uint32_t what, uint32_t triangle, uint32_t value0, uint32_t value1) {
-            reportFinding(device.driver.report(), what, triangle, value0, value1, build.target.object.handle);
-        };
-    }
-    writeMicromapMemory(input, out, report);
+    writeMicromapMemory(input, out);
 }
 
 VkResult buildOne(DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info)
@@ -128,7 +130,7 @@ VkResult buildOne(DeviceMicromaps &device, const InputCheck &check, const VkMicr
         return reject(check, build->data.hostAddress ? "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07554"
                                                      : "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553",
                       "data or triangleArray is null");
-    write(device, *build, view.bytes());
+    write(*build, view.bytes());
     return VK_SUCCESS;
 }
 
@@ -170,10 +172,10 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
     // As the device does it (shaders/micromaps/micromap_move.comp).
     const uint64_t written = std::min(used, capacity);
     if (target.bytes() < source.bytes() + written && source.bytes() < target.bytes() + written) {
-        reportFindingAbout(device, kFindingOverlap, info->dst);
+        reportCopy(device, kOverlap, info->dst);
     } else if (used == 0 || used > capacity) {
         target.invalidate();
-        reportFindingAbout(device, used == 0 ? kFindingNotBuilt : kFindingTooLarge, info->dst);
+        reportCopy(device, used == 0 ? kNotBuilt : kTooLarge, info->dst);
     } else {
         std::memcpy(target.bytes(), source.bytes(), used);
     }
@@ -197,7 +199,7 @@ VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOpera
                                      : "VELLUM-VUID-vkCopyMicromapToMemoryEXT-buffer-07568",
                       "src is not bound to host-visible memory, or dst is null");
     if (used == 0) {
-        reportFindingAbout(device, kFindingNotBuilt, info->src);
+        reportCopy(device, kNotBuilt, info->src);
         return done(operation);
     }
     const SerializedMicromapHeader header = serializedHeader(device.driver.driverUuid, used);
@@ -235,7 +237,7 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
                       "dst is not bound to host-visible memory, or src is null");
     if (!known || header.micromapBytes > capacity) {
         target.invalidate();
-        reportFindingAbout(device, known ? kFindingTooLarge : kFindingSerialized, info->dst);
+        reportCopy(device, known ? kTooLarge : kNotSerialized, info->dst);
         return done(operation);
     }
     std::memcpy(target.bytes(), in + sizeof header, header.micromapBytes);

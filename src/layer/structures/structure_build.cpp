@@ -399,8 +399,6 @@ private:
                 push.micromapSize = unitsOf(attachment->micromap.size);
                 push.named = attachment->structure != nullptr;
                 push.baseTriangle = attachment->baseTriangle;
-                push.log = device_.commands.validationLog.address();
-                push.object = findingObject(attachment->micromap);
                 setIndices(push, *attachment);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }

@@ -6,6 +6,7 @@
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/rules/build_rules.h"
+#include "layer/validation/gpu_checks.h"
 
 namespace vellum::layer
 {
@@ -63,6 +64,16 @@ std::shared_ptr<const StructureContents> contentsOf(const DeviceValidation &devi
         }
     }
     return contents;
+}
+
+// Adds the checks of one build on the device, before it.
+void addChecks(const DeviceValidation &device, GpuBuildChecks &checks, uint32_t i,
+               const VkAccelerationStructureBuildGeometryInfoKHR &info, const GeometryCounts &counts)
+{
+    if (!buildsMicromap(info))
+        checks.add(i, info, counts);
+    else if (const auto build = micromapBuildOf(device, info))
+        checks.add(i, *build);
 }
 
 // Gives a structure its new contents when the command is executed.
@@ -210,8 +221,13 @@ void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, 
 {
     if (device.checks.core)
         checkMicromapBuilds(device, commandBuffer, count, infos);
-    for (uint32_t i = 0; i < count; ++i)
-        micromapBuilt(device, commandBuffer, micromapBuildOf(device, infos[i]));
+    GpuBuildChecks checks(device, commandBuffer, SiteCommand::BuildMicromaps);
+    for (uint32_t i = 0; i < count; ++i) {
+        const MicromapBuildInput build = micromapBuildOf(device, infos[i]);
+        checks.add(i, build);
+        micromapBuilt(device, commandBuffer, build);
+    }
+    checks.record();
     device.next.CmdBuildMicromapsEXT(commandBuffer, count, infos);
 }
 
@@ -221,8 +237,12 @@ void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer co
 {
     if (device.checks.core)
         checkStructureBuilds(device, commandBuffer, {infos, count}, ranges);
-    for (uint32_t i = 0; i < count; ++i)
+    GpuBuildChecks checks(device, commandBuffer, SiteCommand::BuildStructures);
+    for (uint32_t i = 0; i < count; ++i) {
+        addChecks(device, checks, i, infos[i], {.ranges = ranges ? ranges[i] : nullptr});
         construct(device, commandBuffer, infos[i], ranges ? ranges[i] : nullptr, nullptr);
+    }
+    checks.record();
     device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, count, infos, ranges);
 }
 
@@ -233,8 +253,12 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
 {
     if (device.checks.core)
         checkIndirectStructureBuilds(device, commandBuffer, {infos, count});
-    for (uint32_t i = 0; i < count; ++i)
+    GpuBuildChecks checks(device, commandBuffer, SiteCommand::BuildStructuresIndirect);
+    for (uint32_t i = 0; i < count; ++i) {
+        addChecks(device, checks, i, infos[i], {.address = addresses[i], .stride = strides[i], .most = most[i]});
         construct(device, commandBuffer, infos[i], nullptr, most[i]);
+    }
+    checks.record();
     device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);
 }
 

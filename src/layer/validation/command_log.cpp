@@ -172,6 +172,7 @@ void cmdEndConditionalRendering(DeviceValidation &device, VkCommandBuffer comman
 VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits,
                      VkFence fence)
 {
+    device.gpu.log.drain(device);
     for (uint32_t i = 0; i < count; ++i) {
         for (uint32_t c = 0; c < submits[i].commandBufferCount; ++c)
             submit(device, queue, submits[i].pCommandBuffers[c]);
@@ -183,6 +184,7 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
                       VkFence fence)
 {
     const Place command("vkQueueSubmit2");
+    device.gpu.log.drain(device);
     for (uint32_t i = 0; i < count; ++i) {
         if (device.checks.core)
             checkSubmission(device, command.element("pSubmits", i), submits[i]);

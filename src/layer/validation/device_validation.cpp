@@ -39,8 +39,10 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     driver.instance->GetPhysicalDeviceMemoryProperties(driver.physicalDevice, &gpu.memory);
     device->buffers.onAddress = [](VkBuffer) {};
     VkResult result = device->commands.injected.create(gpu, driver.pushBytes);
-    if (result == VK_SUCCESS)
+    if (result == VK_SUCCESS) {
+        device->gpu.create(*device, driver);
         return device;
+    }
     driver.report().error("VELLUM-device-tables", "no memory for validation, which is therefore off");
     return nullptr;
 }

@@ -10,6 +10,7 @@
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/validation/command_log.h"
 #include "layer/validation/features.h"
+#include "layer/validation/gpu_checks.h"
 #include "layer/validation/objects.h"
 #include "layer/validation/place.h"
 #include "layer/validation/ranges/image_copies.h"
@@ -34,6 +35,8 @@ struct RuleLimits {
 };
 
 struct DeviceValidation {
+    ~DeviceValidation() { gpu.log.drain(*this); }
+
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;
     NextCommands next{};
@@ -46,6 +49,7 @@ struct DeviceValidation {
     DeviceState state{driver, buffers};
     DeviceCommandBuffers commands{driver, buffers, state};
 
+    GpuChecks gpu{};
     ValidatedObjects objects{};
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images{};
     CommandLogs logs{};

@@ -53,6 +53,7 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     structure->number = ++device.numbers;
     structure->type = type;
     structure->createFlags = flags;
+    structure->record = device.gpu.records.take();
     structure->buffer = device.objects.buffers.get(buffer);
     structure->offset = offset;
     structure->size = size;
@@ -60,6 +61,13 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     if (structure->buffer && structure->buffer->address)
         structure->memoryAddress = structure->buffer->address + offset;
     return structure;
+}
+
+void setReference(DeviceValidation &device, ValidatedStructure &structure, VkDeviceAddress address)
+{
+    structure.referenceAddress = address;
+    if (structure.record)
+        device.gpu.records.setReference(address, *structure.record);
 }
 
 } // namespace
@@ -203,7 +211,7 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, 
 {
     const VkDeviceAddress address = device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
     if (const auto structure = device.objects.structures.get(info->accelerationStructure))
-        structure->referenceAddress = address;
+        setReference(device, *structure, address);
     return address;
 }
 

@@ -12,6 +12,7 @@
 #include "layer/base/handle_map.h"
 #include "layer/base/vulkan_newer.h"
 #include "layer/validation/ranges/bound_ranges.h"
+#include "layer/validation/gpu_records.h"
 
 namespace vellum::layer
 {
@@ -81,6 +82,8 @@ struct ValidatedStructure {
     VkDeviceSize size = 0;
     VkDeviceAddress memoryAddress = 0;    // of its memory; 0: unknown
     VkDeviceAddress referenceAddress = 0; // by vkGetAccelerationStructureDeviceAddressKHR; 0: not asked for
+
+    std::shared_ptr<StructureRecords::Owner> record; // null without the check `gpu`
 
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
     std::shared_ptr<const StructureContents> contents; // null: not constructed

@@ -38,6 +38,12 @@
     X(CmdExecuteCommands, cmdExecuteCommands)                                                                          \
     X(CmdBeginConditionalRenderingEXT, cmdBeginConditionalRendering)                                                   \
     X(CmdEndConditionalRenderingEXT, cmdEndConditionalRendering)                                                       \
+    X(QueueWaitIdle, queueWaitIdle)                                                                                    \
+    X(DeviceWaitIdle, deviceWaitIdle)                                                                                  \
+    X(WaitForFences, waitForFences)                                                                                    \
+    X(GetFenceStatus, getFenceStatus)                                                                                  \
+    X(WaitSemaphores, waitSemaphores)                                                                                  \
+    X(GetSemaphoreCounterValue, getSemaphoreCounterValue)                                                              \
     X(QueueSubmit, queueSubmit)                                                                                        \
     X(QueueSubmit2, queueSubmit2)                                                                                      \
     X(GetMicromapBuildSizesEXT, getMicromapBuildSizes)                                                                 \

@@ -18,7 +18,7 @@ void main()
     uint word0 = kKindInline;
     uint word1 = 0u;
     uint hash = 0u;
-    if (s.problem != 0u) {
+    if (!s.valid) {
         word0 = kRejected;
         word1 = ~0u;
     } else if (units == 0u) {
@@ -35,8 +35,6 @@ void main()
             hash = walk.hash;
         }
     }
-    reportFindingAbout(triangle, s);
-    countForLog(units, s.problem != 0u);
     Words record = recordOf(triangle);
     record.w[0] = word0;
     record.w[1] = word1;

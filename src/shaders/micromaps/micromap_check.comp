@@ -13,19 +13,14 @@ void main()
     const uint run = kCheckedPerInvocation;
     uint last = 0u;
     bool elsewhere = false;
-    uint total = 0u;
-    bool wrong = false;
     for (uint t = i * run; t < min((i + 1u) * run, push.triangleCount); ++t) {
         const Source s = readSource(t);
         const uint units = unitsOf(s);
-        total += units;
-        wrong = wrong || s.problem != 0u;
         if (units == 0u)
             continue;
         elsewhere = elsewhere || !fitsInPlace(s);
         last = max(last, (s.dataOffset >> 4u) + units);
     }
-    countForLog(total, wrong);
     if (elsewhere)
         Words(push.scratch).w[kScratchElsewhere] = 1u;
     if (last > 0u)

@@ -63,11 +63,11 @@ InPlace writeMixed(uint first, uint last)
         const uint unit = s.dataOffset >> 4u;
         const uint units = unitsOf(s);
         uvec2 record = uvec2((kKindData + kindInPlace(s)) | unit << kUnitShift, kLookEverywhere);
-        if (units == 0u && s.problem == 0u)
+        if (units == 0u && s.valid)
             record = uvec2(kKindInline, coarseStates(s));
         else
             result.end = max(result.end, unit + units);
-        result.fails = result.fails || s.problem != 0u || unit > kMaxNearUnit || !fitsInPlace(s);
+        result.fails = result.fails || !s.valid || unit > kMaxNearUnit || !fitsInPlace(s);
         Words to = recordOf(t);
         to.w[0] = record.x;
         to.w[1] = record.y;

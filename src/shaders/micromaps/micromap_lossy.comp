@@ -32,12 +32,11 @@ void main()
     Source s = readSource(triangle);
     const uint units = unitsOf(s);
     const uvec2 data = addressPlus(push.data, s.dataOffset);
-    countForLog(units, s.problem != 0u);
     if (units > kPartUnits) {
         if (!listParts(triangle, units))
-            s.problem = kFindingNoCapacity;
+            s.valid = false;
         // 4-state triangles get their entry once their parts are known.
-        if (s.problem != 0u || s.bitsPerState == 1u)
+        if (!s.valid || s.bitsPerState == 1u)
             writeEntry(triangle, s, s.level);
         else
             entryOf(triangle).w[1] = s.level | s.bitsPerState << 16u;

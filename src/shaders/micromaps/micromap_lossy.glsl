@@ -133,8 +133,8 @@ uint coarsenedWord(uvec2 data, uint i, uint k)
     return states;
 }
 
-// Writes a triangle's entry and allocates units for its data. An invalid triangle is reported, and its entry has no format:
-// the ordinary build rejects it.
+// Writes a triangle's entry and allocates units for its data. The entry of an invalid triangle has no format: the ordinary
+// build rejects it.
 bool writeEntry(uint triangle, Source s, uint level)
 {
     Source lower = s;
@@ -144,12 +144,11 @@ bool writeEntry(uint triangle, Source s, uint level)
     if (units > 0u) {
         const uint first = atomicAdd(Words(push.scratch).w[kScratchStaged], units);
         if (first > push.capacityUnits || units > push.capacityUnits - first)
-            s.problem = kFindingNoCapacity;
+            s.valid = false;
         offset = entryBytes() + first * kDataUnitBytes;
     }
-    reportFindingAbout(triangle, s);
     Words entry = entryOf(triangle);
     entry.w[0] = offset;
-    entry.w[1] = s.problem != 0u ? 0u : level | s.bitsPerState << 16u;
-    return s.problem == 0u;
+    entry.w[1] = s.valid ? level | s.bitsPerState << 16u : 0u;
+    return s.valid;
 }

@@ -2,7 +2,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 // Lossy micromap build, after the parts were measured: chooses the level of each triangle on the list, and writes the states
-// of those that are coarser than a part. The first invocation compares the usage counts with what was found.
+// of those that are coarser than a part.
 layout(local_size_x = 64) in;
 
 #include "micromap_source.glsl"
@@ -59,18 +59,13 @@ void writeStates(uint triangle, uint i, uint level, uint k)
 void main()
 {
     const uint i = globalInvocation();
-    if (i == 0u) {
-        const uint total = Words(push.scratch).w[kScratchTotalUnits];
-        if (total != push.capacityUnits && Words(push.scratch).w[kScratchWrong] == 0u)
-            reportFinding(kFindingCounts, push.object, 0u, push.capacityUnits, total);
-    }
     if (i >= min(Words(push.scratch).w[kScratchPartCount], push.partCapacity))
         return;
     if (Words(partsAddress()).w[2u * i + 1u] != 0u)
         return;
     const uint triangle = Words(partsAddress()).w[2u * i];
     const Source s = readSource(triangle);
-    if (s.problem != 0u || s.bitsPerState == 1u || entryOf(triangle).w[1] == 0u)
+    if (!s.valid || s.bitsPerState == 1u || entryOf(triangle).w[1] == 0u)
         return;
     const uint k = riseOf(s, i, unitsOf(s) / kPartUnits);
     if (writeEntry(triangle, s, s.level - k) && k >= kPartLevels)

@@ -20,7 +20,7 @@ void main()
     const uint part = Words(partsAddress()).w[2u * i + 1u];
     const Source s = readSource(triangle);
     Words entry = entryOf(triangle);
-    if (s.problem != 0u || entry.w[1] == 0u)
+    if (!s.valid || entry.w[1] == 0u)
         return;
     const uvec2 data = addressPlus(push.data, s.dataOffset);
     if ((push.flags & kBuildAnalysing) != 0u) {

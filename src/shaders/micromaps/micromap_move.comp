@@ -18,8 +18,6 @@ layout(push_constant, std430) uniform Push
     MicromapMovePush push;
 };
 
-#include "base/validation_log.glsl"
-
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Quads { uvec4 at[]; };
 
 const uint kSerializedHeaderUnits = kSerializedMicromapHeaderWords / 4u;
@@ -30,23 +28,13 @@ bool less(uvec2 a, uvec2 b)
     return a.y < b.y || (a.y == b.y && a.x < b.x);
 }
 
-uint headerFinding(uvec2 header, out uvec2 bytes)
+const uint kNoError = ~0u; // not a kGpuError*
+
+uint headerError(uvec2 header, out uvec2 bytes)
 {
     Words words = Words(header);
     bytes = micromapBytes(words.w[kMicromapHeaderTriangles], words.w[kMicromapHeaderUnits]);
-    return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kFindingNotBuilt : 0u;
-}
-
-// The log, where there is one, also names the micromap.
-void report(uint problem, uvec2 bytes)
-{
-    if ((push.log.x | push.log.y) != 0u)
-        reportFinding(problem, push.object, 0u, bytes.x, bytes.y);
-    else
-        gpuError(push.root, problem == kFindingTooLarge   ? kGpuErrorMicromapTooSmall
-                          : problem == kFindingNotBuilt ? kGpuErrorMicromapNotBuilt
-                          : problem == kFindingOverlap  ? kGpuErrorMicromapOverlap
-                                                          : kGpuErrorMicromapData);
+    return words.w[kMicromapHeaderMagic] != kMicromapMagic ? kGpuErrorMicromapNotBuilt : kNoError;
 }
 
 // A record that lookup can trust: itself, or unknown-opaque where it names data outside the micromap.
@@ -94,38 +82,39 @@ bool holdsMicromapData()
            words.w[kSerializedLayoutUuid + 2u] == kMicromapLayoutUuid2;
 }
 
-// The finding about the micromap that is copied; 0: it is valid. `bytes`: its bytes in use.
-uint problemOfSource(uvec2 header, out uvec2 bytes)
+// The error of the micromap that is copied, or kNoError. `bytes`: its bytes in use.
+uint errorOfSource(uvec2 header, out uvec2 bytes)
 {
     bytes = uvec2(0u);
     if (mode == kMoveDeserialize) {
         if (!holdsMicromapData() ||
             Words(push.serialized).w[kSerializedLayoutUuid + 3u] != kMicromapLayoutVersion ||
-            headerFinding(header, bytes) != 0u ||
+            headerError(header, bytes) != kNoError ||
             less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)))
-            return kFindingSerialized;
-        return 0u;
+            return kGpuErrorMicromapData;
+        return kNoError;
     }
     const uvec2 readable = mode == kMoveCopy ? push.serializedBytes : push.micromapBytes;
-    if (less(readable, uvec2(kMicromapHeaderWords * 4u, 0u)) || headerFinding(header, bytes) != 0u ||
+    if (less(readable, uvec2(kMicromapHeaderWords * 4u, 0u)) || headerError(header, bytes) != kNoError ||
         less(readable, bytes))
-        return kFindingNotBuilt;
-    return 0u;
+        return kGpuErrorMicromapNotBuilt;
+    return kNoError;
 }
 
-// The finding about the target of a copy of so many bytes; 0: it is valid.
-uint problemOfTarget(uvec2 bytes)
+// The error of the target of a copy of so many bytes, or kNoError.
+uint errorOfTarget(uvec2 bytes)
 {
     if (mode == kMoveSerialize)
-        return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u)) ? kFindingTooLarge
-                                                                                                   : 0u;
+        return less(push.serializedBytes, addressPlus(bytes, kSerializedMicromapHeaderWords * 4u))
+                   ? kGpuErrorMicromapTooSmall
+                   : kNoError;
     // This comes before the check of the size: the header of a target that is too small is written, and must not be part of
     // the source. VUID-VkCopyAccelerationStructureInfoKHR-dst-07791 is about the memory that is accessed.
     const bool tooSmall = less(push.micromapBytes, bytes);
     if (mode == kMoveCopy && (less(addressMinus(push.micromap, push.serialized), bytes) ||
                               less(addressMinus(push.serialized, push.micromap), tooSmall ? push.micromapBytes : bytes)))
-        return kFindingOverlap;
-    return tooSmall ? kFindingTooLarge : 0u;
+        return kGpuErrorMicromapOverlap;
+    return tooSmall ? kGpuErrorMicromapTooSmall : kNoError;
 }
 
 void main()
@@ -140,14 +129,14 @@ void main()
     // Memory that is too small for a header holds no micromap, and may end before the magic number does.
     const bool tiny = less(push.micromapBytes, uvec2(kMicromapHeaderWords * 4u, 0u));
     uvec2 bytes;
-    uint problem = problemOfSource(header, bytes);
-    if (problem == 0u)
-        problem = problemOfTarget(bytes);
-    if (problem != 0u) {
+    uint error = errorOfSource(header, bytes);
+    if (error == kNoError)
+        error = errorOfTarget(bytes);
+    if (error != kNoError) {
         if (me == 0u) {
-            report(problem, bytes);
+            gpuError(push.root, error);
             // A target that overlaps the source is not changed: it may be the source.
-            if (mode != kMoveSerialize && problem != kFindingOverlap && !tiny)
+            if (mode != kMoveSerialize && error != kGpuErrorMicromapOverlap && !tiny)
                 Words(push.micromap).w[kMicromapHeaderMagic] = 0u;
         }
         return;

@@ -18,7 +18,7 @@ void main()
     const Source s = readSource(triangle);
     Words record = recordOf(triangle);
     const uint word0 = record.w[0];
-    if (s.problem != 0u || word0 == kRejected)
+    if (!s.valid || word0 == kRejected)
         return;
     const uint units = unitsOf(s);
     const bool analysing = (push.flags & kBuildAnalysing) != 0u;

@@ -26,15 +26,12 @@ void writeRecord(uint triangle, Source s, uint units, uint unit)
     if (units == 0u) {
         // With sharing, inline records have been written, and micromap_owners.comp copies those of triangles that share.
         if (!share) {
-            reportFindingAbout(triangle, s);
-            record.w[0] = s.problem != 0u ? kRejected : kKindInline;
-            record.w[1] = s.problem != 0u ? ~0u : coarseStates(s);
+            record.w[0] = s.valid ? kKindInline : kRejected;
+            record.w[1] = s.valid ? coarseStates(s) : ~0u;
         }
         return;
     }
     if (units > push.capacityUnits - min(unit, push.capacityUnits)) {
-        s.problem = kFindingNoCapacity;
-        reportFindingAbout(triangle, s);
         record.w[0] = kRejected;
         record.w[1] = ~0u;
         return;

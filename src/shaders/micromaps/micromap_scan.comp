@@ -54,9 +54,4 @@ void main()
     }
     if (push.triangleCount > 0u) // without triangles there need not be scratch memory
         Words(push.scratch).w[kScratchPartCount] = 0u;
-    if ((push.log.x | push.log.y) == 0u || (push.flags & (kBuildShare | kBuildVerbatim)) == 0u)
-        return;
-    const uint total = Words(push.scratch).w[kScratchTotalUnits];
-    if (total != push.capacityUnits && Words(push.scratch).w[kScratchWrong] == 0u)
-        reportFinding(kFindingCounts, push.object, 0u, push.capacityUnits, total);
 }

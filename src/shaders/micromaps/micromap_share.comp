@@ -12,7 +12,7 @@ layout(local_size_x = 64) in;
 bool sameData(Source a, uint other)
 {
     const Source b = readSource(other);
-    if (a.level != b.level || a.bitsPerState != b.bitsPerState || b.problem != 0u)
+    if (a.level != b.level || a.bitsPerState != b.bitsPerState || !b.valid)
         return false;
     if (a.dataOffset == b.dataOffset)
         return true;
@@ -41,11 +41,7 @@ void main()
     if ((word0 & kKindMask) == kKindInline)
         return;
     if (Words(push.scratch).w[kScratchPartsFull] != 0u) {
-        Source large = readSource(triangle);
-        if (unitsOf(large) > kPartUnits) {
-            large.problem = kFindingNoCapacity;
-            reportFindingAbout(triangle, large);
-            countForLog(0u, true);
+        if (unitsOf(readSource(triangle)) > kPartUnits) {
             record.w[0] = kRejected;
             record.w[1] = ~0u;
             return;

@@ -12,13 +12,11 @@ layout(push_constant, std430) uniform Push
     MicromapPush push;
 };
 
-#include "base/validation_log.glsl"
-
 // Word 0 of the record of an invalid triangle, which is unknown-opaque. No later pass changes it.
 const uint kRejected = kKindInline | ~kKindMask;
 
 struct Source {
-    uint problem; // kFinding*; 0: the triangle is valid
+    bool valid;
     uint dataOffset;
     uint level;
     uint bitsPerState; // 1 or 2
@@ -29,11 +27,11 @@ uint sourceBytes(uint level, uint bitsPerState)
     return (bitsPerState << (2u * level)) + 7u >> 3u;
 }
 
-// Reads and validates one triangle. micromap_place.comp validates all of them together.
+// Reads one triangle, and checks what would read or write outside the buffers.
 Source readSource(uint triangle)
 {
     Source s;
-    s.problem = kFindingUnreadable;
+    s.valid = false;
     s.dataOffset = 0u;
     s.level = 0u;
     s.bitsPerState = 1u;
@@ -51,40 +49,16 @@ Source readSource(uint triangle)
     }
     s.level = levelAndFormat & 0xffffu;
     s.bitsPerState = levelAndFormat >> 16u; // VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT is 1, 4_STATE 2
-    s.problem = 0u;
-    if (s.bitsPerState - 1u > 1u) {
-        s.problem = kFindingFormat;
-    } else if (s.level > kMaxSubdivisionLevel) {
-        s.problem = kFindingLevel;
-    } else if (s.level > ((push.flags >> kBuildMaxLevelShift) & 15u)) {
-        s.problem = kFindingUndeclared;
-    } else {
-        const uint bytes = sourceBytes(s.level, s.bitsPerState);
-        if (bytes > push.dataBytes || s.dataOffset > push.dataBytes - bytes)
-            s.problem = kFindingData;
-    }
+    if (s.bitsPerState - 1u > 1u || s.level > min(kMaxSubdivisionLevel, (push.flags >> kBuildMaxLevelShift) & 15u))
+        return s;
+    const uint bytes = sourceBytes(s.level, s.bitsPerState);
+    s.valid = bytes <= push.dataBytes && s.dataOffset <= push.dataBytes - bytes;
     return s;
-}
-
-void reportFindingAbout(uint triangle, Source s)
-{
-    if (s.problem != 0u)
-        reportFinding(s.problem, push.object, triangle, s.dataOffset, s.level | s.bitsPerState << 16u);
-}
-
-// Adds to the totals that are compared with the usage counts. Not if a triangle is wrong: that has its own entry in the log.
-void countForLog(uint units, bool wrong)
-{
-    if ((push.log.x | push.log.y) == 0u)
-        return;
-    atomicAdd(Words(push.scratch).w[kScratchTotalUnits], units);
-    if (wrong)
-        Words(push.scratch).w[kScratchWrong] = 1u;
 }
 
 uint unitsOf(Source s)
 {
-    if (s.problem != 0u || s.level <= kCoarseLevel)
+    if (!s.valid || s.level <= kCoarseLevel)
         return 0u;
     return (sourceBytes(s.level, s.bitsPerState) + kDataUnitBytes - 1u) / kDataUnitBytes;
 }

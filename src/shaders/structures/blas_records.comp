@@ -17,8 +17,6 @@ layout(push_constant, std430) uniform Push
     BlasRecordsPush push;
 };
 
-#include "base/validation_log.glsl"
-
 const uint kUnknownOpaque = ~0u; // all sixteen states
 
 uint fetchIndex(uint triangle)
@@ -33,19 +31,15 @@ uvec2 recordOf(uint triangle, uint micromapTriangles)
 {
     uint index = triangle;
     if (any(notEqual(push.indices, uvec2(0)))) {
-        if (triangle >= push.readable) {
-            reportFinding(kFindingIndexBuffer, push.object, triangle, 0u, 0u);
+        if (triangle >= push.readable)
             return uvec2(kKindInline, kUnknownOpaque);
-        }
         index = fetchIndex(triangle);
         if (index >= 0xfffffffcu)
             return uvec2(kKindInline, ~index * 0x55555555u);
     }
     const uint target = index + push.baseTriangle;
-    if (target < index || target >= micromapTriangles) {
-        reportFinding(kFindingIndex, push.object, triangle, index, micromapTriangles);
+    if (target < index || target >= micromapTriangles)
         return uvec2(kKindInline, kUnknownOpaque);
-    }
     Words record = micromapRecord(push.micromap, target);
     return uvec2(record.w[0], record.w[1]);
 }

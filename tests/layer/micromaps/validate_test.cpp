@@ -52,7 +52,7 @@ protected:
         micromap.build();
         const std::vector<std::string> reported = messages();
         for (const auto &[triangle, part] : expected) {
-            const std::string where = "|triangle " + std::to_string(triangle) + ":";
+            const std::string where = "]: triangle " + std::to_string(triangle) + ": ";
             EXPECT_EQ(count(reported, where), 1u) << where;
             for (const std::string &m : reported) {
                 if (m.find(where) != std::string::npos) {
@@ -60,7 +60,7 @@ protected:
                 }
             }
         }
-        EXPECT_EQ(count(reported, "|triangle "), expected.size());
+        EXPECT_EQ(count(reported, "]: triangle "), expected.size());
         // Nothing is reported again.
         VT_CHECK(vkDeviceWaitIdle(gpu().device()));
         EXPECT_TRUE(messages().empty());
@@ -106,30 +106,28 @@ TEST_F(Validate, EveryKindOfWrongTriangle)
 
 TEST_F(Validate, CountsThatDoNotMatch)
 {
-    const char *reported = "data units of 16 bytes, the usage counts say";
+    const char *reported = "VELLUM-micromap-usage-counts|";
     for (const VkBuildMicromapFlagsEXT flags : kFlags) {
         MicromapInput input = good();
-        input.declared = {{600, 6, kFourState}}; // less than declared
+        input.declared = {{599, 4, kFourState}, {1, 3, kFourState}};
         Micromap fewer(gpu(), input, flags);
         fewer.build();
-        EXPECT_EQ(count(messages(), reported), 1u);
+        const std::vector<std::string> text = messages();
+        EXPECT_EQ(text.size(), 1u);
+        EXPECT_EQ(count(text, "the usage counts state 1 4-state triangles of level 3, the triangle array has 0"), 1u);
         input.declared = {{598, 4, kFourState}, {1, 6, kFourState}, {1, 3, kFourState}};
         for (size_t i : {10u, 20u, 30u}) // 3 of level 6, where room is for one and a bit
             input.triangles[i] = {0, 6, kFourState};
         Micromap more(gpu(), input, flags);
         more.build();
         EXPECT_EQ(count(messages(), reported), 1u);
-        // The same where the data cannot stay as it lies: then there is no space for all.
+        // The same where the data cannot stay as it lies.
         input.data.insert(input.data.begin(), 8, 0);
         for (VkMicromapTriangleEXT &t : input.triangles)
             t.dataOffset += 8;
         Micromap unaligned(gpu(), input, flags);
         unaligned.build();
-        const std::vector<std::string> all = messages();
-        EXPECT_EQ(count(all, reported), 1u);
-        if ((flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) == 0) {
-            EXPECT_GE(count(all, "more data than the usage counts say"), 1u);
-        }
+        EXPECT_EQ(count(messages(), reported), 1u);
     }
 }
 
@@ -141,13 +139,24 @@ TEST_F(Validate, ATriangleArrayThatIsTooShort)
     Micromap micromap(gpu(), std::move(input), 0);
     micromap.build();
     const std::vector<std::string> reported = messages();
-    // The log has space for 4096 entries, and says so.
+    EXPECT_EQ(reported.size(), 1u);
+    EXPECT_EQ(count(reported, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554|"
+                                          : "VELLUM-micromap-triangle-array|"),
+              1u);
+}
+
+TEST_F(Validate, MoreFindingsThanTheLogHolds)
+{
+    MicromapInput input;
+    for (uint32_t i = 0; i < 5000; ++i)
+        input.triangles.push_back({0, 3, 9});
+    input.data.resize(16);
+    input.declared = {{5000, 3, kFourState}};
+    Micromap micromap(gpu(), std::move(input), 0);
+    micromap.build();
+    const std::vector<std::string> reported = messages();
     EXPECT_EQ(count(reported, "VELLUM-validation-log"), 1u);
-    EXPECT_GE(count(reported, "lies outside the buffer of triangleArray"), 3500u);
-    EXPECT_GE(count(reported, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554|triangle "
-                                          : "VELLUM-micromap-triangle-array|triangle "),
-              3500u);
-    EXPECT_EQ(count(reported, "|triangle 4095:"), 1u);
+    EXPECT_EQ(count(reported, "format 9"), 4096u);
     // Once the device is idle, the log begins anew.
     VT_CHECK(vkDeviceWaitIdle(gpu().device()));
     MicromapInput again = good();
@@ -182,11 +191,14 @@ TEST_F(Validate, IndicesPastTheMicromap)
     geometry.micromap->base = 1;
     const Blas blas(gpu(), {geometry});
     const std::vector<std::string> reported = messages();
-    const char *rest = " plus baseTriangle is outside the micromap's 600 triangles";
+    const std::string rest = " plus baseTriangle is outside the 600 triangles of micromap ";
+    const std::string id =
+        gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575" : "VELLUM-micromap-index";
     EXPECT_EQ(reported.size(), 3u);
-    EXPECT_EQ(count(reported, std::string("VELLUM-micromap-index|triangle 2: index 599") + rest), 1u);
-    EXPECT_EQ(count(reported, std::string("VELLUM-micromap-index|triangle 4: index 600") + rest), 1u);
-    EXPECT_EQ(count(reported, std::string("VELLUM-micromap-index|triangle 5: index 1073741824") + rest), 1u);
+    EXPECT_EQ(count(reported, id), 3u);
+    EXPECT_EQ(count(reported, "pInfos[0].pGeometries[0]: triangle 2: index 599" + rest), 1u);
+    EXPECT_EQ(count(reported, "pInfos[0].pGeometries[0]: triangle 4: index 600" + rest), 1u);
+    EXPECT_EQ(count(reported, "pInfos[0].pGeometries[0]: triangle 5: index 1073741824" + rest), 1u);
     VT_CHECK(vkDeviceWaitIdle(gpu().device()));
     EXPECT_TRUE(messages().empty());
     // Without indices, the triangle's number is the index.
@@ -194,7 +206,7 @@ TEST_F(Validate, IndicesPastTheMicromap)
     const Blas unindexed(gpu(), {geometry});
     const std::vector<std::string> numbers = messages();
     EXPECT_EQ(numbers.size(), 3u);
-    EXPECT_EQ(count(numbers, std::string("|triangle 3: index 3") + rest), 1u);
+    EXPECT_EQ(count(numbers, "]: triangle 3: its number" + rest), 1u);
 }
 
 // Of a BLAS build: triangles whose index lies beyond the end of the index buffer.
@@ -203,16 +215,18 @@ TEST_F(Validate, IndexBufferTooShort)
     Micromap micromap(gpu(), good(), 0);
     micromap.build();
     // The test's buffer ends a few hundred bytes, which say another index, behind the indices.
-    constexpr uint32_t indices = 900, last = indices + 300, triangles = 2000;
+    constexpr uint32_t indices = 900, triangles = 2000;
     Geometry geometry{.vertices = triangleRow(triangles)};
     geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<int32_t>(indices, 5)};
     const Blas blas(gpu(), {geometry});
     const std::vector<std::string> reported = messages();
-    const std::string text = ": its index lies outside the buffer of indexBuffer";
-    EXPECT_EQ(reported.size(), triangles - indices);
-    EXPECT_GE(count(reported, text), triangles - last);
-    for (const uint32_t triangle : {last, triangles - 1})
-        EXPECT_EQ(count(reported, "VELLUM-micromap-index|triangle " + std::to_string(triangle) + text), 1u) << triangle;
+    const std::string text = ": its index is outside the buffer of indexBuffer";
+    EXPECT_EQ(count(reported, text), 1u);
+    EXPECT_EQ(count(reported, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577"
+                                          : "VELLUM-micromap-index"),
+              gpu().khr() ? 1u : reported.size());
+    for (const std::string &m : reported) // of what the indices are after those of the test
+        EXPECT_TRUE(m.find(text) != std::string::npos || m.find("index ") != std::string::npos) << m;
 }
 
 // Told of at every place where the host learns that work is done.
@@ -236,7 +250,7 @@ TEST_F(Validate, FencesAndSemaphores)
         } else {
             VT_CHECK(vkWaitForFences(gpu().device(), 1, &fence, VK_TRUE, UINT64_MAX));
         }
-        EXPECT_EQ(count(messages(), "|triangle 8: format 5"), 1u);
+        EXPECT_EQ(count(messages(), "]: triangle 8: format 5"), 1u);
         VT_CHECK(vkResetFences(gpu().device(), 1, &fence));
     }
     vkDestroyFence(gpu().device(), fence, nullptr);

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// The check `gpu`: what only data on the device shows. Validation's shaders check the input of builds before the
+// builds, and log what they find; see gpu_log.h for when that is reported, gpu_records.h for what they compare with.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "core/push.h"
+#include "layer/base/driver.h"
+#include "layer/command_buffer/injected_work.h"
+#include "layer/validation/builds.h"
+#include "layer/validation/gpu_log.h"
+#include "layer/validation/gpu_records.h"
+
+namespace vellum::layer
+{
+
+struct DeviceValidation;
+
+// The greatest subdivision levels of micromap triangles.
+struct LevelLimits {
+    uint32_t twoState = 12;
+    uint32_t fourState = 12;
+    uint32_t lossy = 12;
+};
+
+struct GpuChecks {
+    bool on = false;
+    GpuLog log;
+    StructureRecords records;
+    LevelLimits limits;
+
+    // `driver`: the device as the implementation of micromaps knows it. Reports why the check is off if it cannot be
+    // made.
+    void create(const DeviceValidation &device, const Driver &driver);
+};
+
+// The primitives of a build: direct, or with ranges on the device.
+struct GeometryCounts {
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = nullptr;
+    VkDeviceAddress address = 0; // indirect: of the first range
+    uint32_t stride = 0;
+    const uint32_t *most = nullptr;
+
+    [[nodiscard]] uint32_t primitives(uint32_t g) const { return ranges ? ranges[g].primitiveCount : most[g]; }
+    [[nodiscard]] VkDeviceAddress range(uint32_t g) const { return ranges ? 0 : address + VkDeviceAddress{g} * stride; }
+};
+
+// The checks of one command that builds. Its destructor records nothing; record() does, before the command.
+class GpuBuildChecks
+{
+public:
+    GpuBuildChecks(DeviceValidation &device, VkCommandBuffer commandBuffer, SiteCommand command)
+        : device_(device), commandBuffer_(commandBuffer), command_(command)
+    {
+    }
+    // Element `i` of the infos.
+    void add(uint32_t i, const MicromapBuildInput &build);
+    void add(uint32_t i, const VkAccelerationStructureBuildGeometryInfoKHR &info, const GeometryCounts &counts);
+    void record();
+
+private:
+    struct Usage {
+        shared::UsageBeginPush begin;
+        shared::TriangleCheckPush triangles;
+    };
+    struct NewRecord {
+        std::shared_ptr<ValidatedStructure> target;
+        RecordWords words;
+    };
+    [[nodiscard]] shared::FindingPush findingOf(uint32_t i, uint32_t geometry, ObjectHandle object, bool khr) const;
+    void addIndices(uint32_t i, uint32_t g, const AttachmentInput &attachment, const GeometryCounts &counts);
+    void addInstances(uint32_t i, uint32_t g, const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                      const VkAccelerationStructureGeometryInstancesDataKHR &data, const GeometryCounts &counts);
+    void dispatch(InjectedWork &work);
+    void newRecord(const std::shared_ptr<ValidatedStructure> &target, RecordWords words);
+
+    DeviceValidation &device_;
+    VkCommandBuffer commandBuffer_;
+    SiteCommand command_;
+    std::vector<NewRecord> records_;
+    std::vector<Usage> usages_;
+    std::vector<shared::IndexCheckPush> indices_;
+    std::vector<shared::InstanceCheckPush> instances_;
+};
+
+// Checks the input of builds of micromaps by the host.
+void checkHostBuild(DeviceValidation &device, uint32_t i, const MicromapBuildInput &build);
+
+// Records that a copy gives `to` the contents of `from`; null: contents that are unknown, such as serialized data.
+void recordContents(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                    const std::shared_ptr<ValidatedStructure> &from, const std::shared_ptr<ValidatedStructure> &to);
+
+} // namespace vellum::layer

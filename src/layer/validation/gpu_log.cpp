@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/gpu_log.h"
+
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+#include <cstring>
+#include <string>
+
+#include "core/findings.h"
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+using namespace shared;
+
+static_assert(kSiteCommandShift == 24);
+
+constexpr const char *kCommands[] = {"vkCmdBuildMicromapsEXT", "vkCmdBuildAccelerationStructuresKHR",
+                                     "vkCmdBuildAccelerationStructuresIndirectKHR", "vkBuildMicromapsEXT"};
+
+struct Rule {
+    const char *vuid;
+    std::string text;
+};
+
+std::string number(uint32_t value)
+{
+    return std::to_string(value);
+}
+
+std::string kindOf(uint32_t levelAndFormat)
+{
+    return (levelAndFormat >> 16) == 1 ? "2-state" : "4-state";
+}
+
+Rule levelRule(const DeviceValidation &device, bool khr, uint32_t levelAndFormat)
+{
+    const bool two = (levelAndFormat >> 16) == 1;
+    const uint32_t limit = two ? device.gpu.limits.twoState : device.gpu.limits.fourState;
+    const char *vuid = two   ? (khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556"
+                                    : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659")
+                       : khr ? "VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
+                             : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11660";
+    return {vuid, "subdivision level " + number(levelAndFormat & 0xffff) + " is above " + number(limit) +
+                      ", the limit of the " + kindOf(levelAndFormat) + " format"};
+}
+
+// The findings about the input of a micromap build.
+Rule micromapRule(const DeviceValidation &device, const Finding &f, bool khr)
+{
+    const std::string level = number(f.value1 & 0xffff);
+    switch (f.what & kFindingMask) {
+    case kFindingFormat:
+        return {khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11555"
+                    : "VUID-VkMicromapBuildInfoEXT-format-11657",
+                "format " + number(f.value1 >> 16) + " is neither 2-state nor 4-state"};
+    case kFindingLevel: return levelRule(device, khr, f.value1);
+    case kFindingLossyLevel:
+        return {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11567",
+                "subdivision level " + level + " is above " + number(device.gpu.limits.lossy) +
+                    ", the limit of lossy builds"};
+    case kFindingLossyFormat:
+        return {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11713",
+                "its format is 2-state; that of lossy builds is 4-state"};
+    case kFindingUndeclared:
+        return {"micromap-usage-counts", "subdivision level " + level + " is not in the usage counts"};
+    default:
+        return {khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "micromap-data",
+                "its data of " + number(triangleBytes(f.value1 & 0xffff, f.value1 >> 16)) + " bytes at offset " +
+                    number(f.value0) + " end outside the buffer of data"};
+    }
+}
+
+Rule countsRule(const Finding &f)
+{
+    return {"micromap-usage-counts", "the usage counts state " + number(f.value0) + " " + kindOf(f.element) +
+                                         " triangles of level " + number(f.element & 0xffff) +
+                                         ", the triangle array has " + number(f.value1)};
+}
+
+// The findings about the triangles of a geometry with a micromap.
+Rule geometryRule(const Finding &f, bool khr, const std::string &micromap)
+{
+    const auto rule = [khr](const char *vuid) { return khr ? vuid : "micromap-index"; };
+    const std::string rest = " is outside the " + number(f.value1) + " triangles of micromap " + micromap;
+    switch (f.what & kFindingMask) {
+    case kFindingIndex:
+        return {rule("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575"),
+                "index " + number(f.value0) + " plus baseTriangle" + rest};
+    case kFindingNumber:
+        return {rule("VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576"),
+                "its number plus baseTriangle" + rest};
+    case kFindingNotSpecial:
+        return {rule("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11578"),
+                "index " + number(f.value0) + " is not special, but there is no micromap"};
+    default:
+        return {rule("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577"),
+                "its index is outside the buffer of indexBuffer, like those after it; the geometry has " +
+                    number(f.value0) + " triangles"};
+    }
+}
+
+Rule instanceRule(const DeviceValidation &device, const Finding &f)
+{
+    if ((f.what & kFindingMask) == kFindingFeature)
+        return {"VUID-VkAccelerationStructureInstanceKHR-micromap-11580",
+                "flags has bits of micromaps, whose feature is not enabled"};
+    char reference[24];
+    std::snprintf(reference, sizeof reference, "0x%08" PRIx32 "%08" PRIx32, f.value1, f.value0);
+    const bool indirect = f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
+    const char *command = indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10607"
+                                   : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607";
+    return {device.driver.enabled.khr ? "VUID-VkAccelerationStructureInstanceKHR-flags-11581" : command,
+            std::string("flags has DISABLE_OPACITY_MICROMAPS, but the structure at ") + reference +
+                " was built without ALLOW_DISABLE_OPACITY_MICROMAPS"};
+}
+
+std::string placeOf(const Finding &f)
+{
+    std::string place = kCommands[f.site >> kSiteCommandShift];
+    place += ": pInfos[" + number(f.site & 0xffffff) + "]";
+    if (f.geometry != kNoGeometry)
+        place += ".pGeometries[" + number(f.geometry) + "]";
+    return place;
+}
+
+} // namespace
+
+void reportFinding(DeviceValidation &device, const Finding &f)
+{
+    const bool khr = (f.what & kFindingKhr) != 0;
+    const ObjectHandle object((f.what & kFindingStructure) != 0 ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR
+                                                                : VK_OBJECT_TYPE_MICROMAP_EXT,
+                              f.object);
+    const std::string triangle = "triangle " + number(f.element) + ": ";
+    const uint32_t what = f.what & kFindingMask;
+    Rule rule;
+    if (what == kFindingCounts) {
+        rule = countsRule(f);
+    } else if (what < kFindingCounts) {
+        rule = micromapRule(device, f, khr);
+        rule.text = triangle + rule.text;
+    } else if (what < kFindingDisable) {
+        rule = geometryRule(f, khr, device.nameOf(object));
+        rule.text = triangle + rule.text;
+    } else {
+        rule = instanceRule(device, f);
+        rule.text = "instance " + number(f.element) + ": " + rule.text;
+    }
+    device.fault(placeOf(f), rule.vuid, rule.text, object);
+}
+
+VkResult GpuLog::create(const GpuContext &context)
+{
+    return log_.create(context, (kLogHeaderWords + kLogCapacity * kLogEntryWords) * 4);
+}
+
+bool GpuLog::hasNew() const
+{
+    const uint32_t *words = log_.words();
+    return words && __atomic_load_n(words + kLogCount, __ATOMIC_ACQUIRE) != seen_.load(std::memory_order_relaxed);
+}
+
+std::optional<Finding> GpuLog::take()
+{
+    std::lock_guard lock(mutex_);
+    const uint32_t *words = log_.words();
+    const uint32_t logged = __atomic_load_n(words + kLogCount, __ATOMIC_ACQUIRE);
+    if (reported_ == std::min(logged, kLogCapacity)) {
+        seen_.store(logged, std::memory_order_relaxed);
+        return std::nullopt;
+    }
+    const uint32_t *at = words + kLogHeaderWords + reported_ * kLogEntryWords;
+    if (__atomic_load_n(at, __ATOMIC_ACQUIRE) == 0)
+        return std::nullopt; // still being written
+    Finding finding;
+    static_assert(sizeof finding == kLogEntryWords * 4);
+    std::memcpy(&finding, at, sizeof finding);
+    ++reported_;
+    return finding;
+}
+
+void GpuLog::drain(DeviceValidation &device)
+{
+    if (!hasNew())
+        return;
+    while (const auto finding = take())
+        reportFinding(device, *finding);
+    bool overflows = false;
+    {
+        std::lock_guard lock(mutex_);
+        overflows = seen_.load(std::memory_order_relaxed) > kLogCapacity && !reportedOverflow_;
+        reportedOverflow_ |= overflows;
+    }
+    if (overflows)
+        device.driver.report().error("VELLUM-validation-log",
+                                     "there are more findings than the " + std::to_string(kLogCapacity) +
+                                         " reported; further ones are reported after vkDeviceWaitIdle");
+}
+
+void GpuLog::drainIdle(DeviceValidation &device)
+{
+    drain(device);
+    std::lock_guard lock(mutex_);
+    if (reported_ == 0)
+        return;
+    std::memset(log_.words(), 0, (kLogHeaderWords + reported_ * kLogEntryWords) * 4);
+    reported_ = 0;
+    seen_.store(0, std::memory_order_relaxed);
+    reportedOverflow_ = false;
+}
+
+namespace validation
+{
+
+VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
+{
+    const VkResult result = device.next.QueueWaitIdle(queue);
+    device.gpu.log.drain(device);
+    return result;
+}
+
+VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
+{
+    const VkResult result = device.next.DeviceWaitIdle(handle);
+    if (result == VK_SUCCESS)
+        device.gpu.log.drainIdle(device);
+    return result;
+}
+
+VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count, const VkFence *fences, VkBool32 all,
+                       uint64_t timeout)
+{
+    const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
+    device.gpu.log.drain(device);
+    return result;
+}
+
+VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence)
+{
+    const VkResult result = device.next.GetFenceStatus(handle, fence);
+    device.gpu.log.drain(device);
+    return result;
+}
+
+VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
+{
+    const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
+    device.gpu.log.drain(device);
+    return result;
+}
+
+VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore, uint64_t *value)
+{
+    const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
+    device.gpu.log.drain(device);
+    return result;
+}
+
+} // namespace validation
+} // namespace vellum::layer

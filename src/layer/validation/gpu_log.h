@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// The log of the check `gpu`: validation's shaders write their findings to host-visible memory. Commands that submit
+// work or learn that work is complete report them.
+#pragma once
+
+#include <atomic>
+#include <mutex>
+#include <optional>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+struct DeviceValidation;
+
+// Commands with findings, as the log numbers them.
+enum class SiteCommand : uint32_t { BuildMicromaps, BuildStructures, BuildStructuresIndirect, BuildMicromapsOnHost };
+
+// One finding, as the device logs it (core/findings.h).
+struct Finding {
+    uint32_t what, site, geometry, element, value0, value1;
+    uint64_t object;
+};
+constexpr uint32_t siteOf(SiteCommand command, uint32_t info)
+{
+    return static_cast<uint32_t>(command) << 24 | (info & 0xffffff);
+}
+void reportFinding(DeviceValidation &device, const Finding &finding);
+
+class GpuLog
+{
+public:
+    VkResult create(const GpuContext &context);
+    // For push constants.
+    [[nodiscard]] VkDeviceAddress address() const { return log_.address(); }
+    // Reports the findings since the last call.
+    void drain(DeviceValidation &device);
+    // Reports them and clears the log. The device must be idle until the call returns: in vkDeviceWaitIdle all queues
+    // are externally synchronized.
+    void drainIdle(DeviceValidation &device);
+
+private:
+    // Whether the log has grown. Takes no lock, because every poll of a fence calls it.
+    [[nodiscard]] bool hasNew() const;
+    // The next entry to report, if it is complete.
+    std::optional<Finding> take();
+
+    GpuBuffer log_;
+    std::mutex mutex_;              // guards the members below; not held while messages are sent
+    uint32_t reported_ = 0;         // entries
+    std::atomic<uint32_t> seen_{0}; // logged findings, including those beyond the capacity; read without the mutex
+    bool reportedOverflow_ = false;
+};
+
+namespace validation
+{
+
+VkResult queueWaitIdle(DeviceValidation &, VkQueue);
+VkResult deviceWaitIdle(DeviceValidation &, VkDevice);
+VkResult waitForFences(DeviceValidation &, VkDevice, uint32_t, const VkFence *, VkBool32, uint64_t);
+VkResult getFenceStatus(DeviceValidation &, VkDevice, VkFence);
+VkResult waitSemaphores(DeviceValidation &, VkDevice, const VkSemaphoreWaitInfo *, uint64_t);
+VkResult getSemaphoreCounterValue(DeviceValidation &, VkDevice, VkSemaphore, uint64_t *);
+
+} // namespace validation
+} // namespace vellum::layer

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// What structures hold, for checks that the device makes: a record for each in host-visible memory (core/findings.h).
+// Builds and copies write records in the order in which the device executes them.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "core/findings.h"
+#include "layer/memory/gpu_memory.h"
+
+namespace vellum::layer
+{
+
+struct DeviceTable;
+
+using RecordWords = std::array<uint32_t, shared::kStructureRecordWords>;
+
+class StructureRecords
+{
+public:
+    // A record that its destructor gives back. Must not outlive the records.
+    class Owner
+    {
+    public:
+        Owner(StructureRecords &records, uint32_t index) : records_(records), index_(index) {}
+        ~Owner() { records_.giveBack(index_); }
+        Owner(const Owner &) = delete;
+        Owner &operator=(const Owner &) = delete;
+        [[nodiscard]] uint32_t index() const { return index_; }
+
+    private:
+        StructureRecords &records_;
+        uint32_t index_;
+    };
+
+    VkResult create(const GpuContext &context);
+    // The record of a new structure; null if the check is off or there are too many structures.
+    std::shared_ptr<Owner> take();
+    // States that instances name a structure by that address.
+    void setReference(VkDeviceAddress reference, const Owner &record);
+
+    [[nodiscard]] VkDeviceAddress address() const { return records_.address(); }
+    // Of record 0, which states nothing, for null.
+    [[nodiscard]] VkDeviceAddress addressOf(const Owner *record) const
+    {
+        return address() + (record ? record->index() : 0) * sizeof(RecordWords);
+    }
+    [[nodiscard]] VkDeviceAddress references() const { return references_.address(); }
+
+    // Records the writing of a record, which the commands must order.
+    void set(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner &record,
+             const RecordWords &words) const;
+    void copy(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner *from, const Owner &to) const;
+    // Writes a record at once, for commands of the host.
+    void set(const Owner &record, const RecordWords &words);
+
+private:
+    void giveBack(uint32_t index);
+    [[nodiscard]] uint32_t *bucketOf(VkDeviceAddress reference);
+
+    GpuBuffer records_;
+    GpuBuffer references_;
+    std::mutex mutex_; // guards what is below, and the host's writes to the buffers
+    std::vector<uint32_t> free_;
+    uint32_t used_ = 1;                               // records that were in use at any time; record 0 is nobody's
+    uint32_t buckets_ = 0;                            // in use
+    std::map<uint32_t, VkDeviceAddress> referenceOf_; // of records
+};
+
+} // namespace vellum::layer
