@@ -36,6 +36,8 @@ struct WrongProgram {
     const char *also = "";
     // Translated, what the wrong program asks for is not available, which is reported as well.
     bool mayBeUnavailable = false;
+    // A quirk of the mock driver that reports the fault itself, to all devices of the process: not with it.
+    const char *notWith = nullptr;
 };
 
 // The programs of each file.
