@@ -178,7 +178,7 @@ public:
         if (options_.results)
             tryToWrite([&] { writeText(*options_.results, resultsCsv(results_)); });
         if (options_.junit)
-            tryToWrite([&] { writeText(*options_.junit, junitXml(results_)); });
+            tryToWrite([&] { writeText(*options_.junit, junitXml(facts_, results_)); });
         if (!error_.empty())
             throw Error(error_);
     }

@@ -120,8 +120,10 @@ with tempfile.TemporaryDirectory() as name:
     assert junit == named, (junit, named)
     rows = [line.split(",") for line in (out / "results.csv").read_text(encoding="utf-8").splitlines()]
     assert {name: status for name, status, _ in rows} == named and all(float(row[2]) >= 0 for row in rows)
+    faults_of_device = [f"{fault['fault']}: {fault['response']}" for fault in check["knownFaults"]]
     for suite in xml.etree.ElementTree.parse(out / "junit.xml").iter("testsuite"):
         assert int(suite.get("tests")) == len(suite.findall("testcase"))
+        assert [p.get("value") for p in suite.iter("property")] == faults_of_device != []
         assert int(suite.get("failures")) == len(suite.findall("testcase/failure"))
 
     # Times of a fraction of a second mean nothing, but every part has rows.

@@ -122,7 +122,7 @@ TEST_F(Judge, ToleratesNothingOnOtherDevices)
                                       .sbtStride = 1});
     const auto results = tracer.trace(*built_.scene, scene_.rays, kCapacity);
     Tolerance strict = toleranceFor(gpu());
-    EXPECT_TRUE(std::exchange(strict.vellumIntersectionLimits, false));
+    EXPECT_TRUE(std::exchange(strict.layerIntersectionShaders, false));
     uint32_t tried = 0;
     for (size_t i = 0; i < results.size(); ++i) {
         const vt::Ray &ray = scene_.rays[i];

@@ -64,6 +64,7 @@ private:
     std::optional<Arena::Snapshot> before_;
 };
 
+// scene: after the step
 bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene)
 {
     switch (step.kind) {
@@ -72,9 +73,7 @@ bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene)
     case Kind::CloneMicromap:
     case Kind::CompactMicromap:
     case Kind::ReloadMicromap:
-    case Kind::SetStates:
-        return step.update && std::ranges::any_of(scene.objects[object].meshes,
-                                                  [&](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); });
+    case Kind::SetStates: return step.update && scene.objects[object].uses(step.target);
     default: return false;
     }
 }
@@ -225,11 +224,14 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
                 flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
     };
     allowDisabling(case_.scene.instances);
+    oracle::Scene scene = case_.scene;
     for (const Step &step : case_.steps) {
+        applyTo(scene, step);
         allowDisabling(step.instances);
-        if (isUpdated(step, object, case_.scene))
+        const bool updated = isUpdated(step, object, scene);
+        if (updated)
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
-        if (isUpdated(step, object, case_.scene) && step.kind != Kind::UpdateObject)
+        if (updated && step.kind != Kind::UpdateObject)
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
         if (step.kind == Kind::CompactObject && step.target == object)
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;

@@ -74,9 +74,7 @@ void BuiltCase::buildObject(uint32_t object, bool update)
 void BuiltCase::buildMicromapUsers(uint32_t micromap, bool update)
 {
     for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
-        if (std::ranges::any_of(scene_.objects[o].meshes, [&](const oracle::Mesh &mesh) {
-                return mesh.micromap && mesh.micromap->micromap == micromap;
-            }))
+        if (scene_.objects[o].uses(micromap))
             buildObject(o, update);
     }
 }

@@ -67,23 +67,6 @@ constexpr std::array<NewerExtension, 9> kNewerExtensions{{
     {"VK_KHR_maintenance6", 1000545000},
 }};
 
-// The layer says so as a tool.
-bool vellumEmulates(VkPhysicalDevice device)
-{
-    VkPhysicalDeviceProperties properties;
-    vkGetPhysicalDeviceProperties(device, &properties);
-    if (properties.apiVersion < VK_API_VERSION_1_3)
-        return false;
-    uint32_t count = 0;
-    CHECK_VK(vkGetPhysicalDeviceToolProperties(device, &count, nullptr));
-    std::vector<VkPhysicalDeviceToolProperties> tools(count, vkInit<VkPhysicalDeviceToolProperties>());
-    CHECK_VK(vkGetPhysicalDeviceToolProperties(device, &count, tools.data()));
-    return std::any_of(tools.begin(), tools.end(), [](const VkPhysicalDeviceToolProperties &tool) {
-        return std::string_view(tool.layer).starts_with("VK_LAYER_VELLUM_") &&
-               std::string_view(tool.description) == "emulated";
-    });
-}
-
 } // namespace
 
 VulkanError::VulkanError(VkResult result, const char *what)
@@ -339,8 +322,7 @@ void Device::createDevice()
     pipelineProperties_.pNext = nullptr;
     driver_.pNext = nullptr;
     scratchAlignment_ = std::max(limits.minAccelerationStructureScratchOffsetAlignment, 1u);
-    emulatedByVellum_ = options_.micromaps && options_.apiVersion >= VK_API_VERSION_1_3 && vellumEmulates(physical_);
-    knownFaults_ = check::knownFaults(driver_.driverID, properties.properties.driverVersion);
+    knownFaults_ = check::knownFaults(physical_, options_.micromaps && options_.apiVersion >= VK_API_VERSION_1_3);
     lavapipe26_ = driver_.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
     if (khr())

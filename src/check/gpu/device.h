@@ -231,8 +231,6 @@ public:
     [[nodiscard]] VkQueue queue() const { return queue_; }
     [[nodiscard]] VkCommandPool pool() const { return pool_; }
     [[nodiscard]] bool has(const char *deviceExtension) const;
-    // Whether Vellum's layer emulates the micromaps of this device.
-    [[nodiscard]] bool emulatedByVellum() const { return emulatedByVellum_; }
     [[nodiscard]] const std::vector<KnownFault> &knownFaults() const { return knownFaults_; }
     [[nodiscard]] bool hasFault(Fault fault) const
     {
@@ -333,7 +331,6 @@ private:
     Commands commands_;
     std::vector<std::string> extensions_;
     uint32_t scratchAlignment_ = 0;
-    bool emulatedByVellum_ = false;
     std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
     bool indirectBuilds_ = false, micromapHostCommands_ = false;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 
+#include "vk/vk_init.h"
+
 namespace vellum::check
 {
 namespace
@@ -12,28 +14,88 @@ namespace
 constexpr uint32_t kMesa26 = VK_MAKE_API_VERSION(0, 26, 0, 0);
 constexpr uint32_t kNotFixed = UINT32_MAX; // in any version that is known
 
-constexpr std::array<KnownFault, 4> kFaults{{
-    {Fault::ReportChangesAttributes, VK_DRIVER_ID_MESA_LLVMPIPE, 0, kNotFixed,
-     "a hit that an intersection shader reports and that is not accepted changes the attributes of the committed hit",
-     "attributes of such committed hits are not judged"},
-    {Fault::SharedIntersectionStage, VK_DRIVER_ID_MESA_LLVMPIPE, 0, kNotFixed,
-     "where two hit groups share an intersection shader, the any-hit shader of one of them runs for both",
-     "hit groups do not share intersection shaders"},
-    {Fault::RayGenerationInLibrary, VK_DRIVER_ID_MESA_LLVMPIPE, 0, kNotFixed,
-     "a ray generation shader of a pipeline library does not run", "ray generation shaders are not in libraries"},
-    {Fault::InstanceBehindInvisible, VK_DRIVER_ID_MESA_LLVMPIPE, kMesa26, kNotFixed,
-     "an instance behind one that is inactive or has mask 0 crashes shaders that trace",
-     "such instances are active and have another mask, except at the end"},
+struct OfDriver {
+    KnownFault known;
+    VkDriverId driver;
+    uint32_t first, end; // versions that have it: from `first`, and before `end`
+};
+
+constexpr std::array<OfDriver, 5> kOfDrivers{{
+    {{Fault::ReportChangesAttributes,
+      "a hit that an intersection shader reports and that is not accepted changes the attributes of the committed hit",
+      "attributes of such committed hits are not judged"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     0,
+     kNotFixed},
+    {{Fault::SharedIntersectionStage,
+      "where two hit groups share an intersection shader, the any-hit shader of one of them runs for both",
+      "hit groups do not share intersection shaders"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     0,
+     kNotFixed},
+    {{Fault::RayGenerationInLibrary, "a ray generation shader of a pipeline library does not run",
+      "ray generation shaders are not in libraries"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     0,
+     kNotFixed},
+    {{Fault::InstanceBehindInvisible,
+      "an instance behind one that is inactive or has mask 0 crashes shaders that trace",
+      "such instances are active and have another mask, except at the end"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     kMesa26,
+     kNotFixed},
+    {{Fault::AddressWithConstantFlags,
+      "ray queries in ray tracing stages with constant ray flags, of an acceleration structure by its address, meet "
+      "nothing, meet wrong things or crash",
+      "ray queries in these stages get structures from descriptors where their flags are constant"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     kMesa26,
+     kNotFixed},
 }};
+
+struct OfLayer {
+    KnownFault known;
+    std::string_view description; // what the layer reports that it does
+};
+
+constexpr std::array<OfLayer, 2> kOfLayer{{
+    {{Fault::LayerIntersectionShaders,
+      "Vellum's layer emulates: intersection shaders may lack ray flags, and run for boxes that a ray flag culls",
+      "neither is judged"},
+     "emulated"},
+    {{Fault::LayerSerializedStructures,
+      "Vellum's layer translates to VK_EXT_opacity_micromap, and rejects serializing a BLAS with micromaps",
+      "with VK_KHR_opacity_micromap, such structures are not serialized"},
+     "translated"},
+}};
+
+std::vector<VkPhysicalDeviceToolProperties> toolsOf(VkPhysicalDevice device)
+{
+    uint32_t count = 0;
+    vkGetPhysicalDeviceToolProperties(device, &count, nullptr);
+    std::vector<VkPhysicalDeviceToolProperties> tools(count, vkInit<VkPhysicalDeviceToolProperties>());
+    vkGetPhysicalDeviceToolProperties(device, &count, tools.data());
+    return tools;
+}
 
 } // namespace
 
-std::vector<KnownFault> knownFaults(VkDriverId driver, uint32_t version)
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools)
 {
+    auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &driver});
+    vkGetPhysicalDeviceProperties2(device, &properties);
+    const uint32_t version = properties.properties.driverVersion;
     std::vector<KnownFault> faults;
-    std::copy_if(kFaults.begin(), kFaults.end(), std::back_inserter(faults), [&](const KnownFault &fault) {
-        return fault.driver == driver && version >= fault.first && version < fault.end;
-    });
+    for (const OfDriver &row : kOfDrivers)
+        if (row.driver == driver.driverID && version >= row.first && version < row.end)
+            faults.push_back(row.known);
+    if (!asksTools || properties.properties.apiVersion < VK_API_VERSION_1_3)
+        return faults;
+    for (const VkPhysicalDeviceToolProperties &tool : toolsOf(device))
+        for (const OfLayer &row : kOfLayer)
+            if (std::string_view(tool.layer).starts_with("VK_LAYER_VELLUM_") && tool.description == row.description)
+                faults.push_back(row.known);
     return faults;
 }
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Faults of drivers that have nothing to do with opacity micromaps: each occurs without them. What would meet one is
-// avoided or not judged, and reports name it.
+// Faults of drivers that have nothing to do with opacity micromaps, as each occurs without them, and documented limits
+// of Vellum's layer. What would meet one is avoided or not judged, and reports name it.
 #pragma once
 
-#include <cstdint>
 #include <string_view>
 #include <vector>
 
@@ -17,17 +16,18 @@ enum class Fault {
     SharedIntersectionStage,
     RayGenerationInLibrary,
     InstanceBehindInvisible,
+    AddressWithConstantFlags,
+    LayerIntersectionShaders,
+    LayerSerializedStructures,
 };
 
 struct KnownFault {
     Fault fault;
-    VkDriverId driver;
-    uint32_t first, end;       // versions that have it: from `first`, and before `end`
-    std::string_view text;     // what the driver does wrong
+    std::string_view text;     // what the driver or the layer does wrong
     std::string_view response; // what is avoided or not judged
 };
 
-// Those of a driver.
-std::vector<KnownFault> knownFaults(VkDriverId driver, uint32_t version);
+// Those of a device. asksTools: also of Vellum's layer, which is a tool of the device (Vulkan 1.3).
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools);
 
 } // namespace vellum::check

@@ -30,6 +30,17 @@ void showBeforeOthers(oracle::Scene &scene)
     }
 }
 
+// Fault::AddressWithConstantFlags
+void useDescriptors(TracePlan &trace)
+{
+    constexpr VkShaderStageFlags kRayTracingStages =
+        VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
+        VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
+    trace.byAddress &= trace.method != TracePlan::Method::Query ||
+                       (static_cast<VkShaderStageFlags>(trace.stage) & kRayTracingStages) == 0 ||
+                       trace.flags == TracePlan::Flags::RunTime;
+}
+
 // Whether the device's limits allow the triangle in a micromap of these flags.
 bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags, const DeviceLimits &limits)
 {
@@ -73,7 +84,7 @@ DeviceLimits limitsOf(const Device &gpu)
             .maxLevel2 = gpu.maxLevel(kTwoState),
             .maxLevel4 = gpu.maxLevel(kFourState),
             .maxLossyLevel = gpu.maxLossyLevel(),
-            .seesOnlyLastInstances = gpu.hasFault(Fault::InstanceBehindInvisible)};
+            .faults = gpu.knownFaults()};
 }
 
 Limits smallScene(const DeviceLimits &limits)
@@ -96,7 +107,7 @@ oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits 
                 triangle = oracle::randomTriangle(random, scene.maxLevel);
         }
     }
-    if (limits.seesOnlyLastInstances)
+    if (limits.has(Fault::InstanceBehindInvisible))
         showBeforeOthers(made);
     return made;
 }
@@ -150,7 +161,7 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
             instance.inactive = inactive;
             instance.object = object;
         }
-        if (limits.seesOnlyLastInstances)
+        if (limits.has(Fault::InstanceBehindInvisible))
             return {};
         return step;
     case Kind::CloneTop:
@@ -159,6 +170,10 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
     default:
         step.target = below(random, static_cast<uint32_t>(scene.objects.size()));
         step.other = below(random, static_cast<uint32_t>(scene.objects.size()));
+        if (kind == Kind::ReloadObject && limits.api == Api::Khr && limits.has(Fault::LayerSerializedStructures) &&
+            std::ranges::any_of(scene.objects[step.target].meshes,
+                                [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); }))
+            return {};
         return step;
     }
 }
@@ -180,6 +195,8 @@ Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, M
     Case c = make(random, session.limits());
     c.group = group;
     c.seed = seed;
+    if (session.limits().has(Fault::AddressWithConstantFlags))
+        useDescriptors(c.trace);
     if (session.onlyMakesCases)
         return {.reproducer = toJson(c)};
     return runAndShrink(session, c, kShrinkSeconds);

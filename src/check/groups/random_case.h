@@ -2,6 +2,8 @@
 // What groups make random cases with.
 #pragma once
 
+#include <algorithm>
+
 #include "check/case/case.h"
 #include "check/groups/group.h"
 #include "check/oracle/random_scene.h"
@@ -12,7 +14,7 @@ namespace vellum::check
 using oracle::Limits;
 using oracle::Random;
 
-// What a device allows.
+// What a device allows, and what cases avoid on it.
 struct DeviceLimits {
     Api api = Api::Khr;
     bool byteIndices = false; // VK_INDEX_TYPE_UINT8 for micromaps
@@ -20,7 +22,12 @@ struct DeviceLimits {
     bool hostCommands = false;
     bool indirectBuilds = false;
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
-    bool seesOnlyLastInstances = false; // Fault::InstanceBehindInvisible
+    std::vector<KnownFault> faults;
+
+    [[nodiscard]] bool has(Fault fault) const
+    {
+        return std::ranges::any_of(faults, [fault](const KnownFault &known) { return known.fault == fault; });
+    }
 };
 
 DeviceLimits limitsOf(const Device &gpu);

@@ -92,12 +92,12 @@ private:
     {
         for (const BoxVisit &visit : result_.visits) {
             const Hit *hit = find(visit, true);
-            if (hit == nullptr && visit.reported != 3 && tolerance_.vellumIntersectionLimits &&
+            if (hit == nullptr && visit.reported != 3 && tolerance_.layerIntersectionShaders &&
                 intersectionMayRunCulled(ray_.flags))
                 continue;
             if (hit == nullptr || !groupOf(*hit))
                 return describe("an intersection shader ran for a box that is not met", visit);
-            const bool flagsRight = visit.flags == ray_.flags || (tolerance_.vellumIntersectionLimits &&
+            const bool flagsRight = visit.flags == ray_.flags || (tolerance_.layerIntersectionShaders &&
                                                                   intersectionMaySee(visit.flags, ray_.flags));
             if (!flagsRight || visit.record != 100 + recordOf(*hit) || visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
                 return describe("what the intersection shader reads", visit);
@@ -213,7 +213,7 @@ private:
 
 Tolerance toleranceFor(const Device &gpu)
 {
-    return {gpu.emulatedByVellum(), gpu.hasFault(Fault::ReportChangesAttributes)};
+    return {gpu.hasFault(Fault::LayerIntersectionShaders), gpu.hasFault(Fault::ReportChangesAttributes)};
 }
 
 std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits,

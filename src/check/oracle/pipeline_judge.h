@@ -16,9 +16,10 @@ extern const std::array<TracerGroup, 5> kHitGroups;
 extern const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords;
 
 // What a device does otherwise than the specification says, and is not reported.
+// Of these members of Fault.
 struct Tolerance {
-    bool vellumIntersectionLimits = false; // intersectionMaySee, intersectionMayRunCulled
-    bool reportChangesAttributes = false;  // Fault
+    bool layerIntersectionShaders = false; // intersectionMaySee, intersectionMayRunCulled
+    bool reportChangesAttributes = false;
 };
 Tolerance toleranceFor(const Device &gpu);
 

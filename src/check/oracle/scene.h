@@ -2,6 +2,7 @@
 // A scene as plain data: triangles and boxes, micromaps, instances and rays.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -49,6 +50,14 @@ struct Mesh { // a geometry
 struct Object {                                     // a bottom-level structure: triangles or boxes
     VkBuildAccelerationStructureFlagsKHR flags = 0; // besides those that steps and instances need
     std::vector<Mesh> meshes;
+
+    // Whether a mesh has that micromap.
+    [[nodiscard]] bool uses(uint32_t micromap) const
+    {
+        return std::any_of(meshes.begin(), meshes.end(), [micromap](const Mesh &mesh) {
+            return mesh.micromap && mesh.micromap->micromap == micromap;
+        });
+    }
 };
 
 struct Instance {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "check/gpu/known_faults.h"
 #include "cli/vulkan/context.h"
 
 namespace vellum::cli
@@ -16,8 +17,15 @@ DeviceSummary describeDevice(const check::SessionOptions &options)
     const std::vector<DeviceInfo> all = listDevices(instance);
     const auto found =
         std::find_if(all.begin(), all.end(), [&](const DeviceInfo &info) { return info.handle == device.handle; });
-    return {static_cast<size_t>(found - all.begin()), device.name, device.implementation, device.khrMicromaps,
-            device.extMicromaps};
+    DeviceSummary summary{static_cast<size_t>(found - all.begin()),
+                          device.name,
+                          device.implementation,
+                          device.khrMicromaps,
+                          device.extMicromaps,
+                          {}};
+    for (const check::KnownFault &fault : check::knownFaults(device.handle, true))
+        summary.knownFaults.push_back({std::string(fault.text), std::string(fault.response)});
+    return summary;
 }
 
 } // namespace vellum::cli

@@ -150,8 +150,14 @@ std::string failuresCsv(const std::vector<CaseResult> &results)
     return text;
 }
 
-std::string junitXml(const std::vector<CaseResult> &results)
+std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &results)
 {
+    std::string properties;
+    for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
+        properties += fmt::format("      <property name=\"known fault\" value=\"{}: {}\"/>\n", xml(fault.text),
+                                  xml(fault.response));
+    if (!properties.empty())
+        properties = "    <properties>\n" + properties + "    </properties>\n";
     std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum check\">\n";
     for (const GroupTally &group : tallyOf(results).groups) {
         std::string cases;
@@ -167,7 +173,7 @@ std::string junitXml(const std::vector<CaseResult> &results)
         text +=
             fmt::format("  <testsuite name=\"{}.{}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\" time=\"{:.3f}\">\n",
                         nameOf(group.api), group.group->name, group.cases, failures, skipped, group.seconds);
-        text += cases + "  </testsuite>\n";
+        text += properties + cases + "  </testsuite>\n";
     }
     return text + "</testsuites>\n";
 }
@@ -180,6 +186,9 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
     json.member("device", facts.device.name).member("implementation", facts.device.implementation);
     json.member("seed", std::to_string(facts.seed)).member("seconds", facts.seconds);
     json.member("interrupted", facts.interrupted);
+    json.list("knownFaults", facts.device.knownFaults, [&](const DeviceSummary::Fault &fault) {
+        json.beginObject().member("fault", fault.text).member("response", fault.response).end();
+    });
     json.list("groups", tally.groups, [&](const GroupTally &group) { writeGroup(group, json); });
     writeCauses("failures", tally.failures, json);
     writeCauses("flakes", tally.flakes, json);
@@ -212,6 +221,10 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
                             grouped(count(group, {Status::Timeout})), grouped(group.rays), group.seconds);
     appendCauses("failures", tally.failures, text);
     appendCauses("flakes", tally.flakes, text);
+    if (!facts.device.knownFaults.empty())
+        text += "\nknown faults of the device, and what is therefore not tested:\n";
+    for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
+        text += fmt::format("  {}\n    {}\n", fault.text, fault.response);
     const std::string others = otherVerdicts(tally);
     size_t failures = 0;
     for (const auto &[verdict, number] : tally.verdicts)

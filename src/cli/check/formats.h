@@ -24,7 +24,7 @@ std::string resultsCsv(const std::vector<CaseResult> &results);
 // deqp-runner's failures.csv: name,status of what is no success. It can be the next run's baseline.
 std::string failuresCsv(const std::vector<CaseResult> &results);
 // JUnit's XML, a test suite for each group and extension.
-std::string junitXml(const std::vector<CaseResult> &results);
+std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &results);
 // src/cli/schema.json describes it.
 std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &results);
 

@@ -50,7 +50,7 @@ void OutputFolder::writeResults(const RunFacts &facts, const std::vector<CaseRes
 {
     writeText(path_ / "results.csv", resultsCsv(results));
     writeText(path_ / "failures.csv", failuresCsv(results));
-    writeText(path_ / "junit.xml", junitXml(results));
+    writeText(path_ / "junit.xml", junitXml(facts, results));
     writeText(path_ / kResults, resultsJson(facts, results));
 }
 

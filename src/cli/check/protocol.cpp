@@ -172,6 +172,9 @@ std::string write(const Event &event)
             .member("name", event.device.name)
             .member("implementation", event.device.implementation);
         json.member("khr", event.device.khr ? "yes" : "no").member("ext", event.device.ext ? "yes" : "no");
+        json.list("knownFaults", event.device.knownFaults, [&](const DeviceSummary::Fault &fault) {
+            json.beginObject().member("text", fault.text).member("response", fault.response).end();
+        });
         break;
     case Event::Kind::Begin: break;
     case Event::Kind::End: writeOutcome(event.outcome, json); break;
@@ -188,8 +191,11 @@ Event parseEvent(const std::string &line)
     event.kind = kindOf<Event::Kind>(reader.text("event"), kEvents);
     switch (event.kind) {
     case Event::Kind::Device:
-        event.device = {reader.hexNumber("number"), reader.text("name"), reader.text("implementation"),
-                        reader.text("khr") == "yes", reader.text("ext") == "yes"};
+        event.device = {reader.hexNumber("number"),  reader.text("name"),         reader.text("implementation"),
+                        reader.text("khr") == "yes", reader.text("ext") == "yes", {}};
+        reader.forEach("knownFaults", [&](const rapidjson::Value &fault) {
+            event.device.knownFaults.push_back({Reader::textOf(fault, "text"), Reader::textOf(fault, "response")});
+        });
         break;
     case Event::Kind::Begin: break;
     case Event::Kind::End: event.outcome = readOutcome(reader); break;

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "check/groups/group.h"
 
@@ -38,6 +39,12 @@ struct DeviceSummary {
     std::string implementation; // of micromaps, in words
     bool khr = false;           // has VK_KHR_opacity_micromap
     bool ext = false;
+    // Known faults of the driver, and limits of the layer.
+    struct Fault {
+        std::string text;
+        std::string response; // what is avoided or not judged
+    };
+    std::vector<Fault> knownFaults;
 
     [[nodiscard]] bool has(check::Api api) const { return api == check::Api::Khr ? khr : ext; }
 };

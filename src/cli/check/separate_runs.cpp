@@ -40,7 +40,7 @@ std::string SeparateRuns::make(const std::string &group, uint64_t seed)
 {
     const check::Outcome outcome = outcomeOf({.kind = Request::Kind::Make, .group = group, .seed = seed});
     if (outcome.status != check::Status::Pass)
-        throw Error(outcome.cause);
+        throw Error(outcome.cause.empty() ? "timeout" : outcome.cause);
     return outcome.reproducer;
 }
 

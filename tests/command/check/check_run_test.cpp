@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum check`: what becomes of cases that pass, fail, crash, hang and lie.
+#include <algorithm>
 #include <csignal>
 #include <gtest/gtest.h>
 
@@ -24,6 +25,15 @@ protected:
         for (const std::string &filter : filters)
             arguments.insert(arguments.end(), {"--filter", "khr." + filter});
         return runCheck(folder_, arguments, environment);
+    }
+    // Those of a reproducer.
+    size_t trianglesOf(const std::string &name)
+    {
+        const std::string text = textOf(folder_ / "out/failures" / (name + ".json"));
+        const size_t begin = text.find("\"vertices\": [");
+        EXPECT_NE(begin, std::string::npos) << text;
+        const std::string vertices = text.substr(begin, text.find("}", begin) - begin);
+        return static_cast<size_t>(std::count(vertices.begin(), vertices.end(), '[') - 1) / 3;
     }
 
     TemporaryFolder folder_;
@@ -96,6 +106,39 @@ TEST_F(Check, ACrashNamesItsSignalAndTheRunGoesOn)
     EXPECT_EQ(check.results,
               (Statuses{{"khr.crash.0000", "Crash"}, {"khr.crash.0001", "Crash"}, {"khr.good.0000", "Pass"}}));
     EXPECT_NE(check.outcome.output.find("  Crash: SIGSEGV\n    2 cases"), std::string::npos) << check.outcome.output;
+}
+
+TEST_F(Check, TheFirstCrashWithACauseIsShrunk)
+{
+    run({"crash.*", "lost.0000"}, {"--jobs", "1"});
+    for (const char *name : {"khr.crash.0000", "khr.lost.0000"})
+        EXPECT_EQ(trianglesOf(name), 3U);
+    EXPECT_EQ(trianglesOf("khr.crash.0001"), 12U);
+    EXPECT_NE(textOf(folder_ / "out/failures/khr.crash.0000.txt").find("the process ended: SIGSEGV"),
+              std::string::npos);
+    EXPECT_NE(textOf(folder_ / "out/failures/khr.lost.0000.txt").find("the device was lost: vkQueueSubmit"),
+              std::string::npos);
+}
+
+TEST_F(Check, CasesThatHangHaveAReproducer)
+{
+    run({"hang.*"}, {"--timeout", "1"});
+    EXPECT_EQ(trianglesOf("khr.hang.0000"), 12U);
+    EXPECT_NE(textOf(folder_ / "out/failures/khr.hang.0000.txt").find("nothing within the time limit"),
+              std::string::npos);
+}
+
+TEST_F(Check, ReportsNameKnownFaultsOfTheDevice)
+{
+    const CheckRun check = run({"good.0000"});
+    EXPECT_NE(check.outcome.output.find("  rays are <green>\n    colours are not compared\n"), std::string::npos)
+        << check.outcome.output;
+    EXPECT_NE(textOf(folder_ / "out/junit.xml")
+                  .find("<property name=\"known fault\" value=\"rays are &lt;green&gt;: colours are not compared\"/>"),
+              std::string::npos);
+    const std::string json = textOf(folder_ / "out/results.json");
+    EXPECT_NE(json.find("\"fault\": \"rays are <green>\""), std::string::npos) << json;
+    EXPECT_NE(json.find("\"response\": \"colours are not compared\""), std::string::npos);
 }
 
 TEST_F(Check, CrashesBetweenOtherCasesLoseNoResult)
