@@ -193,6 +193,15 @@ Case lossy(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+// All rays have the same flags, which the shader knows.
+void fixFlags(Random &random, Case &c)
+{
+    c.trace.flags = chance(random, 50) ? TracePlan::Flags::Specialized : TracePlan::Flags::Literal;
+    const uint32_t flags = c.scene.rays[0].flags | (chance(random, 40) ? kRayForceTwoState : 0);
+    for (Ray &ray : c.scene.rays)
+        ray.flags = flags;
+}
+
 // Ray queries in every stage, with ray flags and execution mode from everywhere.
 Case stages(Random &random, const DeviceLimits &limits)
 {
@@ -204,11 +213,8 @@ Case stages(Random &random, const DeviceLimits &limits)
     c.trace.inlineModules = chance(random, 30);
     c.trace.mode =
         limits.api == Api::Khr && chance(random, 50) ? TracePlan::Mode::SpecializedTrue : TracePlan::Mode::True;
-    if (chance(random, 40)) {
-        c.trace.flags = TracePlan::Flags::Specialized;
-        for (Ray &ray : c.scene.rays)
-            ray.flags = c.scene.rays[0].flags;
-    }
+    if (chance(random, 40))
+        fixFlags(random, c);
     return c;
 }
 
@@ -260,7 +266,10 @@ Case executionMode(Random &random, const DeviceLimits &limits)
                                TracePlan::Mode::SpecializedTrue};
     const TracePlan::Mode mode = modes[below(random, modes.size())];
     scene.micromaps = mode == TracePlan::Mode::SpecializedTrue;
-    return {.scene = makeScene(random, scene, limits), .trace = {.mode = mode}};
+    Case c{.scene = makeScene(random, scene, limits), .trace = {.mode = mode}};
+    if (chance(random, 40))
+        fixFlags(random, c);
+    return c;
 }
 
 constexpr std::array kGroups{
@@ -293,7 +302,7 @@ constexpr std::array kGroups{
         "state to any of the UNKNOWN states\"",
         100, runGroup<lossy>},
     Group{
-        "stages", "ray queries in every stage, with ray flags of run time and specialized ones",
+        "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
         200, runGroup<stages>},
     Group{"pipeline-plans", "ray tracing pipelines of libraries, with inline modules, stack sizes, recursion, flags2",
