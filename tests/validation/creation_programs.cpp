@@ -70,9 +70,8 @@ void versionWithoutFeature(Gpu &gpu, bool wrong)
 void buildWithoutFeature(Gpu &gpu, bool wrong)
 {
     if (wrong)
-        recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
-            gpu.vk().CmdBuildMicromapsEXT(commands, 0, nullptr);
-        });
+        recordUnlessWrong(gpu, wrong,
+                          [&](VkCommandBuffer commands) { gpu.vk().CmdBuildMicromapsEXT(commands, 0, nullptr); });
 }
 
 // --- VK_KHR_opacity_micromap ---
@@ -81,10 +80,11 @@ template <auto change>
 void khrCreation(Gpu &gpu, bool wrong)
 {
     const Guarded right(gpu, 4096, 256, micromapStorageUsage(gpu));
-    const Guarded other(gpu, 4096, 256,
-                        VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
-        {.addressRange = {right.address(), 2048}, .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
+    const Guarded other(gpu, 4096, 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+    auto info =
+        vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {right.address(), 2048},
+                                                       .addressFlags = kUnknownUsage,
+                                                       .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
     if (wrong)
         change(info, other.address());
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
@@ -110,6 +110,7 @@ void creationWithoutFeature(Gpu &gpu, bool wrong)
     const Guarded memory(gpu, 4096, 256, micromapStorageUsage(gpu));
     auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
         {.addressRange = {memory.address(), 2048},
+         .addressFlags = kUnknownUsage,
          .type = wrong ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
                        : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
     VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
@@ -117,14 +118,15 @@ void creationWithoutFeature(Gpu &gpu, bool wrong)
         gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
 }
 
-#define EXT_CHANGE(...) [](VkMicromapCreateInfoEXT & info, [[maybe_unused]] VkBuffer other) { __VA_ARGS__; }
+#define EXT_CHANGE(...) [](VkMicromapCreateInfoEXT &info, [[maybe_unused]] VkBuffer other) { __VA_ARGS__; }
 #define KHR_CHANGE(...)                                                                                                \
-    [](VkAccelerationStructureCreateInfo2KHR & info, [[maybe_unused]] VkDeviceAddress other) { __VA_ARGS__; }
+    [](VkAccelerationStructureCreateInfo2KHR &info, [[maybe_unused]] VkDeviceAddress other) { __VA_ARGS__; }
 
 const WrongProgram kPrograms[] = {
     {"VUID-VkMicromapCreateInfoEXT-deviceAddress-07433", Api::Ext, kNeedsNothing,
      extCreation<EXT_CHANGE(info.deviceAddress = 65536)>},
-    {"VUID-VkMicromapCreateInfoEXT-buffer-07435", Api::Ext, kNeedsNothing, extCreation<EXT_CHANGE(info.buffer = other)>},
+    {"VUID-VkMicromapCreateInfoEXT-buffer-07435", Api::Ext, kNeedsNothing,
+     extCreation<EXT_CHANGE(info.buffer = other)>},
     {"VUID-VkMicromapCreateInfoEXT-offset-07437", Api::Ext, kNeedsNothing,
      extCreation<EXT_CHANGE(info.offset = 65536)>},
     {"VUID-VkMicromapCreateInfoEXT-offset-07438", Api::Ext, kNeedsNothing, extCreation<EXT_CHANGE(info.offset = 128)>},

@@ -7,10 +7,6 @@
 namespace vt
 {
 
-inline constexpr VkAddressCommandFlagsKHR kUnknownUsage =
-    VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR |
-    VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR;
-
 // A buffer with an address and memory; a sparse one gets memory by bind().
 class RangeBuffer
 {

@@ -44,8 +44,8 @@ MicromapHandle createMicromap(const Device &gpu, VkBuffer buffer, VkDeviceAddres
 {
     MicromapHandle handle;
     if (gpu.khr()) {
-        auto info =
-            vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {address + offset, size}, .type = type});
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = {address + offset, size}, .addressFlags = kUnknownUsage, .type = type});
         CHECK_VK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &handle.khr));
         return handle;
     }

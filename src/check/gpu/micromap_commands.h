@@ -14,6 +14,11 @@ namespace vellum::check
 // Among a Micromap's VkBuildMicromapFlagsEXT: KHR's VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR.
 inline constexpr VkBuildMicromapFlagsEXT kLossy = 0x400;
 
+// Of ranges of memory, which other buffers may have as well.
+inline constexpr VkAddressCommandFlagsKHR kUnknownUsage =
+    VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR |
+    VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR;
+
 // A micromap by the API of its device; the other handle is null.
 struct MicromapHandle {
     VkMicromapEXT ext = VK_NULL_HANDLE;

@@ -60,7 +60,8 @@ protected:
     {
         if (strictTests())
             return expectCreationRefused(type, range, rule);
-        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = range, .type = type});
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = range, .addressFlags = kUnknownUsage, .type = type});
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         EXPECT_EQ(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
         expectRejected(rule);

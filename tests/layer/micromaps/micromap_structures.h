@@ -29,7 +29,8 @@ public:
     Placed(Gpu &gpu, VkAccelerationStructureTypeKHR type, VkDeviceAddress address, VkDeviceSize size)
         : gpu_(gpu), size_(size)
     {
-        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {address, size}, .type = type});
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = {address, size}, .addressFlags = kUnknownUsage, .type = type});
         VT_CHECK(gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &info, nullptr, &handle_));
     }
     // In memory of its own.
@@ -200,7 +201,8 @@ protected:
     void expectCreationRefused(VkAccelerationStructureTypeKHR type, const VkDeviceAddressRangeKHR &range,
                                const std::string &rule)
     {
-        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = range, .type = type});
+        auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+            {.addressRange = range, .addressFlags = kUnknownUsage, .type = type});
         VkAccelerationStructureKHR handle = VK_NULL_HANDLE;
         EXPECT_NE(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &info, nullptr, &handle), VK_SUCCESS);
         EXPECT_EQ(handle, VkAccelerationStructureKHR{});

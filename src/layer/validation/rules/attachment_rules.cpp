@@ -49,8 +49,6 @@ constexpr UsageIds kUsageIds{"VUID-VkAccelerationStructureTrianglesOpacityMicrom
                              nullptr};
 constexpr const char *kIsMicromap[] = {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624",
                                        "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11624"};
-constexpr const char *kIndexRange = "VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577";
-constexpr const char *kTriangles = "VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576";
 
 // Bytes of an index; 0 for types that neither extension takes, UINT32_MAX for no indices.
 uint32_t indexSize(const AttachmentInput &attachment)
@@ -64,8 +62,7 @@ uint32_t indexSize(const AttachmentInput &attachment)
     }
 }
 
-void checkIndices(const RuleCheck &check, bool indirect, const AttachmentInput &attachment, uint32_t primitives,
-                  const AttachmentIds &ids)
+void checkIndices(const RuleCheck &check, bool indirect, const AttachmentInput &attachment, const AttachmentIds &ids)
 {
     const uint32_t size = indexSize(attachment);
     const VkDeviceAddress buffer = attachment.indexBuffer.deviceAddress;
@@ -81,10 +78,9 @@ void checkIndices(const RuleCheck &check, bool indirect, const AttachmentInput &
     checkMultiple(check, attachment.indexStride, size, "indexStride", ids.stride);
     if (attachment.indexStride > UINT32_MAX)
         check.fault("indexStride", ids.strideRange, std::to_string(attachment.indexStride) + " is above 2^32-1");
-    else if (check.require(buffer != 0, "indexBuffer", ids.buffer[indirect ? 1 : 0],
-                           "the address is null, although there is an indexType") &&
-             attachment.khr && !indirect && primitives > 0)
-        checkBytes(check, buffer, attachment.indexStride * (primitives - 1) + size, "indexBuffer", kIndexRange);
+    else
+        check.require(buffer != 0, "indexBuffer", ids.buffer[indirect ? 1 : 0],
+                      "the address is null, although there is an indexType");
 }
 
 // A structure of VK_KHR_opacity_micromap may hold something that is not a micromap.
@@ -92,25 +88,10 @@ void checkIsMicromap(const RuleCheck &check, bool indirect, const std::shared_pt
 {
     check.whenExecuted(kIsMicromap[indirect ? 1 : 0], [&device = check.device(), micromap]() -> std::string {
         const auto contents = micromap->contents;
-        if (!contents || contents->deserialized || contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+        if (!contents || contents->deserialized ||
+            contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
             return {};
         return "the structure " + device.nameOf(micromap->handle) + " was not built as a micromap";
-    });
-}
-
-// Without indices, triangle i of the geometry has triangle i of the micromap.
-void checkTriangles(const RuleCheck &check, const AttachmentInput &attachment, uint32_t primitives)
-{
-    if (attachment.indexType != VK_INDEX_TYPE_NONE_KHR || primitives == 0)
-        return;
-    const uint64_t last = uint64_t{attachment.baseTriangle} + primitives - 1;
-    check.whenExecuted(kTriangles, [micromap = attachment.micromap, last]() -> std::string {
-        const auto contents = micromap->contents;
-        if (!contents || contents->deserialized || last <= contents->triangles ||
-            contents->type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
-            return {};
-        return "the last triangle has index " + std::to_string(last) + " in a micromap of " +
-               std::to_string(contents->triangles) + " triangles";
     });
 }
 
@@ -173,10 +154,10 @@ void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<Validated
 
 } // namespace
 
-void checkAttachment(const RuleCheck &check, bool indirect, const AttachmentInput &attachment, uint32_t primitives)
+void checkAttachment(const RuleCheck &check, bool indirect, const AttachmentInput &attachment)
 {
     const AttachmentIds &ids = attachment.khr ? kKhrIds : kExtIds;
-    checkIndices(check, indirect, attachment, primitives, ids);
+    checkIndices(check, indirect, attachment, ids);
     if (attachment.usageArrays > 1)
         check.fault("pUsageCounts", kUsageIds.arrays, "both pUsageCounts and ppUsageCounts are given");
     if (!attachment.micromap)
@@ -184,11 +165,8 @@ void checkAttachment(const RuleCheck &check, bool indirect, const AttachmentInpu
     if (!attachment.khr)
         checkUsages(check, attachment.usages, kUsageIds, check.device().limits.ext, false);
     checkConstructed(check, attachment.micromap, ids.constructed[indirect ? 1 : 0]);
-    if (!attachment.khr)
-        return;
-    checkIsMicromap(check, indirect, attachment.micromap);
-    if (!indirect)
-        checkTriangles(check, attachment, primitives);
+    if (attachment.khr)
+        checkIsMicromap(check, indirect, attachment.micromap);
 }
 
 void checkUpdate(const RuleCheck &check, bool indirect, const VkAccelerationStructureBuildGeometryInfoKHR &info)

@@ -60,7 +60,7 @@ BuildMemory checkMicromapData(const RuleCheck &check, const VkAccelerationStruct
                               const MicromapBuildInput &build);
 
 // The micromap of a geometry. `primitives`: of that geometry; 0 if the host does not know.
-void checkAttachment(const RuleCheck &check, bool indirect, const AttachmentInput &attachment, uint32_t primitives);
+void checkAttachment(const RuleCheck &check, bool indirect, const AttachmentInput &attachment);
 // An update, against what the source holds when the command is executed.
 void checkUpdate(const RuleCheck &check, bool indirect, const VkAccelerationStructureBuildGeometryInfoKHR &info);
 

@@ -78,8 +78,8 @@ bool checkMicromapGeometry(const RuleCheck &check, const BuildInfo &info)
     if (right)
         part.require(geometry->flags == 0, "flags", "VUID-VkAccelerationStructureGeometryKHR-flags-11569",
                      "the geometry of a micromap has flags");
-    const bool hasData = findInChain(geometry->pNext,
-                                     VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR) != nullptr;
+    const bool hasData =
+        findInChain(geometry->pNext, VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR) != nullptr;
     return part.require(hasData || !right, "pNext", "VUID-VkAccelerationStructureGeometryKHR-micromap-11568",
                         "there is no VkAccelerationStructureGeometryMicromapDataKHR") &&
            hasData;
@@ -106,8 +106,7 @@ BuildMemory checkMicromapBuild(const RuleCheck &check, const BuildInfo &info, co
     return checkMicromapData(check, info, *micromapBuildOf(check.device(), info));
 }
 
-// `ranges`: null if the host does not know them.
-void checkOtherGeometries(const RuleCheck &check, bool indirect, const BuildInfo &info, const RangeInfo *ranges)
+void checkOtherGeometries(const RuleCheck &check, bool indirect, const BuildInfo &info)
 {
     for (uint32_t g = 0; g < info.geometryCount; ++g) {
         const auto *geometry = geometryOf(info, g);
@@ -120,7 +119,7 @@ void checkOtherGeometries(const RuleCheck &check, bool indirect, const BuildInfo
                      "the geometry is for micromaps, the structure is not one");
         if (const auto attachment = attachmentOf(check.device(), *geometry)) {
             const Place triangles = place.member("geometry.triangles");
-            checkAttachment(check.at(triangles), indirect, *attachment, ranges ? ranges[g].primitiveCount : 0);
+            checkAttachment(check.at(triangles), indirect, *attachment);
         }
     }
     checkUpdate(check, indirect, info);
@@ -182,9 +181,10 @@ void checkStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffe
         }
         const Place rangePlace = place.element("ppBuildRangeInfos", i);
         if (!range && info.geometryCount > 0)
-            check.at(rangePlace).fault("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
-                                       "it is null, and the structure is not a micromap");
-        checkOtherGeometries(check, false, info, range);
+            check.at(rangePlace)
+                .fault("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
+                       "it is null, and the structure is not a micromap");
+        checkOtherGeometries(check, false, info);
         builds.push_back(memoryOfOther(device, info));
     }
     for (uint32_t i = 0; i < infos.size() && infos.size() > 1; ++i)
@@ -207,7 +207,7 @@ void checkIndirectStructureBuilds(DeviceValidation &device, VkCommandBuffer comm
         if (check.require(!buildsMicromap(infos[i]), "type",
                           "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
                           "a micromap cannot be built indirectly"))
-            checkOtherGeometries(check, true, infos[i], nullptr);
+            checkOtherGeometries(check, true, infos[i]);
     }
 }
 
