@@ -200,6 +200,57 @@ void twoConditions(Gpu &gpu, bool wrong)
     });
 }
 
+void longFeedbackBuffer(Gpu &gpu, bool wrong)
+{
+    auto feedback = vkInit<VkPhysicalDeviceTransformFeedbackPropertiesEXT>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &feedback});
+    vkGetPhysicalDeviceProperties2(gpu.physical(), &properties);
+    const RangeBuffer buffer(gpu, VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT);
+    const VkDeviceSize bytes = wrong ? feedback.maxTransformFeedbackBufferSize + 4 : 64;
+    recordOnly(gpu, [&](VkCommandBuffer commands) {
+        kFeedbackBuffer.record(gpu, commands, {buffer.address(), bytes}, kUnknownUsage);
+    });
+}
+
+// FULLY_BOUND, for sparse buffers with memory or without. Nothing is drawn.
+template <auto member>
+void notBound(Gpu &gpu, bool wrong)
+{
+    constexpr VkAddressCommandFlagsKHR kBound = kUnknownUsage | VK_ADDRESS_COMMAND_FULLY_BOUND_BIT_KHR;
+    RangeBuffer buffer(gpu, kIndirect, VK_BUFFER_CREATE_SPARSE_BINDING_BIT);
+    const RangeBuffer other(gpu, kIndirect);
+    if (!wrong)
+        buffer.bind();
+    gpu.submit([&](VkCommandBuffer commands) { member(gpu, commands, buffer.address(), other.address(), kBound); });
+}
+
+void drawNothing(Gpu &gpu, VkCommandBuffer commands, VkDeviceAddress at, VkDeviceAddress,
+                 VkAddressCommandFlagsKHR flags)
+{
+    const auto info = vkInit<VkDrawIndirect2InfoKHR>({.addressRange = {at, 64, 16}, .addressFlags = flags});
+    gpu.vk().CmdDrawIndirect2KHR(commands, &info);
+}
+
+void drawNothingCounted(Gpu &gpu, VkCommandBuffer commands, VkDeviceAddress at, VkDeviceAddress other,
+                        VkAddressCommandFlagsKHR flags)
+{
+    const auto info = vkInit<VkDrawIndirectCount2InfoKHR>({.addressRange = {at, 64, 16},
+                                                           .addressFlags = flags,
+                                                           .countAddressRange = {other, 4},
+                                                           .countAddressFlags = kUnknownUsage});
+    gpu.vk().CmdDrawIndirectCount2KHR(commands, &info);
+}
+
+void countNothing(Gpu &gpu, VkCommandBuffer commands, VkDeviceAddress at, VkDeviceAddress other,
+                  VkAddressCommandFlagsKHR flags)
+{
+    const auto info = vkInit<VkDrawIndirectCount2InfoKHR>({.addressRange = {other, 64, 16},
+                                                           .addressFlags = kUnknownUsage,
+                                                           .countAddressRange = {at, 4},
+                                                           .countAddressFlags = flags});
+    gpu.vk().CmdDrawIndirectCount2KHR(commands, &info);
+}
+
 constexpr auto kNeeds = kNeedsAddressCommands;
 constexpr auto kFew = kNeedsAddressCommands | kNeedsFewFeatures;
 
@@ -224,10 +275,12 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkDrawIndirect2InfoKHR-addressRange-13107", Api::Khr, kNeeds, usage<kDraw>},
     {"VUID-VkDrawIndirect2InfoKHR-addressRange-13107", Api::Khr, kNeeds, usage<kMeshDraw>, "Mesh"},
     {"VUID-VkDrawIndirect2InfoKHR-addressRange-13109", Api::Khr, kNeeds, alignment<kDraw>},
-    {"VUID-VkDrawIndirect2InfoKHR-protectedNoFault-13108", Api::Khr, kNeeds, protectedFlag<kDraw>},
+    {"VUID-VkDrawIndirect2InfoKHR-protectedNoFault-13108", Api::Khr, kNeeds, protectedFlag<kDraw>, "",
+     "VUID-VkDrawIndirect2InfoKHR-addressRange-13107"},
     {"VUID-VkDrawIndirectCount2InfoKHR-addressRange-13107", Api::Khr, kNeeds, usage<kCountedDraw>},
     {"VUID-VkDrawIndirectCount2InfoKHR-addressRange-13109", Api::Khr, kNeeds, alignment<kCountedDraw>},
-    {"VUID-VkDrawIndirectCount2InfoKHR-protectedNoFault-13108", Api::Khr, kNeeds, protectedFlag<kCountedDraw>},
+    {"VUID-VkDrawIndirectCount2InfoKHR-protectedNoFault-13108", Api::Khr, kNeeds, protectedFlag<kCountedDraw>, "",
+     "VUID-VkDrawIndirectCount2InfoKHR-addressRange-13107"},
     {"VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13114", Api::Khr, kNeeds, usage<kDrawCount>},
     {"VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13115", Api::Khr, kNeeds, alignment<kDrawCount>},
     {"VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13117", Api::Khr, kNeeds, size<kDrawCount, 4, 3>},
@@ -264,7 +317,8 @@ constexpr WrongProgram kPrograms[] = {
 
     {"VUID-VkDispatchIndirect2InfoKHR-addressRange-13107", Api::Khr, kNeeds, usage<kDispatch>},
     {"VUID-VkDispatchIndirect2InfoKHR-addressRange-13109", Api::Khr, kNeeds, alignment<kDispatch>},
-    {"VUID-VkDispatchIndirect2InfoKHR-protectedNoFault-13108", Api::Khr, kNeeds, protectedFlag<kDispatch>},
+    {"VUID-VkDispatchIndirect2InfoKHR-protectedNoFault-13108", Api::Khr, kNeeds, protectedFlag<kDispatch>, "",
+     "VUID-VkDispatchIndirect2InfoKHR-addressRange-13107"},
     {"VUID-vkCmdDispatchIndirect2KHR-commandBuffer-13049", Api::Khr, kNeeds, protectedCommands<kDispatch>},
     {"VUID-vkCmdDispatchIndirect2KHR-pInfo-13050", Api::Khr, kNeeds, size<kDispatch, 12, 8>},
 
@@ -275,6 +329,11 @@ constexpr WrongProgram kPrograms[] = {
 
     {"VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13090", Api::Khr, kNeeds, alignment<kFeedbackBuffer>},
     {"VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091", Api::Khr, kNeeds, usage<kFeedbackBuffer>},
+    {"VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13092", Api::Khr, kNeeds, longFeedbackBuffer, "",
+     "VUID-VkDeviceAddressRangeKHR-address-11365"},
+    {"VUID-VkDrawIndirect2InfoKHR-addressRange-13097", Api::Khr, kNeeds, notBound<drawNothing>},
+    {"VUID-VkDrawIndirectCount2InfoKHR-addressRange-13097", Api::Khr, kNeeds, notBound<drawNothingCounted>},
+    {"VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13097", Api::Khr, kNeeds, notBound<countNothing>},
     {"VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13093", Api::Khr, kNeeds, size<kFeedbackCounter, 4, 3>},
     {"VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094", Api::Khr, kNeeds, usage<kFeedbackCounter>},
     {"VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13095", Api::Khr, kNeeds, size<kFeedbackEnd, 4, 3>},

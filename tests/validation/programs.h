@@ -22,8 +22,11 @@ enum ProgramNeeds : unsigned {
     kNeedsPipelines = 4,       // ray tracing pipelines
     kNeedsBothApis = 8,        // both micromap extensions
     kNeedsNoFeature = 16,      // the extension is enabled, its feature is not
-    kNeedsFewFeatures = 32,    // a device without some features of Vulkan (DeviceOptions::fewFeatures)
+    kNeedsFewFeatures = 32,    // the mock driver's quirk "few"
     kNeedsMarkers = 64,        // VK_AMD_buffer_marker, which the spy plays; no spy is below a driver's own micromaps
+    kNeedsMaintenance5 = 128,  // VkPipelineCreateFlags2CreateInfo
+    kNeedsShaderObjects = 256, // VK_EXT_shader_object
+    kNeedsTransferQueue = 512, // queue family 3 is for transfers only: the mock driver's quirk "queues"
 };
 
 struct WrongProgram {
@@ -52,5 +55,6 @@ std::span<const WrongProgram> rangeFlagPrograms();
 std::span<const WrongProgram> drawRangePrograms();
 std::span<const WrongProgram> barrierRangePrograms();
 std::span<const WrongProgram> dataPrograms();
+std::span<const WrongProgram> pipelinePrograms();
 
 } // namespace vt

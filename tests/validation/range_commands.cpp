@@ -303,11 +303,11 @@ void RangeBuffer::bind()
     VT_CHECK(vkQueueWaitIdle(gpu_.queue()));
 }
 
-void recordOnly(Gpu &gpu, const std::function<void(VkCommandBuffer)> &record, bool isProtected)
+void recordOnly(Gpu &gpu, const std::function<void(VkCommandBuffer)> &record, bool isProtected, uint32_t family)
 {
     const auto poolInfo = vkInit<VkCommandPoolCreateInfo>(
         {.flags = isProtected ? VkCommandPoolCreateFlags{VK_COMMAND_POOL_CREATE_PROTECTED_BIT} : 0,
-         .queueFamilyIndex = gpu.family()});
+         .queueFamilyIndex = family == UINT32_MAX ? gpu.family() : family});
     VkCommandPool pool = VK_NULL_HANDLE;
     VT_CHECK(vkCreateCommandPool(gpu.device(), &poolInfo, nullptr, &pool));
     const auto info = vkInit<VkCommandBufferAllocateInfo>(

@@ -41,12 +41,19 @@ extern const RangeCommand kCopySource, kCopyTarget, kImageCopy, kImageSource, kF
     kCreation;
 
 // Records commands that are never executed.
-void recordOnly(Gpu &gpu, const std::function<void(VkCommandBuffer)> &record, bool isProtected = false);
+void recordOnly(Gpu &gpu, const std::function<void(VkCommandBuffer)> &record, bool isProtected = false,
+                uint32_t family = UINT32_MAX);
 
 // --- programs that break one rule of a command's range ---
 
 inline constexpr VkBufferUsageFlags kOtherUsage = VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT;
 inline constexpr VkBufferCreateFlags kProtectedBuffer = VK_BUFFER_CREATE_PROTECTED_BIT;
+// Of a protected buffer: those that it may have (VUID-VkBufferCreateInfo-flags-09641). A command that needs another
+// reports that as well.
+constexpr VkBufferUsageFlags protectedUsage(VkBufferUsageFlags usage)
+{
+    return usage & (VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+}
 inline constexpr VkAddressCommandFlagsKHR kProtectedRange = kUnknownUsage | VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR;
 
 template <const RangeCommand &command>
@@ -80,7 +87,7 @@ void size(Gpu &gpu, bool wrong)
 template <const RangeCommand &command>
 void protectedFlag(Gpu &gpu, bool wrong)
 {
-    const RangeBuffer buffer(gpu, command.usage, wrong ? kProtectedBuffer : 0);
+    const RangeBuffer buffer(gpu, wrong ? protectedUsage(command.usage) : command.usage, wrong ? kProtectedBuffer : 0);
     recordOnly(gpu, [&](VkCommandBuffer commands) {
         command.record(gpu, commands, {buffer.address(), command.size}, wrong ? kProtectedRange : kUnknownUsage);
     });

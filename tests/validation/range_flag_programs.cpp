@@ -55,7 +55,9 @@ template <const RangeCommand &command, Fault fault>
 void flags(Gpu &gpu, bool wrong)
 {
     constexpr Wrong state = wrongOf(fault);
-    RangeBuffer buffer(gpu, command.usage | state.usage, state.rightIsPlain && !wrong ? 0 : state.flags);
+    const VkBufferCreateFlags created = state.rightIsPlain && !wrong ? 0 : state.flags;
+    const bool isProtected = (created & VK_BUFFER_CREATE_PROTECTED_BIT) != 0;
+    RangeBuffer buffer(gpu, isProtected ? protectedUsage(command.usage) : command.usage | state.usage, created);
     const auto record = [&](VkCommandBuffer commands) {
         command.record(gpu, commands, {buffer.address(), command.size}, wrong ? state.wrong : state.right);
     };
@@ -67,6 +69,10 @@ void flags(Gpu &gpu, bool wrong)
 }
 
 constexpr WrongProgram kPrograms[] = {
+    {"VUID-VkBindTransformFeedbackBuffer2InfoEXT-addressRange-13097", Api::Khr, kNeedsAddressCommands,
+     flags<kFeedbackBuffer, Fault::NotBound>},
+    {"VUID-VkMemoryMarkerInfoAMD-dstRange-13097", Api::Khr, kNeedsAddressCommands | kNeedsMarkers,
+     flags<kMarker, Fault::NotBound>},
     {"VUID-VkDeviceMemoryCopyKHR-srcFlags-13100", Api::Khr, kNeedsAddressCommands,
      flags<kCopySource, Fault::BothStorage>},
     {"VUID-VkDeviceMemoryCopyKHR-srcFlags-13101", Api::Khr, kNeedsAddressCommands,
@@ -178,7 +184,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkBindIndexBuffer3InfoKHR-addressRange-13097", Api::Khr, kNeedsAddressCommands,
      flags<kIndexBuffer, Fault::NotBound>},
     {"VUID-VkBindIndexBuffer3InfoKHR-addressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kIndexBuffer, Fault::ProtectedBuffer>},
+     flags<kIndexBuffer, Fault::ProtectedBuffer>, "", "VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051"},
     {"VUID-VkBindIndexBuffer3InfoKHR-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kIndexBuffer, Fault::PlainBuffer>},
     {"VUID-VkBindIndexBuffer3InfoKHR-addressRange-13122", Api::Khr, kNeedsAddressCommands,
@@ -196,7 +202,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkBindVertexBuffer3InfoKHR-addressRange-13097", Api::Khr, kNeedsAddressCommands,
      flags<kVertexBuffer, Fault::NotBound>},
     {"VUID-VkBindVertexBuffer3InfoKHR-addressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kVertexBuffer, Fault::ProtectedBuffer>},
+     flags<kVertexBuffer, Fault::ProtectedBuffer>, "", "VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074"},
     {"VUID-VkBindVertexBuffer3InfoKHR-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kVertexBuffer, Fault::PlainBuffer>},
     {"VUID-VkBindVertexBuffer3InfoKHR-addressRange-13122", Api::Khr, kNeedsAddressCommands,
@@ -212,7 +218,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkBindTransformFeedbackBuffer2InfoEXT-addressFlags-13101", Api::Khr, kNeedsAddressCommands,
      flags<kFeedbackCounter, Fault::BothFeedback>},
     {"VUID-VkBindTransformFeedbackBuffer2InfoEXT-addressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kFeedbackCounter, Fault::ProtectedBuffer>},
+     flags<kFeedbackCounter, Fault::ProtectedBuffer>, "", "VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094"},
     {"VUID-VkBindTransformFeedbackBuffer2InfoEXT-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kFeedbackCounter, Fault::PlainBuffer>},
     {"VUID-VkBindTransformFeedbackBuffer2InfoEXT-addressRange-13122", Api::Khr, kNeedsAddressCommands,
@@ -228,7 +234,8 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkDrawIndirect2InfoKHR-addressFlags-13101", Api::Khr, kNeedsAddressCommands,
      flags<kDraw, Fault::BothFeedback>},
     {"VUID-VkDrawIndirect2InfoKHR-addressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kDraw, Fault::ProtectedBuffer>, "", "VUID-VkDrawIndirect2InfoKHR-protectedNoFault-13108"},
+     flags<kDraw, Fault::ProtectedBuffer>, "",
+     "VUID-VkDrawIndirect2InfoKHR-protectedNoFault-13108 VUID-VkDrawIndirect2InfoKHR-addressRange-13107"},
     {"VUID-VkDrawIndirect2InfoKHR-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kDraw, Fault::PlainBuffer>},
     {"VUID-VkDrawIndirect2InfoKHR-addressRange-13122", Api::Khr, kNeedsAddressCommands, flags<kDraw, Fault::Storage>},
@@ -241,7 +248,8 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkDrawIndirectCount2InfoKHR-addressFlags-13101", Api::Khr, kNeedsAddressCommands,
      flags<kCountedDraw, Fault::BothFeedback>},
     {"VUID-VkDrawIndirectCount2InfoKHR-addressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kCountedDraw, Fault::ProtectedBuffer>, "", "VUID-VkDrawIndirectCount2InfoKHR-protectedNoFault-13108"},
+     flags<kCountedDraw, Fault::ProtectedBuffer>, "",
+     "VUID-VkDrawIndirectCount2InfoKHR-protectedNoFault-13108 VUID-VkDrawIndirectCount2InfoKHR-addressRange-13107"},
     {"VUID-VkDrawIndirectCount2InfoKHR-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kCountedDraw, Fault::PlainBuffer>},
     {"VUID-VkDrawIndirectCount2InfoKHR-addressRange-13122", Api::Khr, kNeedsAddressCommands,
@@ -257,7 +265,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkDrawIndirectCount2InfoKHR-countAddressFlags-13101", Api::Khr, kNeedsAddressCommands,
      flags<kDrawCount, Fault::BothFeedback>},
     {"VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kDrawCount, Fault::ProtectedBuffer>},
+     flags<kDrawCount, Fault::ProtectedBuffer>, "", "VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13114"},
     {"VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kDrawCount, Fault::PlainBuffer>},
     {"VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13122", Api::Khr, kNeedsAddressCommands,
@@ -273,7 +281,8 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkDispatchIndirect2InfoKHR-addressFlags-13101", Api::Khr, kNeedsAddressCommands,
      flags<kDispatch, Fault::BothFeedback>},
     {"VUID-VkDispatchIndirect2InfoKHR-addressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kDispatch, Fault::ProtectedBuffer>, "", "VUID-VkDispatchIndirect2InfoKHR-protectedNoFault-13108"},
+     flags<kDispatch, Fault::ProtectedBuffer>, "",
+     "VUID-VkDispatchIndirect2InfoKHR-protectedNoFault-13108 VUID-VkDispatchIndirect2InfoKHR-addressRange-13107"},
     {"VUID-VkDispatchIndirect2InfoKHR-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kDispatch, Fault::PlainBuffer>},
     {"VUID-VkDispatchIndirect2InfoKHR-addressRange-13122", Api::Khr, kNeedsAddressCommands,
@@ -291,7 +300,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13097", Api::Khr, kNeedsAddressCommands,
      flags<kCondition, Fault::NotBound>},
     {"VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13098", Api::Khr, kNeedsAddressCommands,
-     flags<kCondition, Fault::ProtectedBuffer>},
+     flags<kCondition, Fault::ProtectedBuffer>, "", "VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13064"},
     {"VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kCondition, Fault::PlainBuffer>},
     {"VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13122", Api::Khr, kNeedsAddressCommands,
@@ -326,6 +335,8 @@ constexpr WrongProgram kPrograms[] = {
      flags<kCreation, Fault::BothFeedback>},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-13097", Api::Khr, kNeedsAddressCommands,
      flags<kCreation, Fault::NotBound>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-13098", Api::Khr, kNeedsAddressCommands,
+     flags<kCreation, Fault::ProtectedBuffer>, "", "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603"},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-13099", Api::Khr, kNeedsAddressCommands,
      flags<kCreation, Fault::PlainBuffer>},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-13122", Api::Khr, kNeedsAddressCommands,

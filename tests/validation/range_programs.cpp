@@ -114,10 +114,9 @@ void stagesOfMarker(Gpu &gpu, bool wrong)
     mark(gpu, wrong ? VK_PIPELINE_STAGE_2_COPY_BIT | VK_PIPELINE_STAGE_2_CLEAR_BIT : VK_PIPELINE_STAGE_2_COPY_BIT);
 }
 
-void markerWithoutSynchronization2(Gpu &gpu, bool wrong)
+void buildStageOfMarker(Gpu &gpu, bool wrong)
 {
-    if (wrong)
-        mark(gpu, VK_PIPELINE_STAGE_2_COPY_BIT);
+    mark(gpu, wrong ? VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT : VK_PIPELINE_STAGE_2_COPY_BIT);
 }
 
 // --- query results ---
@@ -163,6 +162,198 @@ void protectedResults(Gpu &gpu, bool wrong)
     recordOnly(gpu, [&](VkCommandBuffer commands) {
         kQueryResults.record(gpu, commands, {buffer.address(), 64}, wrong ? kProtectedRange : kUnknownUsage);
     });
+}
+
+// --- features of another device ---
+
+// A device of the same driver with VK_KHR_device_address_commands, and these features. Its commands are found by name.
+class OtherDevice
+{
+public:
+    OtherDevice(Gpu &gpu, bool addressCommands, bool synchronization2)
+    {
+        auto synchronization =
+            vkInit<VkPhysicalDeviceSynchronization2Features>({.synchronization2 = VkBool32{synchronization2}});
+        auto commands = vkInit<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>(
+            {.pNext = &synchronization, .deviceAddressCommands = VkBool32{addressCommands}});
+        auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            {.pNext = &commands, .accelerationStructure = VK_TRUE});
+        auto addresses =
+            vkInit<VkPhysicalDeviceBufferDeviceAddressFeatures>({.pNext = &structures, .bufferDeviceAddress = VK_TRUE});
+        const std::array extensions{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                                    VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+                                    VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME};
+        const float priority = 1;
+        const auto queue = vkInit<VkDeviceQueueCreateInfo>(
+            {.queueFamilyIndex = gpu.family(), .queueCount = 1, .pQueuePriorities = &priority});
+        const auto info = vkInit<VkDeviceCreateInfo>({.pNext = &addresses,
+                                                      .queueCreateInfoCount = 1,
+                                                      .pQueueCreateInfos = &queue,
+                                                      .enabledExtensionCount = extensions.size(),
+                                                      .ppEnabledExtensionNames = extensions.data()});
+        VT_CHECK(vkCreateDevice(gpu.physical(), &info, nullptr, &device_));
+        const auto pool = vkInit<VkCommandPoolCreateInfo>({.queueFamilyIndex = gpu.family()});
+        VT_CHECK(command<PFN_vkCreateCommandPool>("vkCreateCommandPool")(device_, &pool, nullptr, &pool_));
+        const auto buffer = vkInit<VkBufferCreateInfo>(
+            {.size = 4096,
+             .usage = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
+                      VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR});
+        VT_CHECK(command<PFN_vkCreateBuffer>("vkCreateBuffer")(device_, &buffer, nullptr, &buffer_));
+        VkMemoryRequirements needs;
+        command<PFN_vkGetBufferMemoryRequirements>("vkGetBufferMemoryRequirements")(device_, buffer_, &needs);
+        const auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
+        const auto memory = vkInit<VkMemoryAllocateInfo>({.pNext = &flags,
+                                                          .allocationSize = needs.size,
+                                                          .memoryTypeIndex = gpu.memoryType(needs.memoryTypeBits, 0)});
+        VT_CHECK(command<PFN_vkAllocateMemory>("vkAllocateMemory")(device_, &memory, nullptr, &memory_));
+        VT_CHECK(command<PFN_vkBindBufferMemory>("vkBindBufferMemory")(device_, buffer_, memory_, 0));
+    }
+    OtherDevice(const OtherDevice &) = delete;
+    OtherDevice &operator=(const OtherDevice &) = delete;
+    ~OtherDevice()
+    {
+        command<PFN_vkDestroyBuffer>("vkDestroyBuffer")(device_, buffer_, nullptr);
+        command<PFN_vkFreeMemory>("vkFreeMemory")(device_, memory_, nullptr);
+        command<PFN_vkDestroyCommandPool>("vkDestroyCommandPool")(device_, pool_, nullptr);
+        command<PFN_vkDestroyDevice>("vkDestroyDevice")(device_, nullptr);
+    }
+    template <typename Function>
+    [[nodiscard]] Function command(const char *name) const
+    {
+        return reinterpret_cast<Function>(vkGetDeviceProcAddr(device_, name));
+    }
+    [[nodiscard]] VkDevice get() const { return device_; }
+    [[nodiscard]] VkDeviceAddress address() const
+    {
+        const auto info = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer_});
+        return command<PFN_vkGetBufferDeviceAddress>("vkGetBufferDeviceAddress")(device_, &info);
+    }
+    [[nodiscard]] VkCommandBuffer begin() const
+    {
+        const auto info = vkInit<VkCommandBufferAllocateInfo>(
+            {.commandPool = pool_, .level = VK_COMMAND_BUFFER_LEVEL_PRIMARY, .commandBufferCount = 1});
+        VkCommandBuffer commands = VK_NULL_HANDLE;
+        VT_CHECK(command<PFN_vkAllocateCommandBuffers>("vkAllocateCommandBuffers")(device_, &info, &commands));
+        const auto beginInfo = vkInit<VkCommandBufferBeginInfo>();
+        VT_CHECK(command<PFN_vkBeginCommandBuffer>("vkBeginCommandBuffer")(commands, &beginInfo));
+        return commands;
+    }
+
+private:
+    VkDevice device_ = VK_NULL_HANDLE;
+    VkCommandPool pool_ = VK_NULL_HANDLE;
+    VkBuffer buffer_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+};
+
+void creationWithoutFeature(Gpu &gpu, bool wrong)
+{
+    const OtherDevice other(gpu, !wrong, true);
+    const auto info =
+        vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {other.address(), 4096},
+                                                       .addressFlags = kUnknownUsage,
+                                                       .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    VT_CHECK(other.command<PFN_vkCreateAccelerationStructure2KHR>("vkCreateAccelerationStructure2KHR")(
+        other.get(), &info, nullptr, &structure));
+    other.command<PFN_vkDestroyAccelerationStructureKHR>("vkDestroyAccelerationStructureKHR")(other.get(), structure,
+                                                                                              nullptr);
+}
+
+void markerWithoutFeature(Gpu &gpu, bool wrong)
+{
+    const OtherDevice other(gpu, true, !wrong);
+    const auto info = vkInit<VkMemoryMarkerInfoAMD>({.stage = VK_PIPELINE_STAGE_2_COPY_BIT,
+                                                     .dstRange = {other.address(), 4},
+                                                     .dstFlags = kUnknownUsage,
+                                                     .marker = 1});
+    other.command<PFN_vkCmdWriteMarkerToMemoryAMD>("vkCmdWriteMarkerToMemoryAMD")(other.begin(), &info);
+}
+
+// --- images ---
+
+struct ImageCopy {
+    VkFormat format = VK_FORMAT_R32_UINT;
+    VkImageCreateFlags flags = 0;
+    VkImageAspectFlags aspect = VK_IMAGE_ASPECT_COLOR_BIT;
+    VkDeviceSize offset = 0;
+    bool toMemory = true;
+    uint32_t family = UINT32_MAX; // of queues; else that of the device
+    // With it, a second region: a column of two texels beside the first, in memory from this offset on.
+    std::optional<VkDeviceSize> second = {};
+};
+
+// Copies 4 by 4 texels.
+void copyImage(Gpu &gpu, const ImageCopy &copy)
+{
+    const auto imageInfo =
+        vkInit<VkImageCreateInfo>({.flags = copy.flags,
+                                   .imageType = VK_IMAGE_TYPE_2D,
+                                   .format = copy.format,
+                                   .extent = {8, 8, 1},
+                                   .mipLevels = 1,
+                                   .arrayLayers = 1,
+                                   .samples = VK_SAMPLE_COUNT_1_BIT,
+                                   .usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT});
+    VkImage image = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateImage(gpu.device(), &imageInfo, nullptr, &image));
+    VkMemoryRequirements needs;
+    vkGetImageMemoryRequirements(gpu.device(), image, &needs);
+    const VkDeviceMemory memory = gpu.allocate(needs, 0, false);
+    VT_CHECK(vkBindImageMemory(gpu.device(), image, memory, 0));
+    const RangeBuffer buffer(gpu, kTransfers);
+    std::vector regions{vkInit<VkDeviceMemoryImageCopyKHR>({.addressRange = {buffer.address() + copy.offset, 256},
+                                                            .addressFlags = kUnknownUsage,
+                                                            .addressRowLength = 8,
+                                                            .imageSubresource = {copy.aspect, 0, 0, 1},
+                                                            .imageLayout = VK_IMAGE_LAYOUT_GENERAL,
+                                                            .imageExtent = {4, 4, 1}})};
+    if (copy.second) {
+        regions.push_back(regions[0]);
+        regions[1].addressRange.address = buffer.address() + *copy.second;
+        regions[1].imageOffset = {4, 0, 0};
+    }
+    const auto info = vkInit<VkCopyDeviceMemoryImageInfoKHR>(
+        {.image = image, .regionCount = static_cast<uint32_t>(regions.size()), .pRegions = regions.data()});
+    recordOnly(
+        gpu,
+        [&](VkCommandBuffer commands) {
+            copy.toMemory ? gpu.vk().CmdCopyImageToMemoryKHR(commands, &info)
+                          : gpu.vk().CmdCopyMemoryToImageKHR(commands, &info);
+        },
+        false, copy.family);
+    vkDestroyImage(gpu.device(), image, nullptr);
+    vkFreeMemory(gpu.device(), memory, nullptr);
+}
+
+template <bool toMemory>
+void protectedImage(Gpu &gpu, bool wrong)
+{
+    copyImage(gpu, {.flags = wrong ? VkImageCreateFlags{VK_IMAGE_CREATE_PROTECTED_BIT} : 0, .toMemory = toMemory});
+}
+
+template <bool toMemory>
+void transferQueue(Gpu &gpu, bool wrong)
+{
+    copyImage(gpu, {.format = VK_FORMAT_R8_UINT, .offset = wrong ? 2u : 4u, .toMemory = toMemory, .family = 3});
+}
+
+void depthAlignment(Gpu &gpu, bool wrong)
+{
+    copyImage(gpu, {.format = VK_FORMAT_D16_UNORM, .aspect = VK_IMAGE_ASPECT_DEPTH_BIT, .offset = wrong ? 2u : 4u});
+}
+
+void planeAlignment(Gpu &gpu, bool wrong)
+{
+    copyImage(gpu, {.format = VK_FORMAT_G8_B8R8_2PLANE_420_UNORM,
+                    .aspect = VK_IMAGE_ASPECT_PLANE_1_BIT,
+                    .offset = wrong ? 1u : 2u});
+}
+
+// Rows of 16 bytes, 32 bytes apart: between them is room for those of another region.
+void overlappingRows(Gpu &gpu, bool wrong)
+{
+    copyImage(gpu, {.second = wrong ? 12 : 16});
 }
 
 constexpr auto kNeeds = kNeedsAddressCommands;
@@ -235,8 +426,8 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkMemoryMarkerInfoAMD-dstRange-13040", Api::Khr, kMarkers, alignment<kMarker, 2>},
     {"VUID-VkMemoryMarkerInfoAMD-dstRange-13041", Api::Khr, kMarkers, size<kMarker, 4, 3>},
     {"VUID-VkMemoryMarkerInfoAMD-stage-13038", Api::Khr, kMarkers, stagesOfMarker},
-    {"VUID-vkCmdWriteMarkerToMemoryAMD-synchronization2-13042", Api::Khr, kMarkers | kNeedsFewFeatures,
-     markerWithoutSynchronization2},
+    {"VUID-VkMemoryMarkerInfoAMD-stage-11541", Api::Khr, kMarkers, buildStageOfMarker},
+    {"VUID-vkCmdWriteMarkerToMemoryAMD-synchronization2-13042", Api::Khr, kMarkers, markerWithoutFeature},
     {"VUID-vkCmdWriteMarkerToMemoryAMD-commandBuffer-13044", Api::Khr, kMarkers, protectedFlag<kMarker>},
     {"VUID-vkCmdWriteMarkerToMemoryAMD-commandBuffer-13045", Api::Khr, kMarkers, protectedCommands<kMarker>},
     {"VUID-vkCmdWriteMarkerToMemoryAMD-pInfo-13046", Api::Khr, kMarkers,
@@ -262,6 +453,15 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13102", Api::Khr, kNeeds, protectedFlag<kImageCopy>},
     {"VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13025", Api::Khr, kNeeds, protectedCommands<kImageCopy>},
     {"VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13021", Api::Khr, kNeeds, protectedCommands<kImageSource>},
+    {"VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13103", Api::Khr, kNeeds, protectedImage<true>},
+    {"VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13103", Api::Khr, kNeeds, protectedImage<false>},
+    {"VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13104", Api::Khr, kNeeds | kNeedsTransferQueue, transferQueue<true>},
+    {"VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13104", Api::Khr, kNeeds | kNeedsTransferQueue,
+     transferQueue<false>},
+    {"VUID-VkCopyDeviceMemoryImageInfoKHR-image-13030", Api::Khr, kNeeds, planeAlignment},
+    {"VUID-VkCopyDeviceMemoryImageInfoKHR-image-13031", Api::Khr, kNeeds, depthAlignment},
+    {"VUID-VkCopyDeviceMemoryImageInfoKHR-pRegions-12473", Api::Khr, kNeeds, overlappingRows},
+    {"VUID-vkCreateAccelerationStructure2KHR-deviceAddressCommands-13086", Api::Khr, kNeeds, creationWithoutFeature},
     {"VUID-VkCopyDeviceMemoryImageInfoKHR-image-13029", Api::Khr, kNeeds, alignment<kImageCopy, 2>},
     {"VUID-VkDeviceMemoryImageCopyKHR-size-13037", Api::Khr, kNeeds, size<kImageCopy, 64, 63>},
     {"VUID-VkDeviceMemoryImageCopyKHR-size-13037", Api::Khr, kNeeds, size<kImageSource, 64, 60>, "ToImage"},

@@ -38,6 +38,7 @@ std::vector<WrongProgram> allPrograms()
              drawRangePrograms(),
              barrierRangePrograms(),
              dataPrograms(),
+             pipelinePrograms(),
          })
         all.insert(all.end(), programs.begin(), programs.end());
     return all;
@@ -48,12 +49,15 @@ Options optionsOf(const WrongProgram &program)
     const auto needs = [&program](ProgramNeeds need) { return (program.needs & need) != 0; };
     // Of two validation layers, both would report the same.
     const bool another = validationOfTests() == Validation::Above;
+    const char *quirks = needs(kNeedsTransferQueue) ? "queues" : needs(kNeedsFewFeatures) ? "few" : "";
     return {.validation = another,
+            .quirks = quirks,
             .api = program.api,
             .bothApis = needs(kNeedsBothApis),
             .hostCommands = needs(kNeedsHostCommands),
-            .fewFeatures = needs(kNeedsFewFeatures),
             .validate = !another,
+            .shaderObject = needs(kNeedsShaderObjects),
+            .newer = needs(kNeedsMaintenance5),
             .addressCommands = needs(kNeedsAddressCommands),
             .micromapFeature = !needs(kNeedsNoFeature),
             .shared = true};
@@ -103,14 +107,14 @@ TEST_P(WrongPrograms, AreReported)
     const WrongProgram &program = GetParam();
     if ((program.needs & kNeedsPipelines) != 0 && !gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
+    if ((program.needs & kNeedsMarkers) != 0 && gpu().vk().CmdWriteMarkerToMemoryAMD == nullptr)
+        GTEST_SKIP() << "no buffer markers";
     if (const char *one = std::getenv("VELLUM_TEST_PROGRAM")) {
         program.run(gpu(), std::strcmp(one, "wrong") == 0);
         VT_CHECK(vkDeviceWaitIdle(gpu().device()));
         gpu().takeMessages();
         return;
     }
-    if ((program.needs & kNeedsMarkers) != 0 && gpu().vk().CmdWriteMarkerToMemoryAMD == nullptr)
-        GTEST_SKIP() << "no buffer markers";
     const char *quirks = std::getenv("VELLUM_TEST_QUIRKS");
     if (program.notWith && quirks && std::strcmp(quirks, program.notWith) == 0)
         GTEST_SKIP() << "the mock driver reports it as well";

@@ -10,6 +10,7 @@
 #include "layer/validation/copies.h"
 #include "layer/validation/host.h"
 #include "layer/validation/queries.h"
+#include "layer/validation/pipelines.h"
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/ranges/ranges.h"
 

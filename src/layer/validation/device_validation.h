@@ -12,6 +12,7 @@
 #include "layer/validation/features.h"
 #include "layer/validation/gpu_checks.h"
 #include "layer/validation/objects.h"
+#include "layer/validation/pipelines.h"
 #include "layer/validation/place.h"
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/validated_commands.h"
@@ -52,6 +53,7 @@ struct DeviceValidation {
     GpuChecks gpu{};
     ValidatedObjects objects{};
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images{};
+    ValidatedPipelines pipelines{};
     CommandLogs logs{};
     std::atomic<uint64_t> numbers{0}; // of structures
 

@@ -73,6 +73,9 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
                                      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES,
                                      &VkPhysicalDeviceVulkan13Features::synchronization2);
     facts.maintenance11 = enables(info, "VK_KHR_maintenance11");
+    const auto *addresses = findInChain<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
+    facts.addressCommands = addresses && addresses->deviceAddressCommands;
     if (driver.instance->GetPhysicalDeviceProperties2)
         readLimits(driver, facts);
     uint32_t count = 0;

@@ -18,6 +18,7 @@ struct DeviceFacts {
     bool drawIndirectCount = false;
     bool synchronization2 = false;
     bool maintenance11 = false;
+    bool addressCommands = false; // of VK_KHR_device_address_commands
 
     bool protectedNoFault = false;
     uint32_t maxVertexInputBindings = 0;

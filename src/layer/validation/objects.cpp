@@ -182,8 +182,7 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
         checkCreation(device, *info);
     const Place command("vkCreateAccelerationStructure2KHR");
     if (device.checks.core)
-        RangeCheck(device, VK_NULL_HANDLE)
-            .checkFlags(command.member("pCreateInfo"), info->addressRange, info->addressFlags, flag_rules::kCreation);
+        checkCreation(device, command, *info);
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;

@@ -77,6 +77,12 @@
     X(CmdResetEvent2, cmdResetEvent2)                                                                                  \
     X(CmdWriteTimestamp2, cmdWriteTimestamp2)                                                                          \
     X(CmdWriteBufferMarker2AMD, cmdWriteBufferMarker2)                                                                 \
+    X(CreateShaderModule, createShaderModule)                                                                          \
+    X(DestroyShaderModule, destroyShaderModule)                                                                        \
+    X(CreateComputePipelines, createComputePipelines)                                                                  \
+    X(CreateGraphicsPipelines, createGraphicsPipelines)                                                                \
+    X(CreateRayTracingPipelinesKHR, createRayTracingPipelines)                                                         \
+    X(DestroyPipeline, destroyPipeline)                                                                                \
     X(CmdCopyMemoryKHR, cmdCopyMemory)                                                                                 \
     X(CmdUpdateMemoryKHR, cmdUpdateMemory)                                                                             \
     X(CmdFillMemoryKHR, cmdFillMemory)                                                                                 \
@@ -105,6 +111,7 @@
 // Those that the oldest headers do not declare: X(name, type in base/vulkan_newer.h, function).
 #define VELLUM_VALIDATED_NEWER_COMMANDS(X)                                                                             \
     X(CmdPushConstants2, CmdPushConstants2, cmdPushConstants2)                                                         \
+    X(CreateShadersEXT, CreateShaders, createShaders)                                                                  \
     X(CmdBindShadersEXT, CmdBindShaders, cmdBindShaders)
 
 namespace vellum::layer

@@ -131,7 +131,6 @@ DeviceOptions deviceOptions(const Options &options, std::function<void(Message)>
             .bothApis = options.bothApis,
             .micromapFeature = options.micromapFeature,
             .hostCommands = options.hostCommands,
-            .fewFeatures = options.fewFeatures,
             // A driver without the extension knows nothing of the mode.
             .declaresMode = options.vellum && options.micromaps && options.declaresMode,
             .addressReplay = options.addressReplay,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The quirks "alignments", "push128" and "compute": limits at the ends of what the specification allows. Recorded
-// commands are checked against them.
+// The quirks "alignments", "push128", "compute" and "few": limits and features at the ends of what the specification
+// allows. Recorded commands are checked against them.
 #include "layers/driver.h"
 
 #include <map>
@@ -229,6 +229,22 @@ VKAPI_ATTR void VKAPI_CALL cmdPushConstants(VkCommandBuffer handle, VkPipelineLa
     DRIVER_NEXT(vkCmdPushConstants)(handle, layout, stages, offset, size, data);
 }
 
+VKAPI_ATTR void VKAPI_CALL getFeatures2(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
+{
+    DRIVER_NEXT(vkGetPhysicalDeviceFeatures2)(handle, features);
+    if (!has(keyOf(handle), "few"))
+        return;
+    if (auto *robustness = inChainOut<VkPhysicalDeviceRobustness2FeaturesEXT>(
+            features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT))
+        robustness->nullDescriptor = VK_FALSE;
+    if (auto *indices = inChainOut<VkPhysicalDeviceIndexTypeUint8FeaturesEXT>(
+            features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT))
+        indices->indexTypeUint8 = VK_FALSE;
+    if (auto *vulkan12 = inChainOut<VkPhysicalDeviceVulkan12Features>(
+            features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES))
+        vulkan12->drawIndirectCount = VK_FALSE;
+}
+
 } // namespace
 
 driver::LevelRows driver::limitRows()
@@ -247,6 +263,7 @@ driver::LevelRows driver::limitRows()
     static const Row instance[]{
         {"vkGetPhysicalDeviceProperties", DRIVER_FUNCTION(getProperties)},
         {"vkGetPhysicalDeviceProperties2", DRIVER_FUNCTION(getProperties2)},
+        {"vkGetPhysicalDeviceFeatures2", DRIVER_FUNCTION(getFeatures2)},
     };
     return {device, instance};
 }

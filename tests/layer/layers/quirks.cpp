@@ -39,6 +39,8 @@ std::span<const Quirk> allQuirks()
          "the least compute shaders (Required Limits): workgroups of 128 invocations, 65,535 of them in each "
          "direction, "
          "with 16 KiB of shared memory"},
+        {"few", Level::Limits,
+         "neither nullDescriptor nor indexTypeUint8 nor drawIndirectCount (Feature Requirements)"},
         {"queues", Level::Queues,
          "queue families for graphics, graphics and compute, compute, and transfers, in this order (Physical Devices)"},
         {"structures", Level::Structures,

@@ -170,6 +170,9 @@ void checkMarker(DeviceValidation &device, VkCommandBuffer commandBuffer, const 
     if (!std::has_single_bit(marker.stage))
         ranges.fault(info.member("stage"), "VUID-VkMemoryMarkerInfoAMD-stage-13038",
                      std::to_string(std::popcount(marker.stage)) + " stages; there must be one");
+    if ((marker.stage & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0 && !device.driver.enabled.extFeature)
+        ranges.fault(info.member("stage"), "VUID-VkMemoryMarkerInfoAMD-stage-11541",
+                     "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled");
     ranges.check(info, marker.dstRange, marker.dstFlags, flag_rules::kMarker,
                  {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                   .usageRule = "VUID-VkMemoryMarkerInfoAMD-dstRange-13039",

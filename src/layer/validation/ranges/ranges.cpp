@@ -183,6 +183,15 @@ void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR 
 namespace validation
 {
 
+void checkCreation(DeviceValidation &device, const Place &command, const VkAccelerationStructureCreateInfo2KHR &info)
+{
+    if (!device.facts.addressCommands)
+        device.fault(command, "VUID-vkCreateAccelerationStructure2KHR-deviceAddressCommands-13086",
+                     "the feature deviceAddressCommands is not enabled");
+    RangeCheck(device, VK_NULL_HANDLE)
+        .checkFlags(command.member("pCreateInfo"), info.addressRange, info.addressFlags, flag_rules::kCreation);
+}
+
 VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
                          VkFence fence)
 {

@@ -101,6 +101,9 @@ void cmdEndTransformFeedback2(DeviceValidation &, VkCommandBuffer, uint32_t, uin
 void cmdDrawIndirectByteCount2(DeviceValidation &, VkCommandBuffer, uint32_t, uint32_t,
                                const VkBindTransformFeedbackBuffer2InfoEXT *, uint32_t, uint32_t);
 
+// The flags of the range, and the feature. The rules of micromaps and of other members are checked elsewhere.
+void checkCreation(DeviceValidation &, const Place &command, const VkAccelerationStructureCreateInfo2KHR &);
+
 // range_barriers.cpp
 void checkDependency(DeviceValidation &, const Place &, const VkDependencyInfo &, VkCommandBuffer);
 void checkSubmission(DeviceValidation &, const Place &, const VkSubmitInfo2 &);

@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/pipelines.h"
+
+#include <algorithm>
+#include <cstring>
+#include <span>
+#include <unordered_map>
+
+#include "core/opacity.h"
+#include "layer/base/pnext.h"
+#include "layer/validation/device_validation.h"
+#include "spirv/module/opcodes.h"
+#include "spirv/module/ray_instructions.h"
+#include "spirv/module/words.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkFlags64 kMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+constexpr VkFlags64 kNoMicromaps = newer::kPipelineDisallowOpacityMicromap;
+constexpr VkFlags64 kNotMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
+constexpr auto kShaderNotMixed =
+    static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
+
+template <typename Info>
+VkFlags64 flagsOf(const Info &info)
+{
+    const auto *flags2 =
+        findInChain<newer::PipelineCreateFlags2CreateInfo>(info.pNext, newer::kPipelineCreateFlags2CreateInfo);
+    return flags2 ? flags2->flags : info.flags;
+}
+
+uint32_t modelOf(VkShaderStageFlagBits stage)
+{
+    switch (static_cast<uint32_t>(stage)) {
+    case VK_SHADER_STAGE_VERTEX_BIT: return spv::ExecutionModelVertex;
+    case VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT: return spv::ExecutionModelTessellationControl;
+    case VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT: return spv::ExecutionModelTessellationEvaluation;
+    case VK_SHADER_STAGE_GEOMETRY_BIT: return spv::ExecutionModelGeometry;
+    case VK_SHADER_STAGE_FRAGMENT_BIT: return spv::ExecutionModelFragment;
+    case VK_SHADER_STAGE_COMPUTE_BIT: return spv::ExecutionModelGLCompute;
+    case VK_SHADER_STAGE_TASK_BIT_EXT: return spv::ExecutionModelTaskEXT;
+    case VK_SHADER_STAGE_MESH_BIT_EXT: return spv::ExecutionModelMeshEXT;
+    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return spv::ExecutionModelRayGenerationKHR;
+    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return spv::ExecutionModelIntersectionKHR;
+    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return spv::ExecutionModelAnyHitKHR;
+    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return spv::ExecutionModelClosestHitKHR;
+    case VK_SHADER_STAGE_MISS_BIT_KHR: return spv::ExecutionModelMissKHR;
+    case VK_SHADER_STAGE_CALLABLE_BIT_KHR: return spv::ExecutionModelCallableKHR;
+    default: return UINT32_MAX;
+    }
+}
+
+std::vector<spirv::EntryPoint> entryPointsOf(std::span<const uint32_t> words)
+{
+    std::string error;
+    auto entryPoints = spirv::readEntryPoints(words, error).value_or(std::vector<spirv::EntryPoint>{});
+    std::erase_if(entryPoints,
+                  [](const spirv::EntryPoint &entry) { return entry.mode.when == spirv::MicromapMode::When::Absent; });
+    return entryPoints;
+}
+
+// Whether the mode's operand is true with these specialization constants; false if that is unknown.
+bool isTrue(const spirv::MicromapMode &mode, const VkSpecializationInfo *constants)
+{
+    if (mode.when != spirv::MicromapMode::When::Specialized)
+        return mode.when == spirv::MicromapMode::When::Always;
+    for (uint32_t i = 0; constants && i < constants->mapEntryCount; ++i) {
+        const VkSpecializationMapEntry &entry = constants->pMapEntries[i];
+        if (entry.constantID != mode.constantId || entry.size != sizeof(VkBool32))
+            continue;
+        VkBool32 value = VK_FALSE;
+        std::memcpy(&value, static_cast<const char *>(constants->pData) + entry.offset, sizeof value);
+        return value != VK_FALSE;
+    }
+    return mode.initial;
+}
+
+// Ray flags that are constants.
+bool forcesTwoStatesWithoutCapability(std::span<const uint32_t> words)
+{
+    std::unordered_map<uint32_t, uint32_t> constants;
+    bool capability = false, forces = false;
+    spirv::visitInstructions(words, [&](spirv::Words in) {
+        const uint32_t opcode = spirv::opcodeOf(in);
+        if (opcode == spv::OpCapability && in.size() == 2)
+            capability = capability || in[1] == spirv::kCapabilityOpacityMicromap;
+        else if (opcode == spv::OpConstant && in.size() == 4)
+            constants[in[2]] = in[3];
+        const auto ray = spirv::rayInstruction(opcode);
+        const uint32_t flags = opcode == spv::OpRayQueryInitializeKHR ? 3 : ray ? ray->flags : 0;
+        if (flags != 0 && flags < in.size()) {
+            const auto value = constants.find(in[flags]);
+            forces = forces || (value != constants.end() && (value->second & shared::kRayForce2State) != 0);
+        }
+        return !capability;
+    });
+    return forces && !capability;
+}
+
+void checkWords(DeviceValidation &device, const Place &place, std::span<const uint32_t> words)
+{
+    if (spirv::isSpirv(words) && forcesTwoStatesWithoutCapability(words))
+        device.fault(place.member("pCode"), "VUID-RuntimeSpirv-RayTracingOpacityMicromapKHR-11542",
+                     "ray flags with ForceOpacityMicromap2StateKHR; the module lacks the capability "
+                     "RayTracingOpacityMicromapKHR");
+}
+
+std::span<const uint32_t> wordsOf(const VkShaderModuleCreateInfo &info)
+{
+    return {info.pCode, info.codeSize / sizeof(uint32_t)};
+}
+
+void checkStage(DeviceValidation &device, const Place &place, const VkPipelineShaderStageCreateInfo &stage,
+                VkFlags64 flags)
+{
+    auto entryPoints = device.pipelines.modules.get(stage.module);
+    const auto *module =
+        findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    if (!stage.module && module) {
+        checkWords(device, place, wordsOf(*module));
+        entryPoints = std::make_shared<const std::vector<spirv::EntryPoint>>(entryPointsOf(wordsOf(*module)));
+    }
+    if (!entryPoints || (flags & kNoMicromaps) == 0)
+        return;
+    for (const spirv::EntryPoint &entry : *entryPoints) {
+        if (entry.name == stage.pName && entry.model == modelOf(stage.stage) &&
+            isTrue(entry.mode, stage.pSpecializationInfo))
+            device.fault(
+                place, "VUID-RuntimeSpirv-micromap-11630",
+                "entry point " + entry.name +
+                    " has the execution mode OpacityMicromapIdKHR; the pipeline has DISALLOW_OPACITY_MICROMAP");
+    }
+}
+
+// Flags of a pipeline that rays of ray tracing pipelines do not meet.
+void checkFlags(DeviceValidation &device, const Place &place, VkFlags64 flags, const char *micromapRule,
+                const char *mixedRule)
+{
+    if ((flags & kMicromaps) != 0)
+        device.fault(place.member("flags"), micromapRule,
+                     "RAY_TRACING_OPACITY_MICROMAP, which is for ray tracing pipelines only");
+    if ((flags & kNotMixed) != 0 && !device.driver.enabled.khrFeature)
+        device.fault(place.member("flags"), mixedRule,
+                     "OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX; micromap of "
+                     "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
+}
+
+void checkRayTracingFlags(DeviceValidation &device, const Place &place, const VkRayTracingPipelineCreateInfoKHR &info,
+                          VkFlags64 flags)
+{
+    const bool micromaps = (flags & kMicromaps) != 0;
+    const Place member = place.member("flags");
+    const auto &enabled = device.driver.enabled;
+    if (micromaps && (flags & kNoMicromaps) != 0)
+        device.fault(member, "VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392",
+                     "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
+    if (micromaps && !enabled.anyFeature())
+        device.fault(member, "VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+                     "RAY_TRACING_OPACITY_MICROMAP; the feature micromap is not enabled");
+    if ((flags & kNotMixed) != 0 && (!micromaps || !enabled.khrFeature))
+        device.fault(
+            member, "VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
+            std::string("OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, without ") +
+                (micromaps ? "the feature micromap of VK_KHR_opacity_micromap" : "RAY_TRACING_OPACITY_MICROMAP"));
+    for (uint32_t i = 0; micromaps && info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
+        const auto library = device.pipelines.libraries.get(info.pLibraryInfo->pLibraries[i]);
+        if (library && (*library & kMicromaps) == 0) {
+            const Place libraries = place.member("pLibraryInfo");
+            device.fault(
+                libraries.element("pLibraries", i), "VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
+                "the library was created without RAY_TRACING_OPACITY_MICROMAP; the pipeline has it",
+                ObjectHandle(VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(info.pLibraryInfo->pLibraries[i])));
+        }
+    }
+}
+
+} // namespace
+
+void checkPipelines(DeviceValidation &device, uint32_t count, const VkComputePipelineCreateInfo *infos)
+{
+    const Place command("vkCreateComputePipelines");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        const VkFlags64 flags = flagsOf(infos[i]);
+        checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367",
+                   "VUID-VkComputePipelineCreateInfo-flags-11593");
+        checkStage(device, place.member("stage"), infos[i].stage, flags);
+    }
+}
+
+void checkPipelines(DeviceValidation &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
+{
+    const Place command("vkCreateGraphicsPipelines");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        const VkFlags64 flags = flagsOf(infos[i]);
+        checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401",
+                   "VUID-VkGraphicsPipelineCreateInfo-flags-11595");
+        // A library without shaders ignores pStages, which may be invalid.
+        const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
+            infos[i].pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
+        constexpr VkGraphicsPipelineLibraryFlagsEXT kWithShaders =
+            VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
+            VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
+        const bool hasStages = infos[i].pStages && (!library || (library->flags & kWithShaders) != 0);
+        for (uint32_t s = 0; hasStages && s < infos[i].stageCount; ++s)
+            checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
+    }
+}
+
+void checkPipelines(DeviceValidation &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
+{
+    const Place command("vkCreateRayTracingPipelinesKHR");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        const VkFlags64 flags = flagsOf(infos[i]);
+        checkRayTracingFlags(device, place, infos[i], flags);
+        for (uint32_t s = 0; s < infos[i].stageCount; ++s)
+            checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
+    }
+}
+
+void checkShaders(DeviceValidation &device, uint32_t count, const newer::ShaderCreateInfo *infos)
+{
+    const Place command("vkCreateShadersEXT");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pCreateInfos", i);
+        if ((infos[i].flags & kShaderNotMixed) != 0 && !device.driver.enabled.khrFeature)
+            device.fault(place.member("flags"), "VUID-VkShaderCreateInfoEXT-micromap-11623",
+                         "OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX; micromap of "
+                         "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
+        if (infos[i].codeType == newer::kShaderCodeTypeSpirv)
+            checkWords(device, place,
+                       {static_cast<const uint32_t *>(infos[i].pCode), infos[i].codeSize / sizeof(uint32_t)});
+    }
+}
+
+void checkModule(DeviceValidation &device, const VkShaderModuleCreateInfo &info)
+{
+    const Place command("vkCreateShaderModule");
+    if (device.checks.core)
+        checkWords(device, command.member("pCreateInfo"), wordsOf(info));
+}
+
+void keepModule(DeviceValidation &device, const VkShaderModuleCreateInfo &info, VkShaderModule module)
+{
+    if (auto entryPoints = entryPointsOf(wordsOf(info)); !entryPoints.empty())
+        device.pipelines.modules.set(module,
+                                     std::make_shared<const std::vector<spirv::EntryPoint>>(std::move(entryPoints)));
+}
+
+void keepLibraries(DeviceValidation &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
+                   const VkPipeline *pipelines)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        const VkFlags64 flags = flagsOf(infos[i]);
+        if (pipelines[i] && (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
+            device.pipelines.libraries.set(pipelines[i], flags);
+    }
+}
+
+namespace validation
+{
+
+VkResult createShaderModule(DeviceValidation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
+                            const VkAllocationCallbacks *allocator, VkShaderModule *module)
+{
+    checkModule(device, *info);
+    const VkResult result = device.next.CreateShaderModule(handle, info, allocator, module);
+    if (result == VK_SUCCESS)
+        keepModule(device, *info, *module);
+    return result;
+}
+
+void destroyShaderModule(DeviceValidation &device, VkDevice handle, VkShaderModule module,
+                         const VkAllocationCallbacks *allocator)
+{
+    device.pipelines.modules.take(module);
+    device.next.DestroyShaderModule(handle, module, allocator);
+}
+
+VkResult createComputePipelines(DeviceValidation &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                const VkComputePipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
+                                VkPipeline *pipelines)
+{
+    checkPipelines(device, count, infos);
+    return device.next.CreateComputePipelines(handle, cache, count, infos, allocator, pipelines);
+}
+
+VkResult createGraphicsPipelines(DeviceValidation &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                 const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
+                                 VkPipeline *pipelines)
+{
+    checkPipelines(device, count, infos);
+    return device.next.CreateGraphicsPipelines(handle, cache, count, infos, allocator, pipelines);
+}
+
+VkResult createRayTracingPipelines(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR deferred,
+                                   VkPipelineCache cache, uint32_t count,
+                                   const VkRayTracingPipelineCreateInfoKHR *infos,
+                                   const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    checkPipelines(device, count, infos);
+    const VkResult result =
+        device.next.CreateRayTracingPipelinesKHR(handle, deferred, cache, count, infos, allocator, pipelines);
+    // A deferred operation writes the handles later.
+    if (result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR)
+        keepLibraries(device, count, infos, pipelines);
+    return result;
+}
+
+void destroyPipeline(DeviceValidation &device, VkDevice handle, VkPipeline pipeline,
+                     const VkAllocationCallbacks *allocator)
+{
+    device.pipelines.libraries.take(pipeline);
+    device.next.DestroyPipeline(handle, pipeline, allocator);
+}
+
+VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
+                       const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+{
+    checkShaders(device, count, infos);
+    return device.next.CreateShadersEXT(handle, count, infos, allocator, shaders);
+}
+
+} // namespace validation
+} // namespace vellum::layer

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Creation of shader modules, pipelines and shader objects: flags about micromaps, and the execution mode of ray
+// queries.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/base/handle_map.h"
+#include "layer/base/vulkan_newer.h"
+#include "spirv/mode/micromap_mode.h"
+
+namespace vellum::layer
+{
+
+struct DeviceValidation;
+
+struct ValidatedPipelines {
+    // Entry points of modules with the execution mode OpacityMicromapIdKHR.
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<spirv::EntryPoint>>> modules;
+    HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // their flags
+};
+
+// What is checked when they are created.
+void checkPipelines(DeviceValidation &, uint32_t count, const VkComputePipelineCreateInfo *);
+void checkPipelines(DeviceValidation &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
+void checkPipelines(DeviceValidation &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
+void checkShaders(DeviceValidation &, uint32_t count, const newer::ShaderCreateInfo *);
+void checkModule(DeviceValidation &, const VkShaderModuleCreateInfo &);
+// What is kept of what was created, for pipelines that use it.
+void keepModule(DeviceValidation &, const VkShaderModuleCreateInfo &, VkShaderModule);
+void keepLibraries(DeviceValidation &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *, const VkPipeline *);
+
+namespace validation
+{
+
+VkResult createShaderModule(DeviceValidation &, VkDevice, const VkShaderModuleCreateInfo *,
+                            const VkAllocationCallbacks *, VkShaderModule *);
+void destroyShaderModule(DeviceValidation &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
+VkResult createComputePipelines(DeviceValidation &, VkDevice, VkPipelineCache, uint32_t,
+                                const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
+VkResult createGraphicsPipelines(DeviceValidation &, VkDevice, VkPipelineCache, uint32_t,
+                                 const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
+VkResult createRayTracingPipelines(DeviceValidation &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
+                                   const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
+                                   VkPipeline *);
+void destroyPipeline(DeviceValidation &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
+VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
+                       const VkAllocationCallbacks *, newer::ShaderEXT *);
+
+} // namespace validation
+} // namespace vellum::layer
