@@ -135,6 +135,17 @@ std::span<const Quirk> allQuirks()
         {"indirect-build-with-host-counts", Level::Commands,
          "an indirect build takes its primitive counts from ppMaxPrimitiveCounts", "a build that is sized for the most",
          "capable"},
+        // state.cpp
+        {"build-clears-push-constants", Level::State, "builds change the first push constant of the command buffer",
+         "builds that are dispatches of the driver's own shaders"},
+        {"build-under-predicate", Level::State, "builds within conditional rendering are discarded",
+         "builds that are dispatches of the driver's own shaders"},
+        {"indirect-trace-hit-stride", Level::State,
+         "vkCmdTraceRaysIndirect2KHR ignores hitShaderBindingTableStride: all hits use the first record",
+         kOffByDefault},
+        {"deferred-copies-forgotten", Level::State, "vkCopyMicromapEXT with a deferred operation copies nothing",
+         kOffByDefault},
+        {"every-version-accepted", Level::State, "serialized data of every version is compatible", "a stub"},
         // process.cpp
         {"hangs", Level::Process, "waiting for the device never returns", "a GPU hang without recovery"},
         {"dies", Level::Process, "the process aborts when a command buffer is ended", "an assertion of a driver"},
@@ -147,15 +158,11 @@ std::span<const Quirk> allQuirks()
 std::span<const NamedLevel> allLevels()
 {
     static const NamedLevel all[]{
-        {Level::Process, faults::processRows(), true},
-        {Level::Shaders, faults::shaderRows(), true},
-        {Level::Instances, faults::instanceRows(), true},
-        {Level::Attachments, faults::attachmentRows(), true},
-        {Level::Copies, faults::copyRows(), true},
-        {Level::Generic, faults::genericRows(), true},
-        {Level::Micromaps, faults::micromapRows(), true},
-        {Level::Commands, faults::commandRows(), true},
-        {Level::Submissions, faults::submissionRows(), true},
+        {Level::Process, faults::processRows(), true},    {Level::Shaders, faults::shaderRows(), true},
+        {Level::Instances, faults::instanceRows(), true}, {Level::Attachments, faults::attachmentRows(), true},
+        {Level::Copies, faults::copyRows(), true},        {Level::Generic, faults::genericRows(), true},
+        {Level::Micromaps, faults::micromapRows(), true}, {Level::Commands, faults::commandRows(), true},
+        {Level::State, faults::stateRows(), true},        {Level::Submissions, faults::submissionRows(), true},
     };
     return all;
 }

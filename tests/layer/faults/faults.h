@@ -36,6 +36,7 @@ LevelRows instanceRows();
 LevelRows micromapRows();
 LevelRows processRows();
 LevelRows shaderRows();
+LevelRows stateRows();
 LevelRows submissionRows();
 
 // --- what a command reads and writes while the device executes it (submissions.cpp) ---

@@ -49,6 +49,7 @@ enum class Level {
     Generic,
     Micromaps,
     Commands,
+    State,
     Submissions
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Faults of shaders.cpp, commands.cpp and process.cpp.
+// Faults of shaders.cpp, commands.cpp, state.cpp and process.cpp.
 #include "faults/cases/cases.h"
 
 #include "check/gpu/execution_mode.h"
@@ -92,6 +92,61 @@ std::string indirect(Gpu &gpu)
     return hitsOf(gpu, Tlas(gpu, {instance(blas, {}, 1)}), 2, 0);
 }
 
+std::string tracedAfterBuild(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({1}));
+    const RowScene scene(gpu, micromap.get(), 1);
+    const Ray ray{.origin = {0.3f, 0.3f, 1}};
+    Tracer tracer(gpu);
+    tracer.prepare(scene.tlas(), std::span(&ray, 1));
+    tracer.clearResults();
+    Blas other(gpu);
+    other.prepare({Geometry{.vertices = triangleRow(1)}});
+    gpu.submit([&](VkCommandBuffer commands) {
+        tracer.bind(commands);
+        other.record(commands);
+        tracer.dispatch(commands);
+        barrier(commands);
+    });
+    return tracer.results()[0].committed == kTriangle ? "traced" : "not traced";
+}
+
+std::string builtUnderPredicate(Gpu &gpu)
+{
+    const auto first = built(gpu, uniform({0})), other = built(gpu, uniform({1}));
+    const Buffer predicate(gpu, 4, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
+    const auto begin = vkInit<VkConditionalRenderingBeginInfoEXT>({.buffer = predicate.handle()});
+    gpu.submit([&](VkCommandBuffer commands) {
+        gpu.vk().CmdBeginConditionalRenderingEXT(commands, &begin);
+        recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{other->buildInfo(), first->handle()}});
+        gpu.vk().CmdEndConditionalRenderingEXT(commands);
+    });
+    return statesOfMicromap(gpu, *first);
+}
+
+std::string tracedIndirectly(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({1}));
+    const RowScene scene(gpu, micromap.get(), 1);
+    const Ray ray{.origin = {0.3f, 0.3f, 1}};
+    PipelineTracer tracer(gpu, {.records = {0, 0}, .sbtOffset = 1});
+    tracer.setLaunch(Launch::Indirect2, 1);
+    return "record " + std::to_string(tracer.trace(scene.tlas(), std::span(&ray, 1))[0].record);
+}
+
+std::string copiedDeferred(Gpu &gpu)
+{
+    const auto first = built(gpu, uniform({0})), other = built(gpu, uniform({1}));
+    HostCommands(gpu, true).copy(other->handle().ext, first->handle().ext, VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    return statesOfMicromap(gpu, *first);
+}
+
+std::string unknownVersion(Gpu &gpu)
+{
+    const std::array<uint8_t, 2 * VK_UUID_SIZE> version{};
+    return micromapIsCompatible(gpu, version.data()) ? "compatible" : "incompatible";
+}
+
 // The results of submissions, of which the first 20 are allowed.
 std::string submissions(Gpu &gpu)
 {
@@ -123,6 +178,11 @@ std::span<const Case> commandCases()
         Case{"null-record-skips-any-hit", nullRecord, "1 any-hit", "0 any-hit"},
         Case{"second-queue-loses-micromaps", otherQueue, "1", "0", {}, "queues"},
         Case{"indirect-build-with-host-counts", indirect, "O.", "OO", {}, "capable"},
+        Case{"build-clears-push-constants", tracedAfterBuild, "traced", "not traced"},
+        Case{"build-under-predicate", builtUnderPredicate, "1", "0"},
+        Case{"indirect-trace-hit-stride", tracedIndirectly, "record 101", "record 100"},
+        Case{"deferred-copies-forgotten", copiedDeferred, "1", "0", Api::Ext},
+        Case{"every-version-accepted", unknownVersion, "incompatible", "compatible"},
         Case{"loses-device", submissions, "20; 21; 22; ", "20; 20 lost; 20 lost; "},
         Case{"does-nothing", submissions, "20; 21; 22; ", "20; 20; 20; "},
     };

@@ -26,7 +26,12 @@ std::vector<Case> allCases()
 
 Options optionsOf(const Case &c, const char *fault)
 {
-    return {.validation = false, .spy = false, .quirks = c.quirks, .fault = fault, .api = c.api.value_or(apiOfTests())};
+    return {.validation = false,
+            .spy = false,
+            .quirks = c.quirks,
+            .fault = fault,
+            .api = c.api.value_or(apiOfTests()),
+            .maintenance = true};
 }
 
 class Fault : public testing::TestWithParam<Case>
