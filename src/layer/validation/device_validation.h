@@ -14,6 +14,7 @@
 #include "layer/validation/objects.h"
 #include "layer/validation/place.h"
 #include "layer/validation/ranges/image_copies.h"
+#include "layer/validation/sync/device_sync.h"
 #include "layer/validation/validated_commands.h"
 
 namespace vellum::layer
@@ -53,6 +54,7 @@ struct DeviceValidation {
     ValidatedObjects objects{};
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images{};
     CommandLogs logs{};
+    DeviceSync sync{};
     std::atomic<uint64_t> numbers{0}; // of structures
 
     // Reports the violation of a rule. `vuid`: as the specification names it. `text`: what was found, what is expected.
