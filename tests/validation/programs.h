@@ -50,5 +50,6 @@ std::span<const WrongProgram> rangeFlagPrograms();
 std::span<const WrongProgram> drawRangePrograms();
 std::span<const WrongProgram> barrierRangePrograms();
 std::span<const WrongProgram> dataPrograms();
+std::span<const WrongProgram> syncPrograms();
 
 } // namespace vt

@@ -38,6 +38,7 @@ std::vector<WrongProgram> allPrograms()
              drawRangePrograms(),
              barrierRangePrograms(),
              dataPrograms(),
+             syncPrograms(),
          })
         all.insert(all.end(), programs.begin(), programs.end());
     return all;

@@ -181,7 +181,7 @@ void cmdWaitEvents(DeviceValidation &device, VkCommandBuffer commandBuffer, uint
 {
     for (uint32_t e = 0; e < count; ++e)
         addWait(device, commandBuffer, events[e],
-                   dependencyOf(device, from, to, memoryCount, memory, bufferCount, buffers));
+                dependencyOf(device, from, to, memoryCount, memory, bufferCount, buffers));
     device.next.CmdWaitEvents(commandBuffer, count, events, from, to, memoryCount, memory, bufferCount, buffers,
                               imageCount, images);
 }
