@@ -56,5 +56,6 @@ std::span<const WrongProgram> drawRangePrograms();
 std::span<const WrongProgram> barrierRangePrograms();
 std::span<const WrongProgram> dataPrograms();
 std::span<const WrongProgram> pipelinePrograms();
+std::span<const WrongProgram> syncPrograms();
 
 } // namespace vt

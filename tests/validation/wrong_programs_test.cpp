@@ -39,6 +39,7 @@ std::vector<WrongProgram> allPrograms()
              barrierRangePrograms(),
              dataPrograms(),
              pipelinePrograms(),
+             syncPrograms(),
          })
         all.insert(all.end(), programs.begin(), programs.end());
     return all;

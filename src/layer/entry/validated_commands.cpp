@@ -13,6 +13,7 @@
 #include "layer/validation/pipelines.h"
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/sync/sync_commands.h"
 
 namespace vellum::layer
 {

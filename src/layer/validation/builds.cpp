@@ -7,6 +7,7 @@
 #include "layer/validation/device_validation.h"
 #include "layer/validation/rules/build_rules.h"
 #include "layer/validation/gpu_checks.h"
+#include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
 {
@@ -204,6 +205,7 @@ void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelera
     if (device.checks.core)
         checkMicromapSizeQuery(device, *info);
     device.next.GetMicromapBuildSizesEXT(handle, type, info, sizes);
+    device.sync.scratch.reported(type, *sizes);
 }
 
 void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handle,
@@ -214,6 +216,7 @@ void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handl
     if (device.checks.core)
         checkStructureSizeQuery(device, type, *info, most);
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, info, most, sizes);
+    device.sync.scratch.reported(type, info->type, *sizes);
 }
 
 void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
@@ -228,6 +231,7 @@ void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, 
         micromapBuilt(device, commandBuffer, build);
     }
     checks.record();
+    sync::recordBuilds(device, commandBuffer, count, infos);
     device.next.CmdBuildMicromapsEXT(commandBuffer, count, infos);
 }
 
@@ -243,6 +247,7 @@ void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer co
         construct(device, commandBuffer, infos[i], ranges ? ranges[i] : nullptr, nullptr);
     }
     checks.record();
+    sync::recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, ranges);
     device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, count, infos, ranges);
 }
 
@@ -259,6 +264,8 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
         construct(device, commandBuffer, infos[i], nullptr, most[i]);
     }
     checks.record();
+    sync::recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", count, infos, nullptr);
+    sync::recordIndirectRanges(device, commandBuffer, count, infos, addresses);
     device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);
 }
 

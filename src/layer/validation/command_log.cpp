@@ -3,6 +3,7 @@
 
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/sync/sync_commands.h"
 
 namespace vellum::layer
 {
@@ -174,9 +175,12 @@ VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, co
 {
     device.gpu.log.drain(device);
     for (uint32_t i = 0; i < count; ++i) {
+        sync::beginBatch(device, queue, submits[i]);
         for (uint32_t c = 0; c < submits[i].commandBufferCount; ++c)
             submit(device, queue, submits[i].pCommandBuffers[c]);
+        sync::endBatch(device, queue, submits[i]);
     }
+    sync::signalFence(device, queue, fence);
     return device.next.QueueSubmit(queue, count, submits, fence);
 }
 
@@ -188,9 +192,12 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
     for (uint32_t i = 0; i < count; ++i) {
         if (device.checks.core)
             checkSubmission(device, command.element("pSubmits", i), submits[i]);
+        sync::beginBatch(device, queue, submits[i]);
         for (uint32_t c = 0; c < submits[i].commandBufferInfoCount; ++c)
             submit(device, queue, submits[i].pCommandBufferInfos[c].commandBuffer);
+        sync::endBatch(device, queue, submits[i]);
     }
+    sync::signalFence(device, queue, fence);
     return device.next.QueueSubmit2(queue, count, submits, fence);
 }
 

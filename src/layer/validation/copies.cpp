@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/copies.h"
+#include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
 {
@@ -83,6 +84,7 @@ void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, co
     if (device.checks.core)
         checkMicromapCopy(check, *info, source, target);
     copied(check, source, target);
+    sync::recordCopy(device, commandBuffer, *info);
     device.next.CmdCopyMicromapEXT(commandBuffer, info);
 }
 
@@ -102,6 +104,7 @@ void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537");
     }
+    sync::recordCopy(device, commandBuffer, *info);
     device.next.CmdCopyMicromapToMemoryEXT(commandBuffer, info);
 }
 
@@ -121,6 +124,7 @@ void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544");
     }
     deserialized(check, target);
+    sync::recordCopy(device, commandBuffer, *info);
     device.next.CmdCopyMemoryToMicromapEXT(commandBuffer, info);
 }
 
@@ -135,6 +139,7 @@ void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer comm
     if (device.checks.core)
         checkStructureCopy(check, *info, source, target);
     copied(check, source, target);
+    sync::recordCopy(device, commandBuffer, *info);
     device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
 }
 
@@ -154,6 +159,7 @@ void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
     }
+    sync::recordCopy(device, commandBuffer, *info);
     device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
 }
 
@@ -173,6 +179,7 @@ void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
     }
     deserialized(check, target);
+    sync::recordCopy(device, commandBuffer, *info);
     device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
 }
 

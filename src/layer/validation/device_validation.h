@@ -15,6 +15,7 @@
 #include "layer/validation/pipelines.h"
 #include "layer/validation/place.h"
 #include "layer/validation/ranges/image_copies.h"
+#include "layer/validation/sync/device_sync.h"
 #include "layer/validation/validated_commands.h"
 
 namespace vellum::layer
@@ -55,6 +56,7 @@ struct DeviceValidation {
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images{};
     ValidatedPipelines pipelines{};
     CommandLogs logs{};
+    DeviceSync sync{};
     std::atomic<uint64_t> numbers{0}; // of structures
 
     // Reports the violation of a rule. `vuid`: as the specification names it. `text`: what was found, what is expected.

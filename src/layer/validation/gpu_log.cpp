@@ -9,6 +9,7 @@
 
 #include "core/findings.h"
 #include "layer/validation/device_validation.h"
+#include "layer/validation/sync/sync_commands.h"
 
 namespace vellum::layer
 {
@@ -220,6 +221,8 @@ namespace validation
 VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 {
     const VkResult result = device.next.QueueWaitIdle(queue);
+    if (result == VK_SUCCESS)
+        device.sync.tracker.queueIdle(uint64_t(queue));
     device.gpu.log.drain(device);
     return result;
 }
@@ -227,8 +230,10 @@ VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
 {
     const VkResult result = device.next.DeviceWaitIdle(handle);
-    if (result == VK_SUCCESS)
+    if (result == VK_SUCCESS) {
+        device.sync.tracker.allIdle();
         device.gpu.log.drainIdle(device);
+    }
     return result;
 }
 
@@ -236,6 +241,8 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
                        uint64_t timeout)
 {
     const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
+    if (result == VK_SUCCESS)
+        sync::fencesComplete(device, handle, count, fences, all == VK_TRUE || count == 1);
     device.gpu.log.drain(device);
     return result;
 }
@@ -243,6 +250,8 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
 VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence)
 {
     const VkResult result = device.next.GetFenceStatus(handle, fence);
+    if (result == VK_SUCCESS)
+        sync::fencesComplete(device, handle, 1, &fence, true);
     device.gpu.log.drain(device);
     return result;
 }
@@ -250,6 +259,8 @@ VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence
 VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
 {
     const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
+    if (result == VK_SUCCESS)
+        sync::semaphoresReached(device, handle, *info);
     device.gpu.log.drain(device);
     return result;
 }
@@ -257,6 +268,8 @@ VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemap
 VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore, uint64_t *value)
 {
     const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
+    if (device.checks.sync && result == VK_SUCCESS)
+        device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
     device.gpu.log.drain(device);
     return result;
 }

@@ -7,6 +7,7 @@
 #include "layer/validation/device_validation.h"
 #include "layer/validation/rules/creation_rules.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/sync/sync_commands.h"
 
 namespace vellum::layer
 {
@@ -107,6 +108,7 @@ void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory
                 const VkAllocationCallbacks *allocator)
 {
     device.objects.memories.take(memory);
+    sync::checkFree(device, memory);
     device.next.FreeMemory(handle, memory, allocator);
 }
 
@@ -129,7 +131,9 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
 void destroyBuffer(DeviceValidation &device, VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
 {
     device.buffers.addresses.remove(buffer);
-    device.objects.buffers.take(buffer);
+    sync::checkDestruction(device, device.objects.buffers.get(buffer).get());
+    if (const auto known = device.objects.buffers.take(buffer))
+        known->destroyed = true;
     device.next.DestroyBuffer(handle, buffer, allocator);
 }
 
@@ -200,6 +204,8 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
     const auto known = device.objects.structures.take(structure);
     if (device.checks.core)
         checkDestruction(device, known.get(), allocator != nullptr);
+    sync::checkDestruction(device, "vkDestroyAccelerationStructureKHR",
+                           "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", known.get());
     if (known)
         known->destroyed = true;
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
@@ -234,6 +240,7 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
     const auto known = device.objects.micromaps.take(micromap);
     if (device.checks.core)
         checkDestruction(device, known.get(), allocator != nullptr);
+    sync::checkDestruction(device, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441", known.get());
     if (known)
         known->destroyed = true;
     device.next.DestroyMicromapEXT(handle, micromap, allocator);

@@ -5,6 +5,7 @@
 #include <initializer_list>
 
 #include "layer/validation/rules/rule_check.h"
+#include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
 {
@@ -194,6 +195,7 @@ void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer comma
                     structuresOf(device.objects.micromaps, count, micromaps), type,
                     {VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT}, pool,
                     first, kExtIds);
+    sync::recordQuery(device, commandBuffer, count, micromaps);
     device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, pool, first);
 }
 
@@ -208,6 +210,7 @@ void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkComman
                      VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
                      VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR, kBottomLevelPointers},
                     pool, first, kKhrIds);
+    sync::recordQuery(device, commandBuffer, count, structures);
     device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, pool, first);
 }
 

@@ -48,6 +48,27 @@
     X(QueueSubmit2, queueSubmit2)                                                                                      \
     X(GetMicromapBuildSizesEXT, getMicromapBuildSizes)                                                                 \
     X(GetAccelerationStructureBuildSizesKHR, getAccelerationStructureBuildSizes)                                       \
+    X(CmdPipelineBarrier, cmdPipelineBarrier)                                                                          \
+    X(CmdPipelineBarrier2, cmdPipelineBarrier2)                                                                        \
+    X(CmdSetEvent, cmdSetEvent)                                                                                        \
+    X(CmdSetEvent2, cmdSetEvent2)                                                                                      \
+    X(CmdResetEvent, cmdResetEvent)                                                                                    \
+    X(CmdResetEvent2, cmdResetEvent2)                                                                                  \
+    X(CmdWaitEvents, cmdWaitEvents)                                                                                    \
+    X(CmdWaitEvents2, cmdWaitEvents2)                                                                                  \
+    X(CmdWriteTimestamp2, cmdWriteTimestamp2)                                                                          \
+    X(CmdWriteBufferMarker2AMD, cmdWriteBufferMarker2)                                                                 \
+    X(CmdCopyBuffer, cmdCopyBuffer)                                                                                    \
+    X(CmdCopyBuffer2, cmdCopyBuffer2)                                                                                  \
+    X(CmdFillBuffer, cmdFillBuffer)                                                                                    \
+    X(CmdUpdateBuffer, cmdUpdateBuffer)                                                                                \
+    X(ResetFences, resetFences)                                                                                        \
+    X(DestroyFence, destroyFence)                                                                                      \
+    X(CreateSemaphore, createSemaphore)                                                                                \
+    X(DestroySemaphore, destroySemaphore)                                                                              \
+    X(SignalSemaphore, signalSemaphore)                                                                                \
+    X(GetQueryPoolResults, getQueryPoolResults)                                                                        \
+    X(GetEventStatus, getEventStatus)                                                                                  \
     X(CmdCopyMicromapEXT, cmdCopyMicromap)                                                                             \
     X(CmdCopyMicromapToMemoryEXT, cmdCopyMicromapToMemory)                                                             \
     X(CmdCopyMemoryToMicromapEXT, cmdCopyMemoryToMicromap)                                                             \
@@ -71,12 +92,6 @@
     X(CreateImage, createImage)                                                                                        \
     X(DestroyImage, destroyImage)                                                                                      \
     X(QueueBindSparse, queueBindSparse)                                                                                \
-    X(CmdPipelineBarrier2, cmdPipelineBarrier2)                                                                        \
-    X(CmdSetEvent2, cmdSetEvent2)                                                                                      \
-    X(CmdWaitEvents2, cmdWaitEvents2)                                                                                  \
-    X(CmdResetEvent2, cmdResetEvent2)                                                                                  \
-    X(CmdWriteTimestamp2, cmdWriteTimestamp2)                                                                          \
-    X(CmdWriteBufferMarker2AMD, cmdWriteBufferMarker2)                                                                 \
     X(CreateShaderModule, createShaderModule)                                                                          \
     X(DestroyShaderModule, destroyShaderModule)                                                                        \
     X(CreateComputePipelines, createComputePipelines)                                                                  \

@@ -4,6 +4,7 @@
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/sync/sync_commands.h"
 
 namespace vellum::layer::validation
 {
@@ -167,6 +168,7 @@ void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer
     const Place command("vkCmdPipelineBarrier2");
     if (device.checks.core)
         checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    sync::recordBarriers(device, commandBuffer, *info);
     device.next.CmdPipelineBarrier2(commandBuffer, info);
 }
 
@@ -175,6 +177,7 @@ void cmdSetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEve
     const Place command("vkCmdSetEvent2");
     if (device.checks.core)
         checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    sync::recordSet(device, commandBuffer, event);
     device.next.CmdSetEvent2(commandBuffer, event, info);
 }
 
@@ -184,6 +187,7 @@ void cmdWaitEvents2(DeviceValidation &device, VkCommandBuffer commandBuffer, uin
     const Place command("vkCmdWaitEvents2");
     for (uint32_t i = 0; device.checks.core && i < count; ++i)
         checkDependency(device, command.element("pDependencyInfos", i), infos[i], commandBuffer);
+    sync::recordWait(device, commandBuffer, count, events, infos);
     device.next.CmdWaitEvents2(commandBuffer, count, events, infos);
 }
 
@@ -193,6 +197,7 @@ void cmdResetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkE
     const Place command("vkCmdResetEvent2");
     if (device.checks.core)
         checkStage(device, command.member("stageMask"), stages, "VUID-vkCmdResetEvent2-stageMask-11541", commandBuffer);
+    sync::recordReset(device, commandBuffer, event);
     device.next.CmdResetEvent2(commandBuffer, event, stages);
 }
 

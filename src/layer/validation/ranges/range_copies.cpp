@@ -5,6 +5,7 @@
 
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer::validation
 {
@@ -198,6 +199,7 @@ void cmdCopyMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, cons
 {
     if (device.checks.core)
         checkCopy(device, commandBuffer, *info);
+    sync::recordCopy(device, commandBuffer, *info);
     device.next.CmdCopyMemoryKHR(commandBuffer, info);
 }
 
@@ -206,6 +208,7 @@ void cmdUpdateMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, co
 {
     if (device.checks.core)
         checkUpdate(device, commandBuffer, *range, flags, size);
+    sync::recordWrite(device, commandBuffer, "vkCmdUpdateMemoryKHR", *range);
     device.next.CmdUpdateMemoryKHR(commandBuffer, range, flags, size, data);
 }
 
@@ -214,6 +217,7 @@ void cmdFillMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, cons
 {
     if (device.checks.core)
         checkFill(device, commandBuffer, *range, flags);
+    sync::recordWrite(device, commandBuffer, "vkCmdFillMemoryKHR", *range);
     device.next.CmdFillMemoryKHR(commandBuffer, range, flags, data);
 }
 
