@@ -24,6 +24,8 @@ enum ProgramNeeds : unsigned {
     kNeedsNoFeature = 16,      // the extension is enabled, its feature is not
     kNeedsFewFeatures = 32,    // a device without some features of Vulkan (DeviceOptions::fewFeatures)
     kNeedsMarkers = 64,        // VK_AMD_buffer_marker, which the spy plays; no spy is below a driver's own micromaps
+    kNeedsPlainShaders = 256,  // shaders get no execution mode by themselves; flags in VkPipelineCreateFlags2CreateInfo
+    kNeedsShaderObjects = 512, // VK_EXT_shader_object
 };
 
 struct WrongProgram {
@@ -50,5 +52,6 @@ std::span<const WrongProgram> rangeFlagPrograms();
 std::span<const WrongProgram> drawRangePrograms();
 std::span<const WrongProgram> barrierRangePrograms();
 std::span<const WrongProgram> dataPrograms();
+std::span<const WrongProgram> tracePrograms();
 
 } // namespace vt

@@ -12,6 +12,7 @@
 #include "layer/validation/queries.h"
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/traces/trace_commands.h"
 
 namespace vellum::layer
 {

@@ -221,6 +221,7 @@ VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 {
     const VkResult result = device.next.QueueWaitIdle(queue);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -229,6 +230,7 @@ VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
     const VkResult result = device.next.DeviceWaitIdle(handle);
     if (result == VK_SUCCESS)
         device.gpu.log.drainIdle(device);
+    device.traces.marks.report(device, result == VK_SUCCESS);
     return result;
 }
 
@@ -237,6 +239,7 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
 {
     const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -244,6 +247,7 @@ VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence
 {
     const VkResult result = device.next.GetFenceStatus(handle, fence);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -251,6 +255,7 @@ VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemap
 {
     const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -258,6 +263,7 @@ VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkS
 {
     const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
