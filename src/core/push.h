@@ -295,6 +295,26 @@ struct InstanceCheckPush {
     uint allowDisable; // build flag of structures whose micromaps instances may disable
 };
 
+// validation/instances_contents.comp
+struct InstancesContentsPush {
+    VELLUM_ADDRESS source; // instances, or pointers to them
+    VELLUM_ADDRESS target; // the number of instances written, 0 before; a word of padding; their references
+    uint count;
+    uint pointers; // 1: of pointers
+};
+
+// validation/index_kinds.comp
+VELLUM_CONST uint kIndexKindSpecial = 1u;
+VELLUM_CONST uint kIndexKindMicromap = 2u;
+struct IndexKindsPush {
+    VELLUM_ADDRESS source;
+    VELLUM_ADDRESS target; // the number of indices read; kIndexKind*; both 0 before
+    uint stride;
+    uint count;
+    uint bytes; // 1, 2 or 4
+    uint unused;
+};
+
 VELLUM_SHARED_END
 
 #undef VELLUM_ADDRESS

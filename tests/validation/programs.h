@@ -27,6 +27,7 @@ enum ProgramNeeds : unsigned {
     kNeedsMaintenance5 = 128,  // VkPipelineCreateFlags2CreateInfo
     kNeedsShaderObjects = 256, // VK_EXT_shader_object
     kNeedsTransferQueue = 512, // queue family 3 is for transfers only: the mock driver's quirk "queues"
+    kNeedsPlainShaders = 1024, // shaders get no execution mode by themselves; flags in VkPipelineCreateFlags2CreateInfo
 };
 
 struct WrongProgram {
@@ -57,5 +58,6 @@ std::span<const WrongProgram> barrierRangePrograms();
 std::span<const WrongProgram> dataPrograms();
 std::span<const WrongProgram> pipelinePrograms();
 std::span<const WrongProgram> syncPrograms();
+std::span<const WrongProgram> tracePrograms();
 
 } // namespace vt

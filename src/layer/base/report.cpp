@@ -94,6 +94,12 @@ CommandReports::CommandReports()
     ++commandDepth;
 }
 
+void CommandReports::cover(const char *id)
+{
+    if (commandDepth > 0)
+        coveredIds.emplace_back(id);
+}
+
 CommandReports::~CommandReports()
 {
     if (--commandDepth == 0)

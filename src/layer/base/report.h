@@ -103,6 +103,8 @@ class CommandReports
 public:
     CommandReports();
     ~CommandReports();
+    // The implementation does not report this id either: validation calls it in another way than the application.
+    static void cover(const char *id);
     CommandReports(const CommandReports &) = delete;
     CommandReports &operator=(const CommandReports &) = delete;
 };

@@ -51,6 +51,38 @@ struct PushConstantsInfo {
     const void *pValues;
 };
 using PFN_CmdPushConstants2 = void(VKAPI_PTR *)(VkCommandBuffer, const PushConstantsInfo *);
+struct BindDescriptorSetsInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkShaderStageFlags stageFlags;
+    VkPipelineLayout layout;
+    uint32_t firstSet;
+    uint32_t descriptorSetCount;
+    const VkDescriptorSet *pDescriptorSets;
+    uint32_t dynamicOffsetCount;
+    const uint32_t *pDynamicOffsets;
+};
+using PFN_CmdBindDescriptorSets2 = void(VKAPI_PTR *)(VkCommandBuffer, const BindDescriptorSetsInfo *);
+struct PushDescriptorSetInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkShaderStageFlags stageFlags;
+    VkPipelineLayout layout;
+    uint32_t set;
+    uint32_t descriptorWriteCount;
+    const VkWriteDescriptorSet *pDescriptorWrites;
+};
+using PFN_CmdPushDescriptorSet2 = void(VKAPI_PTR *)(VkCommandBuffer, const PushDescriptorSetInfo *);
+struct PushDescriptorSetWithTemplateInfo {
+    VkStructureType sType;
+    const void *pNext;
+    VkDescriptorUpdateTemplate descriptorUpdateTemplate;
+    VkPipelineLayout layout;
+    uint32_t set;
+    const void *pData;
+};
+using PFN_CmdPushDescriptorSetWithTemplate2 = void(VKAPI_PTR *)(VkCommandBuffer,
+                                                                const PushDescriptorSetWithTemplateInfo *);
 
 // VK_ARM_pipeline_opacity_micromap
 inline constexpr const char *kPipelineOpacityMicromapExtension = "VK_ARM_pipeline_opacity_micromap";
@@ -131,6 +163,7 @@ struct ShaderObjectProperties {
     uint32_t shaderBinaryVersion;
 };
 using PFN_GetShaderBinaryData = VkResult(VKAPI_PTR *)(VkDevice, ShaderEXT, size_t *, void *);
+using PFN_DestroyShader = void(VKAPI_PTR *)(VkDevice, ShaderEXT, const VkAllocationCallbacks *);
 using PFN_CmdBindShaders = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
                                              const ShaderEXT *);
 

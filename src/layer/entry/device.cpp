@@ -298,10 +298,8 @@ RuleLimits DeviceCreation::ruleLimits(const EnabledFeatures &enabled) const
 {
     if ((!enabled.ext && !enabled.khr) || !instance_.next.GetPhysicalDeviceProperties2)
         return {};
-    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
-    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
+    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
     VkPhysicalDeviceAccelerationStructurePropertiesKHR structures{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR};
     VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &structures, {}};
@@ -326,6 +324,8 @@ void DeviceCreation::startValidation(Device &added) const
     if (enabled.any() && instance_.settings.validate.any())
         added.validation =
             createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
+    if (added.validation)
+        added.validation->traces.storingStages = storingStages(info_);
     if (added.validation && !added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
     if (added.validation)

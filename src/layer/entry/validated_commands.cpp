@@ -14,6 +14,7 @@
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/sync/sync_commands.h"
+#include "layer/validation/traces/trace_commands.h"
 
 namespace vellum::layer
 {

@@ -8,13 +8,6 @@
 namespace vellum::layer
 {
 
-VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
-{
-    const auto *flags2 =
-        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
-    return flags2 ? flags2->flags : flags;
-}
-
 VkFlags64 unknownPipelineFlags(const Driver &driver)
 {
     if (driver.emulated())
@@ -71,16 +64,6 @@ bool checkShaderFlags(const Driver &driver, newer::ShaderCreateInfo &info)
     info.flags &= ~kDisallowMixedShader;
     return !requested || driver.enabled.khrFeature ||
            tolerateMixedSpecialIndex(driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
-}
-
-bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
-{
-    const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
-        info.pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
-    const VkGraphicsPipelineLibraryFlagsEXT withShaders =
-        VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
-        VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
-    return !library || (library->flags & withShaders) != 0;
 }
 
 } // namespace vellum::layer

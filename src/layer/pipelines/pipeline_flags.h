@@ -6,6 +6,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/base/pipeline_info.h"
 #include "layer/base/pnext.h"
 #include "layer/base/vulkan_newer.h"
 
@@ -18,9 +19,6 @@ struct Driver;
 inline constexpr VkFlags64 kMicromapPipelineFlags =
     VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | newer::kPipelineDisallowOpacityMicromap |
     VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
-
-// The flags of a pipeline: VkPipelineCreateFlags2CreateInfo replaces the create info's own flags.
-VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags);
 
 // Those of kMicromapPipelineFlags that the driver does not know.
 VkFlags64 unknownPipelineFlags(const Driver &driver);
@@ -39,8 +37,5 @@ bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreat
                         const char *command);
 // The same for a shader object. Removes the flag, which the driver does not know.
 bool checkShaderFlags(const Driver &driver, newer::ShaderCreateInfo &info);
-
-// Whether pStages may be read: a pipeline library without shaders ignores it, and it may be invalid.
-bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info);
 
 } // namespace vellum::layer

@@ -5,8 +5,8 @@
 
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
-#include "layer/validation/rules/build_rules.h"
 #include "layer/validation/gpu_checks.h"
+#include "layer/validation/rules/build_rules.h"
 #include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
@@ -42,9 +42,9 @@ std::shared_ptr<const StructureContents> contentsOf(const MicromapBuildInput &bu
 
 // `primitives(g)`: of geometry g, or the most that an indirect build may have.
 template <typename Primitives>
-std::shared_ptr<const StructureContents> contentsOf(const DeviceValidation &device,
-                                                    const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                                                    Primitives primitives)
+std::shared_ptr<StructureContents> contentsOf(const DeviceValidation &device,
+                                              const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                                              Primitives primitives)
 {
     auto contents = std::make_shared<StructureContents>();
     contents->type = info.type;
@@ -82,7 +82,10 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
                const std::shared_ptr<ValidatedStructure> &target, std::shared_ptr<const StructureContents> contents)
 {
     if (target)
-        device.logs.add(commandBuffer, [target, contents](const Submission &) { target->contents = contents; });
+        device.logs.add(commandBuffer, [&device, target, contents](const Submission &) {
+            target->contents = contents;
+            target->since = ++device.numbers;
+        });
 }
 
 void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
@@ -95,8 +98,9 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
         return;
     }
     const auto primitives = [&](uint32_t g) { return ranges ? ranges[g].primitiveCount : most ? most[g] : 0; };
-    construct(device, commandBuffer, device.objects.structures.get(info.dstAccelerationStructure),
-              contentsOf(device, info, primitives));
+    const auto contents = contentsOf(device, info, primitives);
+    captureContents(device, commandBuffer, info, ranges, *contents);
+    construct(device, commandBuffer, device.objects.structures.get(info.dstAccelerationStructure), contents);
 }
 
 } // namespace

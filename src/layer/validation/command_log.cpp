@@ -4,6 +4,7 @@
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/sync/sync_commands.h"
+#include "layer/validation/traces/trace_commands.h"
 
 namespace vellum::layer
 {
@@ -112,8 +113,10 @@ void freeCommandBuffers(DeviceValidation &device, VkDevice handle, VkCommandPool
 VkResult beginCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer,
                             const VkCommandBufferBeginInfo *info)
 {
-    if (const auto log = device.logs.get(commandBuffer))
-        log->steps.clear(); // it is reset implicitly
+    if (const auto log = device.logs.get(commandBuffer)) { // it is reset implicitly
+        log->steps.clear();
+        log->traces = {};
+    }
     return layer::beginCommandBuffer(device.commands, commandBuffer, info);
 }
 
@@ -127,12 +130,14 @@ VkResult resetCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuf
 void cmdBindPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
                      VkPipeline pipeline)
 {
+    bindTracingPipeline(device, commandBuffer, point, pipeline);
     layer::cmdBindPipeline(device.commands, commandBuffer, point, pipeline);
 }
 
 void cmdBindShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                     const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
 {
+    bindTracingShaders(device, commandBuffer, count, stages, shaders);
     layer::cmdBindShaders(device.commands, commandBuffer, count, stages, shaders);
 }
 

@@ -13,6 +13,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/vulkan_newer.h"
+#include "layer/validation/traces/trace_checks.h"
 
 namespace vellum::layer
 {
@@ -32,6 +33,7 @@ struct CommandLog {
     uint32_t family = 0;
     bool secondary = false;
     std::vector<Step> steps;
+    TraceBindings traces;
 };
 
 class CommandLogs

@@ -16,6 +16,7 @@
 #include "layer/validation/place.h"
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/sync/device_sync.h"
+#include "layer/validation/traces/traced_code.h"
 #include "layer/validation/validated_commands.h"
 
 namespace vellum::layer
@@ -52,6 +53,7 @@ struct DeviceValidation {
     DeviceCommandBuffers commands{driver, buffers, state};
 
     GpuChecks gpu{};
+    DeviceTraces traces{buffers};
     ValidatedObjects objects{};
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images{};
     ValidatedPipelines pipelines{};

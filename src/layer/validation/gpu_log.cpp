@@ -224,6 +224,7 @@ VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
     if (result == VK_SUCCESS)
         device.sync.tracker.queueIdle(uint64_t(queue));
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -234,6 +235,7 @@ VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
         device.sync.tracker.allIdle();
         device.gpu.log.drainIdle(device);
     }
+    device.traces.marks.report(device, result == VK_SUCCESS);
     return result;
 }
 
@@ -244,6 +246,7 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
     if (result == VK_SUCCESS)
         sync::fencesComplete(device, handle, count, fences, all == VK_TRUE || count == 1);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -253,6 +256,7 @@ VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence
     if (result == VK_SUCCESS)
         sync::fencesComplete(device, handle, 1, &fence, true);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -262,6 +266,7 @@ VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemap
     if (result == VK_SUCCESS)
         sync::semaphoresReached(device, handle, *info);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 
@@ -271,6 +276,7 @@ VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkS
     if (device.checks.sync && result == VK_SUCCESS)
         device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
     device.gpu.log.drain(device);
+    device.traces.marks.report(device, false);
     return result;
 }
 

@@ -5,8 +5,8 @@
 
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
-#include "layer/validation/rules/creation_rules.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/rules/creation_rules.h"
 #include "layer/validation/sync/sync_commands.h"
 
 namespace vellum::layer
@@ -64,11 +64,13 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     return structure;
 }
 
-void setReference(DeviceValidation &device, ValidatedStructure &structure, VkDeviceAddress address)
+void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStructure> &structure,
+                  VkDeviceAddress address)
 {
-    structure.referenceAddress = address;
-    if (structure.record)
-        device.gpu.records.setReference(address, *structure.record);
+    structure->referenceAddress = address;
+    device.traces.byReference.set(address, structure);
+    if (structure->record)
+        device.gpu.records.setReference(address, *structure->record);
 }
 
 } // namespace
@@ -216,7 +218,7 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, 
 {
     const VkDeviceAddress address = device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
     if (const auto structure = device.objects.structures.get(info->accelerationStructure))
-        setReference(device, *structure, address);
+        setReference(device, structure, address);
     return address;
 }
 
@@ -227,10 +229,9 @@ VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicro
         checkCreation(device, *info);
     const VkResult created = device.next.CreateMicromapEXT(handle, info, allocator, result);
     if (created == VK_SUCCESS)
-        device.objects.micromaps.set(*result,
-                                     newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
-                                                  info->buffer, info->offset, info->size, info->createFlags,
-                                                  allocator != nullptr));
+        device.objects.micromaps.set(
+            *result, newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, info->buffer,
+                                  info->offset, info->size, info->createFlags, allocator != nullptr));
     return created;
 }
 

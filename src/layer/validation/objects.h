@@ -11,8 +11,9 @@
 
 #include "layer/base/handle_map.h"
 #include "layer/base/vulkan_newer.h"
-#include "layer/validation/ranges/bound_ranges.h"
 #include "layer/validation/gpu_records.h"
+#include "layer/validation/ranges/bound_ranges.h"
+#include "layer/validation/traces/captures.h"
 
 namespace vellum::layer
 {
@@ -46,7 +47,6 @@ struct ValidatedBuffer {
     VkDeviceMemory memory = VK_NULL_HANDLE; // null until it is bound
     VkDeviceSize memoryOffset = 0;
     VkDeviceAddress address = 0; // 0: without one, or without memory
-    bool exclusive = true;       // sharing mode
     BoundRanges bound;           // of a sparse buffer
 };
 
@@ -61,6 +61,7 @@ struct GeometryContents {
     bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
     ObjectHandle micromapHandle;                // 0 for a null handle
     std::weak_ptr<ValidatedStructure> micromap; // that is attached
+    CapturedIndices indices;                    // into it
 };
 
 // What a build or a copy put into a structure.
@@ -71,6 +72,7 @@ struct StructureContents {
     std::vector<VkMicromapUsageEXT> usages; // of a micromap
     uint64_t triangles = 0;                 // of a micromap
     bool deserialized = false;              // the other members are unknown
+    CapturedInstances instances;            // of a top-level structure
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
@@ -89,6 +91,7 @@ struct ValidatedStructure {
 
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
     std::shared_ptr<const StructureContents> contents; // null: not constructed
+    uint64_t since = 0;                                // DeviceValidation::numbers when it got them
     bool destroyed = false;
     bool ownAllocator = false; // it was created with allocation callbacks
 

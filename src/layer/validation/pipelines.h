@@ -34,22 +34,4 @@ void checkModule(DeviceValidation &, const VkShaderModuleCreateInfo &);
 void keepModule(DeviceValidation &, const VkShaderModuleCreateInfo &, VkShaderModule);
 void keepLibraries(DeviceValidation &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *, const VkPipeline *);
 
-namespace validation
-{
-
-VkResult createShaderModule(DeviceValidation &, VkDevice, const VkShaderModuleCreateInfo *,
-                            const VkAllocationCallbacks *, VkShaderModule *);
-void destroyShaderModule(DeviceValidation &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
-VkResult createComputePipelines(DeviceValidation &, VkDevice, VkPipelineCache, uint32_t,
-                                const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-VkResult createGraphicsPipelines(DeviceValidation &, VkDevice, VkPipelineCache, uint32_t,
-                                 const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-VkResult createRayTracingPipelines(DeviceValidation &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
-                                   const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
-                                   VkPipeline *);
-void destroyPipeline(DeviceValidation &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
-VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
-                       const VkAllocationCallbacks *, newer::ShaderEXT *);
-
-} // namespace validation
 } // namespace vellum::layer

@@ -8,6 +8,32 @@
 #include "layer/base/dispatch.h"
 #include "layer/base/vulkan_newer.h"
 
+// Commands that run shaders of one bind point: X(name of the command without vk, function of namespace validation).
+#define VELLUM_DRAW_COMMANDS(X)                                                                                        \
+    X(CmdDraw, cmdDraw)                                                                                                \
+    X(CmdDrawIndexed, cmdDrawIndexed)                                                                                  \
+    X(CmdDrawIndirect, cmdDrawIndirect)                                                                                \
+    X(CmdDrawIndexedIndirect, cmdDrawIndexedIndirect)                                                                  \
+    X(CmdDrawIndirectCount, cmdDrawIndirectCount)                                                                      \
+    X(CmdDrawIndexedIndirectCount, cmdDrawIndexedIndirectCount)                                                        \
+    X(CmdDrawIndirectByteCountEXT, cmdDrawIndirectByteCountEXT)                                                        \
+    X(CmdDrawMultiEXT, cmdDrawMultiEXT)                                                                                \
+    X(CmdDrawMultiIndexedEXT, cmdDrawMultiIndexedEXT)                                                                  \
+    X(CmdDrawMeshTasksEXT, cmdDrawMeshTasksEXT)                                                                        \
+    X(CmdDrawMeshTasksIndirectEXT, cmdDrawMeshTasksIndirectEXT)                                                        \
+    X(CmdDrawMeshTasksIndirectCountEXT, cmdDrawMeshTasksIndirectCountEXT)                                              \
+    X(CmdDrawMeshTasksNV, cmdDrawMeshTasksNV)                                                                          \
+    X(CmdDrawMeshTasksIndirectNV, cmdDrawMeshTasksIndirectNV)                                                          \
+    X(CmdDrawMeshTasksIndirectCountNV, cmdDrawMeshTasksIndirectCountNV)
+#define VELLUM_DISPATCH_COMMANDS(X)                                                                                    \
+    X(CmdDispatch, cmdDispatch)                                                                                        \
+    X(CmdDispatchBase, cmdDispatchBase)                                                                                \
+    X(CmdDispatchIndirect, cmdDispatchIndirect)
+#define VELLUM_TRACE_COMMANDS(X)                                                                                       \
+    X(CmdTraceRaysKHR, cmdTraceRaysKHR)                                                                                \
+    X(CmdTraceRaysIndirectKHR, cmdTraceRaysIndirectKHR)                                                                \
+    X(CmdTraceRaysIndirect2KHR, cmdTraceRaysIndirect2KHR)
+
 // X(name of the command without vk, function of namespace validation that validates it). A command is also found by its
 // aliases.
 #define VELLUM_VALIDATED_COMMANDS(X)                                                                                   \
@@ -121,13 +147,33 @@
     X(CmdDrawIndirectByteCount2EXT, cmdDrawIndirectByteCount2)                                                         \
     X(CmdBuildMicromapsEXT, cmdBuildMicromaps)                                                                         \
     X(CmdBuildAccelerationStructuresKHR, cmdBuildAccelerationStructures)                                               \
-    X(CmdBuildAccelerationStructuresIndirectKHR, cmdBuildAccelerationStructuresIndirect)
+    X(CmdBuildAccelerationStructuresIndirectKHR, cmdBuildAccelerationStructuresIndirect)                               \
+    X(CreateDescriptorSetLayout, createDescriptorSetLayout)                                                            \
+    X(DestroyDescriptorSetLayout, destroyDescriptorSetLayout)                                                          \
+    X(DestroyDescriptorPool, destroyDescriptorPool)                                                                    \
+    X(ResetDescriptorPool, resetDescriptorPool)                                                                        \
+    X(AllocateDescriptorSets, allocateDescriptorSets)                                                                  \
+    X(FreeDescriptorSets, freeDescriptorSets)                                                                          \
+    X(UpdateDescriptorSets, updateDescriptorSets)                                                                      \
+    X(CreateDescriptorUpdateTemplate, createDescriptorUpdateTemplate)                                                  \
+    X(DestroyDescriptorUpdateTemplate, destroyDescriptorUpdateTemplate)                                                \
+    X(UpdateDescriptorSetWithTemplate, updateDescriptorSetWithTemplate)                                                \
+    X(CmdBindDescriptorSets, cmdBindDescriptorSets)                                                                    \
+    X(CmdPushDescriptorSetKHR, cmdPushDescriptorSet)                                                                   \
+    X(CmdPushDescriptorSetWithTemplateKHR, cmdPushDescriptorSetWithTemplate)                                           \
+    VELLUM_DRAW_COMMANDS(X)                                                                                            \
+    VELLUM_DISPATCH_COMMANDS(X)                                                                                        \
+    VELLUM_TRACE_COMMANDS(X)
 
 // Those that the oldest headers do not declare: X(name, type in base/vulkan_newer.h, function).
 #define VELLUM_VALIDATED_NEWER_COMMANDS(X)                                                                             \
     X(CmdPushConstants2, CmdPushConstants2, cmdPushConstants2)                                                         \
+    X(CmdBindShadersEXT, CmdBindShaders, cmdBindShaders)                                                               \
+    X(CmdBindDescriptorSets2, CmdBindDescriptorSets2, cmdBindDescriptorSets2)                                          \
+    X(CmdPushDescriptorSet2, CmdPushDescriptorSet2, cmdPushDescriptorSet2)                                             \
+    X(CmdPushDescriptorSetWithTemplate2, CmdPushDescriptorSetWithTemplate2, cmdPushDescriptorSetWithTemplate2)         \
     X(CreateShadersEXT, CreateShaders, createShaders)                                                                  \
-    X(CmdBindShadersEXT, CmdBindShaders, cmdBindShaders)
+    X(DestroyShaderEXT, DestroyShader, destroyShader)
 
 namespace vellum::layer
 {

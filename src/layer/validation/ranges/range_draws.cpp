@@ -4,6 +4,7 @@
 
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/traces/trace_commands.h"
 
 namespace vellum::layer::validation
 {
@@ -228,6 +229,7 @@ void cmdDrawIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer, c
           {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand), "VUID-vkCmdDrawIndirect2KHR-commandBuffer-13057",
            "VUID-vkCmdDrawIndirect2KHR-pInfo-13110", "VUID-vkCmdDrawIndirect2KHR-pInfo-13111",
            "VUID-vkCmdDrawIndirect2KHR-pInfo-13112", "VUID-vkCmdDrawIndirect2KHR-pInfo-13113"});
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirect2KHR");
     device.next.CmdDrawIndirect2KHR(commandBuffer, info);
 }
 
@@ -239,6 +241,7 @@ void cmdDrawIndexedIndirect2(DeviceValidation &device, VkCommandBuffer commandBu
            "VUID-vkCmdDrawIndexedIndirect2KHR-commandBuffer-13059", "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110",
            "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13111", "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13112",
            "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13113"});
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirect2KHR");
     device.next.CmdDrawIndexedIndirect2KHR(commandBuffer, info);
 }
 
@@ -248,6 +251,7 @@ void cmdDrawMeshTasksIndirect2(DeviceValidation &device, VkCommandBuffer command
     check(device, commandBuffer, *info,
           {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
            "VUID-vkCmdDrawMeshTasksIndirect2EXT-commandBuffer-13067"});
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirect2EXT");
     device.next.CmdDrawMeshTasksIndirect2EXT(commandBuffer, info);
 }
 
@@ -260,6 +264,7 @@ void cmdDrawIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuff
            "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13111", "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13112",
            "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13113"},
           "VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119");
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectCount2KHR");
     device.next.CmdDrawIndirectCount2KHR(commandBuffer, info);
 }
 
@@ -272,6 +277,7 @@ void cmdDrawIndexedIndirectCount2(DeviceValidation &device, VkCommandBuffer comm
            "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110", "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13111",
            "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13112", "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13113"},
           "VUID-vkCmdDrawIndexedIndirectCount2KHR-drawIndirectCount-13120");
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirectCount2KHR");
     device.next.CmdDrawIndexedIndirectCount2KHR(commandBuffer, info);
 }
 
@@ -282,6 +288,7 @@ void cmdDrawMeshTasksIndirectCount2(DeviceValidation &device, VkCommandBuffer co
           {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
            "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-commandBuffer-13068"},
           "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-drawIndirectCount-13069");
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirectCount2EXT");
     device.next.CmdDrawMeshTasksIndirectCount2EXT(commandBuffer, info);
 }
 
@@ -290,6 +297,7 @@ void cmdDispatchIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffe
 {
     if (device.checks.core)
         checkDispatch(device, commandBuffer, *info);
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_COMPUTE, "vkCmdDispatchIndirect2KHR");
     device.next.CmdDispatchIndirect2KHR(commandBuffer, info);
 }
 

@@ -2,6 +2,7 @@
 // Transform feedback.
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/traces/trace_commands.h"
 
 namespace vellum::layer::validation
 {
@@ -93,6 +94,7 @@ void cmdDrawIndirectByteCount2(DeviceValidation &device, VkCommandBuffer command
 {
     if (device.checks.core)
         checkByteCount(device, commandBuffer, *info);
+    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectByteCount2EXT");
     device.next.CmdDrawIndirectByteCount2EXT(commandBuffer, instanceCount, firstInstance, info, counterOffset,
                                              vertexStride);
 }

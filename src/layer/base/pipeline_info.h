@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the create info of a pipeline says.
+#pragma once
+
+#include "layer/base/pnext.h"
+#include "layer/base/vulkan_newer.h"
+
+namespace vellum::layer
+{
+
+// The flags of a pipeline: VkPipelineCreateFlags2CreateInfo replaces the create info's own flags.
+inline VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
+{
+    const auto *flags2 =
+        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
+    return flags2 ? flags2->flags : flags;
+}
+
+// Whether pStages may be read: a pipeline library without shaders ignores it, and it may be invalid.
+inline bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
+{
+    const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
+        info.pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
+    const VkGraphicsPipelineLibraryFlagsEXT withShaders =
+        VK_GRAPHICS_PIPELINE_LIBRARY_PRE_RASTERIZATION_SHADERS_BIT_EXT |
+        VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
+    return !library || (library->flags & withShaders) != 0;
+}
+
+} // namespace vellum::layer

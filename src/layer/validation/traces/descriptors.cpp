@@ -1,0 +1,357 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/traces/descriptors.h"
+
+#include <algorithm>
+
+#include "layer/base/pnext.h"
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkDescriptorType kStructure = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
+
+// Sets descriptors from an element of a binding on. Those beyond the size of a binding are of the next one.
+void setStructures(StructureSet &set, uint32_t binding, uint32_t element, const StructurePointers &structures)
+{
+    for (const auto &structure : structures) {
+        auto size = set.sizes.find(binding);
+        while (size != set.sizes.end() && element >= size->second) {
+            element -= size->second;
+            ++size;
+            binding = size == set.sizes.end() ? binding : size->first;
+        }
+        StructurePointers &known = set.structures[binding];
+        if (known.size() <= element)
+            known.resize(element + 1);
+        known[element++] = structure;
+    }
+}
+
+} // namespace
+
+// What only the commands of this file may do with descriptors.
+struct DescriptorAccess {
+    DeviceValidation &device;
+    DescriptorTracker &tracker = device.traces.descriptors;
+    std::lock_guard<std::mutex> lock{tracker.mutex_};
+
+    auto &layouts() const { return tracker.layouts_; }
+    auto &pools() const { return tracker.pools_; }
+    auto &sets() const { return tracker.sets_; }
+    auto &templates() const { return tracker.templates_; }
+
+    [[nodiscard]] std::shared_ptr<StructureSet> set(VkDescriptorSet handle) const
+    {
+        const auto found = sets().find(handle);
+        return found == sets().end() ? nullptr : found->second;
+    }
+    [[nodiscard]] StructureTemplate form(VkDescriptorUpdateTemplate handle) const
+    {
+        const auto found = templates().find(handle);
+        return found == templates().end() ? StructureTemplate{} : found->second;
+    }
+    [[nodiscard]] std::weak_ptr<ValidatedStructure> structure(VkAccelerationStructureKHR handle) const
+    {
+        return handle ? device.objects.structures.get(handle) : nullptr;
+    }
+    void removePool(VkDescriptorPool pool) const
+    {
+        for (const VkDescriptorSet set : pools()[pool])
+            sets().erase(set);
+        pools().erase(pool);
+    }
+    void write(StructureSet &set, const VkWriteDescriptorSet &write) const
+    {
+        StructurePointers structures(write.descriptorCount);
+        const auto *given = findInChain<VkWriteDescriptorSetAccelerationStructureKHR>(
+            write.pNext, VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR);
+        if (write.descriptorType == kStructure && given) {
+            for (uint32_t i = 0; i < std::min(write.descriptorCount, given->accelerationStructureCount); ++i)
+                structures[i] = structure(given->pAccelerationStructures[i]);
+        } else if (!set.structures.contains(write.dstBinding)) {
+            return; // descriptors of another type, which replace no structures
+        }
+        setStructures(set, write.dstBinding, write.dstArrayElement, structures);
+    }
+    void write(StructureSet &set, const StructureTemplate &form, const void *data) const
+    {
+        for (const VkDescriptorUpdateTemplateEntry &entry : form.entries) {
+            StructurePointers structures;
+            for (uint32_t i = 0; i < entry.descriptorCount; ++i) {
+                const auto *at = static_cast<const std::byte *>(data) + entry.offset + i * entry.stride;
+                structures.push_back(structure(*reinterpret_cast<const VkAccelerationStructureKHR *>(at)));
+            }
+            setStructures(set, entry.dstBinding, entry.dstArrayElement, structures);
+        }
+    }
+    void copy(const VkCopyDescriptorSet &copy) const
+    {
+        const auto from = set(copy.srcSet);
+        const auto to = set(copy.dstSet);
+        if (!from || !to || !from->structures.contains(copy.srcBinding))
+            return;
+        const StructurePointers &all = from->structures[copy.srcBinding];
+        StructurePointers structures(copy.descriptorCount);
+        for (uint32_t i = 0; i < copy.descriptorCount && copy.srcArrayElement + i < all.size(); ++i)
+            structures[i] = all[copy.srcArrayElement + i];
+        setStructures(*to, copy.dstBinding, copy.dstArrayElement, structures);
+    }
+};
+
+std::vector<std::shared_ptr<ValidatedStructure>>
+DescriptorTracker::structures(const StructureSet &set, uint32_t binding, std::optional<uint32_t> element) const
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<std::shared_ptr<ValidatedStructure>> result;
+    const auto found = set.structures.find(binding);
+    if (found == set.structures.end() || (element && *element >= found->second.size()))
+        return result;
+    for (uint32_t i = 0; i < found->second.size(); ++i)
+        if (!element || *element == i)
+            result.push_back(found->second[i].lock());
+    return result;
+}
+
+namespace validation
+{
+namespace
+{
+
+// Calls bind(sets of a bind point) for each bind point that has one of the stages.
+template <typename Bind>
+void eachPoint(TraceBindings &bindings, VkShaderStageFlags stages, Bind bind)
+{
+    constexpr VkShaderStageFlags kCompute = VK_SHADER_STAGE_COMPUTE_BIT;
+    constexpr VkShaderStageFlags kRayTracing = VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR |
+                                               VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR | VK_SHADER_STAGE_MISS_BIT_KHR |
+                                               VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
+    if ((stages & kCompute) != 0)
+        bind(bindings.at(VK_PIPELINE_BIND_POINT_COMPUTE).sets);
+    if ((stages & kRayTracing) != 0)
+        bind(bindings.at(VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR).sets);
+    if ((stages & ~(kCompute | kRayTracing)) != 0)
+        bind(bindings.at(VK_PIPELINE_BIND_POINT_GRAPHICS).sets);
+}
+
+VkShaderStageFlags stagesOf(VkPipelineBindPoint point)
+{
+    switch (point) {
+    case VK_PIPELINE_BIND_POINT_COMPUTE: return VK_SHADER_STAGE_COMPUTE_BIT;
+    case VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR: return VK_SHADER_STAGE_RAYGEN_BIT_KHR;
+    case VK_PIPELINE_BIND_POINT_GRAPHICS: return VK_SHADER_STAGE_VERTEX_BIT;
+    default: return 0;
+    }
+}
+
+void bindSets(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShaderStageFlags stages, uint32_t first,
+              uint32_t count, const VkDescriptorSet *handles)
+{
+    const auto log = device.logs.get(commandBuffer);
+    if (!log)
+        return;
+    const DescriptorAccess access{device};
+    eachPoint(log->traces, stages, [&](BoundSets &sets) {
+        for (uint32_t i = 0; i < count; ++i)
+            sets[first + i] = handles[i] ? access.set(handles[i]) : nullptr;
+    });
+}
+
+// A push keeps the descriptors that were pushed before. Earlier commands have the set as it was.
+template <typename Write>
+void push(const DescriptorAccess &access, VkCommandBuffer commandBuffer, VkShaderStageFlags stages, uint32_t number,
+          Write write)
+{
+    const auto log = access.device.logs.get(commandBuffer);
+    if (!log)
+        return;
+    eachPoint(log->traces, stages, [&](BoundSets &sets) {
+        auto &set = sets[number];
+        set = set ? std::make_shared<StructureSet>(*set) : std::make_shared<StructureSet>();
+        write(*set);
+    });
+}
+
+void pushWrites(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShaderStageFlags stages, uint32_t number,
+                uint32_t count, const VkWriteDescriptorSet *writes)
+{
+    const DescriptorAccess access{device};
+    push(access, commandBuffer, stages, number, [&](StructureSet &set) {
+        for (uint32_t i = 0; i < count; ++i)
+            access.write(set, writes[i]);
+    });
+}
+
+void pushTemplate(DeviceValidation &device, VkCommandBuffer commandBuffer, VkDescriptorUpdateTemplate handle,
+                  uint32_t number, const void *data)
+{
+    const DescriptorAccess access{device};
+    const StructureTemplate form = access.form(handle);
+    push(access, commandBuffer, form.stages, number, [&](StructureSet &set) { access.write(set, form, data); });
+}
+
+} // namespace
+
+VkResult createDescriptorSetLayout(DeviceValidation &device, VkDevice handle,
+                                   const VkDescriptorSetLayoutCreateInfo *info, const VkAllocationCallbacks *allocator,
+                                   VkDescriptorSetLayout *layout)
+{
+    const VkResult result = device.next.CreateDescriptorSetLayout(handle, info, allocator, layout);
+    if (result != VK_SUCCESS)
+        return result;
+    const DescriptorAccess access{device};
+    auto &sizes = access.layouts()[*layout];
+    sizes.clear();
+    for (uint32_t i = 0; i < info->bindingCount; ++i)
+        sizes[info->pBindings[i].binding] = info->pBindings[i].descriptorCount;
+    return result;
+}
+
+void destroyDescriptorSetLayout(DeviceValidation &device, VkDevice handle, VkDescriptorSetLayout layout,
+                                const VkAllocationCallbacks *allocator)
+{
+    DescriptorAccess{device}.layouts().erase(layout);
+    device.next.DestroyDescriptorSetLayout(handle, layout, allocator);
+}
+
+void destroyDescriptorPool(DeviceValidation &device, VkDevice handle, VkDescriptorPool pool,
+                           const VkAllocationCallbacks *allocator)
+{
+    DescriptorAccess{device}.removePool(pool);
+    device.next.DestroyDescriptorPool(handle, pool, allocator);
+}
+
+VkResult resetDescriptorPool(DeviceValidation &device, VkDevice handle, VkDescriptorPool pool,
+                             VkDescriptorPoolResetFlags flags)
+{
+    DescriptorAccess{device}.removePool(pool);
+    return device.next.ResetDescriptorPool(handle, pool, flags);
+}
+
+VkResult allocateDescriptorSets(DeviceValidation &device, VkDevice handle, const VkDescriptorSetAllocateInfo *info,
+                                VkDescriptorSet *sets)
+{
+    const VkResult result = device.next.AllocateDescriptorSets(handle, info, sets);
+    if (result != VK_SUCCESS)
+        return result;
+    const DescriptorAccess access{device};
+    for (uint32_t i = 0; i < info->descriptorSetCount; ++i) {
+        auto set = std::make_shared<StructureSet>();
+        set->sizes = access.layouts()[info->pSetLayouts[i]];
+        access.sets()[sets[i]] = std::move(set);
+        access.pools()[info->descriptorPool].insert(sets[i]);
+    }
+    return result;
+}
+
+VkResult freeDescriptorSets(DeviceValidation &device, VkDevice handle, VkDescriptorPool pool, uint32_t count,
+                            const VkDescriptorSet *sets)
+{
+    {
+        const DescriptorAccess access{device};
+        for (uint32_t i = 0; i < count; ++i) {
+            access.sets().erase(sets[i]);
+            access.pools()[pool].erase(sets[i]);
+        }
+    }
+    return device.next.FreeDescriptorSets(handle, pool, count, sets);
+}
+
+void updateDescriptorSets(DeviceValidation &device, VkDevice handle, uint32_t writeCount,
+                          const VkWriteDescriptorSet *writes, uint32_t copyCount, const VkCopyDescriptorSet *copies)
+{
+    {
+        const DescriptorAccess access{device};
+        for (uint32_t i = 0; i < writeCount; ++i)
+            if (const auto set = access.set(writes[i].dstSet))
+                access.write(*set, writes[i]);
+        for (uint32_t i = 0; i < copyCount; ++i)
+            access.copy(copies[i]);
+    }
+    device.next.UpdateDescriptorSets(handle, writeCount, writes, copyCount, copies);
+}
+
+VkResult createDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handle,
+                                        const VkDescriptorUpdateTemplateCreateInfo *info,
+                                        const VkAllocationCallbacks *allocator, VkDescriptorUpdateTemplate *result)
+{
+    const VkResult created = device.next.CreateDescriptorUpdateTemplate(handle, info, allocator, result);
+    if (created != VK_SUCCESS)
+        return created;
+    const DescriptorAccess access{device};
+    StructureTemplate &form = access.templates()[*result];
+    form.stages = info->templateType == VK_DESCRIPTOR_UPDATE_TEMPLATE_TYPE_PUSH_DESCRIPTORS_KHR
+                      ? stagesOf(info->pipelineBindPoint)
+                      : 0;
+    auto &entries = form.entries;
+    entries.assign(info->pDescriptorUpdateEntries, info->pDescriptorUpdateEntries + info->descriptorUpdateEntryCount);
+    std::erase_if(entries, [](const auto &entry) { return entry.descriptorType != kStructure; });
+    return created;
+}
+
+void destroyDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handle, VkDescriptorUpdateTemplate old,
+                                     const VkAllocationCallbacks *allocator)
+{
+    DescriptorAccess{device}.templates().erase(old);
+    device.next.DestroyDescriptorUpdateTemplate(handle, old, allocator);
+}
+
+void updateDescriptorSetWithTemplate(DeviceValidation &device, VkDevice handle, VkDescriptorSet set,
+                                     VkDescriptorUpdateTemplate entries, const void *data)
+{
+    {
+        const DescriptorAccess access{device};
+        if (const auto known = access.set(set))
+            access.write(*known, access.form(entries), data);
+    }
+    device.next.UpdateDescriptorSetWithTemplate(handle, set, entries, data);
+}
+
+void cmdBindDescriptorSets(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
+                           VkPipelineLayout layout, uint32_t first, uint32_t count, const VkDescriptorSet *sets,
+                           uint32_t offsetCount, const uint32_t *offsets)
+{
+    bindSets(device, commandBuffer, stagesOf(point), first, count, sets);
+    device.next.CmdBindDescriptorSets(commandBuffer, point, layout, first, count, sets, offsetCount, offsets);
+}
+
+void cmdBindDescriptorSets2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                            const newer::BindDescriptorSetsInfo *info)
+{
+    bindSets(device, commandBuffer, info->stageFlags, info->firstSet, info->descriptorSetCount, info->pDescriptorSets);
+    device.next.CmdBindDescriptorSets2(commandBuffer, info);
+}
+
+void cmdPushDescriptorSet(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
+                          VkPipelineLayout layout, uint32_t number, uint32_t count, const VkWriteDescriptorSet *writes)
+{
+    pushWrites(device, commandBuffer, stagesOf(point), number, count, writes);
+    device.next.CmdPushDescriptorSetKHR(commandBuffer, point, layout, number, count, writes);
+}
+
+void cmdPushDescriptorSet2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                           const newer::PushDescriptorSetInfo *info)
+{
+    pushWrites(device, commandBuffer, info->stageFlags, info->set, info->descriptorWriteCount, info->pDescriptorWrites);
+    device.next.CmdPushDescriptorSet2(commandBuffer, info);
+}
+
+void cmdPushDescriptorSetWithTemplate(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                      VkDescriptorUpdateTemplate entries, VkPipelineLayout layout, uint32_t number,
+                                      const void *data)
+{
+    pushTemplate(device, commandBuffer, entries, number, data);
+    device.next.CmdPushDescriptorSetWithTemplateKHR(commandBuffer, entries, layout, number, data);
+}
+
+void cmdPushDescriptorSetWithTemplate2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                       const newer::PushDescriptorSetWithTemplateInfo *info)
+{
+    pushTemplate(device, commandBuffer, info->descriptorUpdateTemplate, info->set, info->pData);
+    device.next.CmdPushDescriptorSetWithTemplate2(commandBuffer, info);
+}
+
+} // namespace validation
+} // namespace vellum::layer

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/traces/trace_checks.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "layer/validation/device_validation.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr uint32_t kMarks = 1u << 16;
+
+// The rules of a geometry; nothing: not known yet.
+std::optional<uint32_t> rulesBroken(const GeometryContents &geometry)
+{
+    if (!geometry.hasMicromap)
+        return 0;
+    const uint32_t micromap = kRuleMode | kRulePipelineBit | kRuleDisallowed;
+    if (!geometry.indices.memory)
+        return micromap;
+    const std::optional<bool> mixed = geometry.indices.mixed();
+    return mixed ? std::optional(micromap | (*mixed ? kRuleMixed : 0)) : std::nullopt;
+}
+
+std::optional<BrokenRules> brokenBy(const DeviceValidation &device, const TraceUse &use)
+{
+    BrokenRules broken;
+    if (!use.contents || !use.contents->instances.memory)
+        return broken;
+    const auto references = use.contents->instances.references();
+    if (!references)
+        return {};
+    for (const VkDeviceAddress reference : *references) {
+        const auto structure = reference != 0 ? device.traces.byReference.get(reference).lock() : nullptr;
+        const auto contents = structure ? structure->contents : nullptr;
+        if (!contents || structure->since > use.number)
+            continue; // unknown, or built again since
+        for (uint32_t g = 0; g < contents->geometries.size(); ++g) {
+            const auto rules = rulesBroken(contents->geometries[g]);
+            if (!rules)
+                return {};
+            if ((*rules & kRuleMode) != 0 && !broken.micromap.structure)
+                broken.micromap = {structure, g};
+            if ((*rules & kRuleMixed) != 0 && !broken.mixed.structure)
+                broken.mixed = {structure, g};
+            broken.rules |= *rules;
+        }
+    }
+    return broken;
+}
+
+std::string geometryText(const DeviceValidation &device, const TraceUse &use, const MetGeometry &met)
+{
+    return "rays are traced in " + device.nameOf(use.structure->handle) + ", which has an instance of " +
+           device.nameOf(met.structure->handle) + "; its geometry " + std::to_string(met.index);
+}
+
+} // namespace
+
+std::optional<uint32_t> TraceMarks::add(const GpuContext &context, uint32_t rules)
+{
+    const std::lock_guard lock(mutex_);
+    if (sites_.empty() && memory_.create(context, kMarks * sizeof(uint32_t)) != VK_SUCCESS)
+        return {};
+    if (sites_.size() == kMarks)
+        return {};
+    Site &site = sites_.emplace_back();
+    site.rules = rules;
+    start(site);
+    return static_cast<uint32_t>(sites_.size() - 1);
+}
+
+void TraceMarks::start(Site &site) const
+{
+    site.broken = site.rules;
+    site.frozen = false;
+    site.first.reset();
+    site.uses.clear();
+    __atomic_store_n(memory_.words() + (&site - sites_.data()), 0u, __ATOMIC_RELEASE);
+}
+
+void TraceMarks::use(uint32_t mark, TraceUse use)
+{
+    const std::lock_guard lock(mutex_);
+    Site &site = sites_[mark];
+    if (site.frozen || site.reported)
+        return;
+    const bool known = std::ranges::any_of(site.uses, [&use](const TraceUse &other) {
+        return other.contents == use.contents && other.structure == use.structure && other.code == use.code;
+    });
+    if (!known)
+        site.uses.push_back(std::move(use));
+}
+
+bool TraceMarks::fold(const DeviceValidation &device, Site &site)
+{
+    std::erase_if(site.uses, [&](const TraceUse &use) {
+        const std::optional<BrokenRules> broken = brokenBy(device, use);
+        if (!broken)
+            return false;
+        site.broken &= broken->rules;
+        if (!site.first) {
+            site.first = use;
+            site.byFirst = *broken;
+        }
+        return true;
+    });
+    return site.uses.empty();
+}
+
+void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
+{
+    const TraceUse &use = *site.first;
+    const BrokenRules &broken = site.byFirst;
+    const std::string code =
+        (use.code->shaderObject ? "shader object " : "pipeline ") + device.nameOf(use.code->handle);
+    const std::string rule = std::string("VUID-") + use.command + "-micromap-";
+    const auto report = [&](const std::string &vuid, const MetGeometry &met, const std::string &found,
+                            const std::string &expected) {
+        if (met.structure)
+            device.fault(use.command, vuid.c_str(),
+                         geometryText(device, use, met) + " " + found + ". " + code + " " + expected, use.code->handle);
+    };
+    const std::string micromap = "was built with a micromap";
+    if ((site.broken & kRuleMode) != 0)
+        report(rule + "11636", broken.micromap, micromap,
+               "has a ray query there without the execution mode OpacityMicromapIdKHR; it must have the mode, with a "
+               "true operand");
+    if ((site.broken & kRulePipelineBit) != 0)
+        report(rule + "11640", broken.micromap, micromap, "must have been created with RAY_TRACING_OPACITY_MICROMAP");
+    if ((site.broken & kRuleMixed) != 0)
+        report(rule + (use.code->shaderObject ? "11639" : "11638"), broken.mixed,
+               "has special indices and indices of a micromap",
+               "must not have been created with OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX");
+    if ((site.broken & kRuleDisallowed) != 0)
+        report("pipeline-disallows-micromaps", broken.micromap, micromap,
+               "must not have been created with DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+}
+
+void TraceMarks::report(DeviceValidation &device, bool idle)
+{
+    std::vector<Site> found;
+    {
+        const std::lock_guard lock(mutex_);
+        for (Site &site : sites_) {
+            const uint32_t *mark = memory_.words() + (&site - sites_.data());
+            site.frozen = site.frozen || __atomic_load_n(mark, __ATOMIC_ACQUIRE) != 0;
+            if (site.reported)
+                continue;
+            const bool known = fold(device, site);
+            if (site.frozen && known && site.first && site.broken != 0) {
+                site.reported = true;
+                found.push_back(site);
+            } else if (idle) {
+                start(site);
+            }
+        }
+    }
+    for (const Site &site : found)
+        reportSite(device, site);
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rules about acceleration structures that rays meet. Each place of a shader that traces rays and that a rule may be
+// broken at has a mark, which the shader sets when it gets there. A rule is broken where the mark is set and each
+// structure that was bound for it since the mark was clear breaks the rule. Nothing is reported of structures, or of
+// contents of structures, that are not known.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/memory/gpu_memory.h"
+#include "layer/validation/objects.h"
+#include "layer/validation/traces/descriptors.h"
+#include "spirv/trace_sites.h"
+
+namespace vellum::layer
+{
+
+struct DeviceValidation;
+
+// Rules that a place of a shader can break, as bits.
+inline constexpr uint32_t kRuleMode = 1;        // 11636: ray queries without the execution mode meet no micromaps
+inline constexpr uint32_t kRulePipelineBit = 2; // 11640: nor do rays of pipelines without the bit
+inline constexpr uint32_t kRuleMixed = 4;       // 11638, 11639: no mixed special indices, where that is promised
+// VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM: no micromaps
+inline constexpr uint32_t kRuleDisallowed = 8;
+
+// A place where the shader of a pipeline or a shader object traces rays.
+struct TracingSite {
+    uint32_t mark = 0;
+    uint32_t rules = 0; // kRule*
+    std::optional<spirv::StructureBinding> binding;
+};
+
+// The code of a pipeline or shader object, as far as rules are about it.
+struct TracingCode {
+    ObjectHandle handle;
+    bool shaderObject = false;
+    std::vector<TracingSite> sites;
+};
+
+// What a command buffer has bound, for one bind point.
+struct PointBindings {
+    std::map<uint32_t, std::shared_ptr<const TracingCode>> code; // by stage; of a pipeline: by 0
+    BoundSets sets;
+};
+struct TraceBindings {
+    PointBindings points[3];
+    PointBindings &at(VkPipelineBindPoint point)
+    {
+        return points[point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR ? 2
+                      : point == VK_PIPELINE_BIND_POINT_COMPUTE       ? 1
+                                                                      : 0];
+    }
+};
+
+// A structure for which a site may have traced rays, in a command that was submitted.
+struct TraceUse {
+    const char *command = nullptr;
+    std::shared_ptr<const TracingCode> code;
+    std::shared_ptr<ValidatedStructure> structure;     // null: unknown
+    std::shared_ptr<const StructureContents> contents; // at that time; null: unknown
+    uint64_t number = 0;                               // DeviceValidation::numbers at that time
+};
+
+// A geometry below a top-level structure.
+struct MetGeometry {
+    std::shared_ptr<ValidatedStructure> structure; // null: there is none
+    uint32_t index = 0;
+};
+
+// The rules that are broken by tracing rays in a top-level structure, and the first geometries they are broken by.
+struct BrokenRules {
+    uint32_t rules = 0;
+    MetGeometry micromap, mixed;
+};
+
+class TraceMarks
+{
+public:
+    // A mark for a site with these rules; nothing if there is none left.
+    std::optional<uint32_t> add(const GpuContext &context, uint32_t rules);
+    [[nodiscard]] VkDeviceAddress address() const { return memory_.address(); }
+    // The use is submitted.
+    void use(uint32_t mark, TraceUse use);
+    // Reports what is certain now. `idle`: the device executes nothing.
+    void report(DeviceValidation &device, bool idle);
+
+private:
+    struct Site {
+        uint32_t rules = 0;
+        uint32_t broken = 0; // by all uses so far
+        bool frozen = false; // it was executed: later uses are not considered
+        bool reported = false;
+        std::optional<TraceUse> first;
+        BrokenRules byFirst;
+        std::vector<TraceUse> uses; // of which it is not known yet what they break
+    };
+    void start(Site &site) const;
+    // Considers the uses of which it is known what they break. Returns whether that are all.
+    static bool fold(const DeviceValidation &device, Site &site);
+    static void reportSite(DeviceValidation &device, const Site &site);
+
+    std::mutex mutex_;
+    GpuBuffer memory_;
+    std::vector<Site> sites_;
+};
+
+} // namespace vellum::layer

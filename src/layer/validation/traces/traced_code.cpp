@@ -1,0 +1,432 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/traces/traced_code.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "core/hash.h"
+#include "layer/base/pipeline_info.h"
+#include "layer/validation/device_validation.h"
+#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/scan.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+constexpr VkFlags64 kMixedPromise = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
+// Of pipelines whose code is left as it is: the application would see that it is another, or its descriptors are not
+// in sets.
+constexpr VkFlags64 kUntouched = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT |
+                                 VK_PIPELINE_CREATE_DESCRIPTOR_BUFFER_BIT_EXT |
+                                 VkFlags64{0x80000000}      // CAPTURE_DATA_BIT_KHR
+                                 | VkFlags64{0x4000000000}  // INDIRECT_BINDABLE_BIT_EXT
+                                 | VkFlags64{0x1000000000}; // DESCRIPTOR_HEAP_BIT_EXT
+
+std::optional<uint32_t> executionModel(VkShaderStageFlagBits stage)
+{
+    switch (static_cast<uint32_t>(stage)) {
+    case VK_SHADER_STAGE_VERTEX_BIT: return 0;
+    case VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT: return 1;
+    case VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT: return 2;
+    case VK_SHADER_STAGE_GEOMETRY_BIT: return 3;
+    case VK_SHADER_STAGE_FRAGMENT_BIT: return 4;
+    case VK_SHADER_STAGE_COMPUTE_BIT: return 5;
+    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return 5313;
+    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return 5314;
+    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return 5315;
+    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return 5316;
+    case VK_SHADER_STAGE_MISS_BIT_KHR: return 5317;
+    case VK_SHADER_STAGE_CALLABLE_BIT_KHR: return 5318;
+    case VK_SHADER_STAGE_TASK_BIT_EXT: return 5364;
+    case VK_SHADER_STAGE_MESH_BIT_EXT: return 5365;
+    default: return {};
+    }
+}
+
+// One shader of a pipeline, or a shader object.
+struct Stage {
+    VkShaderStageFlagBits stage;
+    std::span<const uint32_t> words;
+    const char *name;
+    const VkSpecializationInfo *specialization;
+    VkFlags64 flags; // of the pipeline
+};
+
+// The value of a boolean specialization constant.
+bool specialized(const Stage &stage, const spirv::MicromapMode &mode)
+{
+    const VkSpecializationInfo *info = stage.specialization;
+    for (uint32_t i = 0; info && i < info->mapEntryCount; ++i) {
+        const VkSpecializationMapEntry &entry = info->pMapEntries[i];
+        VkBool32 value = VK_FALSE;
+        if (entry.constantID != mode.constantId || entry.size != sizeof value)
+            continue;
+        std::memcpy(&value, static_cast<const std::byte *>(info->pData) + entry.offset, sizeof value);
+        return value != VK_FALSE;
+    }
+    return mode.initial;
+}
+
+// Whether the stage has the execution mode with a true operand. Nothing: not known.
+std::optional<bool> declaresMode(const Stage &stage, const spirv::StageName &name)
+{
+    std::string error;
+    const auto entries = spirv::readEntryPoints(stage.words, error);
+    if (!entries)
+        return {};
+    const auto entry = std::ranges::find_if(*entries, [&name](const spirv::EntryPoint &e) {
+        return e.model == name.executionModel && e.name == name.entryPoint;
+    });
+    using When = spirv::MicromapMode::When;
+    if (entry == entries->end())
+        return {};
+    switch (entry->mode.when) {
+    case When::Absent:
+    case When::Never: return false;
+    case When::Always: return true;
+    case When::Specialized: return specialized(stage, entry->mode);
+    default: return {};
+    }
+}
+
+// The rules that may be broken where a shader traces rays.
+uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFlags64 flags)
+{
+    const bool hasBit = (flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0;
+    const bool uses = query ? enabled.everyQueryUsesMicromaps() || hasMode : hasBit;
+    uint32_t rules = (flags & newer::kPipelineDisallowOpacityMicromap) != 0 ? kRuleDisallowed : 0;
+    if (!uses)
+        rules |= query ? kRuleMode : kRulePipelineBit;
+    else if ((flags & kMixedPromise) != 0)
+        rules |= kRuleMixed;
+    return rules;
+}
+
+// The words of a copy of the shader with marks, and its sites. Empty: no rule can be broken, or it cannot be seen.
+std::vector<uint32_t> withMarks(DeviceValidation &device, const Stage &stage, std::vector<TracingSite> &sites)
+{
+    const auto model = executionModel(stage.stage);
+    if (!device.checks.gpu || !model ||
+        (device.traces.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
+        (stage.flags & kUntouched) != 0)
+        return {};
+    const spirv::StageName name{stage.name, *model};
+    const std::vector<spirv::TraceSite> found = spirv::traceSites(stage.words, name);
+    if (found.empty())
+        return {};
+    const bool hasMode = declaresMode(stage, name).value_or(true);
+    std::vector<TracingSite> marked;
+    std::vector<uint32_t> marks;
+    for (const spirv::TraceSite &site : found) {
+        const uint32_t rules = rulesOf(device.driver.enabled, site.query, hasMode, stage.flags);
+        const auto mark =
+            rules != 0 && site.binding ? device.traces.marks.add(device.buffers.gpu, rules) : std::nullopt;
+        marks.push_back(mark.value_or(UINT32_MAX));
+        if (mark)
+            marked.push_back({*mark, rules, site.binding});
+    }
+    if (marked.empty())
+        return {};
+    std::vector<uint32_t> words = spirv::markTraces(stage.words, name, device.traces.marks.address(), marks);
+    if (!words.empty())
+        sites.insert(sites.end(), marked.begin(), marked.end());
+    return words;
+}
+
+// The create infos of a call, with copies of the shaders in place of those that get marks.
+class MarkedPipelines
+{
+public:
+    explicit MarkedPipelines(DeviceValidation &device) : device_(device) {}
+    MarkedPipelines(const MarkedPipelines &) = delete;
+    MarkedPipelines &operator=(const MarkedPipelines &) = delete;
+    ~MarkedPipelines()
+    {
+        for (const VkShaderModule module : modules_)
+            device_.next.DestroyShaderModule(device_.driver.handle, module, nullptr);
+    }
+
+    void change(VkComputePipelineCreateInfo &info)
+    {
+        begin(info.pNext, info.flags);
+        change(info.stage);
+    }
+    void change(VkGraphicsPipelineCreateInfo &info)
+    {
+        begin(info.pNext, info.flags);
+        if (hasShaderStages(info) && info.pStages)
+            change(info.pStages, info.stageCount);
+        addLibraries(findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext,
+                                                                 VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR));
+    }
+    void change(VkRayTracingPipelineCreateInfoKHR &info)
+    {
+        begin(info.pNext, info.flags);
+        change(info.pStages, info.stageCount);
+        addLibraries(info.pLibraryInfo);
+    }
+
+    void coverWarnings() const
+    {
+        if (!modules_.empty() && !anyFirst_)
+            CommandReports::cover("VELLUM-pipeline-without-micromaps");
+    }
+    // The pipelines were created.
+    void set(uint32_t count, const VkPipeline *pipelines) const
+    {
+        for (uint32_t i = 0; i < count; ++i) {
+            if (!pipelines[i])
+                continue;
+            if ((made_[i].flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
+                device_.traces.libraries.set(pipelines[i], made_[i].flags);
+            if (made_[i].sites.empty())
+                continue;
+            auto code = std::make_shared<TracingCode>();
+            code->handle = {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(pipelines[i])};
+            code->sites = made_[i].sites;
+            device_.traces.pipelines.set(pipelines[i], std::move(code));
+        }
+    }
+
+private:
+    struct Made {
+        VkFlags64 flags = 0;
+        bool binaries = false; // it has no code
+        std::vector<TracingSite> sites;
+    };
+
+    void begin(const void *pNext, VkPipelineCreateFlags flags)
+    {
+        made_.push_back({.flags = pipelineFlags(pNext, flags),
+                         .binaries = findInChain(pNext, newer::kPipelineBinaryInfo) != nullptr,
+                         .sites = {}});
+    }
+
+    void change(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
+    {
+        auto &own = stages_.emplace_back(stages, stages + count);
+        for (VkPipelineShaderStageCreateInfo &stage : own)
+            change(stage);
+        stages = own.data();
+    }
+
+    void change(VkPipelineShaderStageCreateInfo &stage)
+    {
+        Made &made = made_.back();
+        const auto *inlined =
+            findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+        const auto known = stage.module ? device_.traces.modules.get(stage.module) : nullptr;
+        if (made.binaries || (!known && (stage.module || !inlined)))
+            return;
+        const std::span<const uint32_t> words =
+            known ? std::span(*known) : std::span(inlined->pCode, inlined->codeSize / 4);
+        const Stage code{stage.stage, words, stage.pName, stage.pSpecializationInfo, made.flags};
+        std::vector<TracingSite> sites;
+        const std::vector<uint32_t> marked = withMarks(device_, code, sites);
+        if (marked.empty())
+            return;
+        // The implementation warns of each code once, and takes the copies for others.
+        const uint64_t hash = Hash::of(words);
+        const bool isFirst = !device_.traces.marked.get(hash);
+        device_.traces.marked.set(hash, true);
+        anyFirst_ = anyFirst_ || isFirst;
+        if (known || !isFirst)
+            CommandReports::cover("VELLUM-queries-without-micromaps");
+        VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+        info.codeSize = marked.size() * sizeof(uint32_t);
+        info.pCode = marked.data();
+        VkShaderModule module = VK_NULL_HANDLE;
+        if (device_.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &module) != VK_SUCCESS)
+            return;
+        modules_.push_back(module);
+        made.sites.insert(made.sites.end(), sites.begin(), sites.end());
+        stage.module = module;
+        Chain &chain = chains_.emplace_back(stage.pNext);
+        chain.remove(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+        stage.pNext = chain.head();
+    }
+
+    void addLibraries(const VkPipelineLibraryCreateInfoKHR *libraries)
+    {
+        std::vector<TracingSite> &sites = made_.back().sites;
+        for (uint32_t i = 0; libraries && i < libraries->libraryCount; ++i)
+            if (const auto code = device_.traces.pipelines.get(libraries->pLibraries[i]))
+                sites.insert(sites.end(), code->sites.begin(), code->sites.end());
+    }
+
+    DeviceValidation &device_;
+    std::vector<Made> made_;
+    std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
+    std::deque<Chain> chains_;
+    std::vector<VkShaderModule> modules_;
+    bool anyFirst_ = false; // some code gets marks that had none before
+};
+
+// Creates pipelines by `create(infos)`.
+template <typename Info, typename Create>
+VkResult createPipelines(DeviceValidation &device, uint32_t count, const Info *infos, VkPipeline *pipelines,
+                         Create create)
+{
+    std::vector<Info> own(infos, infos + count);
+    MarkedPipelines marked(device);
+    for (Info &info : own)
+        marked.change(info);
+    marked.coverWarnings();
+    const VkResult result = create(own.data());
+    marked.set(count, pipelines);
+    return result;
+}
+
+// Each library of a graphics pipeline that makes the promise must make it.
+void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphicsPipelineCreateInfo &info)
+{
+    const auto *libraries =
+        findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR);
+    if (!libraries || (pipelineFlags(info.pNext, info.flags) & kMixedPromise) == 0)
+        return;
+    for (uint32_t i = 0; i < libraries->libraryCount; ++i) {
+        const VkPipeline library = libraries->pLibraries[i];
+        if (const auto flags = device.traces.libraries.get(library); flags != 0 && (flags & kMixedPromise) == 0)
+            device.fault(place.element("pLibraries", i), "VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594",
+                         "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
+                         "pipeline has",
+                         {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)});
+    }
+}
+
+} // namespace
+
+VkShaderStageFlags storingStages(const VkDeviceCreateInfo &info)
+{
+    const auto *features2 =
+        findInChain<VkPhysicalDeviceFeatures2>(info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2);
+    const VkPhysicalDeviceFeatures *features = features2 ? &features2->features : info.pEnabledFeatures;
+    const VkShaderStageFlags vertexStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT |
+                                            VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT | VK_SHADER_STAGE_GEOMETRY_BIT;
+    VkShaderStageFlags stages = ~VkShaderStageFlags{0};
+    if (!features || !features->vertexPipelineStoresAndAtomics)
+        stages &= ~vertexStages;
+    if (!features || !features->fragmentStoresAndAtomics)
+        stages &= ~VkShaderStageFlags{VK_SHADER_STAGE_FRAGMENT_BIT};
+    return stages;
+}
+
+namespace validation
+{
+
+VkResult createShaderModule(DeviceValidation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
+                            const VkAllocationCallbacks *allocator, VkShaderModule *module)
+{
+    checkModule(device, *info);
+    const VkResult result = device.next.CreateShaderModule(handle, info, allocator, module);
+    if (result == VK_SUCCESS)
+        keepModule(device, *info, *module);
+    const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
+    if (result == VK_SUCCESS && (device.checks.gpu || device.checks.core) && spirv::scan(words).tracesRays)
+        device.traces.modules.set(*module, std::make_shared<const std::vector<uint32_t>>(words.begin(), words.end()));
+    return result;
+}
+
+void destroyShaderModule(DeviceValidation &device, VkDevice handle, VkShaderModule module,
+                         const VkAllocationCallbacks *allocator)
+{
+    device.traces.modules.take(module);
+    device.pipelines.modules.take(module);
+    device.next.DestroyShaderModule(handle, module, allocator);
+}
+
+VkResult createComputePipelines(DeviceValidation &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                const VkComputePipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
+                                VkPipeline *pipelines)
+{
+    checkPipelines(device, count, infos);
+    return createPipelines(device, count, infos, pipelines, [&](const VkComputePipelineCreateInfo *own) {
+        return device.next.CreateComputePipelines(handle, cache, count, own, allocator, pipelines);
+    });
+}
+
+VkResult createGraphicsPipelines(DeviceValidation &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
+                                 const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
+                                 VkPipeline *pipelines)
+{
+    const Place command("vkCreateGraphicsPipelines");
+    for (uint32_t i = 0; i < count && device.checks.core; ++i)
+        checkLibraries(device, command.element("pCreateInfos", i), infos[i]);
+    checkPipelines(device, count, infos);
+    return createPipelines(device, count, infos, pipelines, [&](const VkGraphicsPipelineCreateInfo *own) {
+        return device.next.CreateGraphicsPipelines(handle, cache, count, own, allocator, pipelines);
+    });
+}
+
+VkResult createRayTracingPipelines(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR deferred,
+                                   VkPipelineCache cache, uint32_t count,
+                                   const VkRayTracingPipelineCreateInfoKHR *infos,
+                                   const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    const auto create = [&](const VkRayTracingPipelineCreateInfoKHR *own) {
+        return device.next.CreateRayTracingPipelinesKHR(handle, deferred, cache, count, own, allocator, pipelines);
+    };
+    checkPipelines(device, count, infos);
+    // The create infos of a deferred operation are used, and the handles are written, after this command.
+    const VkResult result = deferred ? create(infos) : createPipelines(device, count, infos, pipelines, create);
+    if (result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR)
+        keepLibraries(device, count, infos, pipelines);
+    return result;
+}
+
+void destroyPipeline(DeviceValidation &device, VkDevice handle, VkPipeline pipeline,
+                     const VkAllocationCallbacks *allocator)
+{
+    device.traces.pipelines.take(pipeline);
+    device.traces.libraries.take(pipeline);
+    device.pipelines.libraries.take(pipeline);
+    device.next.DestroyPipeline(handle, pipeline, allocator);
+}
+
+VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
+                       const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+{
+    checkShaders(device, count, infos);
+    std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
+    std::vector<std::vector<TracingSite>> sites(count);
+    std::deque<std::vector<uint32_t>> words;
+    constexpr auto kPromise =
+        static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
+    for (uint32_t i = 0; i < count; ++i) {
+        newer::ShaderCreateInfo &info = own[i];
+        if (info.codeType != newer::kShaderCodeTypeSpirv)
+            continue;
+        const VkFlags64 flags = (info.flags & kPromise) != 0 ? kMixedPromise : 0;
+        const auto *code = static_cast<const uint32_t *>(info.pCode);
+        auto marked = withMarks(
+            device, {info.stage, {code, info.codeSize / 4}, info.pName, info.pSpecializationInfo, flags}, sites[i]);
+        if (marked.empty())
+            continue;
+        words.push_back(std::move(marked));
+        info.pCode = words.back().data();
+        info.codeSize = words.back().size() * sizeof(uint32_t);
+    }
+    const VkResult result = device.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!shaders[i] || sites[i].empty())
+            continue;
+        auto code = std::make_shared<TracingCode>();
+        code->handle = {static_cast<VkObjectType>(1000482000), reinterpret_cast<uint64_t>(shaders[i])};
+        code->shaderObject = true;
+        code->sites = sites[i];
+        device.traces.shaders.set(shaders[i], std::move(code));
+    }
+    return result;
+}
+
+void destroyShader(DeviceValidation &device, VkDevice handle, newer::ShaderEXT shader,
+                   const VkAllocationCallbacks *allocator)
+{
+    device.traces.shaders.take(shader);
+    device.next.DestroyShaderEXT(handle, shader, allocator);
+}
+
+} // namespace validation
+} // namespace vellum::layer
