@@ -298,10 +298,8 @@ RuleLimits DeviceCreation::ruleLimits(const EnabledFeatures &enabled) const
 {
     if ((!enabled.ext && !enabled.khr) || !instance_.next.GetPhysicalDeviceProperties2)
         return {};
-    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
-    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{
-        VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
+    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT};
+    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR};
     VkPhysicalDeviceAccelerationStructurePropertiesKHR structures{
         VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_PROPERTIES_KHR};
     VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &structures, {}};

@@ -45,16 +45,14 @@ void checkHostAddress(const RuleCheck &check, const void *address, const char *m
 void checkResults(const RuleCheck &check, uint32_t count, VkQueryType type, size_t bytes, const void *data,
                   size_t stride)
 {
-    if (!check.require(type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
-                           type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
-                       "queryType", "VUID-vkWriteMicromapsPropertiesEXT-queryType-07503",
-                       "it is not a size of a micromap"))
+    if (!check.require(
+            type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT || type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
+            "queryType", "VUID-vkWriteMicromapsPropertiesEXT-queryType-07503", "it is not a size of a micromap"))
         return;
     if (bytes < count * stride)
         check.fault("dataSize", "VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576",
                     std::to_string(bytes) + " is less than micromapCount * stride, " + std::to_string(count * stride));
-    checkMultiple(check, stride, sizeof(VkDeviceSize), "stride",
-                  "VUID-vkWriteMicromapsPropertiesEXT-queryType-10071");
+    checkMultiple(check, stride, sizeof(VkDeviceSize), "stride", "VUID-vkWriteMicromapsPropertiesEXT-queryType-10071");
     checkMultiple(check, reinterpret_cast<uintptr_t>(data), alignof(VkDeviceSize), "pData",
                   "VUID-vkWriteMicromapsPropertiesEXT-queryType-10072");
 }
@@ -182,6 +180,44 @@ void getDeviceMicromapCompatibility(DeviceValidation &device, VkDevice handle, c
         device.fault(Place("vkGetDeviceMicromapCompatibilityEXT"),
                      "VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666", "the feature micromap is not enabled");
     device.next.GetDeviceMicromapCompatibilityEXT(handle, info, result);
+}
+
+VkResult copyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                   const VkCopyAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCopyAccelerationStructureKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst);
+    const Structure source = device.objects.structures.get(info->src);
+    if (device.checks.core)
+        checkConstructed(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11586");
+    const VkResult result = device.next.CopyAccelerationStructureKHR(handle, operation, info);
+    if (succeeded(result))
+        copied(check, source, device.objects.structures.get(info->dst));
+    return result;
+}
+
+VkResult copyMemoryToAccelerationStructure(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCopyMemoryToAccelerationStructureKHR");
+    const VkResult result = device.next.CopyMemoryToAccelerationStructureKHR(handle, operation, info);
+    if (succeeded(result))
+        deserialized(RuleCheck(device, command, info->dst), device.objects.structures.get(info->dst));
+    return result;
+}
+
+VkResult writeAccelerationStructuresProperties(DeviceValidation &device, VkDevice handle, uint32_t count,
+                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
+                                               size_t bytes, void *data, size_t stride)
+{
+    const Place command("vkWriteAccelerationStructuresPropertiesKHR");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pAccelerationStructures", i);
+        checkConstructed(RuleCheck(device, place, structures[i]), device.objects.structures.get(structures[i]),
+                         "VUID-vkWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11591");
+    }
+    return device.next.WriteAccelerationStructuresPropertiesKHR(handle, count, structures, type, bytes, data, stride);
 }
 
 } // namespace validation

@@ -21,6 +21,14 @@ VkFlags64 usageOf(const VkBufferCreateInfo &info)
     return usage ? usage->usage : info.usage;
 }
 
+void findAddress(DeviceValidation &device, ValidatedBuffer &buffer)
+{
+    if ((buffer.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) == 0)
+        return;
+    buffer.address = device.driver.bufferAddress(buffer.handle);
+    device.buffers.addresses.add(buffer.address, buffer.handle, buffer.size, buffer.usage);
+}
+
 void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkDeviceSize offset)
 {
     const auto buffer = device.objects.buffers.get(handle);
@@ -28,10 +36,7 @@ void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkD
         return;
     buffer->memory = memory;
     buffer->memoryOffset = offset;
-    if ((buffer->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) == 0)
-        return;
-    buffer->address = device.driver.bufferAddress(handle);
-    device.buffers.addresses.add(buffer->address, handle, buffer->size, buffer->usage);
+    findAddress(device, *buffer);
 }
 
 ValidatedMemory memoryOf(const DeviceValidation &device, const VkMemoryAllocateInfo &info)
@@ -124,6 +129,8 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
     buffer->usage = usageOf(*info);
     buffer->flags = info->flags;
     buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE;
+    if ((info->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) != 0)
+        findAddress(device, *buffer); // such a buffer has one before it has memory
     device.objects.buffers.set(*result, std::move(buffer));
     return created;
 }
@@ -227,10 +234,9 @@ VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicro
         checkCreation(device, *info);
     const VkResult created = device.next.CreateMicromapEXT(handle, info, allocator, result);
     if (created == VK_SUCCESS)
-        device.objects.micromaps.set(*result,
-                                     newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
-                                                  info->buffer, info->offset, info->size, info->createFlags,
-                                                  allocator != nullptr));
+        device.objects.micromaps.set(
+            *result, newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, info->buffer,
+                                  info->offset, info->size, info->createFlags, allocator != nullptr));
     return created;
 }
 
@@ -238,8 +244,10 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
                      const VkAllocationCallbacks *allocator)
 {
     const auto known = device.objects.micromaps.take(micromap);
-    if (device.checks.core)
+    if (device.checks.core) {
+        checkMicromapDestruction(device);
         checkDestruction(device, known.get(), allocator != nullptr);
+    }
     sync::checkDestruction(device, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441", known.get());
     if (known)
         known->destroyed = true;
