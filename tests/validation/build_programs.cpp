@@ -340,6 +340,8 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258", Api::Khr, kNeedsNothing, scratchPastTheBuffer},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Api::Khr, kNeedsNothing,
      structureBuild<[](BuildInfo &, auto &ranges) { ranges = nullptr; }>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Api::Khr, kNeedsNothing,
+     structureBuild<[](BuildInfo &info, auto &) { info.mode = static_cast<VkBuildAccelerationStructureModeKHR>(7); }>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Api::Khr, kNeedsNothing,
      structureBuild<[](BuildInfo &info, auto &) { info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710", Api::Khr, kNeedsNothing,

@@ -157,6 +157,22 @@ void copyToUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromap
         {.src = micromaps.built.ext, .dst = object, .mode = VK_COPY_MICROMAP_MODE_CLONE_EXT});
     gpu.vk().CopyMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info);
 }
+void copyFromUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps, void *)
+{
+    const auto info = vkInit<VkCopyMicromapInfoEXT>(
+        {.src = object, .dst = micromaps.target.ext, .mode = VK_COPY_MICROMAP_MODE_CLONE_EXT});
+    gpu.vk().CopyMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info);
+}
+void saveUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &, void *memory)
+{
+    auto info = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = object, .mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT});
+    info.dst.hostAddress = memory;
+    gpu.vk().CopyMicromapToMemoryEXT(gpu.device(), VK_NULL_HANDLE, &info);
+}
+void writeUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &, void *memory)
+{
+    gpu.vk().WriteMicromapsPropertiesEXT(gpu.device(), 1, &object, kSerialized, 8, memory, 8);
+}
 void loadUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps, void *memory)
 {
     auto out = vkInit<VkCopyMicromapToMemoryInfoEXT>(
@@ -205,6 +221,12 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkBuildMicromapsEXT-pInfos-07554", Api::Ext, kNeedsHostCommands,
      build<[](VkMicromapBuildInfoEXT &info) { info.triangleArray.hostAddress = nullptr; }>},
     {"VUID-vkBuildMicromapsEXT-pInfos-07552", Api::Ext, kNeedsHostCommands, unbound<buildUnbound>},
+    {"VUID-vkCopyMicromapEXT-buffer-07558", Api::Ext, kNeedsHostCommands, unbound<copyFromUnbound>, "",
+     "VUID-vkCopyMicromapEXT-src-11670"},
+    {"VUID-vkCopyMicromapToMemoryEXT-buffer-07568", Api::Ext, kNeedsHostCommands, unbound<saveUnbound>, "",
+     "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540"},
+    {"VUID-vkWriteMicromapsPropertiesEXT-buffer-07577", Api::Ext, kNeedsHostCommands, unbound<writeUnbound>, "",
+     "VUID-vkWriteMicromapsPropertiesEXT-pMicromaps-11671"},
     {"VUID-vkCopyMicromapEXT-buffer-07559", Api::Ext, kNeedsHostCommands, unbound<copyToUnbound>},
     {"VUID-vkCopyMemoryToMicromapEXT-buffer-07565", Api::Ext, kNeedsHostCommands, unbound<loadUnbound>},
     {"VUID-vkBuildMicromapsEXT-dstMicromap-11667", Api::Ext, kNeedsHostCommands, buildOverlap},

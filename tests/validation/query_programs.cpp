@@ -63,6 +63,18 @@ void begin(Gpu &gpu, bool wrong)
     });
 }
 
+void beginIndexed(Gpu &gpu, bool wrong)
+{
+    const QueryPool sizes(gpu, kCompacted, 1), occlusion(gpu, VK_QUERY_TYPE_OCCLUSION, 1);
+    const auto beginQuery =
+        reinterpret_cast<PFN_vkCmdBeginQueryIndexedEXT>(vkGetDeviceProcAddr(gpu.device(), "vkCmdBeginQueryIndexedEXT"));
+    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
+        const VkQueryPool pool = wrong ? sizes : occlusion;
+        beginQuery(commands, pool, 0, 0, 0);
+        vkCmdEndQuery(commands, pool, 0);
+    });
+}
+
 constexpr Query kWrongType{.type = VK_QUERY_TYPE_OCCLUSION, .poolType = VK_QUERY_TYPE_OCCLUSION};
 constexpr Query kWrongPool{.poolType = kCompacted};
 constexpr Query kPastThePool{.first = 2};
@@ -81,6 +93,7 @@ const WrongProgram kPrograms[] = {
      query<kNotAllowed, kCompactedSize>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-buffer-07527", Api::Ext, kNeedsNothing, unbound},
     {"VUID-vkCmdBeginQuery-queryType-08972", Api::Ext, kNeedsNothing, begin},
+    {"VUID-vkCmdBeginQueryIndexedEXT-queryType-08972", Api::Ext, kNeedsAddressCommands, beginIndexed},
 
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742", Api::Khr, kNeedsNothing, query<kWrongType>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493", Api::Khr, kNeedsNothing, query<kWrongPool>},

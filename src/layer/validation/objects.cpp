@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/objects.h"
 
-#include <bit>
-
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
-#include "layer/validation/rules/creation_rules.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/rules/creation_rules.h"
 #include "layer/validation/sync/sync_commands.h"
 
 namespace vellum::layer
@@ -42,11 +40,7 @@ void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkD
 ValidatedMemory memoryOf(const DeviceValidation &device, const VkMemoryAllocateInfo &info)
 {
     const VkMemoryPropertyFlags type = device.buffers.gpu.memory.memoryTypes[info.memoryTypeIndex].propertyFlags;
-    const auto *flags =
-        findInChain<VkMemoryAllocateFlagsInfo>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO);
-    return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0,
-            .multipleInstances = flags && (flags->flags & VK_MEMORY_ALLOCATE_DEVICE_MASK_BIT) != 0 &&
-                                 std::popcount(flags->deviceMask) > 1};
+    return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0};
 }
 
 std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, ObjectHandle handle,

@@ -129,8 +129,6 @@ void checkOtherGeometries(const RuleCheck &check, bool indirect, const BuildInfo
 void checkTarget(const RuleCheck &check, const BuildInfo &info)
 {
     const bool update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-    check.require(info.type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR, "type",
-                  "VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03654", "it is GENERIC");
     check.require(update || info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR, "mode",
                   "VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", "it is neither BUILD nor UPDATE");
     check.require(!update || info.srcAccelerationStructure, "srcAccelerationStructure",
