@@ -27,74 +27,88 @@ Geometry withMicromap(const Micromap *micromap, std::vector<int32_t> indices = {
                 Attachment{.micromap = micromap, .indexType = VK_INDEX_TYPE_UINT32, .indices = std::move(indices)}};
 }
 
+// Which command builds.
+enum class By { Host, Indirect };
+
 // A build that can be changed.
 struct Build {
-    explicit Build(const Structure &structure)
-        : info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges())
+    Build(Gpu &g, const Structure &structure, By b = By::Host)
+        : gpu(g), by(b), info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges()),
+          memory(g, sizeof *ranges, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
     {
         info.pGeometries = &geometry;
         info.geometryCount = 1;
+        std::memcpy(memory.bytes(), ranges, sizeof *ranges);
     }
-    void record(Gpu &gpu, VkCommandBuffer commands) const
+    void record(VkCommandBuffer commands) const
     {
-        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        const VkDeviceAddress address = memory.address();
+        const uint32_t stride = sizeof *ranges;
+        const uint32_t *most = &ranges->primitiveCount;
+        if (by == By::Host)
+            gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        else
+            gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &info, &address, &stride, &most);
     }
+    Gpu &gpu;
+    By by;
     VkAccelerationStructureBuildGeometryInfoKHR info;
     VkAccelerationStructureGeometryKHR geometry;
     const VkAccelerationStructureBuildRangeInfoKHR *ranges;
+    Buffer memory;
 };
 
 // Builds a triangle with a micromap; in the wrong build the structure that attaches it has been changed.
-template <typename Attached, auto change>
+template <typename Attached, auto change, By by = By::Host>
 void attach(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
     micromap.build();
     const Blas blas(gpu, {withMicromap(&micromap)});
-    Build build(blas);
+    Build build(gpu, blas, by);
     auto attached = *static_cast<const Attached *>(build.geometry.geometry.triangles.pNext);
     build.geometry.geometry.triangles.pNext = &attached;
     if (wrong)
         change(attached);
-    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(gpu, commands); });
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
 }
 
-void indirectIndexBuffer(Gpu &gpu, bool wrong)
+// Two triangles whose indices are at the end of a buffer, or beyond.
+void indicesPastTheBuffer(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
     micromap.build();
-    const Blas blas(gpu, {withMicromap(&micromap)});
-    Build build(blas);
-    auto attached = *static_cast<const Ext *>(build.geometry.geometry.triangles.pNext);
+    Geometry geometry = withMicromap(&micromap, {0, 0});
+    geometry.vertices = triangleRow(2);
+    const Blas blas(gpu, {geometry});
+    Build build(gpu, blas);
+    auto attached = *static_cast<const Khr *>(build.geometry.geometry.triangles.pNext);
+    const Buffer indices(gpu, 256,
+                         VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                             VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR);
+    attached.indexBuffer = indices.address() + (wrong ? 252 : 248);
     build.geometry.geometry.triangles.pNext = &attached;
-    if (wrong)
-        attached.indexBuffer.deviceAddress = 0;
-    const Buffer ranges(gpu, 64, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
-    const VkDeviceAddress address = ranges.address();
-    const uint32_t stride = sizeof(VkAccelerationStructureBuildRangeInfoKHR), one = 1;
-    const uint32_t *most = &one;
-    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
-        gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &build.info, &address, &stride, &most);
-    });
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
 }
 
 // Attaches a micromap of VK_KHR_opacity_micromap or VK_EXT_opacity_micromap to `triangles` triangles. The GPU finds
 // `inMemory` at its place.
-void attachTwin(Gpu &gpu, const Micromap &inMemory, MicromapHandle handle, VkIndexType indexType, uint32_t triangles)
+void attachTwin(Gpu &gpu, const Micromap &inMemory, MicromapHandle handle, VkIndexType indexType, uint32_t triangles,
+                By by = By::Host)
 {
     Geometry geometry{.vertices = triangleRow(triangles),
                       .micromap = Attachment{.micromap = &inMemory, .indexType = indexType}};
     if (indexType != VK_INDEX_TYPE_NONE_KHR)
         geometry.micromap->indices.assign(triangles, 0);
     const Blas blas(gpu, {geometry});
-    Build build(blas);
+    Build build(gpu, blas, by);
     const void *attached = build.geometry.geometry.triangles.pNext;
     auto ext = gpu.khr() ? vkInit<Ext>() : *static_cast<const Ext *>(attached);
     auto khr = gpu.khr() ? *static_cast<const Khr *>(attached) : vkInit<Khr>();
     ext.micromap = handle.ext;
     khr.micromap = handle.khr;
     build.geometry.geometry.triangles.pNext = gpu.khr() ? static_cast<const void *>(&khr) : &ext;
-    gpu.submit([&](VkCommandBuffer commands) { build.record(gpu, commands); });
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
 }
 
 void buildAt(Gpu &gpu, const Micromap &micromap, MicromapHandle handle)
@@ -104,15 +118,17 @@ void buildAt(Gpu &gpu, const Micromap &micromap, MicromapHandle handle)
     });
 }
 
+template <By by>
 void notBuilt(Gpu &gpu, bool wrong)
 {
     const Twins twins(gpu);
     Micromap micromap(gpu, oneTriangle());
     micromap.build();
-    attachTwin(gpu, micromap, wrong ? twins.other : twins.built, VK_INDEX_TYPE_UINT32, 1);
+    attachTwin(gpu, micromap, wrong ? twins.other : twins.built, VK_INDEX_TYPE_UINT32, 1, by);
 }
 
 // A GENERIC structure that holds triangles.
+template <By by>
 void notAMicromap(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
@@ -121,11 +137,11 @@ void notAMicromap(Gpu &gpu, bool wrong)
     const MicromapHandle generic = memory.create(0, 32768, VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR);
     const MicromapHandle twin = memory.create(0, micromap.size());
     const Blas plain(gpu, {Geometry{.vertices = triangleRow(1)}});
-    Build inner(plain);
+    Build inner(gpu, plain);
     inner.info.dstAccelerationStructure = generic.khr;
-    gpu.submit([&](VkCommandBuffer commands) { inner.record(gpu, commands); });
+    gpu.submit([&](VkCommandBuffer commands) { inner.record(commands); });
     buildAt(gpu, micromap, wrong ? twin : generic);
-    attachTwin(gpu, micromap, generic, VK_INDEX_TYPE_UINT32, 1);
+    attachTwin(gpu, micromap, generic, VK_INDEX_TYPE_UINT32, 1, by);
 }
 
 // The micromap of one element is the target of another one, or in its memory.
@@ -136,7 +152,7 @@ void builtBesides(Gpu &gpu, bool wrong)
     Micromap other(gpu, oneTriangle());
     other.build();
     const Blas blas(gpu, {withMicromap(&other)});
-    Build build(blas);
+    Build build(gpu, blas);
     auto attached = *static_cast<const Khr *>(build.geometry.geometry.triangles.pNext);
     attached.micromap = twins.built.khr;
     build.geometry.geometry.triangles.pNext = &attached;
@@ -152,22 +168,33 @@ void builtBesides(Gpu &gpu, bool wrong)
 
 // --- Updates ---
 
+template <By by>
+void update(Gpu &gpu, Blas &blas, const Geometry &geometry, Flags flags)
+{
+    blas.prepare({geometry}, flags, kUpdate);
+    const Build build(gpu, blas, by);
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+template <By by>
 void loses(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
     micromap.build();
     Blas blas(gpu, {withMicromap(&micromap)}, kReplaces);
-    blas.build({wrong ? Geometry{.vertices = triangleRow(1)} : withMicromap(&micromap)}, kReplaces, kUpdate);
+    update<by>(gpu, blas, wrong ? Geometry{.vertices = triangleRow(1)} : withMicromap(&micromap), kReplaces);
 }
 
+template <By by>
 void replacesNull(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
     micromap.build();
     Blas blas(gpu, {withMicromap(nullptr, {-1})}, kReplaces);
-    blas.build({wrong ? withMicromap(&micromap) : withMicromap(nullptr, {-1})}, kReplaces, kUpdate);
+    update<by>(gpu, blas, wrong ? withMicromap(&micromap) : withMicromap(nullptr, {-1}), kReplaces);
 }
 
+template <By by>
 void adds(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, oneTriangle());
@@ -175,9 +202,10 @@ void adds(Gpu &gpu, bool wrong)
     const Geometry plain{.vertices = triangleRow(1)};
     Blas blas(gpu, {withMicromap(&micromap)}, kReplaces); // large enough for the micromap
     blas.build({plain}, kReplaces);
-    blas.build({wrong ? withMicromap(&micromap) : plain}, kReplaces, kUpdate);
+    update<by>(gpu, blas, wrong ? withMicromap(&micromap) : plain, kReplaces);
 }
 
+template <By by>
 void replaces(Gpu &gpu, bool wrong)
 {
     Micromap one(gpu, oneTriangle()), other(gpu, oneTriangle());
@@ -185,7 +213,7 @@ void replaces(Gpu &gpu, bool wrong)
     other.build();
     const Flags flags = wrong ? kUpdatable : kReplaces;
     Blas blas(gpu, {withMicromap(&one)}, flags);
-    blas.build({withMicromap(&other)}, flags, kUpdate);
+    update<by>(gpu, blas, withMicromap(&other), flags);
 }
 
 #define EXT_CHANGE(...) [](Ext &attached) { __VA_ARGS__; }
@@ -202,7 +230,10 @@ const WrongProgram kPrograms[] = {
      attach<Ext, EXT_CHANGE(attached.indexType = VK_INDEX_TYPE_NONE_KHR)>, "", "", false, "ext"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10905", Api::Ext, kNeedsNothing,
      attach<Ext, EXT_CHANGE(attached.indexBuffer.deviceAddress = 0)>},
-    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905", Api::Ext, kNeedsNothing, indirectIndexBuffer},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10904", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.indexType = VK_INDEX_TYPE_NONE_KHR), By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905", Api::Ext, kNeedsNothing,
+     attach<Ext, EXT_CHANGE(attached.indexBuffer.deviceAddress = 0), By::Indirect>},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-pUsageCounts-07335", Api::Ext, kNeedsNothing,
      attach<Ext, EXT_CHANGE(attached.ppUsageCounts = &kGoodPointer)>},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-format-11679", Api::Ext, kNeedsNothing,
@@ -211,7 +242,7 @@ const WrongProgram kPrograms[] = {
      attach<Ext, EXT_CHANGE(attached.pUsageCounts = &kTooDeepTwoState)>},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-subdivisionLevel-11681", Api::Ext, kNeedsNothing,
      attach<Ext, EXT_CHANGE(attached.pUsageCounts = &kTooDeepFourState)>},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632", Api::Ext, kNeedsNothing, notBuilt},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632", Api::Ext, kNeedsNothing, notBuilt<By::Host>},
 
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Api::Khr, kNeedsNothing,
      attach<Khr, KHR_CHANGE(attached.indexType = static_cast<VkIndexType>(9))>},
@@ -226,16 +257,29 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-11579", Api::Khr, kNeedsNothing,
      attach<Khr, KHR_CHANGE(attached.indexType = VK_INDEX_TYPE_NONE_KHR; attached.indexBuffer = 0;
                             attached.micromap = VK_NULL_HANDLE)>},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624", Api::Khr, kNeedsNothing, notAMicromap},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701", Api::Khr, kNeedsNothing, notBuilt},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624", Api::Khr, kNeedsNothing, notAMicromap<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701", Api::Khr, kNeedsNothing, notBuilt<By::Host>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548", Api::Khr, kNeedsNothing,
      builtBesides<true>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549", Api::Khr, kNeedsNothing,
      builtBesides<false>},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625", Api::Khr, kNeedsNothing, loses},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626", Api::Khr, kNeedsNothing, replacesNull},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627", Api::Khr, kNeedsNothing, adds},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629", Api::Khr, kNeedsNothing, replaces},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625", Api::Khr, kNeedsNothing, loses<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626", Api::Khr, kNeedsNothing, replacesNull<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627", Api::Khr, kNeedsNothing, adds<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629", Api::Khr, kNeedsNothing, replaces<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577", Api::Khr, kNeedsNothing, indicesPastTheBuffer},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11632", Api::Ext, kNeedsNothing,
+     notBuilt<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11624", Api::Khr, kNeedsNothing,
+     notAMicromap<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11625", Api::Khr, kNeedsNothing, loses<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11626", Api::Khr, kNeedsNothing,
+     replacesNull<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11627", Api::Khr, kNeedsNothing, adds<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11629", Api::Khr, kNeedsNothing,
+     replaces<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11701", Api::Khr, kNeedsNothing,
+     notBuilt<By::Indirect>},
 };
 
 #undef EXT_CHANGE

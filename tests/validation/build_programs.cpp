@@ -183,12 +183,46 @@ void targetOfOtherType(Gpu &gpu, bool wrong)
 {
     const Micromap micromap(gpu, oneTriangle());
     SharedMemory memory(gpu);
-    const MicromapHandle target =
-        memory.create(0, 32768, wrong ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR
-                                      : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
+    const MicromapHandle target = memory.create(0, 32768,
+                                                wrong ? VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR
+                                                      : VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     const MicromapBuild build{micromap.buildInfo(), target};
     recordUnlessWrong(gpu, wrong,
                       [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu, commands, std::span(&build, 1)); });
+}
+
+// Scratch memory at the end of a buffer, or with what the build needs.
+void scratchPastTheBuffer(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    const Buffer buffer(gpu, 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    MicromapBuild build{micromap.buildInfo(), micromap.handle()};
+    build.info.scratchData.deviceAddress = (buffer.address() + (wrong ? 65535 : 255)) / 256 * 256;
+    recordUnlessWrong(gpu, wrong,
+                      [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu, commands, std::span(&build, 1)); });
+}
+
+// A build of a structure of triangles that has been changed.
+template <auto change>
+void structureBuild(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    BuildInfo info = blas.buildInfo();
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = blas.ranges();
+    if (wrong)
+        change(info, ranges);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    });
+}
+
+// Without the feature there is no right use.
+void sizesWithoutFeature(Gpu &gpu, bool wrong)
+{
+    if (!wrong)
+        return;
+    auto info = vkInit<VkMicromapBuildInfoEXT>({.type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
+    micromapSizes(gpu, info);
 }
 
 void sameTarget(Gpu &gpu, bool wrong)
@@ -208,8 +242,8 @@ void tooSmall(Gpu &gpu, bool wrong)
                       [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu, commands, std::span(&build, 1)); });
 }
 
-#define EXT_CHANGE(...) [](Gpu &, VkMicromapBuildInfoEXT & info) { __VA_ARGS__; }
-#define KHR_CHANGE(...) [](Gpu &, StructureBuild & build) { __VA_ARGS__; }
+#define EXT_CHANGE(...) [](Gpu &, VkMicromapBuildInfoEXT &info) { __VA_ARGS__; }
+#define KHR_CHANGE(...) [](Gpu &, StructureBuild &build) { __VA_ARGS__; }
 
 const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildMicromapsEXT-mode-07462", Api::Ext, kNeedsNothing,
@@ -221,6 +255,7 @@ const WrongProgram kPrograms[] = {
      extBuild<EXT_CHANGE(info.scratchData.deviceAddress = 0)>},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07514", Api::Ext, kNeedsNothing,
      extBuild<EXT_CHANGE(info.scratchData.deviceAddress += 1)>},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07509", Api::Ext, kNeedsNothing, scratchPastTheBuffer},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07515", Api::Ext, kNeedsNothing,
      extBuild<EXT_CHANGE(info.data.deviceAddress += 128)>},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07515", Api::Ext, kNeedsNothing,
@@ -301,6 +336,14 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126", Api::Khr, kNeedsNothing, tooSmall},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261", Api::Khr, kNeedsNothing,
      khrBuild<KHR_CHANGE(build.info.scratchData.deviceAddress = 0)>},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559", Api::Khr, kNeedsNoFeature, sizesWithoutFeature},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258", Api::Khr, kNeedsNothing, scratchPastTheBuffer},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Api::Khr, kNeedsNothing,
+     structureBuild<[](BuildInfo &, auto &ranges) { ranges = nullptr; }>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Api::Khr, kNeedsNothing,
+     structureBuild<[](BuildInfo &info, auto &) { info.mode = static_cast<VkBuildAccelerationStructureModeKHR>(7); }>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Api::Khr, kNeedsNothing,
+     structureBuild<[](BuildInfo &info, auto &) { info.mode = VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR; }>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710", Api::Khr, kNeedsNothing,
      khrBuild<KHR_CHANGE(build.info.scratchData.deviceAddress += 1)>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03698", Api::Khr, kNeedsNothing, sameTarget},
@@ -312,7 +355,9 @@ const WrongProgram kPrograms[] = {
      extOverlap<Shared::Scratches>},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557", Api::Khr, kNeedsNothing, khrIndirect},
     {"VUID-vkGetAccelerationStructureBuildSizesKHR-buildType-11614", Api::Khr, kNeedsNothing,
-     khrSizes<[](StructureBuild &, auto &type, auto &, auto) { type = VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR; }>},
+     khrSizes<[](StructureBuild &, auto &type, auto &, auto) {
+         type = VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR;
+     }>},
     {"VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11613", Api::Khr, kNeedsNothing,
      khrSizes<[](StructureBuild &, auto &, auto &most, auto one) { most = one; }>},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-11563", Api::Khr, kNeedsNothing,

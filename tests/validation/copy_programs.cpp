@@ -85,9 +85,8 @@ void deserialize(Gpu &gpu, bool wrong)
     const Twins twins(gpu);
     const Micromap target(gpu, twins.source, twins.source.size());
     const Buffer memory = serializedMemory(gpu);
-    gpu.submit([&](VkCommandBuffer commands) {
-        recordMicromapToMemory(gpu, commands, twins.built, addressIn(memory, {}));
-    });
+    gpu.submit(
+        [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu, commands, twins.built, addressIn(memory, {})); });
     const Serialized used = wrong ? change : Serialized{};
     recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
         recordMemoryToMicromap(gpu, commands, addressIn(memory, used), target.handle(),
@@ -104,41 +103,37 @@ void serializeNotBuilt(Gpu &gpu, bool wrong)
     });
 }
 
-// A micromap in a buffer without memory; the right one has memory.
-struct Unbound {
-    Unbound(Gpu &g, bool wrong) : gpu(g)
-    {
-        auto info = vkInit<VkBufferCreateInfo>({.size = 65536, .usage = micromapStorageUsage(gpu)});
-        VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer));
-        if (!wrong)
-            memory = gpu.bindMemory(buffer);
-        auto creation = vkInit<VkMicromapCreateInfoEXT>(
-            {.buffer = buffer, .size = 32768, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
-        VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &creation, nullptr, &micromap.ext));
-    }
-    Unbound(const Unbound &) = delete;
-    Unbound &operator=(const Unbound &) = delete;
-    ~Unbound()
-    {
-        destroyMicromap(gpu, micromap);
-        vkDestroyBuffer(gpu.device(), buffer, nullptr);
-        vkFreeMemory(gpu.device(), memory, nullptr);
-    }
-    Gpu &gpu;
-    VkBuffer buffer = VK_NULL_HANDLE;
-    VkDeviceMemory memory = VK_NULL_HANDLE;
-    MicromapHandle micromap;
-};
-
-template <auto record>
+// `reads`: the command reads from the object without memory; the right one from a micromap that was built.
+template <auto record, bool reads>
 void unbound(Gpu &gpu, bool wrong)
 {
     const Twins twins(gpu);
-    const Unbound other(gpu, wrong);
+    const PerhapsUnbound other(gpu, wrong);
     const Buffer memory = serializedMemory(gpu);
     recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
-        record(gpu, commands, twins, other.micromap, addressIn(memory, {}));
+        record(gpu, commands, twins, reads && !wrong ? twins.built : other.object, addressIn(memory, {}));
     });
+}
+
+void build(Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress)
+{
+    recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{twins.source.buildInfo(), other}});
+}
+void copyFrom(Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress)
+{
+    recordMicromapCopy(gpu, commands, other, twins.built, kClone);
+}
+void copyTo(Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress)
+{
+    recordMicromapCopy(gpu, commands, twins.built, other, kClone);
+}
+void save(Gpu &gpu, VkCommandBuffer commands, const Twins &, MicromapHandle other, VkDeviceAddress address)
+{
+    recordMicromapToMemory(gpu, commands, other, address);
+}
+void load(Gpu &gpu, VkCommandBuffer commands, const Twins &, MicromapHandle other, VkDeviceAddress address)
+{
+    recordMemoryToMicromap(gpu, commands, address, other);
 }
 
 const WrongProgram kPrograms[] = {
@@ -151,31 +146,22 @@ const WrongProgram kPrograms[] = {
      serialize<Serialized{.otherMode = true}>},
     {"VUID-VkCopyMicromapToMemoryInfoEXT-src-07540", Api::Ext, kNeedsNothing, serializeNotBuilt},
     {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543", Api::Ext, kNeedsNothing, deserialize<Serialized{.null = true}>},
-    {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544", Api::Ext, kNeedsNothing,
-     deserialize<Serialized{.offset = 128}>},
+    {"VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544", Api::Ext, kNeedsNothing, deserialize<Serialized{.offset = 128}>},
     {"VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", Api::Ext, kNeedsNothing,
      deserialize<Serialized{.otherMode = true}>},
-    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Api::Ext, kNeedsNothing,
-     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress) {
-         recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{twins.source.buildInfo(), other}});
-     }>},
-    {"VUID-vkCmdCopyMicromapEXT-buffer-07529", Api::Ext, kNeedsNothing,
-     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress) {
-         recordMicromapCopy(gpu, commands, other, twins.built, kClone);
-     }>},
-    {"VUID-vkCmdCopyMicromapEXT-buffer-07530", Api::Ext, kNeedsNothing,
-     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress) {
-         recordMicromapCopy(gpu, commands, twins.built, other, kClone);
-     }>},
-    {"VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539", Api::Ext, kNeedsNothing,
-     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &, MicromapHandle other, VkDeviceAddress address) {
-         recordMicromapToMemory(gpu, commands, other, address);
-     }>},
-    {"VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546", Api::Ext, kNeedsNothing,
-     unbound<[](Gpu &gpu, VkCommandBuffer commands, const Twins &, MicromapHandle other, VkDeviceAddress address) {
-         recordMemoryToMicromap(gpu, commands, address, other);
-     }>},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Api::Ext, kNeedsNothing, unbound<build, false>},
+    {"VUID-vkCmdCopyMicromapEXT-buffer-07529", Api::Ext, kNeedsNothing, unbound<copyFrom, true>},
+    {"VUID-vkCmdCopyMicromapEXT-buffer-07530", Api::Ext, kNeedsNothing, unbound<copyTo, false>},
+    {"VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539", Api::Ext, kNeedsNothing, unbound<save, true>},
+    {"VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546", Api::Ext, kNeedsNothing, unbound<load, false>},
 
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707", Api::Khr, kNeedsNothing, unbound<build, false>},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03718", Api::Khr, kNeedsNothing, unbound<copyFrom, true>, "", "",
+     false, nullptr, "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418"},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03719", Api::Khr, kNeedsNothing, unbound<copyTo, false>},
+    {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-11714", Api::Khr, kNeedsNothing, unbound<save, true>, "", "",
+     true},
+    {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11717", Api::Khr, kNeedsNothing, unbound<load, false>},
     {"VUID-VkCopyAccelerationStructureInfoKHR-mode-03410", Api::Khr, kNeedsNothing, mode},
     {"VUID-vkCmdCopyAccelerationStructureKHR-src-11633", Api::Khr, kNeedsNothing, notBuilt},
     {"VUID-VkCopyAccelerationStructureInfoKHR-src-03411", Api::Khr, kNeedsNothing, compaction},
@@ -189,6 +175,8 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959", Api::Khr, kNeedsNothing, serializeNotBuilt},
     {"VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742", Api::Khr, kNeedsNothing,
      deserialize<Serialized{.null = true}>},
+    {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", Api::Khr, kNeedsNothing,
+     deserialize<Serialized{.otherMode = true}>},
     {"VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700", Api::Khr, kNeedsNothing,
      deserialize<Serialized{.offset = 64}>, "", "", true},
 };

@@ -49,7 +49,53 @@ void extAllocator(Gpu &gpu, bool wrong)
     gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, wrong ? other : given);
 }
 
+void structureAllocator(Gpu &gpu, bool wrong, bool createdWith)
+{
+    const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
+    const auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = buffer.handle(), .size = 4096, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    VT_CHECK(
+        gpu.vk().CreateAccelerationStructureKHR(gpu.device(), &info, createdWith ? &kCallbacks : nullptr, &structure));
+    gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, createdWith != wrong ? &kCallbacks : nullptr);
+}
+void withAllocator(Gpu &gpu, bool wrong)
+{
+    structureAllocator(gpu, wrong, true);
+}
+void withoutAllocator(Gpu &gpu, bool wrong)
+{
+    structureAllocator(gpu, wrong, false);
+}
+
+// Sparse buffers need no memory before they are used.
+void sparse(Gpu &gpu, bool wrong)
+{
+    const auto info =
+        vkInit<VkBufferCreateInfo>({.flags = VK_BUFFER_CREATE_SPARSE_BINDING_BIT |
+                                             (wrong ? VkBufferCreateFlags{VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT} : 0),
+                                    .size = 65536,
+                                    .usage = micromapStorageUsage(gpu)});
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer));
+    destroyMicromap(gpu, createMicromap(gpu, buffer, gpu.khr() ? gpu.address(buffer) : 0, 0, 4096));
+    vkDestroyBuffer(gpu.device(), buffer, nullptr);
+}
+
 // Without the feature there is no right use.
+void createdWithoutFeature(Gpu &gpu, bool wrong)
+{
+    const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
+    if (wrong)
+        destroyMicromap(gpu, createMicromap(gpu, buffer.handle(), buffer.address(), 0, 4096));
+}
+
+void destroyedWithoutFeature(Gpu &gpu, bool wrong)
+{
+    if (wrong)
+        gpu.vk().DestroyMicromapEXT(gpu.device(), VK_NULL_HANDLE, nullptr);
+}
+
 void sizesWithoutFeature(Gpu &gpu, bool wrong)
 {
     if (!wrong)
@@ -134,6 +180,10 @@ const WrongProgram kPrograms[] = {
      extCreation<EXT_CHANGE(info.createFlags = VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT)>},
     {"VUID-vkDestroyMicromapEXT-micromap-07442", Api::Ext, kNeedsNothing, extAllocator<true>},
     {"VUID-vkDestroyMicromapEXT-micromap-07443", Api::Ext, kNeedsNothing, extAllocator<false>},
+    {"VUID-VkMicromapCreateInfoEXT-buffer-07436", Api::Ext, kNeedsNothing, sparse},
+    {"VUID-vkCreateMicromapEXT-micromap-11615", Api::Ext, kNeedsNoFeature, createdWithoutFeature, "",
+     "VUID-vkDestroyMicromapEXT-micromap-11619"},
+    {"VUID-vkDestroyMicromapEXT-micromap-11619", Api::Ext, kNeedsNoFeature, destroyedWithoutFeature},
     {"VUID-vkGetMicromapBuildSizesEXT-micromap-11618", Api::Ext, kNeedsNoFeature, sizesWithoutFeature},
     {"VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666", Api::Ext, kNeedsNoFeature, versionWithoutFeature},
     {"VUID-vkCmdBuildMicromapsEXT-micromap-11648", Api::Ext, kNeedsNoFeature, buildWithoutFeature},
@@ -148,6 +198,9 @@ const WrongProgram kPrograms[] = {
      khrCreation<KHR_CHANGE(info.addressRange.address += 128)>},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", Api::Khr, kNeedsNothing,
      khrCreation<KHR_CHANGE(info.addressRange.size = 0)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11604", Api::Khr, kNeedsNothing, sparse},
+    {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02443", Api::Khr, kNeedsNothing, withAllocator},
+    {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02444", Api::Khr, kNeedsNothing, withoutAllocator},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11607", Api::Khr, kNeedsNothing,
      khrCreation<KHR_CHANGE(info.createFlags =
                                 VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR)>},

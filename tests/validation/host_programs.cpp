@@ -131,6 +131,59 @@ void write(Gpu &gpu, bool wrong)
                                          reinterpret_cast<uint8_t *>(results.data()) + used.offset, used.stride);
 }
 
+// The first of the two micromaps has no memory.
+template <auto command>
+void unbound(Gpu &gpu, bool wrong)
+{
+    const HostMicromaps micromaps(gpu);
+    const PerhapsUnbound object(gpu, wrong);
+    const auto memory = std::make_unique<Bytes>();
+    VkMicromapBuildInfoEXT info = micromaps.input.hostBuildInfo();
+    info.dstMicromap = object.object.ext;
+    if (!wrong)
+        VT_CHECK(gpu.vk().BuildMicromapsEXT(gpu.device(), VK_NULL_HANDLE, 1, &info));
+    command(gpu, object.object.ext, micromaps, memory->bytes.data());
+}
+
+void buildUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps, void *)
+{
+    VkMicromapBuildInfoEXT info = micromaps.input.hostBuildInfo();
+    info.dstMicromap = object;
+    gpu.vk().BuildMicromapsEXT(gpu.device(), VK_NULL_HANDLE, 1, &info);
+}
+void copyToUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps, void *)
+{
+    const auto info = vkInit<VkCopyMicromapInfoEXT>(
+        {.src = micromaps.built.ext, .dst = object, .mode = VK_COPY_MICROMAP_MODE_CLONE_EXT});
+    gpu.vk().CopyMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info);
+}
+void copyFromUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps, void *)
+{
+    const auto info = vkInit<VkCopyMicromapInfoEXT>(
+        {.src = object, .dst = micromaps.target.ext, .mode = VK_COPY_MICROMAP_MODE_CLONE_EXT});
+    gpu.vk().CopyMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info);
+}
+void saveUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &, void *memory)
+{
+    auto info = vkInit<VkCopyMicromapToMemoryInfoEXT>({.src = object, .mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT});
+    info.dst.hostAddress = memory;
+    gpu.vk().CopyMicromapToMemoryEXT(gpu.device(), VK_NULL_HANDLE, &info);
+}
+void writeUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &, void *memory)
+{
+    gpu.vk().WriteMicromapsPropertiesEXT(gpu.device(), 1, &object, kSerialized, 8, memory, 8);
+}
+void loadUnbound(Gpu &gpu, VkMicromapEXT object, const HostMicromaps &micromaps, void *memory)
+{
+    auto out = vkInit<VkCopyMicromapToMemoryInfoEXT>(
+        {.src = micromaps.built.ext, .mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT});
+    out.dst.hostAddress = memory;
+    gpu.vk().CopyMicromapToMemoryEXT(gpu.device(), VK_NULL_HANDLE, &out);
+    auto info = vkInit<VkCopyMemoryToMicromapInfoEXT>({.dst = object, .mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT});
+    info.src.hostAddress = memory;
+    gpu.vk().CopyMemoryToMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info);
+}
+
 // Without the feature there is no right use.
 void buildWithoutFeature(Gpu &gpu, bool wrong)
 {
@@ -167,6 +220,15 @@ const WrongProgram kPrograms[] = {
      build<[](VkMicromapBuildInfoEXT &info) { info.data.hostAddress = nullptr; }>},
     {"VUID-vkBuildMicromapsEXT-pInfos-07554", Api::Ext, kNeedsHostCommands,
      build<[](VkMicromapBuildInfoEXT &info) { info.triangleArray.hostAddress = nullptr; }>},
+    {"VUID-vkBuildMicromapsEXT-pInfos-07552", Api::Ext, kNeedsHostCommands, unbound<buildUnbound>},
+    {"VUID-vkCopyMicromapEXT-buffer-07558", Api::Ext, kNeedsHostCommands, unbound<copyFromUnbound>, "",
+     "VUID-vkCopyMicromapEXT-src-11670"},
+    {"VUID-vkCopyMicromapToMemoryEXT-buffer-07568", Api::Ext, kNeedsHostCommands, unbound<saveUnbound>, "",
+     "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540"},
+    {"VUID-vkWriteMicromapsPropertiesEXT-buffer-07577", Api::Ext, kNeedsHostCommands, unbound<writeUnbound>, "",
+     "VUID-vkWriteMicromapsPropertiesEXT-pMicromaps-11671"},
+    {"VUID-vkCopyMicromapEXT-buffer-07559", Api::Ext, kNeedsHostCommands, unbound<copyToUnbound>},
+    {"VUID-vkCopyMemoryToMicromapEXT-buffer-07565", Api::Ext, kNeedsHostCommands, unbound<loadUnbound>},
     {"VUID-vkBuildMicromapsEXT-dstMicromap-11667", Api::Ext, kNeedsHostCommands, buildOverlap},
     {"VUID-VkCopyMicromapInfoEXT-mode-07531", Api::Ext, kNeedsHostCommands,
      copy<[](VkCopyMicromapInfoEXT &info, const HostMicromaps &) { info.mode = VK_COPY_MICROMAP_MODE_SERIALIZE_EXT; }>,

@@ -42,6 +42,7 @@ struct WrongProgram {
     bool mayBeUnavailable = false;
     // A quirk of the mock driver that reports the fault itself, to all devices of the process: not with it.
     const char *notWith = nullptr;
+    const char *perhaps = nullptr; // another message, of some implementations
 };
 
 // The programs of each file.

@@ -40,6 +40,18 @@ void query(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, wrong && !used.execute, write);
 }
 
+void unbound(Gpu &gpu, bool wrong)
+{
+    const Twins twins(gpu);
+    const PerhapsUnbound unbound(gpu, wrong);
+    const MicromapHandle object = wrong ? unbound.object : twins.built;
+    const VkQueryType type = micromapQueryType(gpu, kSerialized);
+    const QueryPool pool(gpu, type);
+    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
+        recordMicromapProperties(gpu, commands, std::span(&object, 1), type, pool, 0);
+    });
+}
+
 void begin(Gpu &gpu, bool wrong)
 {
     const QueryPool sizes(gpu, kCompacted, 1), occlusion(gpu, VK_QUERY_TYPE_OCCLUSION, 1);
@@ -51,14 +63,25 @@ void begin(Gpu &gpu, bool wrong)
     });
 }
 
+void beginIndexed(Gpu &gpu, bool wrong)
+{
+    const QueryPool sizes(gpu, kCompacted, 1), occlusion(gpu, VK_QUERY_TYPE_OCCLUSION, 1);
+    const auto beginQuery =
+        reinterpret_cast<PFN_vkCmdBeginQueryIndexedEXT>(vkGetDeviceProcAddr(gpu.device(), "vkCmdBeginQueryIndexedEXT"));
+    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
+        const VkQueryPool pool = wrong ? sizes : occlusion;
+        beginQuery(commands, pool, 0, 0, 0);
+        vkCmdEndQuery(commands, pool, 0);
+    });
+}
+
 constexpr Query kWrongType{.type = VK_QUERY_TYPE_OCCLUSION, .poolType = VK_QUERY_TYPE_OCCLUSION};
 constexpr Query kWrongPool{.poolType = kCompacted};
 constexpr Query kPastThePool{.first = 2};
 constexpr Query kAvailable{.reset = false, .execute = true};
 constexpr Query kNeverBuilt{.neverBuilt = true, .execute = true};
 constexpr Query kCompactedSize{.type = kCompacted, .poolType = kCompacted};
-constexpr Query kNotAllowed{
-    .type = kCompacted, .poolType = kCompacted, .allowsCompaction = false, .execute = true};
+constexpr Query kNotAllowed{.type = kCompacted, .poolType = kCompacted, .allowsCompaction = false, .execute = true};
 
 const WrongProgram kPrograms[] = {
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503", Api::Ext, kNeedsNothing, query<kWrongType>},
@@ -68,17 +91,18 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662", Api::Ext, kNeedsNothing, query<kNeverBuilt>},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502", Api::Ext, kNeedsNothing,
      query<kNotAllowed, kCompactedSize>},
+    {"VUID-vkCmdWriteMicromapsPropertiesEXT-buffer-07527", Api::Ext, kNeedsNothing, unbound},
     {"VUID-vkCmdBeginQuery-queryType-08972", Api::Ext, kNeedsNothing, begin},
+    {"VUID-vkCmdBeginQueryIndexedEXT-queryType-08972", Api::Ext, kNeedsAddressCommands, beginIndexed},
 
-    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742", Api::Khr, kNeedsNothing,
-     query<kWrongType>},
-    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493", Api::Khr, kNeedsNothing,
-     query<kWrongPool>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742", Api::Khr, kNeedsNothing, query<kWrongType>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493", Api::Khr, kNeedsNothing, query<kWrongPool>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880", Api::Khr, kNeedsNothing, query<kPastThePool>},
-    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494", Api::Khr, kNeedsNothing,
-     query<kAvailable>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494", Api::Khr, kNeedsNothing, query<kAvailable>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11684", Api::Khr, kNeedsNothing,
      query<kNeverBuilt>},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-buffer-03736", Api::Khr, kNeedsNothing, unbound, "", "", false,
+     nullptr, "VELLUM-unknown-content"},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-accelerationStructures-03431", Api::Khr, kNeedsNothing,
      query<kNotAllowed, kCompactedSize>},
 };

@@ -80,4 +80,38 @@ struct Twins {
     MicromapHandle other; // never built
 };
 
+// A buffer for micromaps and structures, without memory; the right one has memory.
+class PerhapsUnbound
+{
+public:
+    PerhapsUnbound(Gpu &gpu, bool wrong) : gpu_(gpu)
+    {
+        auto info = vkInit<VkBufferCreateInfo>({.size = 65536, .usage = micromapStorageUsage(gpu)});
+        VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer_));
+        if (!wrong)
+            memory_ = gpu.bindMemory(buffer_, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
+        if (gpu.khr()) {
+            const auto creation = vkInit<VkAccelerationStructureCreateInfoKHR>(
+                {.buffer = buffer_, .size = 32768, .type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR});
+            VT_CHECK(gpu.vk().CreateAccelerationStructureKHR(gpu.device(), &creation, nullptr, &object.khr));
+        } else {
+            object = createMicromap(gpu, buffer_, 0, 0, 32768);
+        }
+    }
+    PerhapsUnbound(const PerhapsUnbound &) = delete;
+    PerhapsUnbound &operator=(const PerhapsUnbound &) = delete;
+    ~PerhapsUnbound()
+    {
+        destroyMicromap(gpu_, object);
+        vkDestroyBuffer(gpu_.device(), buffer_, nullptr);
+        vkFreeMemory(gpu_.device(), memory_, nullptr);
+    }
+    MicromapHandle object; // a micromap, or with VK_KHR_opacity_micromap a GENERIC structure
+
+private:
+    Gpu &gpu_;
+    VkBuffer buffer_ = VK_NULL_HANDLE;
+    VkDeviceMemory memory_ = VK_NULL_HANDLE;
+};
+
 } // namespace vt

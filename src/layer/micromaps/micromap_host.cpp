@@ -127,8 +127,9 @@ VkResult buildOne(DeviceMicromaps &device, const InputCheck &check, const VkMicr
         return reject(check, "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07552",
                       "dstMicromap is not bound to host-visible memory");
     if (build->extent.triangles > 0 && (!build->data.hostAddress || !build->triangles.hostAddress))
-        return reject(check, build->data.hostAddress ? "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07554"
-                                                     : "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553",
+        return reject(check,
+                      build->data.hostAddress ? "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07554"
+                                              : "VELLUM-VUID-vkBuildMicromapsEXT-pInfos-07553",
                       "data or triangleArray is null");
     write(*build, view.bytes());
     return VK_SUCCESS;

@@ -227,9 +227,8 @@ bool checkMicromapBuild(const InputCheck &check, const MicromapBuildRules &rules
         return check.reject(rules.target, "dstMicromap is VK_NULL_HANDLE");
     build.target = *micromapOf(info.dstMicromap);
     if (build.target.size < build.extent.bytes())
-        return check.reject(rules.size,
-                            "dstMicromap has " + std::to_string(build.target.size) + " bytes, the build needs " +
-                                std::to_string(build.extent.bytes()));
+        return check.reject(rules.size, "dstMicromap has " + std::to_string(build.target.size) +
+                                            " bytes, the build needs " + std::to_string(build.extent.bytes()));
     return build.extent.triangles <= 1 || checkStride(check, build, "VELLUM-micromap-stride");
 }
 

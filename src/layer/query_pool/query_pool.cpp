@@ -132,9 +132,8 @@ bool checkQueries(const DeviceQueryPools &device, const QueryPool &pool, uint32_
 {
     if (first + count <= pool.count)
         return true;
-    device.driver.report().error(id, std::string(command) + ": queries " + std::to_string(first) +
-                                                           " to " + std::to_string(first + count) + " of a pool of " +
-                                                           std::to_string(pool.count));
+    device.driver.report().error(id, std::string(command) + ": queries " + std::to_string(first) + " to " +
+                                         std::to_string(first + count) + " of a pool of " + std::to_string(pool.count));
     return false;
 }
 

@@ -150,8 +150,9 @@ void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuf
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->src, commandBuffer);
     const auto source = device.objects.structures.get(info->src);
-    if (device.checks.core && isMicromap(source)) {
+    if (device.checks.core)
         checkBound(check, source.get(), "src", "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-11714");
+    if (device.checks.core && isMicromap(source)) {
         checkConstructed(check, source, "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959");
         check.require(info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR, "mode",
                       "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", "it is not SERIALIZE");
@@ -170,8 +171,9 @@ void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuf
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
     const auto target = device.objects.structures.get(info->dst);
-    if (device.checks.core && isMicromap(target)) {
+    if (device.checks.core)
         checkBound(check, target.get(), "dst", "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11717");
+    if (device.checks.core && isMicromap(target)) {
         check.require(info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR, "mode",
                       "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", "it is not DESERIALIZE");
         checkSerializedAddress(check, info->src.deviceAddress, 128, "src",

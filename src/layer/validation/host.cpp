@@ -23,16 +23,13 @@ void checkFeature(const RuleCheck &check, const char *vuid)
 }
 
 // The memory of a micromap that the host accesses.
-void checkHostMemory(const RuleCheck &check, const Structure &micromap, const char *member, const char *visibleId,
-                     const char *instancesId)
+void checkHostMemory(const RuleCheck &check, const Structure &micromap, const char *member, const char *vuid)
 {
     if (!micromap || !micromap->buffer)
         return;
-    const ValidatedBuffer &buffer = *micromap->buffer;
-    const ValidatedMemory memory =
-        buffer.memory ? check.device().objects.memories.get(buffer.memory) : ValidatedMemory{false, false};
-    check.require(memory.hostVisible, member, visibleId, "its buffer is not bound to host-visible memory");
-    check.require(!memory.multipleInstances, member, instancesId, "its memory has several instances");
+    const VkDeviceMemory memory = micromap->buffer->memory;
+    check.require(memory && check.device().objects.memories.get(memory).hostVisible, member, vuid,
+                  "its buffer is not bound to host-visible memory");
 }
 
 void checkHostAddress(const RuleCheck &check, const void *address, const char *member, const char *nullId,
@@ -45,16 +42,14 @@ void checkHostAddress(const RuleCheck &check, const void *address, const char *m
 void checkResults(const RuleCheck &check, uint32_t count, VkQueryType type, size_t bytes, const void *data,
                   size_t stride)
 {
-    if (!check.require(type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ||
-                           type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
-                       "queryType", "VUID-vkWriteMicromapsPropertiesEXT-queryType-07503",
-                       "it is not a size of a micromap"))
+    if (!check.require(
+            type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT || type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT,
+            "queryType", "VUID-vkWriteMicromapsPropertiesEXT-queryType-07503", "it is not a size of a micromap"))
         return;
     if (bytes < count * stride)
         check.fault("dataSize", "VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576",
                     std::to_string(bytes) + " is less than micromapCount * stride, " + std::to_string(count * stride));
-    checkMultiple(check, stride, sizeof(VkDeviceSize), "stride",
-                  "VUID-vkWriteMicromapsPropertiesEXT-queryType-10071");
+    checkMultiple(check, stride, sizeof(VkDeviceSize), "stride", "VUID-vkWriteMicromapsPropertiesEXT-queryType-10071");
     checkMultiple(check, reinterpret_cast<uintptr_t>(data), alignof(VkDeviceSize), "pData",
                   "VUID-vkWriteMicromapsPropertiesEXT-queryType-10072");
 }
@@ -75,7 +70,7 @@ VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOpe
             const Place place = command.element("pInfos", i);
             checkHostMemory(RuleCheck(device, place, infos[i].dstMicromap),
                             device.objects.micromaps.get(infos[i].dstMicromap), "dstMicromap",
-                            "VUID-vkBuildMicromapsEXT-pInfos-07552", "VUID-vkBuildMicromapsEXT-pInfos-07557");
+                            "VUID-vkBuildMicromapsEXT-pInfos-07552");
         }
     }
     const VkResult result = device.next.BuildMicromapsEXT(handle, operation, count, infos);
@@ -94,10 +89,8 @@ VkResult copyMicromap(DeviceValidation &device, VkDevice handle, VkDeferredOpera
     const Structure target = device.objects.micromaps.get(info->dst);
     if (device.checks.core) {
         checkFeature(check, "VUID-vkCopyMicromapEXT-micromapHostCommands-07560");
-        checkHostMemory(check, source, "src", "VUID-vkCopyMicromapEXT-buffer-07558",
-                        "VUID-vkCopyMicromapEXT-buffer-07561");
-        checkHostMemory(check, target, "dst", "VUID-vkCopyMicromapEXT-buffer-07559",
-                        "VUID-vkCopyMicromapEXT-buffer-07562");
+        checkHostMemory(check, source, "src", "VUID-vkCopyMicromapEXT-buffer-07558");
+        checkHostMemory(check, target, "dst", "VUID-vkCopyMicromapEXT-buffer-07559");
         checkConstructed(check, source, "VUID-vkCopyMicromapEXT-src-11670");
         check.require(info->mode == VK_COPY_MICROMAP_MODE_CLONE_EXT || info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT,
                       "mode", "VUID-VkCopyMicromapInfoEXT-mode-07531", "it is neither CLONE nor COMPACT");
@@ -119,8 +112,7 @@ VkResult copyMicromapToMemory(DeviceValidation &device, VkDevice handle, VkDefer
     if (device.checks.core) {
         const Structure source = device.objects.micromaps.get(info->src);
         checkFeature(check, "VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571");
-        checkHostMemory(check, source, "src", "VUID-vkCopyMicromapToMemoryEXT-buffer-07568",
-                        "VUID-vkCopyMicromapToMemoryEXT-buffer-07572");
+        checkHostMemory(check, source, "src", "VUID-vkCopyMicromapToMemoryEXT-buffer-07568");
         checkConstructed(check, source, "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540");
         check.require(info->mode == VK_COPY_MICROMAP_MODE_SERIALIZE_EXT, "mode",
                       "VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "it is not SERIALIZE");
@@ -139,8 +131,7 @@ VkResult copyMemoryToMicromap(DeviceValidation &device, VkDevice handle, VkDefer
     const Structure target = device.objects.micromaps.get(info->dst);
     if (device.checks.core) {
         checkFeature(check, "VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566");
-        checkHostMemory(check, target, "dst", "VUID-vkCopyMemoryToMicromapEXT-buffer-07565",
-                        "VUID-vkCopyMemoryToMicromapEXT-buffer-07567");
+        checkHostMemory(check, target, "dst", "VUID-vkCopyMemoryToMicromapEXT-buffer-07565");
         check.require(info->mode == VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT, "mode",
                       "VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "it is not DESERIALIZE");
         checkHostAddress(check, info->src.hostAddress, "src", "VUID-vkCopyMemoryToMicromapEXT-pInfo-07563",
@@ -165,8 +156,7 @@ VkResult writeMicromapsProperties(DeviceValidation &device, VkDevice handle, uin
             const Place place = command.element("pMicromaps", i);
             const RuleCheck part(device, place, micromaps[i]);
             const Structure micromap = device.objects.micromaps.get(micromaps[i]);
-            checkHostMemory(part, micromap, "buffer", "VUID-vkWriteMicromapsPropertiesEXT-buffer-07577",
-                            "VUID-vkWriteMicromapsPropertiesEXT-buffer-07579");
+            checkHostMemory(part, micromap, "buffer", "VUID-vkWriteMicromapsPropertiesEXT-buffer-07577");
             checkConstructed(part, micromap, "VUID-vkWriteMicromapsPropertiesEXT-pMicromaps-11671");
             if (type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
                 checkCompactable(part, micromap, "VUID-vkWriteMicromapsPropertiesEXT-pMicromaps-07502");
@@ -182,6 +172,44 @@ void getDeviceMicromapCompatibility(DeviceValidation &device, VkDevice handle, c
         device.fault(Place("vkGetDeviceMicromapCompatibilityEXT"),
                      "VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666", "the feature micromap is not enabled");
     device.next.GetDeviceMicromapCompatibilityEXT(handle, info, result);
+}
+
+VkResult copyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                   const VkCopyAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCopyAccelerationStructureKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst);
+    const Structure source = device.objects.structures.get(info->src);
+    if (device.checks.core)
+        checkConstructed(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11586");
+    const VkResult result = device.next.CopyAccelerationStructureKHR(handle, operation, info);
+    if (succeeded(result))
+        copied(check, source, device.objects.structures.get(info->dst));
+    return result;
+}
+
+VkResult copyMemoryToAccelerationStructure(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *info)
+{
+    const Place command("vkCopyMemoryToAccelerationStructureKHR");
+    const VkResult result = device.next.CopyMemoryToAccelerationStructureKHR(handle, operation, info);
+    if (succeeded(result))
+        deserialized(RuleCheck(device, command, info->dst), device.objects.structures.get(info->dst));
+    return result;
+}
+
+VkResult writeAccelerationStructuresProperties(DeviceValidation &device, VkDevice handle, uint32_t count,
+                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
+                                               size_t bytes, void *data, size_t stride)
+{
+    const Place command("vkWriteAccelerationStructuresPropertiesKHR");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.element("pAccelerationStructures", i);
+        checkConstructed(RuleCheck(device, place, structures[i]), device.objects.structures.get(structures[i]),
+                         "VUID-vkWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11591");
+    }
+    return device.next.WriteAccelerationStructuresPropertiesKHR(handle, count, structures, type, bytes, data, stride);
 }
 
 } // namespace validation

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The host commands of VK_EXT_opacity_micromap.
+// The host commands of VK_EXT_opacity_micromap, and those of acceleration structures that read or write micromaps.
 #pragma once
 
 #include "layer/validation/objects.h"
@@ -17,5 +17,11 @@ VkResult writeMicromapsProperties(DeviceValidation &, VkDevice, uint32_t, const 
                                   void *, size_t);
 void getDeviceMicromapCompatibility(DeviceValidation &, VkDevice, const VkMicromapVersionInfoEXT *,
                                     VkAccelerationStructureCompatibilityKHR *);
+VkResult copyAccelerationStructure(DeviceValidation &, VkDevice, VkDeferredOperationKHR,
+                                   const VkCopyAccelerationStructureInfoKHR *);
+VkResult copyMemoryToAccelerationStructure(DeviceValidation &, VkDevice, VkDeferredOperationKHR,
+                                           const VkCopyMemoryToAccelerationStructureInfoKHR *);
+VkResult writeAccelerationStructuresProperties(DeviceValidation &, VkDevice, uint32_t,
+                                               const VkAccelerationStructureKHR *, VkQueryType, size_t, void *, size_t);
 
 } // namespace vellum::layer::validation

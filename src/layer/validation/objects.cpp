@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/objects.h"
 
-#include <bit>
-
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
@@ -21,6 +19,14 @@ VkFlags64 usageOf(const VkBufferCreateInfo &info)
     return usage ? usage->usage : info.usage;
 }
 
+void findAddress(DeviceValidation &device, ValidatedBuffer &buffer)
+{
+    if ((buffer.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) == 0)
+        return;
+    buffer.address = device.driver.bufferAddress(buffer.handle);
+    device.buffers.addresses.add(buffer.address, buffer.handle, buffer.size, buffer.usage);
+}
+
 void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkDeviceSize offset)
 {
     const auto buffer = device.objects.buffers.get(handle);
@@ -28,20 +34,13 @@ void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkD
         return;
     buffer->memory = memory;
     buffer->memoryOffset = offset;
-    if ((buffer->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) == 0)
-        return;
-    buffer->address = device.driver.bufferAddress(handle);
-    device.buffers.addresses.add(buffer->address, handle, buffer->size, buffer->usage);
+    findAddress(device, *buffer);
 }
 
 ValidatedMemory memoryOf(const DeviceValidation &device, const VkMemoryAllocateInfo &info)
 {
     const VkMemoryPropertyFlags type = device.buffers.gpu.memory.memoryTypes[info.memoryTypeIndex].propertyFlags;
-    const auto *flags =
-        findInChain<VkMemoryAllocateFlagsInfo>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO);
-    return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0,
-            .multipleInstances = flags && (flags->flags & VK_MEMORY_ALLOCATE_DEVICE_MASK_BIT) != 0 &&
-                                 std::popcount(flags->deviceMask) > 1};
+    return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0};
 }
 
 std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, ObjectHandle handle,
@@ -126,6 +125,8 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
     buffer->usage = usageOf(*info);
     buffer->flags = info->flags;
     buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE;
+    if ((info->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) != 0)
+        findAddress(device, *buffer); // such a buffer has one before it has memory
     device.objects.buffers.set(*result, std::move(buffer));
     return created;
 }
@@ -239,8 +240,10 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
                      const VkAllocationCallbacks *allocator)
 {
     const auto known = device.objects.micromaps.take(micromap);
-    if (device.checks.core)
+    if (device.checks.core) {
+        checkMicromapDestruction(device);
         checkDestruction(device, known.get(), allocator != nullptr);
+    }
     sync::checkDestruction(device, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441", known.get());
     if (known)
         known->destroyed = true;

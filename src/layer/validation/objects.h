@@ -104,7 +104,6 @@ struct ValidatedStructure {
 
 struct ValidatedMemory {
     bool hostVisible = true;
-    bool multipleInstances = false;
 };
 
 // A query pool with sizes of structures or micromaps.

@@ -16,7 +16,8 @@ using State = ValidatedQueryPool::State;
 using Pool = std::shared_ptr<ValidatedQueryPool>;
 
 // VK_KHR_ray_tracing_maintenance1
-constexpr VkQueryType kBottomLevelPointers = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;
+constexpr VkQueryType kBottomLevelPointers =
+    VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;
 
 struct QueryIds {
     const char *type;
@@ -28,14 +29,11 @@ struct QueryIds {
     const char *compactable;
     VkQueryType compactedSize;
 };
-constexpr QueryIds kExtIds{"VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503",
-                           "VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",
-                           "VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528",
-                           "VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417",
-                           "VUID-vkCmdWriteMicromapsPropertiesEXT-buffer-07527",
-                           "VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662",
-                           "VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502",
-                           VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT};
+constexpr QueryIds kExtIds{
+    "VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503",  "VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",
+    "VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528",      "VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417",
+    "VUID-vkCmdWriteMicromapsPropertiesEXT-buffer-07527",     "VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662",
+    "VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502", VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT};
 constexpr QueryIds kKhrIds{"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
                            "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
                            "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880",
@@ -104,8 +102,7 @@ void checkBegin(DeviceValidation &device, const char *name, VkQueryPool handle, 
 // `types`: those that the command takes.
 void writeProperties(const RuleCheck &command, const char *array,
                      const std::vector<std::shared_ptr<ValidatedStructure>> &structures, VkQueryType type,
-                     std::initializer_list<VkQueryType> types, VkQueryPool handle, uint32_t first,
-                     const QueryIds &ids)
+                     std::initializer_list<VkQueryType> types, VkQueryPool handle, uint32_t first, const QueryIds &ids)
 {
     const DeviceValidation &device = command.device();
     const Pool pool = device.objects.queryPools.get(handle);

@@ -114,6 +114,9 @@
     X(CopyMicromapToMemoryEXT, copyMicromapToMemory)                                                                   \
     X(CopyMemoryToMicromapEXT, copyMemoryToMicromap)                                                                   \
     X(WriteMicromapsPropertiesEXT, writeMicromapsProperties)                                                           \
+    X(CopyAccelerationStructureKHR, copyAccelerationStructure)                                                         \
+    X(CopyMemoryToAccelerationStructureKHR, copyMemoryToAccelerationStructure)                                         \
+    X(WriteAccelerationStructuresPropertiesKHR, writeAccelerationStructuresProperties)                                 \
     X(GetDeviceMicromapCompatibilityEXT, getDeviceMicromapCompatibility)                                               \
     X(CreateImage, createImage)                                                                                        \
     X(DestroyImage, destroyImage)                                                                                      \

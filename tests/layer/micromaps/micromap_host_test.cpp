@@ -305,7 +305,8 @@ TEST_F(MicromapHost, RejectsWrongModesPointersAndSizes)
     for (const bool data : {false, true}) {
         VkMicromapBuildInfoEXT build = target.hostBuildInfo();
         (data ? build.data : build.triangleArray).hostAddress = nullptr;
-        rejected(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &build), "vkBuildMicromapsEXT-pInfos-07553");
+        rejected(gpu().vk().BuildMicromapsEXT(device, VK_NULL_HANDLE, 1, &build),
+                 data ? "vkBuildMicromapsEXT-pInfos-07553" : "vkBuildMicromapsEXT-pInfos-07554");
     }
     std::vector<uint8_t> bytes(1 << 20);
     auto save = vkInit<VkCopyMicromapToMemoryInfoEXT>(

@@ -100,14 +100,20 @@ void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreate
     checkRange(check, info.addressRange, info.createFlags);
     if (info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return;
-    check.require(device.driver.enabled.khrFeature, "type",
-                  "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+    check.require(device.driver.enabled.khrFeature, "type", "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
                   "the feature micromap of VK_KHR_opacity_micromap is not enabled");
     check.require((info.createFlags & kDescriptorReplay) == 0, "createFlags",
                   "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11610",
                   "DESCRIPTOR_BUFFER_CAPTURE_REPLAY is not for micromaps");
     check.require((info.createFlags & VK_ACCELERATION_STRUCTURE_CREATE_MOTION_BIT_NV) == 0, "createFlags",
                   "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11611", "MOTION is not for micromaps");
+}
+
+void checkMicromapDestruction(DeviceValidation &device)
+{
+    if (!device.driver.enabled.extFeature)
+        device.fault(Place("vkDestroyMicromapEXT"), "VUID-vkDestroyMicromapEXT-micromap-11619",
+                     "the feature micromap is not enabled");
 }
 
 void checkDestruction(DeviceValidation &device, const ValidatedStructure *structure, bool allocator)
@@ -117,8 +123,6 @@ void checkDestruction(DeviceValidation &device, const ValidatedStructure *struct
     const bool ext = structure->handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
     const Place command(ext ? "vkDestroyMicromapEXT" : "vkDestroyAccelerationStructureKHR");
     const RuleCheck check(device, command, structure->handle);
-    if (ext && !device.driver.enabled.extFeature)
-        check.fault("VUID-vkDestroyMicromapEXT-micromap-11619", "the feature micromap is not enabled");
     check.require(allocator || !structure->ownAllocator, "pAllocator",
                   ext ? "VUID-vkDestroyMicromapEXT-micromap-07442"
                       : "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02443",

@@ -10,6 +10,8 @@ namespace vellum::layer
 void checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info);
 void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfoKHR &info);
 void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfo2KHR &info);
+// Of any handle, VK_NULL_HANDLE included.
+void checkMicromapDestruction(DeviceValidation &device);
 // `structure`: null if it is unknown. `allocator`: allocation callbacks are given.
 void checkDestruction(DeviceValidation &device, const ValidatedStructure *structure, bool allocator);
 

@@ -130,8 +130,8 @@ bool checkInput(const RuleCheck &check, const MicromapBuildInput &build, const M
     if (ids.strideMultiple)
         checkMultiple(check, build.triangleStride, 4, "triangleArrayStride", ids.strideMultiple);
     if (ids.trianglesRange && kept)
-        checkBytes(check, build.triangles.deviceAddress, build.triangleStride * build.triangleCount(),
-                   "triangleArray", ids.trianglesRange);
+        checkBytes(check, build.triangles.deviceAddress, build.triangleStride * build.triangleCount(), "triangleArray",
+                   ids.trianglesRange);
     return kept;
 }
 
@@ -254,9 +254,8 @@ void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds
                                                             : ids.targetAndScratch;
             const Place place = command.place().element("pInfos", one.build);
             command.at(place).fault(id, std::string(one.scratch ? "scratchData" : "the target") +
-                                            " overlaps in memory " +
-                                            (other.scratch ? "scratchData" : "the target") + " of pInfos[" +
-                                            std::to_string(other.build) + "]");
+                                            " overlaps in memory " + (other.scratch ? "scratchData" : "the target") +
+                                            " of pInfos[" + std::to_string(other.build) + "]");
         }
     }
 }

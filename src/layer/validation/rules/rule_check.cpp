@@ -108,8 +108,7 @@ void checkCompactable(const RuleCheck &check, const std::shared_ptr<ValidatedStr
         const auto contents = micromap->contents;
         if (!contents || contents->deserialized || (contents->flags & allowed) != 0)
             return {};
-        return "the micromap " + device.nameOf(micromap->handle) +
-               " was built without the flag that allows compaction";
+        return "the micromap " + device.nameOf(micromap->handle) + " was built without the flag that allows compaction";
     });
 }
 

@@ -125,6 +125,19 @@ void checkOtherGeometries(const RuleCheck &check, bool indirect, const BuildInfo
     checkUpdate(check, indirect, info);
 }
 
+// Rules of all structures, as far as they are not about their geometries.
+void checkTarget(const RuleCheck &check, const BuildInfo &info)
+{
+    const bool update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
+    check.require(update || info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR, "mode",
+                  "VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", "it is neither BUILD nor UPDATE");
+    check.require(!update || info.srcAccelerationStructure, "srcAccelerationStructure",
+                  "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", "an update has no source");
+    const auto target = check.device().objects.structures.get(info.dstAccelerationStructure);
+    checkBound(check, target.get(), "dstAccelerationStructure",
+               "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707");
+}
+
 // The first byte of each: builds of other structures need sizes that depend on their input.
 BuildMemory memoryOfOther(const DeviceValidation &device, const BuildInfo &info)
 {
@@ -184,6 +197,7 @@ void checkStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffe
             check.at(rangePlace)
                 .fault("VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543",
                        "it is null, and the structure is not a micromap");
+        checkTarget(check, info);
         checkOtherGeometries(check, false, info);
         builds.push_back(memoryOfOther(device, info));
     }
