@@ -117,27 +117,31 @@ void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
     const BrokenRules &broken = site.byFirst;
     const std::string code =
         (use.code->shaderObject ? "shader object " : "pipeline ") + device.nameOf(use.code->handle);
-    const std::string rule = std::string("VUID-") + use.command + "-micromap-";
-    const auto report = [&](const std::string &vuid, const MetGeometry &met, const std::string &found,
-                            const std::string &expected) {
-        if (met.structure)
-            device.fault(use.command, vuid.c_str(),
-                         geometryText(device, use, met) + " " + found + ". " + code + " " + expected, use.code->handle);
+    const auto text = [&](const MetGeometry &met, const char *found, const char *expected) {
+        return geometryText(device, use, met) + " " + found + ". " + code + " " + expected;
     };
-    const std::string micromap = "was built with a micromap";
+    const auto fault = [&](const char *rule, const MetGeometry &met, const char *found, const char *expected) {
+        const std::string vuid = std::string("VUID-") + use.command + rule;
+        device.fault(use.command, vuid.c_str(), text(met, found, expected), use.code->handle);
+    };
+    const char *const withMicromap = "was built with a micromap";
     if ((site.broken & kRuleMode) != 0)
-        report(rule + "11636", broken.micromap, micromap,
-               "has a ray query there without the execution mode OpacityMicromapIdKHR; it must have the mode, with a "
-               "true operand");
+        fault("-micromap-11636", broken.micromap, withMicromap,
+              "has a ray query there without the execution mode OpacityMicromapIdKHR; it must have the mode, with a "
+              "true operand");
     if ((site.broken & kRulePipelineBit) != 0)
-        report(rule + "11640", broken.micromap, micromap, "must have been created with RAY_TRACING_OPACITY_MICROMAP");
+        fault("-micromap-11640", broken.micromap, withMicromap,
+              "must have been created with RAY_TRACING_OPACITY_MICROMAP");
     if ((site.broken & kRuleMixed) != 0)
-        report(rule + (use.code->shaderObject ? "11639" : "11638"), broken.mixed,
-               "has special indices and indices of a micromap",
-               "must not have been created with OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX");
+        fault(use.code->shaderObject ? "-micromap-11639" : "-micromap-11638", broken.mixed,
+              "has special indices and indices of a micromap",
+              "must not have been created with OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX");
     if ((site.broken & kRuleDisallowed) != 0)
-        report("pipeline-disallows-micromaps", broken.micromap, micromap,
-               "must not have been created with DISALLOW_OPACITY_MICROMAP_BIT_ARM");
+        device.driver.report().error(
+            "VELLUM-pipeline-disallows-micromaps",
+            std::string(use.command) + ": " +
+                text(broken.micromap, withMicromap, "was created with DISALLOW_OPACITY_MICROMAP_BIT_ARM"),
+            use.code->handle.type, use.code->handle.handle);
 }
 
 void TraceMarks::report(DeviceValidation &device, bool idle)
