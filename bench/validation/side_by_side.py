@@ -30,11 +30,12 @@ DRIVER = "/usr/share/vulkan/icd.d/lvp_icd*.json"
 ALL_CHECKS = {"VK_KHRONOS_VALIDATION_VALIDATE_SYNC": "1", "VK_KHRONOS_VALIDATION_GPUAV_ENABLE": "1"}
 WITHOUT_BUILDS = ALL_CHECKS | {"VK_KHRONOS_VALIDATION_GPUAV_ACCELERATION_STRUCTURES_BUILDS": "0"}
 LOG = {"VK_KHRONOS_VALIDATION_DEBUG_ACTION": "VK_DBG_LAYER_ACTION_LOG_MSG",
-       "VK_KHRONOS_VALIDATION_LOG_FILENAME": "stdout", "VK_KHRONOS_VALIDATION_REPORT_FLAGS": "error"}
+       "VK_KHRONOS_VALIDATION_LOG_FILENAME": "stdout", "VK_KHRONOS_VALIDATION_REPORT_FLAGS": "error",
+       "VK_KHRONOS_VALIDATION_ENABLE_MESSAGE_LIMIT": "0"}
 ERROR = re.compile(r"Validation Error: \[ (\S+) \]")
 CASE = re.compile(r"^  (\S+)  # GetParam\(\) = (\S+) ?(.*)$")
 ENDED = re.compile(r"^\[ +(OK|FAILED|SKIPPED) +\] (\S+?),? .*\(\d+ ms\)$", re.M)
-DRIVEN_BY_SIGNALS = 128
+SIGNALLED = 128
 
 # errors: ids in the order in which they were reported; ended: "ok", "skipped", "hangs", or a signal
 Run = collections.namedtuple("Run", "errors ended")
@@ -83,18 +84,44 @@ def vellum(program, cases, seconds):
     return {name: how for how, name in ENDED.findall(output)}
 
 
-def khronos(place, program, case, which, checks, seconds):
-    variables = {name: value for name, value in os.environ.items() if not name.startswith(("VELLUM_", "VK_"))}
+def run_once(place, program, names, which, checks, seconds):
+    """One process, up to its end or its crash: the cases that it ran."""
+    variables = {name: value for name, value in os.environ.items()
+                 if name == "VELLUM_TEST_LAYER" or not name.startswith(("VELLUM_", "VK_"))}
     variables |= {"VELLUM_TEST_VALIDATION": "above", "VELLUM_TEST_PROGRAM": which, "VK_DRIVER_FILES": place.driver(),
                   **LOG, **checks}
+    command = place.command(program, "--gtest_color=no", "--gtest_filter=" + ":".join(names))
     try:
-        done = subprocess.run(place.command(program, f"--gtest_filter={case.name}"), check=False, env=variables, text=True,
-                              errors="replace", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=seconds)
+        done = subprocess.run(command, check=False, env=variables, text=True, errors="replace", stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, timeout=seconds * len(names))
+        output, code = done.stdout, done.returncode
     except subprocess.TimeoutExpired as late:
-        return Run(ERROR.findall((late.stdout or b"").decode(errors="replace")), "hangs")
-    code = done.returncode if done.returncode <= DRIVEN_BY_SIGNALS else DRIVEN_BY_SIGNALS - done.returncode
-    ended = signal.Signals(-code).name if code < 0 else "skipped" if "SKIPPED" in done.stdout else "ok"
-    return Run(list(dict.fromkeys(ERROR.findall(done.stdout))), ended)
+        output, code = (late.stdout or b"").decode(errors="replace"), None
+    number = code if code is None or code <= SIGNALLED else SIGNALLED - code
+    ended = "hangs" if number is None else signal.Signals(-number).name if number < 0 else f"exits with {number}"
+    runs = {}
+    for part in output.split("[ RUN      ] ")[1:]:
+        name = part.split()[0]
+        end = ENDED.search(part)
+        errors = list(dict.fromkeys(ERROR.findall(part)))
+        runs[name] = Run(errors, ended if not end else "skipped" if end[1] == "SKIPPED" else "ok")
+    return runs
+
+
+def khronos(place, program, cases, which, checks, seconds):
+    """The runs of all cases by name. Those behind a crash run in a further process; what crashes runs alone as well."""
+    left, runs = [case.name for case in cases], {}
+    while left:
+        ran = run_once(place, program, left, which, checks, seconds)
+        if not ran:
+            raise SystemExit("nothing runs; is the validation layer there?")
+        last = list(ran)[-1]
+        if ran[last].ended not in ("ok", "skipped") and len(ran) > 1:
+            ran[last] = run_once(place, program, [last], which, checks, seconds).get(last, ran[last])
+        runs |= ran
+        left = [name for name in left if name not in ran]
+        print(f"\r{which}, {len(checks)} more checks: {len(left)} left   ", end="", file=sys.stderr)
+    return runs
 
 
 def verdict(rule, right, wrong):
@@ -111,17 +138,20 @@ def verdict(rule, right, wrong):
     return "another rule: " + ", ".join(new) if new else "silent"
 
 
-def compare(place, program, case, seconds):
-    """The verdict with each set of checks, until one is more than silence."""
-    result = {}
+def compare(place, program, cases, seconds):
+    """For each case the verdict with each set of checks, until one is more than silence."""
+    results = {case: {} for case in cases}
+    left = cases
     for name, checks in (("default checks", {}), ("all checks", ALL_CHECKS), ("all checks but builds", WITHOUT_BUILDS)):
-        right, wrong = (khronos(place, program, case, which, checks, seconds) for which in ("right", "wrong"))
-        result[name] = {"verdict": verdict(case.rule, right, wrong), "right": right.errors, "wrong": wrong.errors}
-        if not result[name]["verdict"].startswith(("silent", "another")) and right.ended == "ok":
-            break
-        if name == "all checks" and right.ended == "ok":
-            break
-    return result
+        right, wrong = (khronos(place, program, left, which, checks, seconds) for which in ("right", "wrong"))
+        for case in left:
+            pair = right[case.name], wrong[case.name]
+            results[case][name] = {"verdict": verdict(case.rule, *pair), "right": pair[0].errors, "wrong": pair[1].errors}
+        if name == "all checks":
+            left = [case for case in left if right[case.name].ended not in ("ok", "skipped")]
+        else:
+            left = [case for case in left if results[case][name]["verdict"].startswith(("silent", "another"))]
+    return results
 
 
 def best(result):
@@ -168,12 +198,11 @@ def main():
     cases = cases_of(program, options.cases)
     if not cases:
         raise SystemExit("there is no such case")
+    theirs = compare(place, program, cases, options.seconds)
     ours = vellum(program, cases, options.seconds)
     words = {"OK": "reported", "FAILED": "not as expected", "SKIPPED": "skipped"}
-    results = []
-    for number, case in enumerate(cases, 1):
-        results.append((case, words.get(ours.get(case.name), "crashes"), compare(place, program, case, options.seconds)))
-        print(f"\r{number} of {len(cases)}", end="", file=sys.stderr)
+    results = [(case, words.get(ours.get(case.name), "crashes"), result)
+               for case, result in theirs.items()]
     if options.json:
         options.json.write_text(json.dumps([{**case._asdict(), "vellum": how, "khronos": result}
                                             for case, how, result in results], indent=1), encoding="utf-8")
