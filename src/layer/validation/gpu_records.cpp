@@ -105,4 +105,12 @@ void StructureRecords::set(const Owner &record, const RecordWords &words)
     std::memcpy(records_.words() + record.index() * kStructureRecordWords, words.data(), kRecordBytes);
 }
 
+void StructureRecords::copy(const Owner *from, const Owner &to)
+{
+    RecordWords words{};
+    if (from)
+        std::memcpy(words.data(), records_.words() + from->index() * kStructureRecordWords, kRecordBytes);
+    set(to, words);
+}
+
 } // namespace vellum::layer
