@@ -10,7 +10,7 @@
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/validation/command_log.h"
 #include "layer/validation/features.h"
-#include "layer/validation/gpu_checks.h"
+#include "layer/validation/gpu/gpu_checks.h"
 #include "layer/validation/objects.h"
 #include "layer/validation/pipelines.h"
 #include "layer/validation/place.h"

@@ -12,8 +12,8 @@
 #include "layer/base/driver.h"
 #include "layer/command_buffer/injected_work.h"
 #include "layer/validation/builds.h"
-#include "layer/validation/gpu_log.h"
-#include "layer/validation/gpu_records.h"
+#include "layer/validation/gpu/gpu_log.h"
+#include "layer/validation/gpu/gpu_records.h"
 
 namespace vellum::layer
 {

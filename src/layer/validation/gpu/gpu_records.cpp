@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/gpu_records.h"
+#include "layer/validation/gpu/gpu_records.h"
 
 #include <cstring>
 
