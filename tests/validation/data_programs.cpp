@@ -144,6 +144,37 @@ void indexAfterRebuild(Gpu &gpu, bool wrong)
     attach(gpu, {&micromap, VK_INDEX_TYPE_UINT32, {0, 1}});
 }
 
+// A copy of a micromap with fewer triangles.
+void indexAfterCopy(Gpu &gpu, bool wrong)
+{
+    Micromap target(gpu, twoTriangles());
+    target.build();
+    MicromapInput one = twoTriangles();
+    one.triangles.pop_back();
+    one.declared[0].count = 1;
+    Micromap source(gpu, wrong ? std::move(one) : twoTriangles());
+    source.build();
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, source.handle(), target.handle(), VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    });
+    attach(gpu, {&target, VK_INDEX_TYPE_UINT32, {0, 1}});
+}
+
+void indexAfterHostBuild(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, twoTriangles());
+    micromap.buildOnHost();
+    attach(gpu, {&micromap, VK_INDEX_TYPE_UINT32, {0, wrong ? 2 : 1}});
+}
+
+void formatOnHost(Gpu &gpu, bool wrong)
+{
+    MicromapInput input = twoTriangles();
+    input.triangles[1].format = wrong ? 3 : kFourState;
+    const Micromap micromap(gpu, std::move(input));
+    micromap.buildOnHost();
+}
+
 void numbers(Gpu &gpu, bool wrong)
 {
     Micromap micromap(gpu, twoTriangles());
@@ -225,10 +256,15 @@ constexpr WrongProgram kPrograms[] = {
      "Rebuilt"},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576", Api::Khr, kNeedsNothing, numbers,
      "Data"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsNothing, indexAfterCopy, "Copied"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577", Api::Khr, kNeedsNothing, indexBuffer},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11578", Api::Khr, kNeedsNothing, notSpecial},
     {"micromap-index", Api::Ext, kNeedsNothing, index32},
     {"micromap-index", Api::Ext, kNeedsNothing, notSpecial, "NotSpecial"},
+    {"micromap-index", Api::Ext, kNeedsNothing, numbers, "Numbers"},
+    {"micromap-index", Api::Ext, kNeedsNothing, indexBuffer, "Buffer"},
+    {"micromap-index", Api::Ext, kNeedsHostCommands, indexAfterHostBuild, "HostBuild"},
+    {"VUID-VkMicromapBuildInfoEXT-format-11657", Api::Ext, kNeedsHostCommands, formatOnHost, "Host"},
     {"VUID-VkAccelerationStructureInstanceKHR-flags-11581", Api::Khr, kNeedsNothing, disableInArray, "Array"},
     {"VUID-VkAccelerationStructureInstanceKHR-flags-11581", Api::Khr, kNeedsNothing, disableByPointers, "Pointers"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607", Api::Ext, kNeedsNothing, disableInArray},

@@ -80,7 +80,8 @@ std::string Reporter::nameOf(uint64_t object)
 
 void Reporter::fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object)
 {
-    const std::string id = std::string("VELLUM") + "-" + vuid;
+    const bool own = std::string_view(vuid).starts_with("VELLUM");
+    const std::string id = own ? vuid : std::string("VELLUM") + "-" + vuid;
     std::vector<std::string> covered;
     std::swap(covered, coveredIds); // this message is not one of the implementation's
     error(id.c_str(), text, type, object);

@@ -41,8 +41,8 @@ public:
     {
         send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text, type, object);
     }
-    // Reports an error that validation found; its id is "VELLUM-" and the VUID of the rule. While the command is
-    // carried out, the implementation of micromaps does not report the same id (see CommandReports).
+    // Reports an error that validation found; its id is "VELLUM-" and `vuid`, or `vuid` if that is an id of Vellum.
+    // While the command is carried out, the implementation of micromaps does not report the same id (CommandReports).
     void fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object);
     // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
     // on, as drivers do; it does unless `strict` is set.

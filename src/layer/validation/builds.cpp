@@ -5,7 +5,7 @@
 
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
-#include "layer/validation/gpu_checks.h"
+#include "layer/validation/gpu/gpu_checks.h"
 #include "layer/validation/rules/build_rules.h"
 #include "layer/validation/sync/sync_accesses.h"
 

@@ -55,6 +55,7 @@ void checkStructureCopy(const RuleCheck &check, const VkCopyAccelerationStructur
 void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
             const std::shared_ptr<ValidatedStructure> &target)
 {
+    copyRecord(check.device(), check.commandBuffer(), source, target);
     if (target && source)
         check.whenExecuted([source, target] { target->contents = source->contents; });
 }
@@ -63,6 +64,7 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
 {
     if (!target)
         return;
+    copyRecord(check.device(), check.commandBuffer(), nullptr, target);
     auto contents = std::make_shared<StructureContents>();
     contents->type = target->type;
     contents->deserialized = true;

@@ -10,7 +10,7 @@
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/validation/command_log.h"
 #include "layer/validation/features.h"
-#include "layer/validation/gpu_checks.h"
+#include "layer/validation/gpu/gpu_checks.h"
 #include "layer/validation/objects.h"
 #include "layer/validation/pipelines.h"
 #include "layer/validation/place.h"
@@ -61,7 +61,8 @@ struct DeviceValidation {
     DeviceSync sync{};
     std::atomic<uint64_t> numbers{0}; // of structures
 
-    // Reports the violation of a rule. `vuid`: as the specification names it. `text`: what was found, what is expected.
+    // Reports the violation of a rule. `vuid`: as the specification names it; for a rule without one, an
+    // id of Vellum. `text`: what was found, what is expected.
     void fault(const Place &place, const char *vuid, const std::string &text, ObjectHandle object = {})
     {
         fault(place.text(), vuid, text, object);

@@ -73,6 +73,8 @@ VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOpe
                             "VUID-vkBuildMicromapsEXT-pInfos-07552");
         }
     }
+    for (uint32_t i = 0; i < count; ++i)
+        checkHostBuild(device, i, micromapBuildOf(device, infos[i]));
     const VkResult result = device.next.BuildMicromapsEXT(handle, operation, count, infos);
     for (uint32_t i = 0; succeeded(result) && i < count; ++i)
         micromapBuilt(device, VK_NULL_HANDLE, micromapBuildOf(device, infos[i]));

@@ -11,7 +11,7 @@
 
 #include "layer/base/handle_map.h"
 #include "layer/base/vulkan_newer.h"
-#include "layer/validation/gpu_records.h"
+#include "layer/validation/gpu/gpu_records.h"
 #include "layer/validation/ranges/bound_ranges.h"
 #include "layer/validation/traces/captures.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The log of findings (core/findings.h), which the host reads (layer/validation/gpu_log.h). Needs findings.h, memory.glsl and
+// The log of findings (core/findings.h), which the host reads (layer/validation/gpu/gpu_log.h). Needs findings.h, memory.glsl and
 // push.finding.
 
 // Appends an entry; entries that do not fit are only counted.

@@ -205,8 +205,8 @@ TEST_F(Validate, IndicesPastTheMicromap)
     geometry.micromap = Attachment{.micromap = &micromap, .base = 597};
     const Blas unindexed(gpu(), {geometry});
     const std::vector<std::string> numbers = messages();
-    EXPECT_EQ(numbers.size(), 3u);
-    EXPECT_EQ(count(numbers, "]: triangle 3: its number" + rest), 1u);
+    EXPECT_EQ(numbers.size(), gpu().khr() ? 1u : 3u);
+    EXPECT_EQ(count(numbers, gpu().khr() ? "geometry-11576|" : "]: triangle 3: its number" + rest), 1u);
 }
 
 // Of a BLAS build: triangles whose index lies beyond the end of the index buffer.
@@ -220,13 +220,10 @@ TEST_F(Validate, IndexBufferTooShort)
     geometry.micromap = Attachment{&micromap, VK_INDEX_TYPE_UINT16, std::vector<int32_t>(indices, 5)};
     const Blas blas(gpu(), {geometry});
     const std::vector<std::string> reported = messages();
-    const std::string text = ": its index is outside the buffer of indexBuffer";
-    EXPECT_EQ(count(reported, text), 1u);
+    // Between the indices and the end of the buffer there may be others that are wrong.
     EXPECT_EQ(count(reported, gpu().khr() ? "VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577"
-                                          : "VELLUM-micromap-index"),
-              gpu().khr() ? 1u : reported.size());
-    for (const std::string &m : reported) // of what the indices are after those of the test
-        EXPECT_TRUE(m.find(text) != std::string::npos || m.find("index ") != std::string::npos) << m;
+                                          : ": its index is outside the buffer of indexBuffer, like those after it"),
+              1u);
 }
 
 // Told of at every place where the host learns that work is done.

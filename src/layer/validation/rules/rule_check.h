@@ -25,6 +25,7 @@ public:
     // The check of a part, whose place must outlive it.
     [[nodiscard]] RuleCheck at(const Place &place) const { return {device_, place, object_, commandBuffer_}; }
     [[nodiscard]] const Place &place() const { return place_; }
+    [[nodiscard]] VkCommandBuffer commandBuffer() const { return commandBuffer_; } // null for host commands
 
     void fault(const char *vuid, const std::string &text) const
     {

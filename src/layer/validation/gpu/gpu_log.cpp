@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/gpu_log.h"
+#include "layer/validation/gpu/gpu_log.h"
 
 #include <algorithm>
 #include <cinttypes>
@@ -68,9 +68,9 @@ Rule micromapRule(const DeviceValidation &device, const Finding &f, bool khr)
         return {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11713",
                 "its format is 2-state; that of lossy builds is 4-state"};
     case kFindingUndeclared:
-        return {"micromap-usage-counts", "subdivision level " + level + " is not in the usage counts"};
+        return {"VELLUM-micromap-usage-counts", "subdivision level " + level + " is not in the usage counts"};
     default:
-        return {khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "micromap-data",
+        return {khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11553" : "VELLUM-micromap-data",
                 "its data of " + number(triangleBytes(f.value1 & 0xffff, f.value1 >> 16)) + " bytes at offset " +
                     number(f.value0) + " end outside the buffer of data"};
     }
@@ -78,15 +78,15 @@ Rule micromapRule(const DeviceValidation &device, const Finding &f, bool khr)
 
 Rule countsRule(const Finding &f)
 {
-    return {"micromap-usage-counts", "the usage counts state " + number(f.value0) + " " + kindOf(f.element) +
-                                         " triangles of level " + number(f.element & 0xffff) +
-                                         ", the triangle array has " + number(f.value1)};
+    return {"VELLUM-micromap-usage-counts", "the usage counts state " + number(f.value0) + " " + kindOf(f.element) +
+                                                " triangles of level " + number(f.element & 0xffff) +
+                                                ", the triangle array has " + number(f.value1)};
 }
 
 // The findings about the triangles of a geometry with a micromap.
 Rule geometryRule(const Finding &f, bool khr, const std::string &micromap)
 {
-    const auto rule = [khr](const char *vuid) { return khr ? vuid : "micromap-index"; };
+    const auto rule = [khr](const char *vuid) { return khr ? vuid : "VELLUM-micromap-index"; };
     const std::string rest = " is outside the " + number(f.value1) + " triangles of micromap " + micromap;
     switch (f.what & kFindingMask) {
     case kFindingIndex:

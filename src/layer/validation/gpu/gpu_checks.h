@@ -12,8 +12,8 @@
 #include "layer/base/driver.h"
 #include "layer/command_buffer/injected_work.h"
 #include "layer/validation/builds.h"
-#include "layer/validation/gpu_log.h"
-#include "layer/validation/gpu_records.h"
+#include "layer/validation/gpu/gpu_log.h"
+#include "layer/validation/gpu/gpu_records.h"
 
 namespace vellum::layer
 {
@@ -90,8 +90,9 @@ private:
 // Checks the input of builds of micromaps by the host.
 void checkHostBuild(DeviceValidation &device, uint32_t i, const MicromapBuildInput &build);
 
-// Records that a copy gives `to` the contents of `from`; null: contents that are unknown, such as serialized data.
-void recordContents(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                    const std::shared_ptr<ValidatedStructure> &from, const std::shared_ptr<ValidatedStructure> &to);
+// A copy gives `to` what `from` holds; null: unknown contents, such as serialized data. `commandBuffer`: null for
+// copies by the host.
+void copyRecord(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                const std::shared_ptr<ValidatedStructure> &from, const std::shared_ptr<ValidatedStructure> &to);
 
 } // namespace vellum::layer

@@ -57,8 +57,9 @@ public:
     void set(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner &record,
              const RecordWords &words) const;
     void copy(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner *from, const Owner &to) const;
-    // Writes a record at once, for commands of the host.
+    // The same at once, for commands of the host.
     void set(const Owner &record, const RecordWords &words);
+    void copy(const Owner *from, const Owner &to);
 
 private:
     void giveBack(uint32_t index);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/gpu_records.h"
+#include "layer/validation/gpu/gpu_records.h"
 
 #include <cstring>
 
@@ -103,6 +103,14 @@ void StructureRecords::copy(const DeviceTable &next, VkCommandBuffer commandBuff
 void StructureRecords::set(const Owner &record, const RecordWords &words)
 {
     std::memcpy(records_.words() + record.index() * kStructureRecordWords, words.data(), kRecordBytes);
+}
+
+void StructureRecords::copy(const Owner *from, const Owner &to)
+{
+    RecordWords words{};
+    if (from)
+        std::memcpy(words.data(), records_.words() + from->index() * kStructureRecordWords, kRecordBytes);
+    set(to, words);
 }
 
 } // namespace vellum::layer

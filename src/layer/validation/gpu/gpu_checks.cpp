@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/gpu_checks.h"
+#include "layer/validation/gpu/gpu_checks.h"
 
 #include <algorithm>
 #include <cstring>
@@ -103,9 +103,10 @@ void GpuBuildChecks::add(uint32_t i, const MicromapBuildInput &build)
     const bool khr = command_ != SiteCommand::BuildMicromaps;
     const uint64_t readable = addresses.elementsFrom(array, sizeof(VkMicromapTriangleEXT), build.triangleStride);
     if (readable < count) {
-        const Place command(khr ? "vkCmdBuildAccelerationStructuresKHR" : "vkCmdBuildMicromapsEXT");
-        device_.fault(command.element("pInfos", i),
-                      khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554" : "micromap-triangle-array",
+        if (khr)
+            return; // the check `core` reports it
+        const Place command("vkCmdBuildMicromapsEXT");
+        device_.fault(command.element("pInfos", i), "VELLUM-micromap-triangle-array",
                       "triangle " + std::to_string(readable) + " is outside the buffer of triangleArray; the usage " +
                           "counts state " + std::to_string(count) + " triangles",
                       build.target->handle);
@@ -161,18 +162,24 @@ void GpuBuildChecks::addIndices(uint32_t i, uint32_t g, const AttachmentInput &a
     }
     const AddressMap &addresses = device_.buffers.addresses;
     const VkDeviceAddress indices = attachment.indexBuffer.deviceAddress;
-    if (push.indexBytes != 0 ? !addresses.find(indices).buffer
-                             : attachment.indexType != VK_INDEX_TYPE_NONE_KHR || push.attached == 0)
+    const bool indexed = push.indexBytes != 0;
+    if (indexed ? !addresses.find(indices).buffer : attachment.indexType != VK_INDEX_TYPE_NONE_KHR)
+        return;
+    // From the host, the check `core` sees that numbers of triangles are outside a micromap of VK_KHR_opacity_micromap.
+    if (!indexed && (attachment.khr || push.attached == 0))
         return;
     push.finding = findingOf(i, g, attachment.handle, attachment.khr);
     push.record = device_.gpu.records.addressOf(attachment.micromap ? attachment.micromap->record.get() : nullptr);
     push.range = counts.range(g);
     push.triangleCount = counts.primitives(g);
     push.baseTriangle = attachment.baseTriangle;
-    if (push.indexBytes != 0) {
+    if (indexed) {
         push.indices = indices;
         push.indexStride = static_cast<uint32_t>(attachment.indexStride);
         push.readable = addresses.elementsFrom(indices, push.indexBytes, push.indexStride);
+        // The same for indices outside their buffer, unless the number of triangles is on the device.
+        if (attachment.khr && push.range == 0)
+            push.triangleCount = std::min(push.triangleCount, push.readable);
     } else {
         push.indices = push.record; // not read
     }
@@ -285,14 +292,19 @@ void checkHostBuild(DeviceValidation &device, uint32_t i, const MicromapBuildInp
     reportFinding(device, finding);
 }
 
-void recordContents(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                    const std::shared_ptr<ValidatedStructure> &from, const std::shared_ptr<ValidatedStructure> &to)
+void copyRecord(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                const std::shared_ptr<ValidatedStructure> &from, const std::shared_ptr<ValidatedStructure> &to)
 {
     if (!to || !to->record)
         return;
+    const StructureRecords::Owner *source = from ? from->record.get() : nullptr;
+    if (!commandBuffer) {
+        device.gpu.records.copy(source, *to->record);
+        return;
+    }
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
-    device.gpu.records.copy(device.driver.next, commandBuffer, from ? from->record.get() : nullptr, *to->record);
+    device.gpu.records.copy(device.driver.next, commandBuffer, source, *to->record);
     work.barrier();
 }
 
