@@ -4,7 +4,7 @@
 #include "check/gpu/pipeline_builder.h"
 #include "check/gpu/programs/graphics.h"
 #include "check/gpu/tracer.h"
-#include "programs.h"
+#include "range_commands.h"
 
 #include "shaders/empty_raygen.h"
 #include "shaders/plain_fragment.h"
@@ -51,14 +51,14 @@ VkShaderModule moduleOf(const Gpu &gpu, std::span<const uint32_t> words)
     return module;
 }
 
-void makeCompute(Gpu &gpu, Mode mode, VkFlags64 flags)
+// A compute pipeline with ray queries.
+VkPipeline computePipeline(Gpu &gpu, VkPipelineLayout layout, Mode mode, VkFlags64 flags)
 {
-    const Tracer tracer(gpu);
     const VkShaderModule module =
         moduleOf(gpu, mode == Mode::Absent ? std::vector(std::begin(tracer_comp), std::end(tracer_comp))
                                            : withMode(tracer_comp, mode));
     const auto flags2 = flagsOf(flags);
-    auto info = vkInit<VkComputePipelineCreateInfo>({.layout = tracer.layout()});
+    auto info = vkInit<VkComputePipelineCreateInfo>({.layout = layout});
     if (flags > UINT32_MAX)
         info.pNext = &flags2;
     info.flags = static_cast<VkPipelineCreateFlags>(flags);
@@ -66,8 +66,35 @@ void makeCompute(Gpu &gpu, Mode mode, VkFlags64 flags)
         {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"});
     VkPipeline pipeline = VK_NULL_HANDLE;
     VT_CHECK(vkCreateComputePipelines(gpu.device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
-    vkDestroyPipeline(gpu.device(), pipeline, nullptr);
     vkDestroyShaderModule(gpu.device(), module, nullptr);
+    return pipeline;
+}
+
+void makeCompute(Gpu &gpu, Mode mode, VkFlags64 flags)
+{
+    const Tracer tracer(gpu);
+    vkDestroyPipeline(gpu.device(), computePipeline(gpu, tracer.layout(), mode, flags), nullptr);
+}
+
+// A dispatch of no workgroups, whose number is in a sparse buffer with memory or without.
+void dispatchFromUnboundMemory(Gpu &gpu, bool wrong)
+{
+    const Tracer tracer(gpu);
+    const VkPipeline pipeline = computePipeline(gpu, tracer.layout(), Mode::False, 0);
+    RangeBuffer buffer(gpu, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                       VK_BUFFER_CREATE_SPARSE_BINDING_BIT);
+    if (!wrong)
+        buffer.bind();
+    const auto info =
+        vkInit<VkDispatchIndirect2InfoKHR>({.addressRange = {buffer.address(), sizeof(VkDispatchIndirectCommand)},
+                                            .addressFlags = kUnknownUsage | VK_ADDRESS_COMMAND_FULLY_BOUND_BIT_KHR});
+    gpu.submit([&](VkCommandBuffer commands) {
+        vkCmdFillBuffer(commands, buffer.handle(), 0, 64, 0);
+        barrier(commands);
+        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+        gpu.vk().CmdDispatchIndirect2KHR(commands, &info);
+    });
+    vkDestroyPipeline(gpu.device(), pipeline, nullptr);
 }
 
 void computeWithMicromapBit(Gpu &gpu, bool wrong)
@@ -185,6 +212,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599", Api::Ext, kNeedsPipelines | kNeedsMaintenance5,
      rayTracing<kMicromapBit, kNotMixed | kMicromapBit>, "Feature", "", false, "ext"},
     {"VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598", Api::Khr, kNeedsPipelines, libraryWithoutMicromapBit},
+    {"VUID-VkDispatchIndirect2InfoKHR-addressRange-13097", Api::Khr, kNeedsAddressCommands, dispatchFromUnboundMemory},
     {"VUID-VkShaderCreateInfoEXT-micromap-11623", Api::Ext, kNeedsShaderObjects, shaderWithPromise, "", "", false,
      "ext"},
     {"VUID-RuntimeSpirv-micromap-11630", Api::Khr, kNeedsMaintenance5, modeAgainstThePromise},

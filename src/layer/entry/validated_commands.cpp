@@ -10,9 +10,9 @@
 #include "layer/validation/copies.h"
 #include "layer/validation/host.h"
 #include "layer/validation/queries.h"
-#include "layer/validation/pipelines.h"
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/rules/pipeline_rules.h"
 #include "layer/validation/sync/sync_commands.h"
 #include "layer/validation/traces/trace_commands.h"
 

@@ -185,11 +185,11 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
-    if (device.checks.core)
-        checkCreation(device, *info);
     const Place command("vkCreateAccelerationStructure2KHR");
-    if (device.checks.core)
+    if (device.checks.core) {
+        checkCreation(device, *info);
         checkCreation(device, command, *info);
+    }
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/features.h"
+#include "layer/validation/ranges/device_facts.h"
 
 #include <cstring>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/pipelines.h"
+#include "layer/validation/rules/pipeline_rules.h"
 
 #include <algorithm>
 #include <cstring>
