@@ -42,6 +42,7 @@ struct ValidatedBuffer {
     VkDeviceSize size = 0;
     VkFlags64 usage = 0; // that the application asked for
     VkBufferCreateFlags flags = 0;
+    bool exclusive = true; // sharing mode
     bool destroyed = false;
     VkDeviceMemory memory = VK_NULL_HANDLE; // null until it is bound
     VkDeviceSize memoryOffset = 0;
