@@ -73,24 +73,6 @@ void attach(Gpu &gpu, bool wrong)
     recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
 }
 
-// Two triangles whose indices are at the end of a buffer, or beyond.
-void indicesPastTheBuffer(Gpu &gpu, bool wrong)
-{
-    Micromap micromap(gpu, oneTriangle());
-    micromap.build();
-    Geometry geometry = withMicromap(&micromap, {0, 0});
-    geometry.vertices = triangleRow(2);
-    const Blas blas(gpu, {geometry});
-    Build build(gpu, blas);
-    auto attached = *static_cast<const Khr *>(build.geometry.geometry.triangles.pNext);
-    const Buffer indices(gpu, 256,
-                         VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
-                             VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR);
-    attached.indexBuffer = indices.address() + (wrong ? 252 : 248);
-    build.geometry.geometry.triangles.pNext = &attached;
-    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
-}
-
 // Attaches a micromap of VK_KHR_opacity_micromap or VK_EXT_opacity_micromap to `triangles` triangles. The GPU finds
 // `inMemory` at its place.
 void attachTwin(Gpu &gpu, const Micromap &inMemory, MicromapHandle handle, VkIndexType indexType, uint32_t triangles,
@@ -267,7 +249,6 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626", Api::Khr, kNeedsNothing, replacesNull<By::Host>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627", Api::Khr, kNeedsNothing, adds<By::Host>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629", Api::Khr, kNeedsNothing, replaces<By::Host>},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577", Api::Khr, kNeedsNothing, indicesPastTheBuffer},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11632", Api::Ext, kNeedsNothing,
      notBuilt<By::Indirect>},
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11624", Api::Khr, kNeedsNothing,
