@@ -121,7 +121,7 @@ void build(Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandl
 }
 void copyFrom(Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress)
 {
-    recordMicromapCopy(gpu, commands, other, twins.built, kClone);
+    recordMicromapCopy(gpu, commands, other, twins.source.handle(), kClone);
 }
 void copyTo(Gpu &gpu, VkCommandBuffer commands, const Twins &twins, MicromapHandle other, VkDeviceAddress)
 {

@@ -163,10 +163,8 @@ void GpuBuildChecks::addIndices(uint32_t i, uint32_t g, const AttachmentInput &a
     const AddressMap &addresses = device_.buffers.addresses;
     const VkDeviceAddress indices = attachment.indexBuffer.deviceAddress;
     const bool indexed = push.indexBytes != 0;
-    if (indexed ? !addresses.find(indices).buffer : attachment.indexType != VK_INDEX_TYPE_NONE_KHR)
-        return;
-    // From the host, the check `core` sees that numbers of triangles are outside a micromap of VK_KHR_opacity_micromap.
-    if (!indexed && (attachment.khr || push.attached == 0))
+    if (indexed ? !addresses.find(indices).buffer
+                : attachment.indexType != VK_INDEX_TYPE_NONE_KHR || push.attached == 0)
         return;
     push.finding = findingOf(i, g, attachment.handle, attachment.khr);
     push.record = device_.gpu.records.addressOf(attachment.micromap ? attachment.micromap->record.get() : nullptr);
@@ -177,9 +175,6 @@ void GpuBuildChecks::addIndices(uint32_t i, uint32_t g, const AttachmentInput &a
         push.indices = indices;
         push.indexStride = static_cast<uint32_t>(attachment.indexStride);
         push.readable = addresses.elementsFrom(indices, push.indexBytes, push.indexStride);
-        // The same for indices outside their buffer, unless the number of triangles is on the device.
-        if (attachment.khr && push.range == 0)
-            push.triangleCount = std::min(push.triangleCount, push.readable);
     } else {
         push.indices = push.record; // not read
     }
