@@ -18,6 +18,7 @@ constexpr uint32_t kMostLevel = 6;
 constexpr double kSide = 260, kGap = 40, kTop = 50;
 // Of transparent, opaque, unknown-transparent, unknown-opaque.
 constexpr std::array kColors{"#ffffff", "#20639b", "#f6d55c", "#ed8b2f"};
+constexpr std::string_view kWrong = "#d62828", kRight = "#cfe8cf";
 constexpr std::array kAdvances{105.0, 85.0, 165.0, 0.0}; // of the legend
 constexpr std::array kNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
 
@@ -113,21 +114,23 @@ std::string pictureOf(const Case &c, const Verdict &verdict, const std::function
         const auto corners = cornersOfMicroTriangle(i, states->level);
         const bool isBad = std::ranges::find(bad, i) != bad.end();
         svg += polygon(corners, 20, kColors[states->states[i] & 3]);
-        svg += polygon(corners, right, isBad ? "#d62828" : "#cfe8cf");
+        svg += polygon(corners, right, isBad ? kWrong : kRight);
     }
     for (const double left : {20.0, right})
         svg += fmt::format("<circle cx=\"{:.2f}\" cy=\"{:.2f}\" r=\"4\" fill=\"none\" stroke=\"#000\" "
                            "stroke-width=\"1.5\"/>\n",
                            left + hit->u * kSide, kTop + (1 - hit->v) * kSide);
-    double x = 20;
-    for (size_t s = 0; s < kNames.size(); x += kAdvances[s], ++s) {
+    const auto legend = [&](double x, double y, std::string_view color, std::string_view words) {
         svg += fmt::format("<rect x=\"{}\" y=\"{}\" width=\"12\" height=\"12\" fill=\"{}\" stroke=\"#888\"/>\n", x,
-                           kTop + kSide + 22, kColors[s]);
-        svg += text(x + 17, kTop + kSide + 33, kNames[s]);
-    }
-    svg += fmt::format("<rect x=\"20\" y=\"{}\" width=\"12\" height=\"12\" fill=\"#d62828\"/>\n", kTop + kSide + 50);
-    svg +=
-        text(37, kTop + kSide + 61, "rays at this micro-triangle are wrong; the circle is the hit of the failing ray");
+                           kTop + kSide + y, color);
+        svg += text(x + 17, kTop + kSide + y + 11, words);
+    };
+    double x = 20;
+    for (size_t s = 0; s < kNames.size(); x += kAdvances[s], ++s)
+        legend(x, 22, kColors[s], kNames[s]);
+    legend(20, 50, kWrong, "rays here are wrong");
+    legend(175, 50, kRight, "rays here are right");
+    svg += text(325, kTop + kSide + 61, "circle: where the failing ray hits");
     return svg + "</svg>\n";
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <set>
+#include <span>
 
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
@@ -114,40 +115,63 @@ void lowerLevels(Attempts &attempts)
     }
 }
 
-// All micro-triangles but those that matter get the state that most have.
+uint8_t usualState(const MicromapTriangle &triangle)
+{
+    std::array<size_t, 4> counts{};
+    for (const uint8_t state : triangle.states)
+        ++counts[state & 3];
+    return static_cast<uint8_t>(std::ranges::max_element(counts) - counts.begin());
+}
+
+// An edit for each stretch of that many states that has others than the usual one. list: of forEachStates.
+void addFills(const MicromapTriangle &triangle, size_t stretch, uint32_t micromap, size_t list, size_t number,
+              std::vector<Edit> &edits)
+{
+    const uint8_t usual = usualState(triangle);
+    const auto fill = [](MicromapTriangle &t, size_t from, size_t count, uint8_t state) {
+        const auto first = t.states.begin() + static_cast<ptrdiff_t>(from);
+        std::fill(first, first + static_cast<ptrdiff_t>(count), state);
+    };
+    for (size_t from = 0; from < triangle.states.size(); from += stretch) {
+        const size_t count = std::min(stretch, triangle.states.size() - from);
+        const std::span<const uint8_t> states(&triangle.states[from], count);
+        if (std::ranges::all_of(states, [usual](uint8_t state) { return state == usual; }))
+            continue;
+        edits.emplace_back([=](Case &c) {
+            size_t k = 0;
+            forEachStates(c, micromap, [&](std::vector<MicromapTriangle> &triangles) {
+                if (k++ == list)
+                    fill(triangles[number], from, count, usual);
+            });
+        });
+    }
+}
+
+// All micro-triangles but those that matter get the state that most have: long stretches of them, and ever shorter ones
+// as long as these are few. A level 12 that is uniform but for a few micro-triangles is short in a file, and fast.
 void fillStates(Attempts &attempts)
 {
-    constexpr size_t kStretches = 256;
-    std::vector<Edit> all;
-    for (size_t stretch = 0; stretch < kStretches; ++stretch) {
-        const auto range = [stretch](const MicromapTriangle &t) {
-            const size_t size = std::max<size_t>(t.states.size() / kStretches, 1);
-            const size_t from = std::min(stretch * size, t.states.size());
-            return std::pair(from, std::min(from + size, t.states.size()));
-        };
-        const auto usual = [](const MicromapTriangle &t) {
-            std::array<size_t, 4> counts{};
-            for (const uint8_t state : t.states)
-                ++counts[state & 3];
-            return static_cast<uint8_t>(std::ranges::max_element(counts) - counts.begin());
-        };
-        const auto edits = editsOfTriangles(
-            attempts.best(),
-            [&](const MicromapTriangle &t) {
-                const auto [from, to] = range(t);
-                const uint8_t state = usual(t);
-                return std::any_of(t.states.begin() + static_cast<ptrdiff_t>(from),
-                                   t.states.begin() + static_cast<ptrdiff_t>(to),
-                                   [&](uint8_t other) { return other != state; });
-            },
-            [range, usual](MicromapTriangle &t) {
-                const auto [from, to] = range(t);
-                std::fill(t.states.begin() + static_cast<ptrdiff_t>(from),
-                          t.states.begin() + static_cast<ptrdiff_t>(to), usual(t));
+    constexpr size_t kParts = 16;
+    constexpr size_t kMostEdits = 512;
+    size_t largest = 0;
+    for (size_t stretch = size_t{1} << 20; stretch > 0; stretch /= kParts) {
+        std::vector<Edit> edits;
+        Case copy = attempts.best();
+        for (uint32_t i = 0; i < copy.scene.micromaps.size(); ++i) {
+            size_t list = 0;
+            forEachStates(copy, i, [&](const std::vector<MicromapTriangle> &triangles) {
+                for (size_t t = 0; t < triangles.size(); ++t) {
+                    largest = std::max(largest, triangles[t].states.size());
+                    addFills(triangles[t], stretch, i, list, t, edits);
+                }
+                ++list;
             });
-        all.insert(all.end(), edits.begin(), edits.end());
+        }
+        if (edits.size() > kMostEdits)
+            return;
+        if (stretch < largest)
+            attempts.attemptAll(edits);
     }
-    attempts.attemptAll(all);
 }
 
 // An edit for each use that `of` is true for.
@@ -201,8 +225,8 @@ void removeBase(MeshMicromap &use)
 void simplifyMicromaps(Attempts &attempts)
 {
     makeUniform(attempts);
-    lowerLevels(attempts);
     fillStates(attempts);
+    lowerLevels(attempts);
     attempts.attemptAll(editsOfTriangles(
         attempts.best(),
         [](const MicromapTriangle &t) { return std::ranges::any_of(t.states, [](uint8_t s) { return s > 1; }); },
