@@ -3,7 +3,7 @@
 #include "support.h"
 
 #include "spirv/module/opcodes.h"
-#include "spirv/trace_sites.h"
+#include "spirv/sites/trace_sites.h"
 
 #include <algorithm>
 

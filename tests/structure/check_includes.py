@@ -54,7 +54,7 @@ SUBSYSTEMS = {
         "validation": LOW,
         "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address", "validation"),
     },
-    "spirv": below("module", "mode", ""),
+    "spirv": below("module", "mode", "sites", ""),
     "shaders": {
         "base": (), "micromaps": ("base",), "structures": ("base",), "query_pool": ("base",), "pipelines": ("base",),
         "khr_over_ext": ("base",), "gpubake": ("base",), "validation": ("base",),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Marks that an instruction was executed: linked into the application's shaders by validation (src/spirv/trace_sites.h).
+// Marks that an instruction was executed: linked into the application's shaders by validation (src/spirv/sites/trace_sites.h).
 #version 460
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require

@@ -17,7 +17,7 @@
 #include "layer/memory/gpu_memory.h"
 #include "layer/validation/objects.h"
 #include "layer/validation/traces/descriptors.h"
-#include "spirv/trace_sites.h"
+#include "spirv/sites/trace_sites.h"
 
 namespace vellum::layer
 {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "spirv/trace_sites.h"
+#include "spirv/sites/trace_sites.h"
 
 #include <string>
 
