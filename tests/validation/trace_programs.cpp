@@ -345,7 +345,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-vkCmdDispatch-micromap-11638", Api::Khr, kPlain, indicesOfMicromap, "Micromap"},
     {"VUID-vkCmdDispatch-micromap-11639", Api::Khr, kNeedsShaderObjects, shaderObjectPromise},
     {"VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594", Api::Khr, kPlain, libraryWithoutPromise},
-    {"pipeline-disallows-micromaps", Api::Ext, kPlain, disallowedMicromaps},
+    {"pipeline-disallows-micromaps", Api::Ext, kPlain, disallowedMicromaps, "", "", false, "ext"},
 };
 
 } // namespace
