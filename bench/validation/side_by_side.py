@@ -131,7 +131,8 @@ def verdict(rule, right, wrong):
     new = [error for error in wrong.errors if error not in right.errors]
     if right.ended != "ok":
         return f"{right.ended}, right program as well"
-    if rule in new:
+    # Hazards have names, not VUIDs.
+    if rule in new or rule.upper().replace("SYNC-", "SYNC-HAZARD-") in new:
         return "reported" if wrong.ended == "ok" else f"reported, then {wrong.ended}"
     if wrong.ended != "ok":
         return wrong.ended
