@@ -254,8 +254,6 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsNothing, baseTriangle, "Base"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsNothing, indexAfterRebuild,
      "Rebuilt"},
-    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576", Api::Khr, kNeedsNothing, numbers,
-     "Data"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsNothing, indexAfterCopy, "Copied"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577", Api::Khr, kNeedsNothing, indexBuffer},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11578", Api::Khr, kNeedsNothing, notSpecial},
