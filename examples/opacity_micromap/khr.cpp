@@ -59,8 +59,7 @@ VkAccelerationStructureKHR buildMicromap(Context &context, const vellum::Microma
               context.device(), &info, nullptr, &build.dstAccelerationStructure),
           "vkCreateAccelerationStructure2KHR");
     build.scratchData.deviceAddress = scratch.address;
-    const VkAccelerationStructureBuildRangeInfoKHR range{}; // the usage counts say how much there is to build
-    const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = nullptr; // the usage counts say how much there is to build
     context.submit([&](VkCommandBuffer commands) {
         context.load<PFN_vkCmdBuildAccelerationStructuresKHR>("vkCmdBuildAccelerationStructuresKHR")(commands, 1,
                                                                                                      &build, &ranges);

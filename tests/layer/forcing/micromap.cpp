@@ -185,8 +185,7 @@ VkResult ForcedMicromap::buildKhr(const BuildQueue &queue)
     VkResult result = next_.CreateAccelerationStructure2KHR(device_, &create, nullptr, &khr_);
     info.dstAccelerationStructure = khr_;
     info.scratchData.deviceAddress = aligned(scratch.address, kMostScratchAlignment);
-    const VkAccelerationStructureBuildRangeInfoKHR range{};
-    const VkAccelerationStructureBuildRangeInfoKHR *ranges = &range;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges = nullptr; // a micromap has none
     if (result == VK_SUCCESS)
         result = run(queue, [&](VkCommandBuffer commands) {
             next_.CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);

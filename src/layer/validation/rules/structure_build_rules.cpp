@@ -92,7 +92,7 @@ BuildMemory checkMicromapBuild(const RuleCheck &check, const BuildInfo &info, co
     check.require(!info.srcAccelerationStructure, "srcAccelerationStructure",
                   "VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-11546",
                   "a micromap is built, but it is not VK_NULL_HANDLE");
-    check.require(!ranges, "geometryCount", "VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11544",
+    check.require(!ranges, "type", "VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11544",
                   "a micromap is built, but its element of ppBuildRangeInfos is not null");
     if (!checkMicromapGeometry(check, info))
         return {};
