@@ -10,7 +10,8 @@
 - every rule that src/layer names has a row;
 - columns have words that are known.
 
-With --write, the tables of the page are written anew, and rows get the tests that name their id.
+With --write, the tables of the page are written anew, rows get the tests that name their id, and those without code or
+test become open.
 
 usage: check_rules.py [--write] [VALIDUSAGE [ROOT]]
 """
@@ -237,6 +238,8 @@ def write(root):
     for row in rows:
         kept = {test for test in row["test"].split() if not test.startswith(SUITE) and not test.endswith(".cpp")}
         row["test"] = " ".join(sorted(kept | expected_of(row["vuid"], names, expected)))
+        if is_open(row, names) and not UNFINISHED:
+            row["where"] = "open"
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
