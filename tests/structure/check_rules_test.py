@@ -98,7 +98,6 @@ class CheckRules(unittest.TestCase):
     def test_wrong_programs(self):
         table = TABLE.replace("knows,ignored,", "knows,ignored,WrongPrograms.VUID")
         self.put("src/layer/validation/rules.csv", table)
-        self.assertEqual(self.run_check()[0], 0)
         self.run_check("--write")
         self.assertIn("knows,ignored,some_programs.cpp\n", self.read("src/layer/validation/rules.csv"))
         self.put("tests/validation/some_programs.cpp", "")

@@ -56,6 +56,7 @@ void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuff
     if (!log)
         return;
     const Submission submission{queue, device.objects.queueFamilies.get(queue)};
+    std::lock_guard lock(device.logs.submissions);
     for (const CommandLog::Step &step : log->steps)
         step(submission);
 }

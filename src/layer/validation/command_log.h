@@ -44,6 +44,9 @@ public:
     // Adds a step to the log. Its check or effect happens when the command buffer is submitted.
     void add(VkCommandBuffer commandBuffer, CommandLog::Step step);
 
+    // Held while steps run: those of several queues change the same structures.
+    std::mutex submissions;
+
 private:
     friend struct CommandLogAccess;
     std::mutex mutex_;
