@@ -91,7 +91,7 @@ public:
     [[nodiscard]] VkDeviceSize handleSize() const
     {
         const VkDeviceSize end = whole().size() - place_.offset;
-        return !toTheEnd_ ? size_ : place_.offset / 256 % 2 == 0 ? end : std::min(end, size_ + size_ / 4);
+        return !toTheEnd_ ? size_ : place_.offset / 512 % 2 == 0 ? end : std::min(end, size_ + size_ / 4);
     }
     [[nodiscard]] VkDeviceAddress address() const { return whole().address() + place_.offset; }
     [[nodiscard]] uint8_t *bytes() const { return whole().bytes() + place_.offset; }
