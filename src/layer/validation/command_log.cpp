@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/command_log.h"
 
+#include <algorithm>
+
+#include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/sync/sync_commands.h"
@@ -50,13 +53,48 @@ namespace validation
 namespace
 {
 
+// Whether the value is one that the host and earlier submissions do not signal.
+bool isLater(DeviceValidation &device, VkSemaphore semaphore, uint64_t value)
+{
+    const auto signaled = device.logs.signals.find(semaphore);
+    if (signaled != device.logs.signals.end() && signaled->second >= value)
+        return false;
+    uint64_t reached = 0;
+    return device.next.GetSemaphoreCounterValue(device.driver.handle, semaphore, &reached) != VK_SUCCESS ||
+           reached < value;
+}
+
+void wait(DeviceValidation &device, VkQueue queue, VkSemaphore semaphore, uint64_t value)
+{
+    const std::lock_guard lock(device.logs.submissions);
+    if (device.sync.timelines.get(semaphore) && isLater(device, semaphore, value))
+        device.logs.waits[queue].emplace_back(semaphore, value);
+}
+
+void signal(DeviceValidation &device, VkSemaphore semaphore, uint64_t value)
+{
+    const std::lock_guard lock(device.logs.submissions);
+    if (device.sync.timelines.get(semaphore))
+        device.logs.signals[semaphore] = value;
+}
+
+const VkTimelineSemaphoreSubmitInfo &valuesOf(const VkSubmitInfo &submit)
+{
+    static constexpr VkTimelineSemaphoreSubmitInfo kNone{};
+    const auto *values =
+        findInChain<VkTimelineSemaphoreSubmitInfo>(submit.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
+    return values ? *values : kNone;
+}
+
 void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer)
 {
     const auto log = device.logs.get(commandBuffer);
     if (!log)
         return;
-    const Submission submission{queue, device.objects.queueFamilies.get(queue)};
     std::lock_guard lock(device.logs.submissions);
+    auto &waits = device.logs.waits[queue];
+    std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), waits.empty()};
     for (const CommandLog::Step &step : log->steps)
         step(submission);
 }
@@ -181,10 +219,15 @@ VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, co
 {
     device.gpu.log.drain(device);
     for (uint32_t i = 0; i < count; ++i) {
+        const VkTimelineSemaphoreSubmitInfo &values = valuesOf(submits[i]);
+        for (uint32_t s = 0; s < std::min(submits[i].waitSemaphoreCount, values.waitSemaphoreValueCount); ++s)
+            wait(device, queue, submits[i].pWaitSemaphores[s], values.pWaitSemaphoreValues[s]);
         sync::beginBatch(device, queue, submits[i]);
         for (uint32_t c = 0; c < submits[i].commandBufferCount; ++c)
             submit(device, queue, submits[i].pCommandBuffers[c]);
         sync::endBatch(device, queue, submits[i]);
+        for (uint32_t s = 0; s < std::min(submits[i].signalSemaphoreCount, values.signalSemaphoreValueCount); ++s)
+            signal(device, submits[i].pSignalSemaphores[s], values.pSignalSemaphoreValues[s]);
     }
     sync::signalFence(device, queue, fence);
     return device.next.QueueSubmit(queue, count, submits, fence);
@@ -198,10 +241,14 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
     for (uint32_t i = 0; i < count; ++i) {
         if (device.checks.core)
             checkSubmission(device, command.element("pSubmits", i), submits[i]);
+        for (uint32_t s = 0; s < submits[i].waitSemaphoreInfoCount; ++s)
+            wait(device, queue, submits[i].pWaitSemaphoreInfos[s].semaphore, submits[i].pWaitSemaphoreInfos[s].value);
         sync::beginBatch(device, queue, submits[i]);
         for (uint32_t c = 0; c < submits[i].commandBufferInfoCount; ++c)
             submit(device, queue, submits[i].pCommandBufferInfos[c].commandBuffer);
         sync::endBatch(device, queue, submits[i]);
+        for (uint32_t s = 0; s < submits[i].signalSemaphoreInfoCount; ++s)
+            signal(device, submits[i].pSignalSemaphoreInfos[s].semaphore, submits[i].pSignalSemaphoreInfos[s].value);
     }
     sync::signalFence(device, queue, fence);
     return device.next.QueueSubmit2(queue, count, submits, fence);

@@ -24,6 +24,8 @@ struct DeviceValidation;
 struct Submission {
     VkQueue queue = VK_NULL_HANDLE;
     uint32_t family = 0;
+    // All that it waits for was submitted before. Otherwise what structures hold when it is executed is not known.
+    bool ordered = true;
 };
 
 struct CommandLog {
@@ -46,6 +48,10 @@ public:
 
     // Held while steps run: those of several queues change the same structures.
     std::mutex submissions;
+    // Of timeline semaphores the largest value that a submission or the host signals; of queues what they wait for
+    // before it is submitted.
+    std::unordered_map<VkSemaphore, uint64_t> signals;
+    std::unordered_map<VkQueue, std::vector<std::pair<VkSemaphore, uint64_t>>> waits;
 
 private:
     friend struct CommandLogAccess;

@@ -59,6 +59,28 @@ void checkResults(const RuleCheck &check, uint32_t count, VkQueryType type, size
 namespace validation
 {
 
+// What the structures hold then is unknown.
+VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation,
+                                     uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
+{
+    const VkResult result = device.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
+    for (uint32_t i = 0; i < count && succeeded(result); ++i) {
+        const auto structure = device.objects.structures.get(infos[i].dstAccelerationStructure);
+        if (!structure)
+            continue;
+        auto contents = std::make_shared<StructureContents>();
+        contents->type = infos[i].type;
+        contents->deserialized = true;
+        const std::lock_guard lock(device.logs.submissions);
+        structure->contents = std::move(contents);
+        structure->since = ++device.numbers;
+        if (structure->record)
+            device.gpu.records.set(*structure->record, {});
+    }
+    return result;
+}
+
 VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR operation, uint32_t count,
                         const VkMicromapBuildInfoEXT *infos)
 {

@@ -7,6 +7,9 @@
 namespace vellum::layer::validation
 {
 
+VkResult buildAccelerationStructures(DeviceValidation &, VkDevice, VkDeferredOperationKHR, uint32_t,
+                                     const VkAccelerationStructureBuildGeometryInfoKHR *,
+                                     const VkAccelerationStructureBuildRangeInfoKHR *const *);
 VkResult buildMicromaps(DeviceValidation &, VkDevice, VkDeferredOperationKHR, uint32_t, const VkMicromapBuildInfoEXT *);
 VkResult copyMicromap(DeviceValidation &, VkDevice, VkDeferredOperationKHR, const VkCopyMicromapInfoEXT *);
 VkResult copyMicromapToMemory(DeviceValidation &, VkDevice, VkDeferredOperationKHR,

@@ -124,7 +124,7 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
     buffer->size = info->size;
     buffer->usage = usageOf(*info);
     buffer->flags = info->flags;
-    buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE;
+    buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE && !device.facts.maintenance9;
     if ((info->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) != 0)
         findAddress(device, *buffer); // such a buffer has one before it has memory
     device.objects.buffers.set(*result, std::move(buffer));

@@ -76,6 +76,10 @@
     X(GetAccelerationStructureBuildSizesKHR, getAccelerationStructureBuildSizes)                                       \
     X(CmdPipelineBarrier, cmdPipelineBarrier)                                                                          \
     X(CmdPipelineBarrier2, cmdPipelineBarrier2)                                                                        \
+    X(CmdBeginRenderPass, cmdBeginRenderPass)                                                                          \
+    X(CmdBeginRenderPass2, cmdBeginRenderPass2)                                                                        \
+    X(CmdEndRenderPass, cmdEndRenderPass)                                                                              \
+    X(CmdEndRenderPass2, cmdEndRenderPass2)                                                                            \
     X(CmdSetEvent, cmdSetEvent)                                                                                        \
     X(CmdSetEvent2, cmdSetEvent2)                                                                                      \
     X(CmdResetEvent, cmdResetEvent)                                                                                    \
@@ -109,6 +113,7 @@
     X(CmdBeginQueryIndexedEXT, cmdBeginQueryIndexed)                                                                   \
     X(CmdWriteMicromapsPropertiesEXT, cmdWriteMicromapsProperties)                                                     \
     X(CmdWriteAccelerationStructuresPropertiesKHR, cmdWriteAccelerationStructuresProperties)                           \
+    X(BuildAccelerationStructuresKHR, buildAccelerationStructures)                                                     \
     X(BuildMicromapsEXT, buildMicromaps)                                                                               \
     X(CopyMicromapEXT, copyMicromap)                                                                                   \
     X(CopyMicromapToMemoryEXT, copyMicromapToMemory)                                                                   \
@@ -176,6 +181,7 @@
     X(CmdPushDescriptorSet2, CmdPushDescriptorSet2, cmdPushDescriptorSet2)                                             \
     X(CmdPushDescriptorSetWithTemplate2, CmdPushDescriptorSetWithTemplate2, cmdPushDescriptorSetWithTemplate2)         \
     X(CreateShadersEXT, CreateShaders, createShaders)                                                                  \
+    X(GetShaderBinaryDataEXT, GetShaderBinaryData, getShaderBinaryData)                                                \
     X(DestroyShaderEXT, DestroyShader, destroyShader)
 
 namespace vellum::layer

@@ -72,6 +72,7 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
                                      &VkPhysicalDeviceSynchronization2Features::synchronization2,
                                      VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES,
                                      &VkPhysicalDeviceVulkan13Features::synchronization2);
+    facts.maintenance9 = enables(info, "VK_KHR_maintenance9");
     facts.maintenance11 = enables(info, "VK_KHR_maintenance11");
     const auto *addresses = findInChain<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>(
         info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);

@@ -17,6 +17,7 @@ struct DeviceFacts {
     bool indexTypeUint8 = false;
     bool drawIndirectCount = false;
     bool synchronization2 = false;
+    bool maintenance9 = false; // buffers need no ownership transfers
     bool maintenance11 = false;
     bool addressCommands = false; // of VK_KHR_device_address_commands
 

@@ -16,9 +16,15 @@ void RuleCheck::whenExecuted(const char *vuid, std::function<std::string()> find
 {
     if (!vuid)
         return;
-    whenExecuted([&device = device_, place = place_.text(), object = object_, vuid, find = std::move(find)] {
+    auto check = [&device = device_, place = place_.text(), object = object_, vuid, find = std::move(find)] {
         if (const std::string found = find(); !found.empty())
             device.fault(place, vuid, found, object);
+    };
+    if (!commandBuffer_)
+        return check();
+    device_.logs.add(commandBuffer_, [check = std::move(check)](const Submission &submission) {
+        if (submission.ordered)
+            check();
     });
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part of validation that checks synchronization (`sync`): commands record their accesses and barriers in the log
 // of their command buffer, and submission gives them to the tracker in the order of execution. What only shaders access
-// is unknown to it: traces and dispatches. Subpass dependencies are ignored.
+// is unknown to it: traces and dispatches. A render pass counts as ordered with everything before and after it.
 #pragma once
 
 #include <array>

@@ -151,6 +151,20 @@ void recordWait(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_
 
 namespace validation
 {
+namespace
+{
+
+// Subpass dependencies may order anything, and are not followed.
+void recordAll(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    constexpr VkAccessFlags kAny = VK_ACCESS_MEMORY_READ_BIT | VK_ACCESS_MEMORY_WRITE_BIT;
+    const VkMemoryBarrier memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, kAny, kAny};
+    addBarriers(device, commandBuffer,
+                dependencyOf(device, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 1, &memory,
+                             0, nullptr));
+}
+
+} // namespace
 
 void cmdPipelineBarrier(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags from,
                         VkPipelineStageFlags to, VkDependencyFlags flags, uint32_t memoryCount,
@@ -160,6 +174,32 @@ void cmdPipelineBarrier(DeviceValidation &device, VkCommandBuffer commandBuffer,
     addBarriers(device, commandBuffer, dependencyOf(device, from, to, memoryCount, memory, bufferCount, buffers));
     device.next.CmdPipelineBarrier(commandBuffer, from, to, flags, memoryCount, memory, bufferCount, buffers,
                                    imageCount, images);
+}
+
+void cmdBeginRenderPass(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
+                        VkSubpassContents contents)
+{
+    recordAll(device, commandBuffer);
+    device.next.CmdBeginRenderPass(commandBuffer, info, contents);
+}
+
+void cmdBeginRenderPass2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
+                         const VkSubpassBeginInfo *subpass)
+{
+    recordAll(device, commandBuffer);
+    device.next.CmdBeginRenderPass2(commandBuffer, info, subpass);
+}
+
+void cmdEndRenderPass(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    recordAll(device, commandBuffer);
+    device.next.CmdEndRenderPass(commandBuffer);
+}
+
+void cmdEndRenderPass2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkSubpassEndInfo *info)
+{
+    recordAll(device, commandBuffer);
+    device.next.CmdEndRenderPass2(commandBuffer, info);
 }
 
 void cmdSetEvent(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags stages)

@@ -44,6 +44,11 @@ namespace validation
 void cmdPipelineBarrier(DeviceValidation &, VkCommandBuffer, VkPipelineStageFlags, VkPipelineStageFlags,
                         VkDependencyFlags, uint32_t, const VkMemoryBarrier *, uint32_t, const VkBufferMemoryBarrier *,
                         uint32_t, const VkImageMemoryBarrier *);
+void cmdBeginRenderPass(DeviceValidation &, VkCommandBuffer, const VkRenderPassBeginInfo *, VkSubpassContents);
+void cmdBeginRenderPass2(DeviceValidation &, VkCommandBuffer, const VkRenderPassBeginInfo *,
+                         const VkSubpassBeginInfo *);
+void cmdEndRenderPass(DeviceValidation &, VkCommandBuffer);
+void cmdEndRenderPass2(DeviceValidation &, VkCommandBuffer, const VkSubpassEndInfo *);
 void cmdSetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);
 void cmdResetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);
 void cmdWaitEvents(DeviceValidation &, VkCommandBuffer, uint32_t, const VkEvent *, VkPipelineStageFlags,

@@ -215,6 +215,10 @@ void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore sem
                       const VkAllocationCallbacks *allocator)
 {
     device.sync.timelines.take(semaphore);
+    {
+        const std::lock_guard lock(device.logs.submissions);
+        device.logs.signals.erase(semaphore);
+    }
     device.sync.tracker.forgetSemaphore(uint64_t(semaphore));
     device.next.DestroySemaphore(handle, semaphore, allocator);
 }

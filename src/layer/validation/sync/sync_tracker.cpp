@@ -155,8 +155,16 @@ void Tracker::signal(uint64_t semaphore, uint64_t value, const Clock &clock)
 {
     auto &values = timeline_[semaphore];
     values[value] = clock;
-    while (values.size() > 64)
-        values.erase(values.begin()); // those who wait for a smaller value get a later clock
+    // Of what is complete the last is enough. Those who wait for a smaller value get a later clock.
+    const auto isComplete = [this](const Clock &other) {
+        for (size_t q = 0; q < queues_.size(); ++q) {
+            if (at(other, q) > at(complete_, q))
+                return false;
+        }
+        return true;
+    };
+    while (values.size() > 64 && isComplete(std::next(values.begin())->second))
+        values.erase(values.begin());
     const auto waited = unresolved_.find(semaphore);
     if (waited == unresolved_.end() || waited->second > value)
         return;

@@ -30,11 +30,16 @@ CapturedInstances captureInstances(DeviceValidation &device, VkCommandBuffer com
                                    const VkAccelerationStructureBuildRangeInfoKHR &range)
 {
     const uint32_t count = range.primitiveCount;
+    const VkDeviceAddress source = instances.data.deviceAddress + range.primitiveOffset;
+    const VkDeviceSize bytes =
+        instances.arrayOfPointers ? sizeof(VkDeviceAddress) : sizeof(VkAccelerationStructureInstanceKHR);
+    if (count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
+        return {}; // outside their buffer
     auto memory = Capture::make(device.traces.memory, kCountWords + size_t{count} * 2, kCountWords);
     if (!memory)
         return {};
     if (count != 0) {
-        const shared::InstancesContentsPush push{.source = instances.data.deviceAddress + range.primitiveOffset,
+        const shared::InstancesContentsPush push{.source = source,
                                                  .target = memory->address(),
                                                  .count = count,
                                                  .pointers = instances.arrayOfPointers ? 1u : 0u};
@@ -102,7 +107,9 @@ void captureContents(DeviceValidation &device, VkCommandBuffer commandBuffer,
                      const VkAccelerationStructureBuildGeometryInfoKHR &info,
                      const VkAccelerationStructureBuildRangeInfoKHR *ranges, StructureContents &contents)
 {
-    if (!device.checks.gpu || !ranges)
+    const CommandState *state = device.commands.states.get(commandBuffer);
+    // In a command buffer that inherits conditional rendering, dispatches may be discarded.
+    if (!device.gpu.on || !ranges || !state || state->inheritsConditionalRendering)
         return;
     for (uint32_t g = 0; g < contents.geometries.size(); ++g) {
         const VkAccelerationStructureGeometryKHR &geometry = *geometryOf(info, g);

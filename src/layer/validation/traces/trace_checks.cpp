@@ -68,6 +68,7 @@ std::optional<uint32_t> TraceMarks::add(const GpuContext &context, uint32_t rule
     if (sites_.size() == kMarks)
         return {};
     Site &site = sites_.emplace_back();
+    any_ = true;
     site.rules = rules;
     start(site);
     return static_cast<uint32_t>(sites_.size() - 1);
@@ -146,8 +147,11 @@ void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
 
 void TraceMarks::report(DeviceValidation &device, bool idle)
 {
+    if (!any_)
+        return;
     std::vector<Site> found;
     {
+        const std::lock_guard submissions(device.logs.submissions); // change what structures hold
         const std::lock_guard lock(mutex_);
         for (Site &site : sites_) {
             const uint32_t *mark = memory_.words() + (&site - sites_.data());

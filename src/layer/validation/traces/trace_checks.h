@@ -5,6 +5,7 @@
 // contents of structures, that are not known.
 #pragma once
 
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -107,6 +108,7 @@ private:
     static bool fold(const DeviceValidation &device, Site &site);
     static void reportSite(DeviceValidation &device, const Site &site);
 
+    std::atomic<bool> any_ = false; // sites; read without the mutex
     std::mutex mutex_;
     GpuBuffer memory_;
     std::vector<Site> sites_;

@@ -19,6 +19,7 @@ constexpr VkFlags64 kMixedPromise = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALL
 // Of pipelines whose code is left as it is: the application would see that it is another, or its descriptors are not
 // in sets.
 constexpr VkFlags64 kUntouched = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT |
+                                 VK_PIPELINE_CREATE_RAY_TRACING_SHADER_GROUP_HANDLE_CAPTURE_REPLAY_BIT_KHR |
                                  VK_PIPELINE_CREATE_DESCRIPTOR_BUFFER_BIT_EXT |
                                  VkFlags64{0x80000000}      // CAPTURE_DATA_BIT_KHR
                                  | VkFlags64{0x4000000000}  // INDIRECT_BINDABLE_BIT_EXT
@@ -108,8 +109,7 @@ uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFla
 std::vector<uint32_t> withMarks(DeviceValidation &device, const Stage &stage, std::vector<TracingSite> &sites)
 {
     const auto model = executionModel(stage.stage);
-    if (!device.checks.gpu || !model ||
-        (device.traces.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
+    if (!device.gpu.on || !model || (device.traces.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
         (stage.flags & kUntouched) != 0)
         return {};
     const spirv::StageName name{stage.name, *model};
@@ -426,6 +426,17 @@ void destroyShader(DeviceValidation &device, VkDevice handle, newer::ShaderEXT s
 {
     device.traces.shaders.take(shader);
     device.next.DestroyShaderEXT(handle, shader, allocator);
+}
+
+// A shader with marks writes to an address of this process, so no other process may get its code.
+VkResult getShaderBinaryData(DeviceValidation &device, VkDevice handle, newer::ShaderEXT shader, size_t *bytes,
+                             void *data)
+{
+    if (!device.traces.shaders.get(shader))
+        return device.next.GetShaderBinaryDataEXT(handle, shader, bytes, data);
+    device.driver.report().warning("VELLUM-validation-shader-binary",
+                                   "the binary of a shader that validation changed is not available");
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
 }
 
 } // namespace validation

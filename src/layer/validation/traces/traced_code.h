@@ -54,6 +54,7 @@ VkResult createRayTracingPipelines(DeviceValidation &, VkDevice, VkDeferredOpera
 void destroyPipeline(DeviceValidation &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
 VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
                        const VkAllocationCallbacks *, newer::ShaderEXT *);
+VkResult getShaderBinaryData(DeviceValidation &, VkDevice, newer::ShaderEXT, size_t *, void *);
 void destroyShader(DeviceValidation &, VkDevice, newer::ShaderEXT, const VkAllocationCallbacks *);
 
 } // namespace validation
