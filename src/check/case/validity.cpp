@@ -270,6 +270,9 @@ void checkSteps(const Case &c, uint64_t &states)
         const Step &step = c.steps[i];
         const std::string where = fmt::format("steps[{}]", i);
         checkStep(scene, step, where, states);
+        if (step.kind == Step::Kind::SetIndices && step.update)
+            rule(oracle::isAlike(scene.objects[step.target].meshes[step.other].micromap, step.micromapUse), where,
+                 "an update gives a geometry a micromap that had none, or takes it");
         applyTo(scene, step);
         if (step.kind == Step::Kind::SetStates)
             checkUses(scene, step.target, where);

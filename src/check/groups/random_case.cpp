@@ -149,6 +149,8 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         std::tie(step.target, step.other) = able[below(random, static_cast<uint32_t>(able.size()))];
         const auto triangles = static_cast<uint32_t>(scene.objects[step.target].meshes[step.other].vertices.size() / 3);
         step.micromapUse = oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
+        step.update =
+            step.update && oracle::isAlike(scene.objects[step.target].meshes[step.other].micromap, step.micromapUse);
         return step;
     }
     case Kind::UpdateTop:

@@ -39,6 +39,13 @@ struct MeshMicromap {
     [[nodiscard]] int32_t indexOf(uint32_t triangle) const { return indices[stride == 0u ? 0 : triangle]; }
 };
 
+// Whether one is a micromap, a null handle or nothing, like the other: an update must not change that
+// (VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625 to 11627).
+inline bool isAlike(const std::optional<MeshMicromap> &a, const std::optional<MeshMicromap> &b)
+{
+    return a.has_value() == b.has_value() && (!a || a->micromap.has_value() == b->micromap.has_value());
+}
+
 struct Mesh { // a geometry
     std::vector<Vec3> vertices;
     std::vector<VkAabbPositionsKHR> boxes; // not empty: instead of triangles
