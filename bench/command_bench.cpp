@@ -143,6 +143,7 @@ void run(const BenchOptions &options)
     const cli::Instance with(true);
     const cli::DeviceInfo off = cli::chooseDevice(without, options.device);
     const cli::DeviceInfo on = cli::chooseDevice(with, options.device);
+    std::unique_ptr<cli::Instance> validating; // the setting is read when the instance is made
     std::vector<std::unique_ptr<CommandSide>> sides;
     const auto add = [&](const char *name, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> api) {
         sides.push_back(std::make_unique<CommandSide>(name, info, api, options.objects));
@@ -154,7 +155,6 @@ void run(const BenchOptions &options)
         add("layer, ext", on, cli::MicromapApi::Ext);
     if (on.has(cli::MicromapApi::Khr))
         add("layer, khr", on, cli::MicromapApi::Khr);
-    std::unique_ptr<cli::Instance> validating; // the setting is read when the instance is made
     if (!options.validate.empty()) {
         setenv("VELLUM_VALIDATE", options.validate.c_str(), 1);
         validating = std::make_unique<cli::Instance>(true);
