@@ -32,7 +32,7 @@ Examples:
       longer, another device
 )";
 
-// What a process that measures one part is told.
+// The options of a process that measures one part.
 struct PartWords {
     std::string kind, implementation = "auto", api = "khr", trace = "query";
 };

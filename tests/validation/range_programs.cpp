@@ -350,7 +350,7 @@ void planeAlignment(Gpu &gpu, bool wrong)
                     .offset = wrong ? 1u : 2u});
 }
 
-// Rows of 16 bytes, 32 bytes apart: between them is room for those of another region.
+// Rows of 16 bytes, 32 bytes apart: the rows of another region fit between them.
 void overlappingRows(Gpu &gpu, bool wrong)
 {
     copyImage(gpu, {.second = wrong ? 12 : 16});

@@ -82,10 +82,8 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
                const std::shared_ptr<ValidatedStructure> &target, std::shared_ptr<const StructureContents> contents)
 {
     if (target)
-        device.logs.add(commandBuffer, [&device, target, contents](const Submission &) {
-            target->contents = contents;
-            target->since = ++device.numbers;
-        });
+        device.logs.add(commandBuffer,
+                        [&device, target, contents](const Submission &) { setContents(device, *target, contents); });
 }
 
 void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
@@ -194,10 +192,7 @@ const VkAccelerationStructureGeometryKHR *geometryOf(const VkAccelerationStructu
 
 void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const MicromapBuildInput &build)
 {
-    if (commandBuffer)
-        construct(device, commandBuffer, build.target, contentsOf(build));
-    else if (build.target)
-        build.target->contents = contentsOf(build);
+    construct(device, commandBuffer, build.target, contentsOf(build));
 }
 
 namespace validation

@@ -47,6 +47,20 @@ struct AttachmentInput {
 std::optional<AttachmentInput> attachmentOf(const DeviceValidation &device,
                                             const VkAccelerationStructureGeometryKHR &geometry);
 
+// Bytes of an index; 0 without indices and for unknown types.
+constexpr uint32_t indexBytes(VkIndexType type)
+{
+    return type == VK_INDEX_TYPE_UINT8_EXT ? 1
+           : type == VK_INDEX_TYPE_UINT16  ? 2
+           : type == VK_INDEX_TYPE_UINT32  ? 4
+                                           : 0;
+}
+// Bytes from one instance, or pointer to one, to the next.
+inline VkDeviceSize instanceStride(const VkAccelerationStructureGeometryInstancesDataKHR &instances)
+{
+    return instances.arrayOfPointers ? sizeof(VkDeviceAddress) : sizeof(VkAccelerationStructureInstanceKHR);
+}
+
 inline bool buildsMicromap(const VkAccelerationStructureBuildGeometryInfoKHR &info)
 {
     return info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/sync/sync_commands.h"
@@ -44,8 +43,12 @@ std::shared_ptr<CommandLog> CommandLogs::get(VkCommandBuffer commandBuffer)
 
 void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
 {
-    if (const auto log = get(commandBuffer))
+    if (!commandBuffer) {
+        const std::lock_guard lock(submissions);
+        step({});
+    } else if (const auto log = get(commandBuffer)) {
         log->steps.push_back(std::move(step));
+    }
 }
 
 namespace validation
@@ -53,37 +56,16 @@ namespace validation
 namespace
 {
 
-// Whether the value is one that the host and earlier submissions do not signal.
-bool isLater(DeviceValidation &device, VkSemaphore semaphore, uint64_t value)
+// Whether a timeline semaphore is to reach a value that neither the host nor an earlier submission signals.
+bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
 {
     const auto signaled = device.logs.signals.find(semaphore);
     if (signaled != device.logs.signals.end() && signaled->second >= value)
         return false;
     uint64_t reached = 0;
-    return device.next.GetSemaphoreCounterValue(device.driver.handle, semaphore, &reached) != VK_SUCCESS ||
+    return device.next.GetSemaphoreCounterValue(device.driver.handle, reinterpret_cast<VkSemaphore>(semaphore),
+                                                &reached) != VK_SUCCESS ||
            reached < value;
-}
-
-void wait(DeviceValidation &device, VkQueue queue, VkSemaphore semaphore, uint64_t value)
-{
-    const std::lock_guard lock(device.logs.submissions);
-    if (device.sync.timelines.get(semaphore) && isLater(device, semaphore, value))
-        device.logs.waits[queue].emplace_back(semaphore, value);
-}
-
-void signal(DeviceValidation &device, VkSemaphore semaphore, uint64_t value)
-{
-    const std::lock_guard lock(device.logs.submissions);
-    if (device.sync.timelines.get(semaphore))
-        device.logs.signals[semaphore] = value;
-}
-
-const VkTimelineSemaphoreSubmitInfo &valuesOf(const VkSubmitInfo &submit)
-{
-    static constexpr VkTimelineSemaphoreSubmitInfo kNone{};
-    const auto *values =
-        findInChain<VkTimelineSemaphoreSubmitInfo>(submit.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
-    return values ? *values : kNone;
 }
 
 void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer)
@@ -97,6 +79,31 @@ void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuff
     const Submission submission{queue, device.objects.queueFamilies.get(queue), waits.empty()};
     for (const CommandLog::Step &step : log->steps)
         step(submission);
+}
+
+// `commandBuffers`: gives the command buffer of a number.
+template <typename Submit, typename CommandBuffers>
+void submitBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, uint32_t count,
+                 CommandBuffers commandBuffers)
+{
+    const std::vector<sync::SemaphoreUse> waits = sync::waitsOf(device, batch);
+    {
+        const std::lock_guard lock(device.logs.submissions);
+        for (const sync::SemaphoreUse &use : waits) {
+            if (use.value && isLater(device, use.semaphore, *use.value))
+                device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
+        }
+    }
+    sync::beginBatch(device, queue, waits);
+    for (uint32_t c = 0; c < count; ++c)
+        submit(device, queue, commandBuffers(c));
+    const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device, batch);
+    sync::endBatch(device, queue, signals);
+    const std::lock_guard lock(device.logs.submissions);
+    for (const sync::SemaphoreUse &use : signals) {
+        if (use.value)
+            device.logs.signals[use.semaphore] = *use.value;
+    }
 }
 
 } // namespace
@@ -218,17 +225,9 @@ VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, co
                      VkFence fence)
 {
     device.gpu.log.drain(device);
-    for (uint32_t i = 0; i < count; ++i) {
-        const VkTimelineSemaphoreSubmitInfo &values = valuesOf(submits[i]);
-        for (uint32_t s = 0; s < std::min(submits[i].waitSemaphoreCount, values.waitSemaphoreValueCount); ++s)
-            wait(device, queue, submits[i].pWaitSemaphores[s], values.pWaitSemaphoreValues[s]);
-        sync::beginBatch(device, queue, submits[i]);
-        for (uint32_t c = 0; c < submits[i].commandBufferCount; ++c)
-            submit(device, queue, submits[i].pCommandBuffers[c]);
-        sync::endBatch(device, queue, submits[i]);
-        for (uint32_t s = 0; s < std::min(submits[i].signalSemaphoreCount, values.signalSemaphoreValueCount); ++s)
-            signal(device, submits[i].pSignalSemaphores[s], values.pSignalSemaphoreValues[s]);
-    }
+    for (uint32_t i = 0; i < count; ++i)
+        submitBatch(device, queue, submits[i], submits[i].commandBufferCount,
+                    [&](uint32_t c) { return submits[i].pCommandBuffers[c]; });
     sync::signalFence(device, queue, fence);
     return device.next.QueueSubmit(queue, count, submits, fence);
 }
@@ -241,14 +240,8 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
     for (uint32_t i = 0; i < count; ++i) {
         if (device.checks.core)
             checkSubmission(device, command.element("pSubmits", i), submits[i]);
-        for (uint32_t s = 0; s < submits[i].waitSemaphoreInfoCount; ++s)
-            wait(device, queue, submits[i].pWaitSemaphoreInfos[s].semaphore, submits[i].pWaitSemaphoreInfos[s].value);
-        sync::beginBatch(device, queue, submits[i]);
-        for (uint32_t c = 0; c < submits[i].commandBufferInfoCount; ++c)
-            submit(device, queue, submits[i].pCommandBufferInfos[c].commandBuffer);
-        sync::endBatch(device, queue, submits[i]);
-        for (uint32_t s = 0; s < submits[i].signalSemaphoreInfoCount; ++s)
-            signal(device, submits[i].pSignalSemaphoreInfos[s].semaphore, submits[i].pSignalSemaphoreInfos[s].value);
+        submitBatch(device, queue, submits[i], submits[i].commandBufferInfoCount,
+                    [&](uint32_t c) { return submits[i].pCommandBufferInfos[c].commandBuffer; });
     }
     sync::signalFence(device, queue, fence);
     return device.next.QueueSubmit2(queue, count, submits, fence);

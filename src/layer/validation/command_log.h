@@ -43,15 +43,16 @@ class CommandLogs
 public:
     // The log of a command buffer; null for one that the application did not allocate.
     [[nodiscard]] std::shared_ptr<CommandLog> get(VkCommandBuffer commandBuffer);
-    // Adds a step to the log. Its check or effect happens when the command buffer is submitted.
+    // Adds a step to the log. Its check or effect happens when the command buffer is submitted; without one, that is
+    // for host commands, at once.
     void add(VkCommandBuffer commandBuffer, CommandLog::Step step);
 
     // Held while steps run: those of several queues change the same structures.
     std::mutex submissions;
     // Of timeline semaphores the largest value that a submission or the host signals; of queues what they wait for
     // before it is submitted.
-    std::unordered_map<VkSemaphore, uint64_t> signals;
-    std::unordered_map<VkQueue, std::vector<std::pair<VkSemaphore, uint64_t>>> waits;
+    std::unordered_map<uint64_t, uint64_t> signals;
+    std::unordered_map<VkQueue, std::vector<std::pair<uint64_t, uint64_t>>> waits;
 
 private:
     friend struct CommandLogAccess;

@@ -57,7 +57,8 @@ void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &s
 {
     copyRecord(check.device(), check.commandBuffer(), source, target);
     if (target && source)
-        check.whenExecuted([source, target] { target->contents = source->contents; });
+        check.whenExecuted(
+            [&device = check.device(), source, target] { setContents(device, *target, source->contents); });
 }
 
 void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target)
@@ -65,12 +66,9 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
     if (!target)
         return;
     copyRecord(check.device(), check.commandBuffer(), nullptr, target);
-    auto contents = std::make_shared<StructureContents>();
-    contents->type = target->type;
-    contents->deserialized = true;
-    check.whenExecuted([target, contents = std::shared_ptr<const StructureContents>(std::move(contents))] {
-        target->contents = contents;
-    });
+    auto contents = unknownContents(target->type);
+    check.whenExecuted(
+        [&device = check.device(), target, contents = std::move(contents)] { setContents(device, *target, contents); });
 }
 
 namespace validation
@@ -78,7 +76,8 @@ namespace validation
 
 void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
 {
-    const Place command("vkCmdCopyMicromapEXT");
+    const char *const name = "vkCmdCopyMicromapEXT";
+    const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
     const auto source = device.objects.micromaps.get(info->src);
@@ -86,18 +85,19 @@ void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, co
     if (device.checks.core)
         checkMicromapCopy(check, *info, source, target);
     copied(check, source, target);
-    sync::recordCopy(device, commandBuffer, *info);
+    sync::recordCopy(device, commandBuffer, name, source, target);
     device.next.CmdCopyMicromapEXT(commandBuffer, info);
 }
 
 void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
                              const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    const Place command("vkCmdCopyMicromapToMemoryEXT");
+    const char *const name = "vkCmdCopyMicromapToMemoryEXT";
+    const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->src, commandBuffer);
+    const auto source = device.objects.micromaps.get(info->src);
     if (device.checks.core) {
-        const auto source = device.objects.micromaps.get(info->src);
         checkBound(check, source.get(), "src", "VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539");
         checkConstructed(check, source, "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540");
         check.require(info->mode == VK_COPY_MICROMAP_MODE_SERIALIZE_EXT, "mode",
@@ -106,14 +106,15 @@ void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537");
     }
-    sync::recordCopy(device, commandBuffer, *info);
+    sync::recordSerialization(device, commandBuffer, name, source, info->dst.deviceAddress);
     device.next.CmdCopyMicromapToMemoryEXT(commandBuffer, info);
 }
 
 void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer,
                              const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    const Place command("vkCmdCopyMemoryToMicromapEXT");
+    const char *const name = "vkCmdCopyMemoryToMicromapEXT";
+    const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
     const auto target = device.objects.micromaps.get(info->dst);
@@ -126,14 +127,15 @@ void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544");
     }
     deserialized(check, target);
-    sync::recordCopy(device, commandBuffer, *info);
+    sync::recordDeserialization(device, commandBuffer, name, info->src.deviceAddress, target);
     device.next.CmdCopyMemoryToMicromapEXT(commandBuffer, info);
 }
 
 void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                   const VkCopyAccelerationStructureInfoKHR *info)
 {
-    const Place command("vkCmdCopyAccelerationStructureKHR");
+    const char *const name = "vkCmdCopyAccelerationStructureKHR";
+    const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
     const auto source = device.objects.structures.get(info->src);
@@ -141,14 +143,15 @@ void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer comm
     if (device.checks.core)
         checkStructureCopy(check, *info, source, target);
     copied(check, source, target);
-    sync::recordCopy(device, commandBuffer, *info);
+    sync::recordCopy(device, commandBuffer, name, source, target);
     device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
 }
 
 void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                           const VkCopyAccelerationStructureToMemoryInfoKHR *info)
 {
-    const Place command("vkCmdCopyAccelerationStructureToMemoryKHR");
+    const char *const name = "vkCmdCopyAccelerationStructureToMemoryKHR";
+    const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->src, commandBuffer);
     const auto source = device.objects.structures.get(info->src);
@@ -162,14 +165,15 @@ void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
     }
-    sync::recordCopy(device, commandBuffer, *info);
+    sync::recordSerialization(device, commandBuffer, name, source, info->dst.deviceAddress);
     device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
 }
 
 void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                           const VkCopyMemoryToAccelerationStructureInfoKHR *info)
 {
-    const Place command("vkCmdCopyMemoryToAccelerationStructureKHR");
+    const char *const name = "vkCmdCopyMemoryToAccelerationStructureKHR";
+    const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
     const auto target = device.objects.structures.get(info->dst);
@@ -183,7 +187,7 @@ void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
     }
     deserialized(check, target);
-    sync::recordCopy(device, commandBuffer, *info);
+    sync::recordDeserialization(device, commandBuffer, name, info->src.deviceAddress, target);
     device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
 }
 

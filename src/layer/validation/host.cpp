@@ -69,12 +69,8 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
         const auto structure = device.objects.structures.get(infos[i].dstAccelerationStructure);
         if (!structure)
             continue;
-        auto contents = std::make_shared<StructureContents>();
-        contents->type = infos[i].type;
-        contents->deserialized = true;
-        const std::lock_guard lock(device.logs.submissions);
-        structure->contents = std::move(contents);
-        structure->since = ++device.numbers;
+        device.logs.add(VK_NULL_HANDLE,
+                        [&](const Submission &) { setContents(device, *structure, unknownContents(infos[i].type)); });
         if (structure->record)
             device.gpu.records.set(*structure->record, {});
     }

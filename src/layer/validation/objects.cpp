@@ -74,6 +74,21 @@ void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStruc
 
 } // namespace
 
+void setContents(DeviceValidation &device, ValidatedStructure &structure,
+                 std::shared_ptr<const StructureContents> contents)
+{
+    structure.contents = std::move(contents);
+    structure.since = ++device.numbers;
+}
+
+std::shared_ptr<const StructureContents> unknownContents(VkAccelerationStructureTypeKHR type)
+{
+    auto contents = std::make_shared<StructureContents>();
+    contents->type = type;
+    contents->deserialized = true;
+    return contents;
+}
+
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceValidation &device, VkDeviceAddress address)
 {
     const AddressMap::Location location = device.buffers.addresses.find(address);

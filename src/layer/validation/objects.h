@@ -124,6 +124,11 @@ struct ValidatedObjects {
     HandleMap<VkCommandPool, bool> protectedPools;
 };
 
+// Gives a structure new contents. CommandLogs::submissions is held: in steps it is.
+void setContents(DeviceValidation &device, ValidatedStructure &structure,
+                 std::shared_ptr<const StructureContents> contents);
+// Those of a structure that was made in a way that does not show them.
+std::shared_ptr<const StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
 // The structure at an address, which a buffer range or an instance names; null if there is none or it is unknown.
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceValidation &device, VkDeviceAddress address);
 

@@ -187,12 +187,13 @@ void cmdBeginQueryIndexed(DeviceValidation &device, VkCommandBuffer commandBuffe
 void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                                  const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool pool, uint32_t first)
 {
-    const Place place("vkCmdWriteMicromapsPropertiesEXT");
-    writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pMicromaps",
-                    structuresOf(device.objects.micromaps, count, micromaps), type,
+    const char *const name = "vkCmdWriteMicromapsPropertiesEXT";
+    const Place place(name);
+    const auto known = structuresOf(device.objects.micromaps, count, micromaps);
+    writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pMicromaps", known, type,
                     {VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT}, pool,
                     first, kExtIds);
-    sync::recordQuery(device, commandBuffer, count, micromaps);
+    sync::recordQuery(device, commandBuffer, name, "pMicromaps", known);
     device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, pool, first);
 }
 
@@ -200,14 +201,15 @@ void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkComman
                                               const VkAccelerationStructureKHR *structures, VkQueryType type,
                                               VkQueryPool pool, uint32_t first)
 {
-    const Place place("vkCmdWriteAccelerationStructuresPropertiesKHR");
-    writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pAccelerationStructures",
-                    structuresOf(device.objects.structures, count, structures), type,
+    const char *const name = "vkCmdWriteAccelerationStructuresPropertiesKHR";
+    const Place place(name);
+    const auto known = structuresOf(device.objects.structures, count, structures);
+    writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pAccelerationStructures", known, type,
                     {VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
                      VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
                      VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR, kBottomLevelPointers},
                     pool, first, kKhrIds);
-    sync::recordQuery(device, commandBuffer, count, structures);
+    sync::recordQuery(device, commandBuffer, name, "pAccelerationStructures", known);
     device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, pool, first);
 }
 

@@ -89,7 +89,7 @@ inline const VkAccelerationStructureGeometryKHR &geometryOf(const BuildInfo &inf
 uint64_t originalOf(uint64_t micromap);
 // The triangle that compaction lost; UINT32_MAX where there is none.
 uint32_t lostTriangleOf(uint64_t micromap);
-// The micromap is destroyed: attachments.cpp, which is told, tells the files that keep something of it.
+// Called by attachments.cpp when a micromap is destroyed, in the files that keep something about it.
 void forgetCopies(uint64_t micromap);
 void forgetBuild(uint64_t micromap);
 // A micromap of so many triangles is built.

@@ -147,8 +147,8 @@ void addFills(const MicromapTriangle &triangle, size_t stretch, uint32_t microma
     }
 }
 
-// All micro-triangles but those that matter get the state that most have: long stretches of them, and ever shorter ones
-// as long as these are few. A level 12 that is uniform but for a few micro-triangles is short in a file, and fast.
+// Gives micro-triangles that do not matter the state that most have: first long stretches of them, then shorter ones,
+// at most kMostEdits. A triangle of level 12 that is almost uniform makes a short file, and its case runs fast.
 void fillStates(Attempts &attempts)
 {
     constexpr size_t kParts = 16;

@@ -15,7 +15,6 @@ namespace
 using namespace shared;
 
 constexpr uint32_t kLossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
-constexpr VkDeviceSize kInstanceBytes = sizeof(VkAccelerationStructureInstanceKHR);
 
 // The limits of whoever implements micromaps. A driver's own are asked for; translation never makes a lossy build.
 LevelLimits limitsOf(const Driver &driver)
@@ -154,12 +153,7 @@ void GpuBuildChecks::addIndices(uint32_t i, uint32_t g, const AttachmentInput &a
 {
     IndexCheckPush push{};
     push.attached = attachment.handle.handle != 0;
-    switch (attachment.indexType) {
-    case VK_INDEX_TYPE_UINT8_EXT: push.indexBytes = 1; break;
-    case VK_INDEX_TYPE_UINT16: push.indexBytes = 2; break;
-    case VK_INDEX_TYPE_UINT32: push.indexBytes = 4; break;
-    default: break;
-    }
+    push.indexBytes = indexBytes(attachment.indexType);
     const AddressMap &addresses = device_.buffers.addresses;
     const VkDeviceAddress indices = attachment.indexBuffer.deviceAddress;
     const bool indexed = push.indexBytes != 0;
@@ -188,7 +182,7 @@ void GpuBuildChecks::addInstances(uint32_t i, uint32_t g, const VkAccelerationSt
     InstanceCheckPush push{};
     push.pointers = data.arrayOfPointers;
     const VkDeviceAddress begin = data.data.deviceAddress + (counts.ranges ? counts.ranges[g].primitiveOffset : 0);
-    const VkDeviceSize bytes = push.pointers != 0 ? sizeof(VkDeviceAddress) : kInstanceBytes;
+    const VkDeviceSize bytes = instanceStride(data);
     if (!device_.buffers.addresses.find(begin).buffer)
         return;
     push.finding = findingOf(i, g, info.dstAccelerationStructure, false);

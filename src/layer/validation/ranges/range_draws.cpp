@@ -2,6 +2,7 @@
 // Index and vertex buffers, indirect draws and dispatches, conditional rendering.
 #include <algorithm>
 
+#include "layer/validation/builds.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/traces/trace_commands.h"
@@ -12,11 +13,6 @@ namespace
 {
 
 constexpr auto kUint8 = static_cast<VkIndexType>(1000265000); // VK_INDEX_TYPE_UINT8_KHR
-
-VkDeviceSize indexBytes(VkIndexType type)
-{
-    return type == VK_INDEX_TYPE_UINT16 ? 2 : type == VK_INDEX_TYPE_UINT32 ? 4 : 1;
-}
 
 void checkIndexBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR &buffer)
 {
@@ -39,7 +35,7 @@ void checkIndexBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, c
     ranges.check(info, range, buffer.addressFlags, flag_rules::kIndexBuffer,
                  {.usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
                   .usageRule = "VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051",
-                  .alignment = indexBytes(buffer.indexType),
+                  .alignment = std::max(indexBytes(buffer.indexType), 1u),
                   .alignmentRule = "VUID-VkBindIndexBuffer3InfoKHR-addressRange-13052"});
 }
 

@@ -166,18 +166,14 @@ void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR 
     if ((flags & VK_ADDRESS_COMMAND_FULLY_BOUND_BIT_KHR) == 0 || !buffer ||
         (buffer->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) == 0)
         return;
-    const auto report = [&device = device_, object = ObjectHandle(buffer->handle), buffer, location, range, rules,
-                         text = place.member(rules.flags).text()] {
+    device_.logs.add(commandBuffer_, [&device = device_, object = ObjectHandle(buffer->handle), buffer, location, range,
+                                      rules, text = place.member(rules.flags).text()](const Submission &) {
         if (!buffer->bound.contain(location.offset, location.offset + range.size))
             device.fault(text, rules.notBound,
                          "FULLY_BOUND, but " + textOf(range) + " of sparse buffer " + device.nameOf(buffer->handle) +
                              " are not bound to memory",
                          object);
-    };
-    if (commandBuffer_)
-        device_.logs.add(commandBuffer_, [report](const Submission &) { report(); });
-    else
-        report();
+    });
 }
 
 namespace validation

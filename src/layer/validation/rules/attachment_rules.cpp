@@ -53,13 +53,9 @@ constexpr const char *kIsMicromap[] = {"VUID-vkCmdBuildAccelerationStructuresKHR
 // Bytes of an index; 0 for types that neither extension takes, UINT32_MAX for no indices.
 uint32_t indexSize(const AttachmentInput &attachment)
 {
-    switch (attachment.indexType) {
-    case VK_INDEX_TYPE_NONE_KHR: return UINT32_MAX;
-    case VK_INDEX_TYPE_UINT16: return 2;
-    case VK_INDEX_TYPE_UINT32: return 4;
-    case VK_INDEX_TYPE_UINT8_EXT: return attachment.khr ? 1 : 0;
-    default: return 0;
-    }
+    if (attachment.indexType == VK_INDEX_TYPE_NONE_KHR)
+        return UINT32_MAX;
+    return attachment.indexType == VK_INDEX_TYPE_UINT8_EXT && !attachment.khr ? 0 : indexBytes(attachment.indexType);
 }
 
 void checkIndices(const RuleCheck &check, bool indirect, const AttachmentInput &attachment, const AttachmentIds &ids)

@@ -16,24 +16,17 @@ void RuleCheck::whenExecuted(const char *vuid, std::function<std::string()> find
 {
     if (!vuid)
         return;
-    auto check = [&device = device_, place = place_.text(), object = object_, vuid, find = std::move(find)] {
-        if (const std::string found = find(); !found.empty())
+    device_.logs.add(commandBuffer_, [&device = device_, place = place_.text(), object = object_, vuid,
+                                      find = std::move(find)](const Submission &submission) {
+        const std::string found = submission.ordered ? find() : std::string();
+        if (!found.empty())
             device.fault(place, vuid, found, object);
-    };
-    if (!commandBuffer_)
-        return check();
-    device_.logs.add(commandBuffer_, [check = std::move(check)](const Submission &submission) {
-        if (submission.ordered)
-            check();
     });
 }
 
 void RuleCheck::whenExecuted(std::function<void()> effect) const
 {
-    if (commandBuffer_)
-        device_.logs.add(commandBuffer_, [effect = std::move(effect)](const Submission &) { effect(); });
-    else
-        effect();
+    device_.logs.add(commandBuffer_, [effect = std::move(effect)](const Submission &) { effect(); });
 }
 
 MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes)

@@ -107,6 +107,14 @@ void writeStructure(Recorder &recorder, Scope scope, const std::shared_ptr<Valid
     recorder.writes(subjectOf(structure), scope, locationOf(structure.get()));
 }
 
+// How copies and queries access a structure, by the extension that it is of. An unknown one is not accessed.
+Scope copyScope(const std::shared_ptr<ValidatedStructure> &structure, bool writes)
+{
+    if (structure && structure->handle.type == VK_OBJECT_TYPE_MICROMAP_EXT)
+        return {kMicromapBuild, writes ? kMicromapWrite : kMicromapRead};
+    return {kStructureCopy, writes ? kStructureWrite : kStructureRead};
+}
+
 void addMicromapBuild(const DeviceValidation &device, Recorder &recorder, const MicromapBuildInput &build,
                       VkPipelineStageFlags2 stage, VkAccessFlags2 write, VkAccessFlags2 scratchAccess, uint64_t scratch)
 {
@@ -129,10 +137,8 @@ void addAttachment(const DeviceValidation &device, Recorder &recorder,
     if (!attachment)
         return;
     readStructure(recorder, {kBuild, attachment->khr ? kStructureRead : kMicromapRead}, attachment->micromap);
-    const VkDeviceSize bytes = attachment->indexType == VK_INDEX_TYPE_UINT8_EXT ? 1
-                               : attachment->indexType == VK_INDEX_TYPE_UINT16  ? 2
-                                                                                : 4;
-    if (range && range->primitiveCount > 0 && attachment->indexType != VK_INDEX_TYPE_NONE_KHR)
+    const uint32_t bytes = indexBytes(attachment->indexType);
+    if (range && range->primitiveCount > 0 && bytes != 0)
         recorder.reads("indexBuffer", {kBuild, kIndexRead},
                        locationAt(device, attachment->indexBuffer.deviceAddress,
                                   (range->primitiveCount - 1) * attachment->indexStride + bytes));
@@ -144,11 +150,9 @@ void addInstances(const DeviceValidation &device, Recorder &recorder,
 {
     if (!range || range->primitiveCount == 0)
         return;
-    const VkDeviceSize bytes =
-        instances.arrayOfPointers ? sizeof(VkDeviceAddress) : sizeof(VkAccelerationStructureInstanceKHR);
-    recorder.reads(
-        "instances", {kBuild, kShaderRead},
-        locationAt(device, instances.data.deviceAddress + range->primitiveOffset, range->primitiveCount * bytes));
+    recorder.reads("instances", {kBuild, kShaderRead},
+                   locationAt(device, instances.data.deviceAddress + range->primitiveOffset,
+                              range->primitiveCount * instanceStride(instances)));
 }
 
 void addStructureBuild(const DeviceValidation &device, Recorder &recorder,
@@ -223,94 +227,52 @@ void recordIndirectRanges(DeviceValidation &device, VkCommandBuffer commandBuffe
 
 // ------------------------------------------------------------------------------------------ copies and queries
 
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT &info)
+void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command,
+                const std::shared_ptr<ValidatedStructure> &source, const std::shared_ptr<ValidatedStructure> &target)
 {
     if (!device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, "vkCmdCopyMicromapEXT");
-    readStructure(recorder, {kMicromapBuild, kMicromapRead}, device.objects.micromaps.get(info.src));
-    writeStructure(recorder, {kMicromapBuild, kMicromapWrite}, device.objects.micromaps.get(info.dst));
+    Recorder recorder(device, commandBuffer, command);
+    readStructure(recorder, copyScope(source, false), source);
+    writeStructure(recorder, copyScope(target, true), target);
     recorder.record();
 }
 
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMicromapToMemoryInfoEXT &info)
+void recordSerialization(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command,
+                         const std::shared_ptr<ValidatedStructure> &source, VkDeviceAddress target)
 {
     if (!device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, "vkCmdCopyMicromapToMemoryEXT");
-    readStructure(recorder, {kMicromapBuild, kMicromapRead}, device.objects.micromaps.get(info.src));
-    recorder.writes("serialized data", {kMicromapBuild, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                    locationAt(device, info.dst.deviceAddress, kHeader));
+    Recorder recorder(device, commandBuffer, command);
+    const Scope scope = copyScope(source, false);
+    readStructure(recorder, scope, source);
+    recorder.writes("serialized data", {scope.stages, VK_ACCESS_2_TRANSFER_WRITE_BIT},
+                    locationAt(device, target, kHeader));
     recorder.record();
 }
 
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMemoryToMicromapInfoEXT &info)
+void recordDeserialization(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command,
+                           VkDeviceAddress source, const std::shared_ptr<ValidatedStructure> &target)
 {
     if (!device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, "vkCmdCopyMemoryToMicromapEXT");
-    recorder.reads("serialized data", {kMicromapBuild, VK_ACCESS_2_TRANSFER_READ_BIT},
-                   locationAt(device, info.src.deviceAddress, kHeader));
-    writeStructure(recorder, {kMicromapBuild, kMicromapWrite}, device.objects.micromaps.get(info.dst));
+    Recorder recorder(device, commandBuffer, command);
+    const Scope scope = copyScope(target, true);
+    recorder.reads("serialized data", {scope.stages, VK_ACCESS_2_TRANSFER_READ_BIT},
+                   locationAt(device, source, kHeader));
+    writeStructure(recorder, scope, target);
     recorder.record();
 }
 
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyAccelerationStructureInfoKHR &info)
+void recordQuery(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, const char *array,
+                 const std::vector<std::shared_ptr<ValidatedStructure>> &structures)
 {
     if (!device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, "vkCmdCopyAccelerationStructureKHR");
-    readStructure(recorder, {kStructureCopy, kStructureRead}, device.objects.structures.get(info.src));
-    writeStructure(recorder, {kStructureCopy, kStructureWrite}, device.objects.structures.get(info.dst));
-    recorder.record();
-}
-
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                const VkCopyAccelerationStructureToMemoryInfoKHR &info)
-{
-    if (!device.checks.sync)
-        return;
-    Recorder recorder(device, commandBuffer, "vkCmdCopyAccelerationStructureToMemoryKHR");
-    readStructure(recorder, {kStructureCopy, kStructureRead}, device.objects.structures.get(info.src));
-    recorder.writes("serialized data", {kStructureCopy, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                    locationAt(device, info.dst.deviceAddress, kHeader));
-    recorder.record();
-}
-
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                const VkCopyMemoryToAccelerationStructureInfoKHR &info)
-{
-    if (!device.checks.sync)
-        return;
-    Recorder recorder(device, commandBuffer, "vkCmdCopyMemoryToAccelerationStructureKHR");
-    recorder.reads("serialized data", {kStructureCopy, VK_ACCESS_2_TRANSFER_READ_BIT},
-                   locationAt(device, info.src.deviceAddress, kHeader));
-    writeStructure(recorder, {kStructureCopy, kStructureWrite}, device.objects.structures.get(info.dst));
-    recorder.record();
-}
-
-void recordQuery(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                 const VkMicromapEXT *micromaps)
-{
-    if (!device.checks.sync)
-        return;
-    Recorder recorder(device, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT");
-    for (uint32_t i = 0; i < count; ++i) {
-        recorder.element("pMicromaps", i);
-        readStructure(recorder, {kMicromapBuild, kMicromapRead}, device.objects.micromaps.get(micromaps[i]));
-    }
-    recorder.record();
-}
-
-void recordQuery(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                 const VkAccelerationStructureKHR *structures)
-{
-    if (!device.checks.sync)
-        return;
-    Recorder recorder(device, commandBuffer, "vkCmdWriteAccelerationStructuresPropertiesKHR");
-    for (uint32_t i = 0; i < count; ++i) {
-        recorder.element("pAccelerationStructures", i);
-        readStructure(recorder, {kStructureCopy, kStructureRead}, device.objects.structures.get(structures[i]));
+    Recorder recorder(device, commandBuffer, command);
+    for (uint32_t i = 0; i < structures.size(); ++i) {
+        recorder.element(array, i);
+        readStructure(recorder, copyScope(structures[i], false), structures[i]);
     }
     recorder.record();
 }

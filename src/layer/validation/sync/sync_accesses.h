@@ -2,6 +2,9 @@
 // What commands access, recorded for the tracker: nothing where `sync` is off.
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include <vulkan/vulkan.h>
 
 #include "layer/base/vulkan_newer.h"
@@ -10,6 +13,7 @@ namespace vellum::layer
 {
 
 struct DeviceValidation;
+struct ValidatedStructure;
 
 namespace sync
 {
@@ -23,14 +27,15 @@ void recordBuilds(DeviceValidation &, VkCommandBuffer, const char *command, uint
 void recordIndirectRanges(DeviceValidation &, VkCommandBuffer, uint32_t count,
                           const VkAccelerationStructureBuildGeometryInfoKHR *infos, const VkDeviceAddress *addresses);
 
-void recordCopy(DeviceValidation &, VkCommandBuffer, const VkCopyMicromapInfoEXT &);
-void recordCopy(DeviceValidation &, VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT &);
-void recordCopy(DeviceValidation &, VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT &);
-void recordCopy(DeviceValidation &, VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR &);
-void recordCopy(DeviceValidation &, VkCommandBuffer, const VkCopyAccelerationStructureToMemoryInfoKHR &);
-void recordCopy(DeviceValidation &, VkCommandBuffer, const VkCopyMemoryToAccelerationStructureInfoKHR &);
-void recordQuery(DeviceValidation &, VkCommandBuffer, uint32_t count, const VkMicromapEXT *micromaps);
-void recordQuery(DeviceValidation &, VkCommandBuffer, uint32_t count, const VkAccelerationStructureKHR *structures);
+// Copies and queries of structures and micromaps. A null one is unknown.
+void recordCopy(DeviceValidation &, VkCommandBuffer, const char *command,
+                const std::shared_ptr<ValidatedStructure> &source, const std::shared_ptr<ValidatedStructure> &target);
+void recordSerialization(DeviceValidation &, VkCommandBuffer, const char *command,
+                         const std::shared_ptr<ValidatedStructure> &source, VkDeviceAddress target);
+void recordDeserialization(DeviceValidation &, VkCommandBuffer, const char *command, VkDeviceAddress source,
+                           const std::shared_ptr<ValidatedStructure> &target);
+void recordQuery(DeviceValidation &, VkCommandBuffer, const char *command, const char *array,
+                 const std::vector<std::shared_ptr<ValidatedStructure>> &structures);
 
 // Transfers.
 void recordCopy(DeviceValidation &, VkCommandBuffer, const char *command, VkBuffer from, VkBuffer to,

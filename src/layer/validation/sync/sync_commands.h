@@ -5,6 +5,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/vulkan_newer.h"
+#include "layer/validation/sync/sync_tracker.h"
 
 namespace vellum::layer
 {
@@ -16,11 +17,14 @@ struct ValidatedStructure;
 namespace sync
 {
 
-// A batch of a submission, around the steps of its command buffers.
-void beginBatch(DeviceValidation &, VkQueue, const VkSubmitInfo &);
-void beginBatch(DeviceValidation &, VkQueue, const VkSubmitInfo2 &);
-void endBatch(DeviceValidation &, VkQueue, const VkSubmitInfo &);
-void endBatch(DeviceValidation &, VkQueue, const VkSubmitInfo2 &);
+// What a batch of a submission waits for and signals.
+std::vector<SemaphoreUse> waitsOf(const DeviceValidation &, const VkSubmitInfo &);
+std::vector<SemaphoreUse> waitsOf(const DeviceValidation &, const VkSubmitInfo2 &);
+std::vector<SemaphoreUse> signalsOf(const DeviceValidation &, const VkSubmitInfo &);
+std::vector<SemaphoreUse> signalsOf(const DeviceValidation &, const VkSubmitInfo2 &);
+// Around the steps of its command buffers.
+void beginBatch(DeviceValidation &, VkQueue, const std::vector<SemaphoreUse> &waits);
+void endBatch(DeviceValidation &, VkQueue, const std::vector<SemaphoreUse> &signals);
 void signalFence(DeviceValidation &, VkQueue, VkFence);
 
 void recordBarriers(DeviceValidation &, VkCommandBuffer, const VkDependencyInfo &);

@@ -44,45 +44,42 @@ const VkTimelineSemaphoreSubmitInfo *valuesOf(const VkSubmitInfo &submit)
     return findInChain<VkTimelineSemaphoreSubmitInfo>(submit.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
 }
 
-void beginBatch(DeviceValidation &device, VkQueue queue, const std::vector<SemaphoreUse> &waits)
-{
-    device.sync.tracker.beginBatch(uint64_t(queue), device.objects.queueFamilies.get(queue), waits);
-}
-
 } // namespace
 
-void beginBatch(DeviceValidation &device, VkQueue queue, const VkSubmitInfo &submit)
+std::vector<SemaphoreUse> waitsOf(const DeviceValidation &device, const VkSubmitInfo &submit)
 {
-    if (!device.checks.sync)
-        return;
     const auto *values = valuesOf(submit);
-    beginBatch(device, queue,
-               usesOf(device, submit.waitSemaphoreCount, submit.pWaitSemaphores, submit.pWaitDstStageMask,
-                      values ? values->waitSemaphoreValueCount : 0, values ? values->pWaitSemaphoreValues : nullptr));
+    return usesOf(device, submit.waitSemaphoreCount, submit.pWaitSemaphores, submit.pWaitDstStageMask,
+                  values ? values->waitSemaphoreValueCount : 0, values ? values->pWaitSemaphoreValues : nullptr);
 }
 
-void beginBatch(DeviceValidation &device, VkQueue queue, const VkSubmitInfo2 &submit)
+std::vector<SemaphoreUse> waitsOf(const DeviceValidation &device, const VkSubmitInfo2 &submit)
+{
+    return usesOf(device, submit.waitSemaphoreInfoCount, submit.pWaitSemaphoreInfos);
+}
+
+std::vector<SemaphoreUse> signalsOf(const DeviceValidation &device, const VkSubmitInfo &submit)
+{
+    const auto *values = valuesOf(submit);
+    return usesOf(device, submit.signalSemaphoreCount, submit.pSignalSemaphores, nullptr,
+                  values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
+}
+
+std::vector<SemaphoreUse> signalsOf(const DeviceValidation &device, const VkSubmitInfo2 &submit)
+{
+    return usesOf(device, submit.signalSemaphoreInfoCount, submit.pSignalSemaphoreInfos);
+}
+
+void beginBatch(DeviceValidation &device, VkQueue queue, const std::vector<SemaphoreUse> &waits)
 {
     if (device.checks.sync)
-        beginBatch(device, queue, usesOf(device, submit.waitSemaphoreInfoCount, submit.pWaitSemaphoreInfos));
+        device.sync.tracker.beginBatch(uint64_t(queue), device.objects.queueFamilies.get(queue), waits);
 }
 
-void endBatch(DeviceValidation &device, VkQueue queue, const VkSubmitInfo &submit)
-{
-    if (!device.checks.sync)
-        return;
-    const auto *values = valuesOf(submit);
-    const auto uses =
-        usesOf(device, submit.signalSemaphoreCount, submit.pSignalSemaphores, nullptr,
-               values ? values->signalSemaphoreValueCount : 0, values ? values->pSignalSemaphoreValues : nullptr);
-    device.sync.tracker.endBatch(uint64_t(queue), uses);
-}
-
-void endBatch(DeviceValidation &device, VkQueue queue, const VkSubmitInfo2 &submit)
+void endBatch(DeviceValidation &device, VkQueue queue, const std::vector<SemaphoreUse> &signals)
 {
     if (device.checks.sync)
-        device.sync.tracker.endBatch(uint64_t(queue),
-                                     usesOf(device, submit.signalSemaphoreInfoCount, submit.pSignalSemaphoreInfos));
+        device.sync.tracker.endBatch(uint64_t(queue), signals);
 }
 
 void signalFence(DeviceValidation &device, VkQueue queue, VkFence fence)
@@ -217,7 +214,7 @@ void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore sem
     device.sync.timelines.take(semaphore);
     {
         const std::lock_guard lock(device.logs.submissions);
-        device.logs.signals.erase(semaphore);
+        device.logs.signals.erase(uint64_t(semaphore));
     }
     device.sync.tracker.forgetSemaphore(uint64_t(semaphore));
     device.next.DestroySemaphore(handle, semaphore, allocator);

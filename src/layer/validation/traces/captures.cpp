@@ -15,24 +15,13 @@ namespace
 constexpr size_t kCountWords = 2; // of a capture, before what was written
 constexpr uint32_t kGroupSize = 64;
 
-uint32_t bytesOf(VkIndexType type)
-{
-    switch (type) {
-    case VK_INDEX_TYPE_UINT8_EXT: return 1;
-    case VK_INDEX_TYPE_UINT16: return 2;
-    case VK_INDEX_TYPE_UINT32: return 4;
-    default: return 0;
-    }
-}
-
 CapturedInstances captureInstances(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                    const VkAccelerationStructureGeometryInstancesDataKHR &instances,
                                    const VkAccelerationStructureBuildRangeInfoKHR &range)
 {
     const uint32_t count = range.primitiveCount;
     const VkDeviceAddress source = instances.data.deviceAddress + range.primitiveOffset;
-    const VkDeviceSize bytes =
-        instances.arrayOfPointers ? sizeof(VkDeviceAddress) : sizeof(VkAccelerationStructureInstanceKHR);
+    const VkDeviceSize bytes = instanceStride(instances);
     if (count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
         return {}; // outside their buffer
     auto memory = Capture::make(device.traces.memory, kCountWords + size_t{count} * 2, kCountWords);
@@ -54,7 +43,7 @@ CapturedInstances captureInstances(DeviceValidation &device, VkCommandBuffer com
 CapturedIndices captureIndices(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                const AttachmentInput &attachment, uint32_t count)
 {
-    const uint32_t bytes = bytesOf(attachment.indexType);
+    const uint32_t bytes = indexBytes(attachment.indexType);
     const VkDeviceAddress source = attachment.indexBuffer.deviceAddress;
     const auto buffer = bufferAt(device, source);
     if (bytes == 0 || !attachment.handle.handle || !buffer || count == 0)
