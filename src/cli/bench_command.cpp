@@ -31,20 +31,20 @@ Found foundBy(const PartResult &result)
     row.Parse(result.rows.front().data(), result.rows.front().size());
     if (row.HasParseError())
         return found;
-    found.ext = row["ext"].GetString();
-    found.khr = row["khr"].GetString();
+    found.ext = row["VK_EXT_opacity_micromap"].GetString();
+    found.khr = row["VK_KHR_opacity_micromap"].GetString();
     found.rayTracingPipelines = row["rayTracingPipelines"].GetBool();
     return found;
 }
 
-// A way to have micromaps on the device.
-struct Way {
-    const char *implementation;
+// Who implements micromaps for the device, and which extension is used.
+struct Implementation {
+    const char *setting; // of the layer
     MicromapApi api;
 };
 
 // The parts that measure, with the seconds of each. The self-check is first: of a wrong device no time matters.
-std::vector<Part> partsOf(const std::vector<Way> &ways, bool rayTracingPipelines, double seconds)
+std::vector<Part> partsOf(const std::vector<Implementation> &implementations, bool rayTracingPipelines, double seconds)
 {
     struct Share {
         PartKind kind;
@@ -61,8 +61,8 @@ std::vector<Part> partsOf(const std::vector<Way> &ways, bool rayTracingPipelines
     for (const Share &share : kShares) {
         if (share.kind == PartKind::Frames && share.trace == Trace::Pipeline && !rayTracingPipelines)
             continue;
-        for (const Way &way : ways) {
-            parts.push_back({share.kind, way.implementation, way.api, share.trace, share.part});
+        for (const Implementation &one : implementations) {
+            parts.push_back({share.kind, one.setting, one.api, share.trace, share.part});
             all += share.part;
         }
     }
@@ -77,26 +77,27 @@ public:
     explicit Run(const BenchOptions &options) : options_(options) {}
 
     // Which implementations there are.
-    std::vector<Way> findWays()
+    std::vector<Implementation> findImplementations()
     {
-        std::vector<Way> ways;
+        std::vector<Implementation> implementations;
         const Found emulated = describe("emulated");
         pipelines_ = emulated.rayTracingPipelines;
         if (emulated.khr == "emulated")
-            ways.push_back({"emulated", MicromapApi::Khr});
+            implementations.push_back({"emulated", MicromapApi::Khr});
         if (describe("ext").khr == "translated")
-            ways.push_back({"ext", MicromapApi::Khr});
+            implementations.push_back({"ext", MicromapApi::Khr});
         const Found own = describe("driver");
         pipelines_ = pipelines_ || own.rayTracingPipelines;
         if (own.khr == "driver")
-            ways.push_back({"driver", MicromapApi::Khr});
+            implementations.push_back({"driver", MicromapApi::Khr});
         else if (own.ext == "driver")
-            ways.push_back({"driver", MicromapApi::Ext});
-        return ways;
+            implementations.push_back({"driver", MicromapApi::Ext});
+        return implementations;
     }
-    void measure(const std::vector<Way> &ways)
+    void measure(const std::vector<Implementation> &implementations)
     {
-        const std::vector<Part> parts = partsOf(ways, pipelines_, std::max(options_.seconds - elapsed(), 10.0));
+        const std::vector<Part> parts =
+            partsOf(implementations, pipelines_, std::max(options_.seconds - elapsed(), 10.0));
         for (const Part &part : parts) {
             Progress progress(fmt::format("vellum bench: {}", part.name()));
             results_.push_back(runPartProcess(part, options_.device, options_.timeout, [&] {
@@ -145,10 +146,10 @@ int benchCommand(const BenchOptions &options)
     checkWritable(page, options.force);
     checkWritable(data, true);
     Run run(options);
-    const std::vector<Way> ways = run.findWays();
-    if (ways.empty())
+    const std::vector<Implementation> implementations = run.findImplementations();
+    if (implementations.empty())
         throw Error("the device cannot have micromaps: vellum info says why");
-    run.measure(ways);
+    run.measure(implementations);
     const std::vector<std::string> verdict = verdictOf(run.results());
     const std::string json = benchJson(run.results(), verdict, run.elapsed());
     write(data, json);

@@ -55,33 +55,22 @@ void writeQuartiles(JsonWriter &json, const char *name, const Quartiles &quartil
 // The two devices that are compared: without the layer, and with micromaps by one implementation.
 struct Devices {
     explicit Devices(const Part &part, const BenchDevice &wanted)
-        : without(false), with(true), classicInfo(chooseDevice(without, wanted.device)),
-          info(chooseDevice(with, wanted.device))
+        : without(false), with(true), bareInfo(chooseDevice(without, wanted.device)),
+          layeredInfo(chooseDevice(with, wanted.device))
     {
-        requireMicromaps(info, part.api, with.layerEnabled());
+        requireMicromaps(layeredInfo, part.api, with.layerEnabled());
     }
     void create(MicromapApi api)
     {
-        classic = std::make_unique<Device>(classicInfo, DeviceNeeds{std::nullopt, classicInfo.rayTracingPipelines});
-        enabled = std::make_unique<Device>(info, DeviceNeeds{api, info.rayTracingPipelines});
+        bare = std::make_unique<Device>(bareInfo, DeviceNeeds{std::nullopt, bareInfo.rayTracingPipelines});
+        layered = std::make_unique<Device>(layeredInfo, DeviceNeeds{api, layeredInfo.rayTracingPipelines});
     }
     Instance without, with;
-    DeviceInfo classicInfo, info;
-    std::unique_ptr<Device> classic, enabled;
+    DeviceInfo bareInfo, layeredInfo;
+    std::unique_ptr<Device> bare, layered;
 };
 
 // --- device ---
-
-const char *nameOf(Provider provider)
-{
-    switch (provider) {
-    case Provider::Driver: return "driver";
-    case Provider::Layer: return "emulated";
-    case Provider::Translated: return "translated";
-    case Provider::Nobody: break;
-    }
-    return "none";
-}
 
 void describe(const BenchDevice &wanted)
 {
@@ -91,13 +80,7 @@ void describe(const BenchDevice &wanted)
     const auto index = static_cast<size_t>(
         std::ranges::find_if(infos, [&](const DeviceInfo &i) { return i.handle == chosen.handle; }) - infos.begin());
     const DeviceDetails details = describeDevices(instance)[index];
-    printRow("device", [&](JsonWriter &json) {
-        json.member("name", details.name).member("driver", details.driver).member("vulkan", details.version);
-        json.member("kind", details.kind).member("rayTracingPipelines", details.rayTracingPipelines);
-        json.member("ext", nameOf(details.ext)).member("khr", nameOf(details.khr));
-        json.member("most2StateLevel", details.most2StateLevel).member("most4StateLevel", details.most4StateLevel);
-        json.values("missing", details.missing);
-    });
+    printRow("device", [&](JsonWriter &json) { writeMembers(details, json); });
 }
 
 // --- self-check ---
@@ -131,28 +114,19 @@ void selfCheck(const Part &part, const BenchDevice &wanted)
 
 // --- frames ---
 
-// Frames of one renderer, by the device's timestamps where it has them, and by the clock.
-class TimedFrames
+// One side of a comparison: durations by the device's timestamps where it has them, and by the clock.
+class Timed
 {
 public:
-    TimedFrames(Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps,
-                const RenderSettings &settings)
-        : renderer_(device, scene, micromaps, settings)
+    double add(Milliseconds milliseconds)
     {
+        walls_.push_back(milliseconds.wall);
+        return milliseconds.gpu;
     }
-    double operator()()
-    {
-        const Clock clock;
-        const double milliseconds = renderer_.frame();
-        wall_.push_back(1e3 * clock.seconds());
-        return milliseconds;
-    }
-    [[nodiscard]] double wall() const { return median(wall_); }
-    Renderer &renderer() { return renderer_; }
+    [[nodiscard]] double wall() const { return median(walls_); }
 
 private:
-    Renderer renderer_;
-    std::vector<double> wall_;
+    std::vector<double> walls_;
 };
 
 // The largest picture of which a frame takes no longer than some milliseconds, or the smallest: systems reset a device
@@ -181,40 +155,58 @@ RenderSettings settingsFor(Device &device, const RenderScene &scene, Trace trace
     return settings;
 }
 
+// What does not depend on how much the alpha test costs.
+struct FrameFacts {
+    double candidatesPerRay[2] = {}; // with the alpha test alone, with micromaps
+    uint64_t differingPixels = 0;
+};
+
+FrameFacts factsOf(Renderer &alpha, Renderer &micromaps)
+{
+    alpha.frame();
+    micromaps.frame();
+    return {{alpha.count().perRay(), micromaps.count().perRay()}, compare(alpha.picture(), micromaps.picture()).pixels};
+}
+
 void measureFrames(const Part &part, const BenchDevice &wanted)
 {
     const Clock clock;
     Devices devices(part, wanted);
     devices.create(part.api);
     const RenderScene scene = prepareScene(makeGrove(), 1);
-    RenderSettings settings = settingsFor(*devices.classic, scene, part.trace);
+    RenderSettings settings = settingsFor(*devices.bare, scene, part.trace);
     size_t left = 2 * std::size(kLevels);
     for (const uint32_t level : kLevels) {
         BakeOptions options;
         options.level = level;
         const BakedScene baked = bakeScene(scene.scene, options);
+        std::optional<FrameFacts> facts;
         for (const bool heavy : {false, true}) {
             settings.heavy = heavy;
-            TimedFrames alpha(*devices.classic, scene, {}, settings);
-            TimedFrames micromaps(*devices.enabled, scene, baked.micromaps(), settings);
-            alpha();
-            micromaps();
-            const Difference difference = compare(alpha.renderer().picture(), micromaps.renderer().picture());
-            const double candidates[] = {alpha.renderer().count().perRay(), micromaps.renderer().count().perRay()};
-            PairedTiming times([&] { return alpha(); }, [&] { return micromaps(); });
+            Renderer alpha(*devices.bare, scene, {}, settings);
+            Renderer micromaps(*devices.layered, scene, baked.micromaps(), settings);
+            if (!facts)
+                facts = factsOf(alpha, micromaps);
+            Timed alphaTimes, micromapTimes;
+            PairedTiming times([&] { return alphaTimes.add(alpha.timedFrame()); },
+                               [&] { return micromapTimes.add(micromaps.timedFrame()); });
             const double end = clock.seconds() + (part.seconds - clock.seconds()) / static_cast<double>(left--);
             do {
                 times.measure();
-            } while (times.pairs() < 101 && (times.pairs() < 3 || clock.seconds() < end));
+            } while (times.pairs() < 101 && (times.pairs() < 5 || clock.seconds() < end));
             printRow("frame", [&](JsonWriter &json) {
                 json.member("level", level).member("heavy", heavy);
                 json.member("width", settings.width).member("height", settings.height);
                 json.member("alpha", times.a()).member("micromaps", times.b());
-                json.member("alphaWall", alpha.wall()).member("micromapsWall", micromaps.wall());
+                json.member("alphaWall", alphaTimes.wall()).member("micromapsWall", micromapTimes.wall());
                 writeQuartiles(json, "ratio", times.ratio());
-                json.member("pairs", times.pairs()).member("timestamps", devices.enabled->hasTimestamps());
-                json.member("differingPixels", difference.pixels).values("candidatesPerRay", candidates);
-                json.member("bytes", micromaps.renderer().micromapBytes());
+                json.member("uncertainty", times.uncertainty()).member("pairs", times.pairs());
+                json.member("timestamps", devices.layered->hasTimestamps());
+                json.member("differingPixels", facts->differingPixels);
+                json.values("candidatesPerRay", facts->candidatesPerRay);
+                json.member("micromapBytes", micromaps.micromapBytes());
+                json.member("alphaStructureBytes", alpha.structureBytes());
+                json.member("micromapsStructureBytes", micromaps.structureBytes());
             });
         }
     }
@@ -222,23 +214,39 @@ void measureFrames(const Part &part, const BenchDevice &wanted)
 
 // --- builds ---
 
+// The same triangles again and again, each with data of its own.
+Micromap repeated(const Micromap &micromap, size_t times)
+{
+    Micromap all;
+    for (size_t i = 0; i < times; ++i) {
+        for (MicromapTriangle triangle : micromap.triangles) {
+            triangle.dataOffset += static_cast<uint32_t>(all.data.size());
+            all.triangles.push_back(triangle);
+        }
+        all.data.insert(all.data.end(), micromap.data.begin(), micromap.data.end());
+    }
+    for (size_t i = 0; i < all.triangles.size(); ++i)
+        all.indices.push_back(static_cast<int32_t>(i));
+    return all;
+}
+
+// One of about 1,000 triangles.
 void measureMicromaps(Device &device, const BakedScene &baked, uint32_t level, double seconds)
 {
     const std::vector<const Micromap *> all = baked.micromaps();
-    // The largest.
-    const auto one = std::ranges::max_element(
-        all, {}, [](const Micromap *micromap) { return micromap ? micromap->triangles.size() : 0; });
-    if (one == all.end() || !*one)
+    const auto one =
+        std::ranges::find_if(all, [](const Micromap *micromap) { return micromap && !micromap->triangles.empty(); });
+    if (one == all.end())
         return;
+    const Micromap large = repeated(**one, 1024 / (*one)->triangles.size());
     std::vector<double> times;
+    Timed wall;
     const Clock clock;
     do {
-        const Clock build;
-        makeMicromap(device, **one);
-        times.push_back(1e3 * build.seconds());
-    } while (times.size() < 3 || clock.seconds() < seconds);
+        times.push_back(wall.add(makeMicromap(device, large)->buildTime()));
+    } while (times.size() < 5 || clock.seconds() < seconds);
     printRow("micromap", [&](JsonWriter &json) {
-        json.member("level", level).member("triangles", (*one)->triangles.size());
+        json.member("level", level).member("triangles", large.triangles.size()).member("wall", wall.wall());
         writeQuartiles(json, "milliseconds", quartiles(times));
     });
 }
@@ -247,18 +255,22 @@ void measureBuilds(const Part &part, const BenchDevice &wanted)
 {
     Devices devices(part, wanted);
     const double share = part.seconds / 8;
-    TimedWorld bare(devices.classicInfo, std::nullopt), layered(devices.info, part.api);
-    const auto compareBuilds = [&](const std::string &what, uint32_t count, std::unique_ptr<TimedBuilds> classic,
-                                   std::unique_ptr<TimedBuilds> own) {
-        PairedTiming times([&] { return classic->milliseconds(); }, [&] { return own->milliseconds(); });
+    TimedWorld bare(devices.bareInfo, std::nullopt), layered(devices.layeredInfo, part.api);
+    const auto compareBuilds = [&](const std::string &what, uint32_t count, std::unique_ptr<TimedBuilds> bareBuilds,
+                                   std::unique_ptr<TimedBuilds> layeredBuilds) {
+        Timed bareTimes, layeredTimes;
+        PairedTiming times([&] { return bareTimes.add(bareBuilds->run()); },
+                           [&] { return layeredTimes.add(layeredBuilds->run()); });
         const Clock clock;
         do {
             times.measure();
         } while (times.pairs() < 3 || (clock.seconds() < share && times.pairs() < 501));
         printRow("build", [&](JsonWriter &json) {
             json.member("what", what).member("structures", count);
-            json.member("classic", times.a()).member("enabled", times.b());
+            json.member("withoutLayer", times.a()).member("withLayer", times.b());
+            json.member("withoutLayerWall", bareTimes.wall()).member("withLayerWall", layeredTimes.wall());
             writeQuartiles(json, "ratio", times.ratio());
+            json.member("uncertainty", times.uncertainty()).member("pairs", times.pairs());
         });
     };
     for (const uint32_t count : {1u, 1000u, 10000u})
@@ -270,7 +282,7 @@ void measureBuilds(const Part &part, const BenchDevice &wanted)
     for (const uint32_t level : kLevels) {
         BakeOptions options;
         options.level = level;
-        measureMicromaps(*devices.enabled, bakeScene(scene.scene, options), level, share);
+        measureMicromaps(*devices.layered, bakeScene(scene.scene, options), level, share);
     }
 }
 
@@ -281,16 +293,23 @@ void measurePipelineCreation(const Part &part, const BenchDevice &wanted)
     Devices devices(part, wanted);
     devices.create(part.api);
     std::vector<Trace> traces = {Trace::Query};
-    if (devices.info.rayTracingPipelines)
+    if (devices.layeredInfo.rayTracingPipelines)
         traces.push_back(Trace::Pipeline);
     const RenderScene scene = prepareScene(makeGrove(), 1);
-    for (const PipelineTiming &timing :
-         measurePipelines({*devices.classic, *devices.enabled}, scene, traces, kLevels[0], 5)) {
-        printRow("pipeline", [&](JsonWriter &json) {
-            json.member("trace", timing.trace == Trace::Query ? "query" : "pipeline");
-            json.member("withMicromaps", timing.micromaps);
-            json.member("classic", timing.classic).member("enabled", timing.enabled).member("ratio", timing.ratio);
-        });
+    const double share = part.seconds / static_cast<double>(traces.size());
+    for (const Trace trace : traces) {
+        const Clock clock;
+        const auto timings =
+            measurePipelines({*devices.bare, *devices.layered}, scene, trace, kLevels[0],
+                             [&](size_t pairs) { return pairs < 3 || (pairs < 21 && clock.seconds() < share); });
+        for (const PipelineTiming &timing : timings) {
+            printRow("pipeline", [&](JsonWriter &json) {
+                json.member("trace", trace == Trace::Query ? "query" : "pipeline");
+                json.member("withMicromaps", timing.micromaps);
+                json.member("withoutLayer", timing.bare).member("withLayer", timing.layered);
+                json.member("ratio", timing.ratio);
+            });
+        }
     }
 }
 
@@ -308,7 +327,8 @@ std::string Part::name() const
 int runPart(const Part &part, const BenchDevice &device)
 {
     setenv("VELLUM_IMPLEMENTATION", part.implementation.c_str(), 1);
-    disableShaderCaches();
+    if (part.kind == PartKind::Pipelines)
+        disableShaderCaches();
     offerLayer(device.layerFolder);
     switch (part.kind) {
     case PartKind::Device: describe(device); break;

@@ -15,30 +15,28 @@ void disableShaderCaches()
     setenv("__GL_SHADER_DISK_CACHE", "0", 1);       // NVIDIA
 }
 
-std::vector<PipelineTiming> measurePipelines(const TimedDevices &devices, const RenderScene &scene,
-                                             const std::vector<Trace> &traces, uint32_t level, unsigned repetitions)
+std::array<PipelineTiming, 2> measurePipelines(const TimedDevices &devices, const RenderScene &scene, Trace trace,
+                                               uint32_t level, const std::function<bool(size_t pairs)> &goOn)
 {
     BakeOptions options;
     options.level = level;
     const BakedScene baked = bakeScene(scene.scene, options);
     RenderSettings settings;
     settings.width = settings.height = 32; // the frame itself is to take next to nothing
-    std::vector<PipelineTiming> results;
-    for (const Trace trace : traces) {
-        settings.trace = trace;
-        Renderer classic(devices.classic, scene, {}, settings);
-        Renderer bare(devices.enabled, scene, {}, settings);
-        Renderer omm(devices.enabled, scene, baked.micromaps(), settings);
-        PairedTiming without([&] { return classic.firstFrame(); }, [&] { return bare.firstFrame(); });
-        PairedTiming with([&] { return classic.firstFrame(); }, [&] { return omm.firstFrame(); });
-        for (unsigned r = 0; r < repetitions; ++r) {
-            without.measure();
-            with.measure();
-        }
-        for (const PairedTiming *times : {&without, &with})
-            results.push_back({trace, times == &with, times->a(), times->b(), times->ratio().middle});
-    }
-    return results;
+    settings.trace = trace;
+    Renderer alpha(devices.bare, scene, {}, settings);
+    Renderer layered(devices.layered, scene, {}, settings);
+    Renderer micromaps(devices.layered, scene, baked.micromaps(), settings);
+    PairedTiming without([&] { return alpha.firstFrame(); }, [&] { return layered.firstFrame(); });
+    PairedTiming with([&] { return alpha.firstFrame(); }, [&] { return micromaps.firstFrame(); });
+    do {
+        without.measure();
+        with.measure();
+    } while (goOn(with.pairs()));
+    const auto timing = [&](const PairedTiming &times, bool hasMicromaps) {
+        return PipelineTiming{trace, hasMicromaps, times.a(), times.b(), times.ratio().middle};
+    };
+    return {timing(without, false), timing(with, true)};
 }
 
 } // namespace vellum::cli

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bench/structure_timing.h"
 
-#include <chrono>
-
 #include "vk/vk_init.h"
 
 namespace vellum::cli
@@ -66,7 +64,7 @@ private:
 };
 
 TimedBuilds::TimedBuilds(Device &device, const std::vector<std::unique_ptr<TimedStructure>> &structures)
-    : device_(device), commands_(device.allocateCommands())
+    : device_(device), timer_(device), commands_(device.allocateCommands())
 {
     std::vector<VkAccelerationStructureBuildGeometryInfoKHR> infos;
     std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges;
@@ -76,17 +74,17 @@ TimedBuilds::TimedBuilds(Device &device, const std::vector<std::unique_ptr<Timed
     }
     auto begin = vkInit<VkCommandBufferBeginInfo>();
     check(vkBeginCommandBuffer(commands_, &begin), "recording");
+    timer_.begin(commands_);
     device.functions().cmdBuildAccelerationStructures(commands_, static_cast<uint32_t>(infos.size()), infos.data(),
                                                       ranges.data());
+    timer_.end(commands_);
     check(vkEndCommandBuffer(commands_), "recording");
     device.submitAndWait(commands_);
 }
 
-double TimedBuilds::milliseconds()
+Milliseconds TimedBuilds::run()
 {
-    const auto begin = std::chrono::steady_clock::now();
-    device_.submitAndWait(commands_);
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    return timer_.time([this] { device_.submitAndWait(commands_); });
 }
 
 TimedWorld::TimedWorld(const DeviceInfo &info, std::optional<MicromapApi> api)

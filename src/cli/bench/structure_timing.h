@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "cli/vulkan/gpu_timer.h"
 #include "cli/vulkan/resources.h"
 
 namespace vellum::cli
@@ -17,11 +18,12 @@ class TimedBuilds
 {
 public:
     TimedBuilds(Device &device, const std::vector<std::unique_ptr<TimedStructure>> &structures);
-    // Submits it, and returns the time from submission to the end of the wait.
-    double milliseconds();
+    // Submits it and waits.
+    Milliseconds run();
 
 private:
     Device &device_;
+    GpuTimer timer_;
     VkCommandBuffer commands_;
 };
 

@@ -2,8 +2,9 @@
 #include "cli/info/device_details.h"
 
 #include <cstring>
-#include <set>
 #include <utility>
+
+#include "vk/vk_init.h"
 
 namespace vellum::cli
 {
@@ -87,25 +88,78 @@ void findMissing(DeviceDetails &details, VkPhysicalDevice device, uint32_t versi
         details.missing.push_back("Vulkan 1.3 or VK_KHR_synchronization2");
 }
 
-void readProperties(DeviceDetails &details, VkPhysicalDevice device, const std::set<std::string> &extensions)
+void addHeaps(DeviceDetails &details, VkPhysicalDevice device)
 {
-    VkPhysicalDeviceDriverProperties driver{};
-    driver.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES;
-    VkPhysicalDeviceOpacityMicromapPropertiesEXT ext{};
-    ext.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT;
-    VkPhysicalDeviceOpacityMicromapPropertiesKHR khr{};
-    khr.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR;
-    VkPhysicalDeviceProperties2 properties{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, nullptr, {}};
+    VkPhysicalDeviceMemoryProperties memory;
+    vkGetPhysicalDeviceMemoryProperties(device, &memory);
+    for (uint32_t i = 0; i < memory.memoryHeapCount; ++i) {
+        const bool local = (memory.memoryHeaps[i].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT) != 0;
+        details.limits.push_back(
+            {"memory heap " + std::to_string(i) + (local ? ", device-local" : ""), memory.memoryHeaps[i].size});
+    }
+}
+
+void readProperties(DeviceDetails &details, VkPhysicalDevice device)
+{
+    auto driver = vkInit<VkPhysicalDeviceDriverProperties>();
+    auto subgroups = vkInit<VkPhysicalDeviceSubgroupProperties>();
+    auto memory = vkInit<VkPhysicalDeviceMaintenance3Properties>();
+    auto ext = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesEXT>();
+    auto khr = vkInit<VkPhysicalDeviceOpacityMicromapPropertiesKHR>();
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructurePropertiesKHR>();
+    auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelinePropertiesKHR>();
+    auto properties = vkInit<VkPhysicalDeviceProperties2>();
     const auto ask = [&](auto &part) { part.pNext = std::exchange(properties.pNext, &part); };
     ask(driver);
-    if (extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
+    ask(subgroups);
+    ask(memory);
+    if (details.extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
         ask(ext);
-    if (extensions.contains(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
+    if (details.extensions.contains(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
         ask(khr);
+    if (details.extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
+        ask(structures);
+    if (details.rayTracingPipelines)
+        ask(pipelines);
     vkGetPhysicalDeviceProperties2(device, &properties);
     details.driver = std::string(driver.driverName) + " " + driver.driverInfo;
     details.most2StateLevel = std::max(ext.maxOpacity2StateSubdivisionLevel, khr.maxOpacity2StateSubdivisionLevel);
     details.most4StateLevel = std::max(ext.maxOpacity4StateSubdivisionLevel, khr.maxOpacity4StateSubdivisionLevel);
+
+    const VkPhysicalDeviceLimits &limits = properties.properties.limits;
+    const auto add = [&](const char *name, uint64_t value) { details.limits.push_back({name, value}); };
+    add("subgroupSize", subgroups.subgroupSize);
+    add("maxComputeSharedMemorySize", limits.maxComputeSharedMemorySize);
+    add("maxComputeWorkGroupInvocations", limits.maxComputeWorkGroupInvocations);
+    add("maxStorageBufferRange", limits.maxStorageBufferRange);
+    add("maxMemoryAllocationCount", limits.maxMemoryAllocationCount);
+    add("maxMemoryAllocationSize", memory.maxMemoryAllocationSize);
+    if (details.extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME)) {
+        add("maxGeometryCount", structures.maxGeometryCount);
+        add("maxInstanceCount", structures.maxInstanceCount);
+        add("maxPrimitiveCount", structures.maxPrimitiveCount);
+        add("minAccelerationStructureScratchOffsetAlignment",
+            structures.minAccelerationStructureScratchOffsetAlignment);
+    }
+    if (details.rayTracingPipelines) {
+        add("shaderGroupHandleSize", pipelines.shaderGroupHandleSize);
+        add("maxRayRecursionDepth", pipelines.maxRayRecursionDepth);
+        add("maxRayDispatchInvocationCount", pipelines.maxRayDispatchInvocationCount);
+        add("maxRayHitAttributeSize", pipelines.maxRayHitAttributeSize);
+    }
+    addHeaps(details, device);
+}
+
+// "driver", "emulated" or "translated" by the layer, "none".
+const char *codeOf(Provider provider)
+{
+    switch (provider) {
+    case Provider::Driver: return "driver";
+    case Provider::Layer: return "emulated";
+    case Provider::Translated: return "translated";
+    case Provider::Nobody: break;
+    }
+    return "none";
 }
 
 } // namespace
@@ -116,8 +170,9 @@ std::vector<DeviceDetails> describeDevices(const Instance &instance)
     for (const DeviceInfo &info : listDevices(instance)) {
         VkPhysicalDeviceProperties properties;
         vkGetPhysicalDeviceProperties(info.handle, &properties);
-        const std::set<std::string> extensions = extensionsOf(info.handle);
         DeviceDetails &details = all.emplace_back();
+        details.extensions = extensionsOf(info.handle);
+        const std::set<std::string> &extensions = details.extensions;
         details.name = info.name;
         details.kind = nameOf(info.type);
         details.version = versionText(properties.apiVersion);
@@ -125,7 +180,7 @@ std::vector<DeviceDetails> describeDevices(const Instance &instance)
         details.rayTracingPipelines = extensions.contains(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
         findMissing(details, info.handle, properties.apiVersion, extensions);
         if (properties.apiVersion >= VK_API_VERSION_1_2)
-            readProperties(details, info.handle, extensions);
+            readProperties(details, info.handle);
         // The layer reports what it does for the device.
         const Provider provider = info.implementation.starts_with("emulated") ? Provider::Layer : Provider::Driver;
         if (extensions.contains(VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME))
@@ -134,6 +189,23 @@ std::vector<DeviceDetails> describeDevices(const Instance &instance)
             details.khr = info.implementation.find("translates") != std::string::npos ? Provider::Translated : provider;
     }
     return all;
+}
+
+void writeMembers(const DeviceDetails &details, JsonWriter &json)
+{
+    json.member("name", details.name).member("kind", details.kind).member("driver", details.driver);
+    json.member("vulkan", details.version)
+        .member("accelerationStructures", details.accelerationStructures)
+        .member("rayQueries", details.rayQueries)
+        .member("rayTracingPipelines", details.rayTracingPipelines);
+    json.member("VK_KHR_opacity_micromap", codeOf(details.khr)).member("VK_EXT_opacity_micromap", codeOf(details.ext));
+    json.member("max2StateSubdivisionLevel", details.most2StateLevel)
+        .member("max4StateSubdivisionLevel", details.most4StateLevel);
+    json.values("missing", details.missing).values("extensions", details.extensions);
+    json.key("limits").beginObject();
+    for (const DeviceLimit &limit : details.limits)
+        json.member(limit.name, limit.value);
+    json.end();
 }
 
 } // namespace vellum::cli

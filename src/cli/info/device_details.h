@@ -2,15 +2,24 @@
 // What a Vulkan device has that micromaps need, and who brings it.
 #pragma once
 
+#include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "cli/vulkan/context.h"
+#include "gltf/file/json_writer.h"
 
 namespace vellum::cli
 {
 
 enum class Provider { Nobody, Driver, Layer, Translated };
+
+// Name of a limit as Vulkan has it, or of a memory heap, and its value.
+struct DeviceLimit {
+    std::string name;
+    uint64_t value = 0;
+};
 
 struct DeviceDetails {
     std::string name;
@@ -25,6 +34,9 @@ struct DeviceDetails {
     // With either extension.
     uint32_t most2StateLevel = 0;
     uint32_t most4StateLevel = 0;
+    std::set<std::string> extensions; // with the layer, if it is on
+    // Those that matter for ray tracing, and the bytes of each memory heap. None below Vulkan 1.2.
+    std::vector<DeviceLimit> limits;
     // Why the layer would not bring micromaps, one line each.
     std::vector<std::string> missing;
 
@@ -33,5 +45,8 @@ struct DeviceDetails {
 
 // Of each device of `instance`, in the order of listDevices.
 std::vector<DeviceDetails> describeDevices(const Instance &instance);
+
+// As members of the JSON object that is open.
+void writeMembers(const DeviceDetails &details, JsonWriter &json);
 
 } // namespace vellum::cli

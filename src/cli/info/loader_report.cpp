@@ -166,14 +166,6 @@ void write(const std::vector<Manifest> &manifests, JsonWriter &json)
     json.end();
 }
 
-void write(const std::vector<std::string> &lines, JsonWriter &json)
-{
-    json.beginArray();
-    for (const std::string &line : lines)
-        json.value(line);
-    json.end();
-}
-
 void print(const DeviceDetails &d)
 {
     const auto yes = [](bool has) { return has ? "yes" : "no"; };
@@ -187,33 +179,6 @@ void print(const DeviceDetails &d)
         fmt::print("limits      subdivision level {} with 2 states, {} with 4\n", d.most2StateLevel, d.most4StateLevel);
     for (const std::string &missing : d.missing)
         fmt::print("missing     {}: the layer cannot bring micromaps without\n", missing);
-}
-
-// Of the JSON.
-const char *codeOf(Provider provider)
-{
-    switch (provider) {
-    case Provider::Driver: return "driver";
-    case Provider::Layer: return "layer";
-    case Provider::Translated: return "layerOverExt";
-    case Provider::Nobody: break;
-    }
-    return "none";
-}
-
-void write(const DeviceDetails &d, JsonWriter &json)
-{
-    json.beginObject().member("name", d.name).member("kind", d.kind).member("driver", d.driver);
-    json.member("vulkan", d.version)
-        .member("accelerationStructures", d.accelerationStructures)
-        .member("rayQueries", d.rayQueries)
-        .member("rayTracingPipelines", d.rayTracingPipelines);
-    json.member("VK_KHR_opacity_micromap", codeOf(d.khr)).member("VK_EXT_opacity_micromap", codeOf(d.ext));
-    json.member("max2StateSubdivisionLevel", uint64_t{d.most2StateLevel})
-        .member("max4StateSubdivisionLevel", uint64_t{d.most4StateLevel});
-    json.key("missing");
-    write(d.missing, json);
-    json.end();
 }
 
 } // namespace
@@ -272,14 +237,13 @@ void write(const LoaderReport &report, JsonWriter &json)
     json.member("layerFound", report.layerFound)
         .member("layerOnByVariable", report.layerOnByVariable)
         .member("layerLoads", report.layerLoads);
-    json.key("turnOn");
-    write(report.turnOn, json);
-    json.key("devices").beginArray();
-    for (const DeviceDetails &device : report.devices)
-        write(device, json);
-    json.end().key("problems");
-    write(report.problems, json);
-    json.end();
+    json.values("turnOn", report.turnOn);
+    json.list("devices", report.devices, [&](const DeviceDetails &device) {
+        json.beginObject();
+        writeMembers(device, json);
+        json.end();
+    });
+    json.values("problems", report.problems).end();
 }
 
 } // namespace vellum::cli

@@ -173,6 +173,14 @@ void World::buildTop(Device &device, const RenderScene &scene)
                                                    std::span(&info, 1), std::span(&count, 1));
 }
 
+VkDeviceSize World::structureBytes() const
+{
+    VkDeviceSize bytes = top_->bytes() + ground_->bytes();
+    for (const auto &mesh : meshes_)
+        bytes += mesh->bytes();
+    return bytes;
+}
+
 VkDeviceSize World::micromapBytes() const
 {
     VkDeviceSize bytes = 0;

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 
 #include "cli/scene/render_scene.h"
+#include "cli/vulkan/gpu_timer.h"
 #include "cli/vulkan/resources.h"
 
 namespace vellum::cli
@@ -24,14 +26,19 @@ public:
     [[nodiscard]] virtual const void *attachment() const = 0;
     // Bytes of the micromap and of its index buffer.
     [[nodiscard]] VkDeviceSize bytes() const { return micromapBytes_ + indices_.size(); }
+    // How long the build took, by the clock from its recording to its end; without its buffers and uploads.
+    [[nodiscard]] Milliseconds buildTime() const { return buildTime_; }
 
 protected:
     // Uploads what both extensions read in the same way.
     GpuMicromap(Device &device, const Micromap &micromap);
+    // Builds it.
+    void run(const std::function<void(VkCommandBuffer)> &recordBuild);
 
     Device &device_;
     Buffer indices_;
     VkDeviceSize micromapBytes_ = 0; // of the micromap object, where there is one
+    Milliseconds buildTime_;
 };
 
 // Builds it, on a device that has micromaps enabled. `micromap` must be valid; where it has nothing but special indices
@@ -54,6 +61,7 @@ public:
 
     [[nodiscard]] VkAccelerationStructureKHR handle() const { return structure_; }
     [[nodiscard]] VkDeviceAddress address() const;
+    [[nodiscard]] VkDeviceSize bytes() const { return storage_.size(); }
 
 private:
     explicit AccelerationStructure(Device &device) : owner_(&device) {}
@@ -73,6 +81,8 @@ public:
 
     [[nodiscard]] VkAccelerationStructureKHR top() const { return top_->handle(); }
     [[nodiscard]] VkDeviceSize micromapBytes() const;
+    // Bytes of the acceleration structures.
+    [[nodiscard]] VkDeviceSize structureBytes() const;
 
 private:
     std::unique_ptr<AccelerationStructure> buildBottom(Device &device, std::span<const Geometry> geometries,

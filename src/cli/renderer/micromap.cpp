@@ -11,6 +11,18 @@ GpuMicromap::GpuMicromap(Device &device, const Micromap &micromap)
 {
 }
 
+void GpuMicromap::run(const std::function<void(VkCommandBuffer)> &recordBuild)
+{
+    const GpuTimer timer(device_);
+    buildTime_ = timer.time([&] {
+        device_.run([&](VkCommandBuffer commands) {
+            timer.begin(commands);
+            recordBuild(commands);
+            timer.end(commands);
+        });
+    });
+}
+
 std::unique_ptr<GpuMicromap> makeMicromap(Device &device, const Micromap &micromap)
 {
     return device.micromapApi() == MicromapApi::Khr ? makeKhrMicromap(device, micromap)

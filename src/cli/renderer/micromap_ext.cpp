@@ -115,7 +115,7 @@ void ExtMicromap::build(const Micromap &micromap)
                          Buffer::Place::Device);
     info.dstMicromap = micromap_;
     info.scratchData.deviceAddress = scratch.address(alignment);
-    device_.run([&](VkCommandBuffer commands) {
+    run([&](VkCommandBuffer commands) {
         vk.cmdBuildMicromaps(commands, 1, &info);
         micromapBarrier(commands);
     });

@@ -118,7 +118,7 @@ void KhrMicromap::build(const Micromap &micromap)
     info.scratchData.deviceAddress = scratch.address(alignment);
     // How much there is to build, the usage counts say.
     const VkAccelerationStructureBuildRangeInfoKHR *ranges = nullptr; // a micromap has none
-    device_.run([&](VkCommandBuffer commands) {
+    run([&](VkCommandBuffer commands) {
         vk.cmdBuildAccelerationStructures(commands, 1, &info, &ranges);
         buildBarrier(commands);
     });

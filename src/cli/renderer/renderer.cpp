@@ -29,7 +29,7 @@ Image whiteImage()
 } // namespace
 
 Renderer::Renderer(Device &device, const RenderSettings &settings, World &&world)
-    : device_(device), settings_(settings), world_(std::move(world))
+    : device_(device), settings_(settings), world_(std::move(world)), timer_(device)
 {
 }
 
@@ -50,7 +50,6 @@ Renderer::Renderer(Device &device, const RenderScene &scene, std::span<const Mic
 Renderer::~Renderer()
 {
     const VkDevice device = device_.handle();
-    vkDestroyQueryPool(device, timestamps_, nullptr);
     vkDestroyDescriptorPool(device, pool_, nullptr);
     vkDestroyPipelineLayout(device, layout_, nullptr);
     vkDestroyDescriptorSetLayout(device, setLayout_, nullptr);
@@ -194,38 +193,18 @@ void Renderer::record(VkCommandBuffer commands, const TracePipeline &pipeline) c
 
 void Renderer::recordFrame()
 {
-    if (device_.hasTimestamps()) {
-        VkQueryPoolCreateInfo info{};
-        info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
-        info.queryType = VK_QUERY_TYPE_TIMESTAMP;
-        info.queryCount = 2;
-        check(vkCreateQueryPool(device_.handle(), &info, nullptr, &timestamps_), "creating a query pool");
-        nanosecondsPerTick_ = static_cast<double>(device_.limits().timestampPeriod);
-    }
     commands_ = device_.allocateCommands();
     const VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO, nullptr, 0, nullptr};
     check(vkBeginCommandBuffer(commands_, &begin), "recording commands");
-    if (timestamps_ != VK_NULL_HANDLE) {
-        vkCmdResetQueryPool(commands_, timestamps_, 0, 2);
-        vkCmdWriteTimestamp(commands_, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, timestamps_, 0);
-    }
+    timer_.begin(commands_);
     record(commands_, *pipeline_);
-    if (timestamps_ != VK_NULL_HANDLE)
-        vkCmdWriteTimestamp(commands_, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, timestamps_, 1);
+    timer_.end(commands_);
     check(vkEndCommandBuffer(commands_), "recording commands");
 }
 
-double Renderer::frame()
+Milliseconds Renderer::timedFrame()
 {
-    const Clock::time_point start = Clock::now();
-    device_.submitAndWait(commands_);
-    if (timestamps_ == VK_NULL_HANDLE)
-        return millisecondsSince(start);
-    uint64_t ticks[2] = {};
-    check(vkGetQueryPoolResults(device_.handle(), timestamps_, 0, 2, sizeof(ticks), ticks, sizeof(ticks[0]),
-                                VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
-          "reading timestamps");
-    return static_cast<double>(ticks[1] - ticks[0]) * nanosecondsPerTick_ * 1e-6;
+    return timer_.time([this] { device_.submitAndWait(commands_); });
 }
 
 double Renderer::firstFrame()

@@ -8,6 +8,7 @@
 #include "cli/renderer/acceleration.h"
 #include "cli/renderer/trace_pipeline.h"
 #include "cli/scene/camera.h"
+#include "cli/vulkan/gpu_timer.h"
 
 namespace vellum::cli
 {
@@ -43,8 +44,10 @@ public:
     Renderer(const Renderer &) = delete;
     Renderer &operator=(const Renderer &) = delete;
 
-    // Renders one frame and returns its milliseconds: on a GPU by timestamps, else by the clock.
-    double frame();
+    // Renders one frame.
+    Milliseconds timedFrame();
+    // The same, and returns the milliseconds: on a GPU by timestamps, else by the clock.
+    double frame() { return timedFrame().gpu; }
     // Makes a new pipeline, renders a frame with it, and returns the milliseconds of both together by the clock.
     double firstFrame();
     // What the last frame drew.
@@ -54,6 +57,7 @@ public:
     // The same by pixel: what the shader was handed for all rays of a sample, on average.
     std::vector<float> candidatesPerPixel();
     [[nodiscard]] VkDeviceSize micromapBytes() const { return world_.micromapBytes(); }
+    [[nodiscard]] VkDeviceSize structureBytes() const { return world_.structureBytes(); }
 
 private:
     struct Frame { // push constants of shaders/scene.glsl
@@ -83,8 +87,7 @@ private:
     VkDescriptorSet set_ = VK_NULL_HANDLE;
     std::unique_ptr<TracePipeline> pipeline_;
     std::unique_ptr<TracePipeline> countingPipeline_; // made when it is first needed
-    VkQueryPool timestamps_ = VK_NULL_HANDLE;
-    double nanosecondsPerTick_ = 1;
+    GpuTimer timer_;
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
 };
 

@@ -38,7 +38,9 @@ const chart = (parent, title, frames) => {
   const left = 150, right = 60, width = 700, step = 26, height = 40 + step * frames.length;
   const most = Math.max(1.2, ...frames.map((f) => f.ratio[2])) * 1.05;
   const x = (value) => left + value / most * (width - left - right);
-  const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title }, parent);
+  const box = element("div", undefined, parent);
+  box.className = "scroll";
+  const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title }, box);
   const unit = [0.1, 0.2, 0.25, 0.5, 1, 2, 5, 10].find((u) => most / u <= 8) || 20;
   for (let value = 0; value <= most; value += unit) {
     svg("line", { x1: x(value), x2: x(value), y1: 8, y2: height - 24, class: "grid" }, picture);
@@ -73,11 +75,10 @@ report.parts.filter((part) => part.name.startsWith("frames")).forEach((part) => 
   chart(byId("charts"), title, frames);
   const box = element("details", undefined, byId("charts"));
   element("summary", "Numbers", box);
-  table(box, ["", "alpha test, ms", "micromaps, ms", "by the clock, ms", "ratio", "pairs", "candidates per ray", "micromaps, bytes",
-    "differing pixels"],
+  table(box, ["", "alpha test, ms", "micromaps, ms", "by the clock, ms", "ratio", "pairs", "candidates per ray", "differing pixels"],
   frames.map((f) => [`level ${f.level}, ${f.heavy ? "heavy" : "plain"}, ${f.width} × ${f.height}`, number(f.alpha), number(f.micromaps),
     `${number(f.alphaWall)} / ${number(f.micromapsWall)}`, f.ratio.map((r) => number(r, 3)).join(" – "), f.pairs,
-    f.candidatesPerRay.map((c) => number(c, 3)).join(" → "), f.bytes.toLocaleString("en"), f.differingPixels]));
+    f.candidatesPerRay.map((c) => number(c, 3)).join(" → "), f.differingPixels]));
   element("p", frames[0].timestamps ? "Times are by the GPU's timestamps." : "The device has no timestamps of use: times are by the clock.",
     box).className = "muted";
 });
@@ -87,10 +88,13 @@ report.parts.filter((part) => part.name.startsWith("builds")).forEach((part) => 
   if (builds.length + micromaps.length === 0) return;
   byId("builds").hidden = false;
   element("h3", `Micromaps ${implementation(part)}`, byId("build-tables"));
-  table(byId("build-tables"), ["without micromaps", "without the layer, ms", "with it, ms", "ratio", "with it, per second"],
-    builds.map((b) => [b.what, number(b.classic, 3), number(b.enabled, 3), number(b.ratio[1]), number(1000 * b.structures / b.enabled, 0)]));
-  table(byId("build-tables"), ["micromap, made one after another", "triangles", "ms", "per second"],
-    micromaps.map((m) => [`level ${m.level}`, m.triangles, number(m.milliseconds[1], 3), number(1000 / m.milliseconds[1], 0)]));
+  table(byId("build-tables"), ["without micromaps", "without the layer, ms", "with it, ms", "by the clock, ms", "ratio", "per second"],
+    builds.map((b) => [b.what, number(b.withoutLayer, 3), number(b.withLayer, 3),
+      `${number(b.withoutLayerWall, 3)} / ${number(b.withLayerWall, 3)}`, b.ratio.map((r) => number(r)).join(" – "),
+      number(1000 * b.structures / b.withLayer, 0)]));
+  table(byId("build-tables"), ["micromaps, one after another", "triangles", "ms", "by the clock, ms", "per second"],
+    micromaps.map((m) => [`level ${m.level}`, m.triangles, number(m.milliseconds[1], 3), number(m.wall, 3),
+      number(1000 / m.wall, 0)]));
 });
 
 report.parts.filter((part) => part.name.startsWith("pipelines")).forEach((part) => {
@@ -100,14 +104,30 @@ report.parts.filter((part) => part.name.startsWith("pipelines")).forEach((part) 
   element("h3", `Micromaps ${implementation(part)}`, byId("pipeline-tables"));
   table(byId("pipeline-tables"), ["", "without the layer", "with it", "ratio"],
     pipelines.map((p) => [`${p.trace === "query" ? "ray queries" : "ray tracing pipeline"}, ${p.withMicromaps ? "with" : "without"} micromaps`,
-      number(p.classic, 1), number(p.enabled, 1), number(p.ratio)]));
+      number(p.withoutLayer, 1), number(p.withLayer, 1), number(p.ratio)]));
 });
+
+// The scene is the same for all frames of a level.
+const memories = report.parts.filter((part) => part.name.startsWith("frames") && part.trace === "query")
+  .flatMap((part) => rows(part, "frame").filter((f) => !f.heavy).map((f) => [part, f]));
+if (memories.length > 0) {
+  const kibibytes = (bytes) => number(bytes / 1024, 0);
+  byId("memory").hidden = false;
+  table(byId("memory-table"), ["", "micromaps", "acceleration structures", "without micromaps"],
+    memories.map(([part, f]) => [`level ${f.level}, ${implementation(part)}`, kibibytes(f.micromapBytes),
+      kibibytes(f.micromapsStructureBytes), kibibytes(f.alphaStructureBytes)]));
+}
 
 const checks = report.parts.flatMap((part) => rows(part, "check").map((row) => [part, row]));
 if (checks.length > 0) {
   byId("checks").hidden = false;
   table(byId("check-table"), ["micromaps", "passed", "failed", "skipped", "rays"],
     checks.map(([part, c]) => [implementation(part), c.passed, c.failed, c.skipped, c.rays.toLocaleString("en")]));
+}
+if (device) {
+  byId("details").hidden = false;
+  table(byId("limits"), ["limit", "value"], Object.entries(device.limits).map(([name, value]) => [name, value.toLocaleString("en")]));
+  byId("extensions").textContent = device.extensions.join(" ");
 }
 table(byId("run"), ["part", "seconds", "result"],
   report.parts.map((part) => [part.name, number(part.seconds, 1), part.failure || "complete"]));
