@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "cli/base/system/streams.h"
+#include "cli/base/system/this_process.h"
 #include "cli/check_options.h"
 
 #include <algorithm>
@@ -6,12 +8,11 @@
 #include <cstdlib>
 #include <fmt/format.h>
 #include <set>
-#include <unistd.h>
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/interrupt.h"
 #include "cli/base/progress.h"
+#include "cli/base/system/interrupt.h"
 #include "cli/check/formats.h"
 #include "cli/check/output_folder.h"
 #include "cli/check/runner.h"
@@ -33,9 +34,10 @@ void prepareEnvironment(const CheckOptions &options)
 {
     if (options.layer)
         offerLayer(options.layerFolder);
-    setenv("VELLUM_MESSAGE_LIMIT", "0", 0); // what the layer reports fails a case, whatever it reported before
+    if (!variable("VELLUM_MESSAGE_LIMIT"))
+        setVariable("VELLUM_MESSAGE_LIMIT", "0"); // what the layer reports fails a case, whatever it reported before
     if (!options.implementation.empty())
-        setenv("VELLUM_IMPLEMENTATION", options.implementation.c_str(), 1);
+        setVariable("VELLUM_IMPLEMENTATION", options.implementation);
 }
 
 std::vector<CaseId> readCaseList(const std::filesystem::path &path)
@@ -155,7 +157,7 @@ public:
                 [&] { details.reproducer = folder_.writeFailure(finished, seedOf(options_.seed, finished.id)); });
         result.details = std::make_shared<CaseResult::Details>(std::move(details));
         if (!isSuccess(result.verdict) && announced_.insert(causeOf(result)).second)
-            std::fprintf(stderr, "%s%s: %s\n", isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "", nameOf(result.id).c_str(),
+            std::fprintf(stderr, "%s%s: %s\n", isTerminal(stderr) ? "\r\033[K" : "", nameOf(result.id).c_str(),
                          causeOf(result).c_str());
     }
 

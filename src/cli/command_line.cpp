@@ -89,9 +89,10 @@ std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
 
 } // namespace
 
-std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
+std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const std::vector<std::string> &words)
 {
     app.name("vellum");
+    app.allow_windows_style_options(false); // paths begin with a slash everywhere
     app.description("Bakes, checks and shows opacity micromaps, and renders with them");
     app.formatter(helpFormatter());
     app.set_help_flag("-h,--help", "Print this help")->group(kGeneral);
@@ -105,7 +106,7 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     commands["inspect"] = declareInspectCommand(app);
     commands["render"] = declareRenderCommand(app);
     commands["info"] = declareInfoCommand(app);
-    commands["run"] = declareRunCommand(app);
+    commands["run"] = declareRunCommand(app, words);
     commands["spirv"] = declareSpirvCommand(app);
     commands["verify"] = declareVerifyCommand(app);
     commands["bench"] = declareBenchCommand(app);
@@ -116,19 +117,19 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app)
     return commands;
 }
 
-int runCommandLine(int argc, char **argv)
+int runCommandLine(const std::vector<std::string> &words)
 {
     CLI::App app;
-    const std::map<std::string, std::function<int()>> commands = declareCommands(app);
-    if (argc < 2) {
+    const std::map<std::string, std::function<int()>> commands = declareCommands(app, words);
+    if (words.empty()) {
         std::fputs(app.help().c_str(), stderr);
         return static_cast<int>(ExitCode::Usage);
     }
-    if (*argv[1] != '-' && !commands.contains(argv[1]))
-        rejectSubcommand(app, argv[1]);
+    if (!words[0].starts_with('-') && !commands.contains(words[0]))
+        rejectSubcommand(app, words[0]);
     try {
-        app.parse(argc, argv);
-    } catch (const CLI::Success &asked) { // --help and --version
+        app.parse(std::vector<std::string>(words.rbegin(), words.rend())); // CLI11 takes the last word first
+    } catch (const CLI::Success &asked) {                                  // --help and --version
         return app.exit(asked);
     } catch (const CLI::ParseError &error) {
         throw UsageError(messageOf(app, error));

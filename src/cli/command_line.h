@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <vector>
 
 namespace CLI
 {
@@ -14,11 +15,12 @@ class App;
 namespace vellum::cli
 {
 
-// Adds all subcommands and their options. Returns what runs each of them.
-std::map<std::string, std::function<int()>> declareCommands(CLI::App &app);
+// Adds all subcommands and their options. `words`: the command line, which `vellum run` takes a program from. Returns
+// what runs each of them.
+std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const std::vector<std::string> &words);
 
-// Parses the command line and runs the command it names. Prints what --help and --version ask for. Returns the
-// process's exit code; throws Error, GltfError or BakeError.
-int runCommandLine(int argc, char **argv);
+// Parses the command line, without the name of the program, and runs the command it names. Prints what --help and
+// --version ask for. Returns the process's exit code; throws Error, GltfError or BakeError.
+int runCommandLine(const std::vector<std::string> &words);
 
 } // namespace vellum::cli

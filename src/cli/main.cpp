@@ -4,13 +4,14 @@
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
+#include "cli/base/system/this_process.h"
 #include "cli/command_line.h"
 
 int main(int argc, char **argv)
 {
     auto code = vellum::cli::ExitCode::Failed;
     try {
-        const int result = vellum::cli::runCommandLine(argc, argv);
+        const int result = vellum::cli::runCommandLine(vellum::cli::prepareProcess(argc, argv));
         // A full disk behind a redirection is noticed when the last bytes are written.
         if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0)
             return result;

@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum run`
 #include <CLI/CLI.hpp>
-#include <cstdlib>
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
-#include <unistd.h>
 
 #include "cli/base/error.h"
+#include "cli/base/system/child_process.h"
+#include "cli/base/system/files.h"
+#include "cli/base/system/this_process.h"
 #include "cli/info/manifests.h"
 #include "cli/options/checks.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/run/message_summary.h"
-#include "cli/run/program.h"
 #include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
@@ -58,44 +59,12 @@ struct RunOptions {
     std::optional<std::filesystem::path> layerFolder;
 };
 
-// The command line behind "--", as it is: its library splits words like "[a,b]".
-std::vector<std::string> wordsBehindSeparator()
+// The words behind "--", as they are: the library of the command line splits words like "[a,b]".
+std::vector<std::string> wordsBehindSeparator(const std::vector<std::string> &words)
 {
-    std::ifstream file("/proc/self/cmdline", std::ios::binary);
-    std::vector<std::string> words;
-    bool behind = false;
-    for (std::string word; std::getline(file, word, '\0');) {
-        if (behind)
-            words.push_back(word);
-        behind = behind || word == "--";
-    }
-    return words;
+    const auto separator = std::find(words.begin(), words.end(), "--");
+    return {separator == words.end() ? separator : separator + 1, words.end()};
 }
-
-// The file that the layer's messages go to while the program runs.
-class TemporaryFile
-{
-public:
-    TemporaryFile() : path_((std::filesystem::temp_directory_path() / "vellum-run-XXXXXX").string())
-    {
-        const int descriptor = mkstemp(path_.data());
-        if (descriptor < 0)
-            throw Error(path_ + " cannot be written");
-        close(descriptor);
-    }
-    ~TemporaryFile()
-    {
-        std::error_code error;
-        std::filesystem::remove(path_, error);
-    }
-    TemporaryFile(const TemporaryFile &) = delete;
-    TemporaryFile &operator=(const TemporaryFile &) = delete;
-
-    [[nodiscard]] const std::string &path() const { return path_; }
-
-private:
-    std::string path_;
-};
 
 // Lets the loader find and load the layer in programs that inherit the environment.
 void turnLayerOn(const std::optional<std::filesystem::path> &given)
@@ -106,10 +75,10 @@ void turnLayerOn(const std::optional<std::filesystem::path> &given)
         throw Error("the layer is not found; name the folder of its manifest by --layer-path");
     if (folder)
         addLayerFolder(std::filesystem::absolute(*folder));
-    const char *old = std::getenv("VK_INSTANCE_LAYERS");
-    const std::string others = old != nullptr ? old : "";
-    if ((":" + others + ":").find(std::string(":") + kLayerName + ":") == std::string::npos)
-        setenv("VK_INSTANCE_LAYERS", (kLayerName + (others.empty() ? "" : ":" + others)).c_str(), 1);
+    const std::string others = variable("VK_INSTANCE_LAYERS").value_or("");
+    const std::string separator(1, kListSeparator);
+    if ((separator + others + separator).find(separator + kLayerName + separator) == std::string::npos)
+        setVariable("VK_INSTANCE_LAYERS", kLayerName + (others.empty() ? "" : separator + others));
 }
 
 void applySettings(const RunOptions &options)
@@ -118,14 +87,15 @@ void applySettings(const RunOptions &options)
         {"VELLUM_ASSUME_MICROMAPS", options.assumeMicromaps},
         {"VELLUM_STRICT", options.strict},
     };
-    for (const auto &[variable, on] : settings)
+    for (const auto &[name, on] : settings)
         if (on)
-            setenv(variable, "1", 1);
+            setVariable(name, "1");
     if (!options.implementation.empty())
-        setenv("VELLUM_IMPLEMENTATION", options.implementation.c_str(), 1);
+        setVariable("VELLUM_IMPLEMENTATION", options.implementation);
     if (!options.validate.empty())
-        setenv("VELLUM_VALIDATE", options.validate.c_str(), 1);
-    setenv("VELLUM_MESSAGE_LIMIT", "0", 0); // every message is counted
+        setVariable("VELLUM_VALIDATE", options.validate);
+    if (!variable("VELLUM_MESSAGE_LIMIT"))
+        setVariable("VELLUM_MESSAGE_LIMIT", "0"); // every message is counted
 }
 
 // Whether messages fail a program that succeeds.
@@ -136,9 +106,9 @@ bool fails(const MessageSummary &summary, const std::string &failOn)
     return summary.errors != 0 || (failOn == "warning" && summary.warnings != 0);
 }
 
-int run(const RunOptions &options)
+int run(const RunOptions &options, const std::vector<std::string> &commandLine)
 {
-    std::vector<std::string> words = wordsBehindSeparator();
+    std::vector<std::string> words = wordsBehindSeparator(commandLine);
     if (words.empty())
         words = options.program;
     const TemporaryFile messages;
@@ -149,7 +119,7 @@ int run(const RunOptions &options)
         return kNotRun;
     }
     applySettings(options);
-    setenv("VELLUM_REPORT_FILE", messages.path().c_str(), 1);
+    setVariable("VELLUM_REPORT_FILE", messages.path().string());
     const int code = runProgram(words);
     if (code == 126 || code == 127)
         return code;
@@ -165,7 +135,7 @@ int run(const RunOptions &options)
 
 } // namespace
 
-std::function<int()> declareRunCommand(CLI::App &app)
+std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::string> &words)
 {
     const auto options = std::make_shared<RunOptions>();
     CLI::App &command =
@@ -197,7 +167,7 @@ std::function<int()> declareRunCommand(CLI::App &app)
         .add_option("--layer-path", options->layerFolder,
                     "Folder of the layer's manifest, instead of the one installed with this program")
         ->type_name("FOLDER");
-    return [options] { return run(*options); };
+    return [options, words] { return run(*options, words); };
 }
 
 } // namespace vellum::cli

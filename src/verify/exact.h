@@ -3,9 +3,8 @@
 // that run along an edge. Fractions of integers of any size; slow, and seldom needed.
 #pragma once
 
-#include <gmpxx.h>
-
 #include <array>
+#include <boost/multiprecision/cpp_int.hpp>
 #include <cstdint>
 
 #include "verify/texels.h"
@@ -13,6 +12,8 @@
 
 namespace vellum::verify
 {
+
+using Fraction = boost::multiprecision::number<boost::multiprecision::cpp_rational_backend, boost::multiprecision::et_off>;
 
 // Which outcomes the alpha test has.
 struct Outcomes {
@@ -35,8 +36,8 @@ public:
 
 private:
     struct Corner {
-        mpq_class x;
-        mpq_class y;
+        Fraction x;
+        Fraction y;
     };
     std::array<Corner, 3> corners_;
 };

@@ -12,9 +12,9 @@
 #include "cli/bake/bake_report.h"
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/interrupt.h"
 #include "cli/base/progress.h"
 #include "cli/base/standard_streams.h"
+#include "cli/base/system/interrupt.h"
 
 namespace vellum::cli
 {

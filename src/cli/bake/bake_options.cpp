@@ -7,11 +7,11 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <unistd.h>
 
 #include "cli/bake/bake_command.h"
 #include "cli/base/error.h"
 #include "cli/base/standard_streams.h"
+#include "cli/base/system/streams.h"
 #include "cli/options/checks.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
@@ -201,7 +201,7 @@ void checkTogether(const BakeCommandOptions &options)
         throw UsageError("--report and --json exclude each other");
     if (options.json && options.output == "-")
         throw UsageError("--json and an output to stdout exclude each other");
-    if (options.output == "-" && !options.dryRun && isatty(STDOUT_FILENO) == 1)
+    if (options.output == "-" && !options.dryRun && isTerminal(stdout))
         throw UsageError("stdout is a terminal: redirect it, or give an output file");
 }
 

@@ -2,11 +2,11 @@
 #include <algorithm>
 #include <map>
 #include <optional>
-#include <sys/stat.h>
 
 #include "cli/bake/bake_command.h"
 #include "cli/base/error.h"
 #include "cli/base/standard_streams.h"
+#include "cli/base/system/files.h"
 #include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
@@ -100,8 +100,6 @@ public:
     std::string problemOf(size_t number);
 
 private:
-    using FileId = std::pair<dev_t, ino_t>;
-    static std::optional<FileId> idOf(const fs::path &path);
     void addRead(const fs::path &path, const fs::path &input);
 
     const std::vector<BakeJob> &jobs_;
@@ -115,15 +113,6 @@ private:
     };
     std::map<fs::path, Write> writes_;
 };
-
-std::optional<Conflicts::FileId> Conflicts::idOf(const fs::path &path)
-{
-    struct stat status {
-    };
-    if (stat(path.c_str(), &status) != 0)
-        return std::nullopt;
-    return FileId{status.st_dev, status.st_ino};
-}
 
 void Conflicts::addRead(const fs::path &path, const fs::path &input)
 {

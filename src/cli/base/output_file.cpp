@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/base/output_file.h"
 
-#include <cerrno>
-#include <cstring>
 #include <fstream>
 #include <string>
-#include <unistd.h>
 
 #include "cli/base/error.h"
+#include "cli/base/system/files.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
 
@@ -47,8 +45,8 @@ void checkWritable(const std::filesystem::path &path, bool force)
         throw Error(path.string() + " cannot be written: " + folder.string() + " is not a directory");
     if (std::filesystem::is_directory(path, error))
         throw Error(path.string() + " cannot be written: it is a directory");
-    if (access(folder.c_str(), W_OK) != 0)
-        throw Error(path.string() + " cannot be written: " + std::strerror(errno));
+    if (const std::string problem = problemOfFolder(folder); !problem.empty())
+        throw Error(path.string() + " cannot be written: " + problem);
     if (!force && std::filesystem::exists(path, error) && !isOwnOutput(path))
         throw Error(path.string() + " exists and was not written by vellum; --force replaces it");
 }

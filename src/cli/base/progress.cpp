@@ -2,13 +2,14 @@
 #include "cli/base/progress.h"
 
 #include <cstdio>
-#include <unistd.h>
+
+#include "cli/base/system/streams.h"
 
 namespace vellum::cli
 {
 
 Progress::Progress(std::string what, bool enabled)
-    : what_(std::move(what)), enabled_(enabled && !disabled_ && isatty(STDERR_FILENO) == 1)
+    : what_(std::move(what)), enabled_(enabled && !disabled_ && isTerminal(stderr))
 {
     if (enabled_)
         std::fprintf(stderr, "\r\033[K%s ...", what_.c_str());

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/base/standard_streams.h"
 
-#include <unistd.h>
-
 #include "cli/base/error.h"
 #include "cli/base/output_file.h"
 #include "cli/base/progress.h"
+#include "cli/base/system/streams.h"
 
 namespace vellum::cli
 {
@@ -37,20 +36,19 @@ Document openDocument(const std::filesystem::path &path)
 void discardReports()
 {
     Progress::disable();
-    if (std::freopen("/dev/null", "w", stdout) == nullptr)
-        throw Error("/dev/null cannot be opened");
+    if (!discardStdout())
+        throw Error("stdout cannot be closed");
 }
 
 DataOutput::DataOutput(Reports reports) : file_(nullptr, &std::fclose)
 {
     std::fflush(stdout);
-    if (const int copy = dup(STDOUT_FILENO); copy >= 0)
-        file_.reset(fdopen(copy, "wb"));
+    file_.reset(duplicateStdout());
     if (file_ == nullptr)
         throw Error("stdout cannot be written");
     if (reports == Reports::Discarded)
         discardReports();
-    else if (dup2(STDERR_FILENO, STDOUT_FILENO) < 0)
+    else if (!sendStdoutToStderr())
         throw Error("stdout cannot be written");
 }
 

@@ -8,6 +8,8 @@
 
 #include "check/groups/group.h"
 #include "cli/base/paired_timing.h"
+#include "cli/base/system/child_process.h"
+#include "cli/base/system/this_process.h"
 #include "cli/bench/pipeline_timing.h"
 #include "cli/bench/structure_timing.h"
 #include "cli/info/device_details.h"
@@ -326,7 +328,8 @@ std::string Part::name() const
 
 int runPart(const Part &part, const BenchDevice &device)
 {
-    setenv("VELLUM_IMPLEMENTATION", part.implementation.c_str(), 1);
+    endWithParent();
+    setVariable("VELLUM_IMPLEMENTATION", part.implementation);
     if (part.kind == PartKind::Pipelines)
         disableShaderCaches();
     offerLayer(device.layerFolder);

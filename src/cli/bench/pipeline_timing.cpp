@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "cli/base/paired_timing.h"
+#include "cli/base/system/this_process.h"
 #include "cli/scene/baked_scene.h"
 
 namespace vellum::cli
@@ -11,8 +12,8 @@ namespace vellum::cli
 
 void disableShaderCaches()
 {
-    setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); // Mesa
-    setenv("__GL_SHADER_DISK_CACHE", "0", 1);       // NVIDIA
+    setVariable("MESA_SHADER_CACHE_DISABLE", "true"); // Mesa
+    setVariable("__GL_SHADER_DISK_CACHE", "0");       // NVIDIA
 }
 
 std::array<PipelineTiming, 2> measurePipelines(const TimedDevices &devices, const RenderScene &scene, Trace trace,

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "cli/base/error.h"
-#include "cli/base/interrupt.h"
+#include "cli/base/system/interrupt.h"
 #include "cli/check/worker_process.h"
 
 namespace vellum::cli
@@ -45,7 +45,8 @@ public:
     void check();
     // Reports what is known, at an interruption.
     void stop();
-    [[nodiscard]] const WorkerProcess *process() const { return process_.get(); }
+    // Null without a worker.
+    [[nodiscard]] const ChildProcess *process() const { return process_ ? &process_->process() : nullptr; }
 
 private:
     void begin(const CaseId &id);
@@ -137,18 +138,18 @@ void Runner::Slot::check()
 {
     if (process_ == nullptr)
         return;
-    const std::optional<std::string> ending = process_->ending(); // first: what was written before it is read below
+    const std::optional<ProcessEnd> end = process_->process().end(); // first: what was written before it is read below
     const std::vector<Event> events = process_->read();
     for (const Event &event : events)
         handle(event);
     const bool late = (current_ || closing_) && since(waitingSince_) > limit_;
-    if (process_ == nullptr || (!ending && !late))
+    if (process_ == nullptr || (!end && !late))
         return;
-    const check::Status status = ending ? check::Status::Crash : check::Status::Timeout;
+    const check::Status status = end ? check::Status::Crash : check::Status::Timeout;
     if (current_)
-        fail(status, ending ? causeOfEnd(*ending, process_->printed()) : "");
+        fail(status, end ? causeOfEnd(*end, process_->printed()) : "");
     else
-        closed(status, ending.value_or("timeout"));
+        closed(status, end ? end->text() : "timeout");
     drop();
 }
 
@@ -302,7 +303,6 @@ void Runner::reportMissing(Schedule &schedule)
 
 void Runner::run(Schedule &schedule)
 {
-    const IgnoredPipeSignal ignored;
     start_ = Clock::now();
     if (settings_.budget && schedule.streams() != 0) {
         schedule.shareTime();
@@ -313,14 +313,14 @@ void Runner::run(Schedule &schedule)
         slots.push_back(std::make_unique<Slot>(*this));
     for (bool busy = true; busy && !Interruptible::interrupted() && !(settings_.failFast && failed_);) {
         busy = false;
-        std::vector<const WorkerProcess *> processes;
+        std::vector<const ChildProcess *> processes;
         for (const auto &slot : slots) {
             busy |= slot->proceed(schedule);
             if (slot->process() != nullptr)
                 processes.push_back(slot->process());
         }
         if (!processes.empty())
-            waitForAny(processes, kMillisecondsOfWaiting);
+            ChildProcess::waitForAny(processes, kMillisecondsOfWaiting);
         for (const auto &slot : slots)
             slot->check();
         tick_();
@@ -333,13 +333,12 @@ void Runner::run(Schedule &schedule)
 
 DeviceSummary askForDevice(const check::SessionOptions &options, double timeout)
 {
-    const IgnoredPipeSignal ignored;
     WorkerProcess worker(options);
     worker.send({.kind = Request::Kind::Describe});
     const Answer answer = waitForAnswer(worker, timeout);
     if (!answer.event)
-        throw Error(answer.ending ? "listing the Vulkan devices failed: " + *answer.ending
-                                  : "listing the Vulkan devices takes too long");
+        throw Error(answer.end ? "listing the Vulkan devices failed: " + answer.end->text()
+                               : "listing the Vulkan devices takes too long");
     if (answer.event->kind == Event::Kind::Error)
         throw Error(answer.event->message);
     return answer.event->device;

@@ -1,40 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/separate_runs.h"
 
-#include <cerrno>
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include "cli/base/error.h"
+#include "cli/base/system/files.h"
 
 namespace vellum::cli
 {
-namespace
-{
-
-// A file that other processes can read as long as this object exists.
-class SharedFile
-{
-public:
-    explicit SharedFile(const std::string &text) : file_(memfd_create("reproducer", MFD_CLOEXEC))
-    {
-        for (size_t at = 0; at < text.size();) {
-            const ssize_t written = ::write(file_.number(), text.data() + at, text.size() - at);
-            if (written < 0 && errno != EINTR)
-                throw Error("no reproducer can be written");
-            at += written > 0 ? static_cast<size_t>(written) : 0;
-        }
-    }
-    [[nodiscard]] std::string path() const
-    {
-        return "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(file_.number());
-    }
-
-private:
-    Descriptor file_;
-};
-
-} // namespace
 
 std::string SeparateRuns::make(const std::string &group, uint64_t seed)
 {
@@ -46,8 +17,8 @@ std::string SeparateRuns::make(const std::string &group, uint64_t seed)
 
 check::Outcome SeparateRuns::run(const std::string &reproducer)
 {
-    const SharedFile file(write(Reproducer{.api = options_.api, .shrunk = reproducer}));
-    return outcomeOf({.kind = Request::Kind::Replay, .document = file.path()});
+    const SharedText document(write(Reproducer{.api = options_.api, .shrunk = reproducer}));
+    return outcomeOf({.kind = Request::Kind::Replay, .document = document.path()});
 }
 
 check::Outcome SeparateRuns::outcomeOf(const Request &request)
@@ -65,8 +36,8 @@ check::Outcome SeparateRuns::outcomeOf(const Request &request)
         return answer.event->kind == Event::Kind::End
                    ? answer.event->outcome
                    : outcomeOfEnd(check::Status::Crash, answer.event->message, printed);
-    if (answer.ending)
-        return outcomeOfEnd(check::Status::Crash, causeOfEnd(*answer.ending, printed), printed);
+    if (answer.end)
+        return outcomeOfEnd(check::Status::Crash, causeOfEnd(*answer.end, printed), printed);
     return outcomeOfEnd(check::Status::Timeout, "", printed);
 }
 

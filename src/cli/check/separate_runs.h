@@ -24,7 +24,6 @@ private:
 
     check::SessionOptions options_;
     double timeout_;
-    IgnoredPipeSignal ignored_;
     std::unique_ptr<WorkerProcess> process_;
 };
 

@@ -1,17 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/worker.h"
 
-#include <cerrno>
-#include <csignal>
 #include <exception>
-#include <fcntl.h>
 #include <iostream>
 #include <string>
-#include <sys/prctl.h>
-#include <unistd.h>
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
+#include "cli/base/standard_streams.h"
+#include "cli/base/system/child_process.h"
 #include "cli/check/case_id.h"
 #include "cli/check/device.h"
 #include "cli/check/protocol.h"
@@ -22,21 +19,16 @@ namespace vellum::cli
 namespace
 {
 
-void send(const Event &event)
-{
-    const std::string line = write(event) + "\n";
-    for (size_t at = 0; at < line.size();) {
-        const ssize_t written = ::write(kEventDescriptor, line.data() + at, line.size() - at);
-        if (written < 0 && errno != EINTR)
-            throw Error("vellum check has ended");
-        at += written > 0 ? static_cast<size_t>(written) : 0;
-    }
-}
-
 class Worker
 {
 public:
     explicit Worker(const check::SessionOptions &options) : options_(options) {}
+
+    void send(const Event &event)
+    {
+        events_.write(write(event) + "\n");
+        events_.finish();
+    }
 
     void answer(const Request &request)
     {
@@ -96,6 +88,7 @@ private:
     }
 
     check::SessionOptions options_;
+    DataOutput events_{DataOutput::Reports::ToStderr};
     std::shared_ptr<check::Session> session_;
 };
 
@@ -103,18 +96,19 @@ private:
 
 int runWorker(const check::SessionOptions &options)
 {
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (fcntl(kEventDescriptor, F_SETFD, FD_CLOEXEC) < 0)
-        throw UsageError("--worker is for vellum check itself");
+    endWithParent();
     Worker worker(options);
-    for (std::string line; std::getline(std::cin, line);) {
+    bool asked = false;
+    for (std::string line; std::getline(std::cin, line); asked = true) {
         try {
             worker.answer(parseRequest(line));
         } catch (const std::exception &error) {
-            send({Event::Kind::Error, {}, {}, error.what()});
+            worker.send({Event::Kind::Error, {}, {}, error.what()});
             return static_cast<int>(ExitCode::Failed);
         }
     }
+    if (!asked)
+        throw UsageError("--worker is for vellum check itself");
     return static_cast<int>(ExitCode::Success);
 }
 

@@ -7,10 +7,7 @@
 namespace vellum::cli
 {
 
-// Where a worker writes its events: a driver writes to stdout.
-inline constexpr int kEventDescriptor = 3;
-
-// Answers the requests of stdin until it ends. Returns an exit code.
+// Answers the requests of stdin until it ends, on stdout. What the driver prints goes to stderr. Returns an exit code.
 int runWorker(const check::SessionOptions &options);
 
 } // namespace vellum::cli

@@ -1,22 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/worker_process.h"
 
-#include <cerrno>
 #include <chrono>
-#include <csignal>
-#include <cstring>
-#include <fcntl.h>
-#include <poll.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <thread>
-#include <unistd.h>
 #include <utility>
 
 #include "cli/base/error.h"
-#include "cli/base/interrupt.h"
+#include "cli/base/system/interrupt.h"
 #include "cli/check/case_id.h"
-#include "cli/check/worker.h"
 
 namespace vellum::cli
 {
@@ -26,75 +16,14 @@ namespace
 constexpr size_t kMostPrinted = 4096;
 constexpr int kMillisecondsOfWaiting = 20;
 
-struct Pipe {
-    Descriptor reading;
-    Descriptor writing;
-};
-
-// Neither end has one of the numbers that the worker's descriptors get.
-Pipe makePipe()
+std::vector<std::string> argumentsOf(const check::SessionOptions &options)
 {
-    int ends[2];
-    if (pipe2(ends, O_CLOEXEC) != 0)
-        throw Error("no pipe can be made: " + std::string(std::strerror(errno)));
-    const Descriptor first(ends[0]);
-    const Descriptor second(ends[1]);
-    Pipe pipe{Descriptor(fcntl(ends[0], F_DUPFD_CLOEXEC, 10)), Descriptor(fcntl(ends[1], F_DUPFD_CLOEXEC, 10))};
-    if (pipe.reading.number() < 0 || pipe.writing.number() < 0)
-        throw Error("no pipe can be made: " + std::string(std::strerror(errno)));
-    return pipe;
-}
-
-// Reads what there is. Closes the descriptor at the end of what it has.
-void readInto(Descriptor &descriptor, std::string &text)
-{
-    char buffer[65536];
-    while (descriptor.number() >= 0) {
-        const ssize_t count = ::read(descriptor.number(), buffer, sizeof buffer);
-        if (count > 0)
-            text.append(buffer, static_cast<size_t>(count));
-        else if (count == 0)
-            descriptor.close();
-        else if (errno != EINTR)
-            return;
-    }
-}
-
-std::string nameOfSignal(int signal)
-{
-    const char *name = sigabbrev_np(signal);
-    return name != nullptr ? std::string("SIG") + name : "signal " + std::to_string(signal);
-}
-
-pid_t spawn(std::vector<std::string> words, const Descriptor &requests, const Descriptor &events,
-            const Descriptor &output)
-{
-    std::vector<char *> arguments;
-    for (std::string &word : words)
-        arguments.push_back(word.data());
-    arguments.push_back(nullptr);
-    posix_spawn_file_actions_t files;
-    posix_spawn_file_actions_init(&files);
-    posix_spawn_file_actions_adddup2(&files, requests.number(), STDIN_FILENO);
-    posix_spawn_file_actions_adddup2(&files, output.number(), STDOUT_FILENO);
-    posix_spawn_file_actions_adddup2(&files, output.number(), STDERR_FILENO);
-    posix_spawn_file_actions_adddup2(&files, events.number(), kEventDescriptor);
-    sigset_t ignored;
-    sigemptyset(&ignored);
-    sigaddset(&ignored, SIGPIPE);
-    sigaddset(&ignored, SIGXFSZ);
-    posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGDEF);
-    posix_spawnattr_setpgroup(&attributes, 0);
-    posix_spawnattr_setsigdefault(&attributes, &ignored);
-    pid_t process = 0;
-    const int error = posix_spawn(&process, "/proc/self/exe", &files, &attributes, arguments.data(), environ);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&files);
-    if (error != 0)
-        throw Error("no worker process can be started: " + std::string(std::strerror(error)));
-    return process;
+    std::vector<std::string> arguments = {"check", "--worker", "--api", nameOf(options.api)};
+    if (options.device)
+        arguments.insert(arguments.end(), {"--device", *options.device});
+    if (!options.layer)
+        arguments.emplace_back("--no-layer");
+    return arguments;
 }
 
 // The failed assertion that a driver printed; empty if there is none.
@@ -113,76 +42,19 @@ std::string assertionIn(const std::string &printed)
 
 } // namespace
 
-Descriptor &Descriptor::operator=(Descriptor &&other) noexcept
-{
-    std::swap(number_, other.number_);
-    return *this;
-}
-
-void Descriptor::close()
-{
-    if (number_ >= 0)
-        ::close(number_);
-    number_ = -1;
-}
-
-WorkerProcess::WorkerProcess(const check::SessionOptions &options)
-{
-    Pipe requests = makePipe();
-    Pipe events = makePipe();
-    Pipe output = makePipe();
-    std::vector<std::string> words = {"vellum", "check", "--worker", "--api", nameOf(options.api)};
-    if (options.device)
-        words.insert(words.end(), {"--device", *options.device});
-    if (!options.layer)
-        words.emplace_back("--no-layer");
-    process_ = spawn(std::move(words), requests.reading, events.writing, output.writing);
-    requests_ = std::move(requests.writing);
-    events_ = std::move(events.reading);
-    output_ = std::move(output.reading);
-    fcntl(events_.number(), F_SETFL, O_NONBLOCK);
-    fcntl(output_.number(), F_SETFL, O_NONBLOCK);
-}
-
-WorkerProcess::~WorkerProcess()
-{
-    kill();
-    // A process that hangs in the kernel cannot be waited for.
-    for (int i = 0; i < 500 && waitpid(process_, nullptr, WNOHANG) == 0; ++i)
-        std::this_thread::sleep_for(std::chrono::milliseconds(10));
-}
+WorkerProcess::WorkerProcess(const check::SessionOptions &options) : process_(argumentsOf(options)) {}
 
 void WorkerProcess::send(const Request &request)
 {
     printed_.clear();
-    const std::string line = write(request) + "\n";
-    // A worker that has ended shows it by ending(). Requests are shorter than a pipe's buffer.
-    if (::write(requests_.number(), line.data(), line.size()) < 0)
-        requests_.close();
-}
-
-void WorkerProcess::kill()
-{
-    ::kill(-process_, SIGKILL);
-}
-
-std::optional<std::string> WorkerProcess::ending() const
-{
-    siginfo_t info{};
-    // The process keeps its number until the destructor, so that kill() can end what it has left.
-    if (waitid(P_PID, static_cast<id_t>(process_), &info, WEXITED | WNOHANG | WNOWAIT) != 0 || info.si_pid == 0)
-        return std::nullopt;
-    if (info.si_code != CLD_EXITED)
-        return nameOfSignal(info.si_status);
-    return info.si_status == 0 ? std::string() : "exit code " + std::to_string(info.si_status);
+    process_.write(write(request) + "\n");
 }
 
 std::vector<Event> WorkerProcess::read()
 {
-    readInto(output_, printed_);
+    process_.read(line_, printed_);
     if (printed_.size() > kMostPrinted)
         printed_.erase(0, printed_.size() - kMostPrinted);
-    readInto(events_, line_);
     std::vector<Event> events;
     for (size_t end = line_.find('\n'); end != std::string::npos; end = line_.find('\n')) {
         try {
@@ -194,10 +66,10 @@ std::vector<Event> WorkerProcess::read()
     return events;
 }
 
-std::string causeOfEnd(const std::string &ending, const std::string &printed)
+std::string causeOfEnd(const ProcessEnd &end, const std::string &printed)
 {
     const std::string assertion = assertionIn(printed);
-    return (ending.empty() ? "exit code 0" : ending) + (assertion.empty() ? "" : ": " + assertion);
+    return (end.text().empty() ? "exit code 0" : end.text()) + (assertion.empty() ? "" : ": " + assertion);
 }
 
 check::Outcome outcomeOfEnd(check::Status status, std::string cause, const std::string &printed)
@@ -218,26 +90,18 @@ Answer waitForAnswer(WorkerProcess &worker, double seconds)
     using Clock = std::chrono::steady_clock;
     Clock::time_point begin = Clock::now();
     while (std::chrono::duration<double>(Clock::now() - begin).count() < seconds && !Interruptible::interrupted()) {
-        waitForAny({&worker}, kMillisecondsOfWaiting);
-        const std::optional<std::string> ending = worker.ending(); // first: what was written before it is read below
+        const ChildProcess *const process = &worker.process();
+        ChildProcess::waitForAny({&process, 1}, kMillisecondsOfWaiting);
+        const std::optional<ProcessEnd> end = process->end(); // first: what was written before it is read below
         for (const Event &event : worker.read()) {
             if (event.kind != Event::Kind::Begin)
                 return {event, {}};
             begin = Clock::now();
         }
-        if (ending)
-            return {{}, ending};
+        if (end)
+            return {{}, end};
     }
     return {};
-}
-
-void waitForAny(const std::vector<const WorkerProcess *> &workers, int milliseconds)
-{
-    std::vector<pollfd> descriptors;
-    for (const WorkerProcess *worker : workers)
-        for (const int descriptor : worker->descriptors())
-            descriptors.push_back({descriptor, POLLIN, 0});
-    poll(descriptors.data(), descriptors.size(), milliseconds);
 }
 
 } // namespace vellum::cli

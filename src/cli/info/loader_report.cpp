@@ -2,11 +2,12 @@
 #include "cli/info/loader_report.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
 #include <fmt/format.h>
 
+#include "cli/base/system/this_process.h"
 #include "cli/base/version.h"
+#include "cli/info/loader_system.h"
 #include "cli/vulkan/layer_path.h"
 
 namespace vellum::cli
@@ -14,10 +15,9 @@ namespace vellum::cli
 namespace
 {
 
-bool isSet(const char *variable)
+bool isSet(const char *name)
 {
-    const char *value = std::getenv(variable);
-    return value != nullptr && *value != '\0';
+    return !variable(name).value_or("").empty();
 }
 
 bool loaderFindsLayer()
@@ -31,22 +31,9 @@ bool loaderFindsLayer()
                        [](const VkLayerProperties &l) { return std::strcmp(l.layerName, kLayerName) == 0; });
 }
 
-bool names(const char *variable, const char *what)
+bool names(const char *name, const char *what)
 {
-    const char *value = std::getenv(variable);
-    return value != nullptr && std::strstr(value, what) != nullptr;
-}
-
-// What a shell takes as one word.
-std::string quoted(const std::string &text)
-{
-    if (text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./+:,@%") ==
-        std::string::npos)
-        return text;
-    std::string result = "'";
-    for (const char c : text)
-        result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return result + "'";
+    return variable(name).value_or("").find(what) != std::string::npos;
 }
 
 std::vector<std::string> commandsToTurnOn(const LoaderReport &report, const std::filesystem::path &folder)
@@ -54,13 +41,11 @@ std::vector<std::string> commandsToTurnOn(const LoaderReport &report, const std:
     std::vector<std::string> commands;
     if (!report.layerFound && !folder.empty()) {
         // The loader ignores VK_ADD_LAYER_PATH where VK_LAYER_PATH is set.
-        const char *variable = std::getenv("VK_LAYER_PATH") != nullptr ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
-        commands.push_back(std::string("export ") + variable + "=" + quoted(folder.string()) +
-                           (isSet(variable) ? std::string(":$") + variable : ""));
+        const char *name = variable("VK_LAYER_PATH") ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
+        commands.push_back(commandToSet(name, folder.string(), isSet(name)));
     }
     if (!report.layerOnByVariable)
-        commands.push_back(std::string("export VK_INSTANCE_LAYERS=") + kLayerName +
-                           (isSet("VK_INSTANCE_LAYERS") ? ":$VK_INSTANCE_LAYERS" : ""));
+        commands.push_back(commandToSet("VK_INSTANCE_LAYERS", kLayerName, isSet("VK_INSTANCE_LAYERS")));
     return commands;
 }
 

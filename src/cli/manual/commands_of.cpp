@@ -67,7 +67,7 @@ std::vector<ReferenceOption> ReferenceCommand::options() const
 std::vector<ReferenceCommand> readCommands()
 {
     CLI::App app;
-    declareCommands(app);
+    declareCommands(app, {});
     std::vector<ReferenceCommand> commands = {read(app, "")};
     for (const CLI::App *subcommand : app.get_subcommands(nullptr))
         commands.push_back(read(*subcommand, subcommand->get_name()));

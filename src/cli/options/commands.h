@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The subcommands. Each adds itself and its options to the command line, and returns what runs it once the command line
-// is parsed: a function whose result is the exit code, and which throws Error, GltfError or BakeError.
+// is parsed: a function whose result is the exit code, and which throws Error, GltfError or BakeError. `words`: the
+// command line itself.
 #pragma once
 
 #include <functional>
+#include <string>
+#include <vector>
 
 namespace CLI
 {
@@ -19,7 +22,7 @@ std::function<int()> declareCheckCommand(CLI::App &app);
 std::function<int()> declareInfoCommand(CLI::App &app);
 std::function<int()> declareInspectCommand(CLI::App &app);
 std::function<int()> declareRenderCommand(CLI::App &app);
-std::function<int()> declareRunCommand(CLI::App &app);
+std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::string> &words);
 std::function<int()> declareSpirvCommand(CLI::App &app);
 std::function<int()> declareVerifyCommand(CLI::App &app);
 

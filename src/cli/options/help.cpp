@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <fmt/format.h>
 #include <sstream>
-#include <sys/ioctl.h>
-#include <unistd.h>
+
+#include "cli/base/system/streams.h"
 
 namespace vellum::cli
 {
@@ -16,14 +16,11 @@ namespace
 
 constexpr size_t kDescriptionColumn = 28;
 
-size_t terminalWidth()
+size_t lineWidth()
 {
-    size_t width = 80;
-    winsize size{};
+    size_t width = terminalWidth().value_or(80);
     if (const char *columns = std::getenv("COLUMNS"); columns != nullptr && std::atoi(columns) > 0)
         width = static_cast<size_t>(std::atoi(columns));
-    else if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col != 0)
-        width = size.ws_col;
     return std::clamp(width, size_t{60}, size_t{100}) - 1;
 }
 
@@ -104,7 +101,7 @@ class HelpFormatter : public CLI::FormatterBase
 public:
     std::string make_help(const CLI::App *app, std::string, CLI::AppFormatMode) const override
     {
-        const size_t width = terminalWidth();
+        const size_t width = lineWidth();
         std::string help = filled(app->get_description(), 0, 0, width) + ".\n\n";
         help += filled("Usage: " + usageOf(*app), 7, 0, width) + "\n";
         const auto subcommands = app->get_subcommands(std::function<bool(const CLI::App *)>());

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/vulkan/layer_path.h"
 
-#include <cstdlib>
 #include <fstream>
 #include <string>
+
+#include "cli/base/system/this_process.h"
 
 namespace vellum::cli
 {
@@ -28,9 +29,8 @@ bool hasManifest(const std::filesystem::path &folder)
 
 std::optional<std::filesystem::path> findLayerFolder()
 {
-    std::error_code error;
-    const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
-    if (error)
+    const std::filesystem::path program = programPath();
+    if (program.empty())
         return std::nullopt;
     const std::filesystem::path prefix = program.parent_path().parent_path();
     for (const char *folder : {"lib", "share/vulkan/explicit_layer.d"})
@@ -42,10 +42,9 @@ std::optional<std::filesystem::path> findLayerFolder()
 void addLayerFolder(const std::filesystem::path &folder)
 {
     // The loader ignores VK_ADD_LAYER_PATH where the user has set VK_LAYER_PATH.
-    const char *variable = std::getenv("VK_LAYER_PATH") != nullptr ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
-    const char *old = std::getenv(variable);
-    const std::string value = (old != nullptr && *old != '\0' ? std::string(old) + ":" : "") + folder.string();
-    setenv(variable, value.c_str(), 1);
+    const char *name = variable("VK_LAYER_PATH") ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
+    const std::string old = variable(name).value_or("");
+    setVariable(name, old.empty() ? folder.string() : old + kListSeparator + folder.string());
 }
 
 void offerLayer(const std::optional<std::filesystem::path> &folder)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/base/interrupt.h"
+#include "cli/base/system/interrupt.h"
 
 #include <array>
 #include <atomic>

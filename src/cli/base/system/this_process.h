@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the system knows about this process. All texts are UTF-8.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace vellum::cli
+{
+
+// To be called first in main. Returns the arguments, without the program's name.
+std::vector<std::string> prepareProcess(int argc, char **argv);
+
+// Of the program's file. Empty if it is not known.
+std::filesystem::path programPath();
+
+// Of the environment.
+std::optional<std::string> variable(const char *name);
+void setVariable(const char *name, const std::string &value);
+// What is between the parts of a variable that is a list.
+#ifdef _WIN32
+inline constexpr char kListSeparator = ';';
+#else
+inline constexpr char kListSeparator = ':';
+#endif
+// The parts of such a list that are not empty.
+std::vector<std::string> listOf(const std::string &value);
+
+} // namespace vellum::cli

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstring>
+#include <dlfcn.h>
+#include <elf.h>
+#include <fstream>
+
+#include "cli/base/system/this_process.h"
+#include "cli/info/loader_system.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+
+// What a shell takes as one word.
+std::string quoted(const std::string &text)
+{
+    if (text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./+:,@%") ==
+        std::string::npos)
+        return text;
+    std::string result = "'";
+    for (const char c : text)
+        result += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return result + "'";
+}
+
+} // namespace
+
+// "Driver Discovery on Linux" in the loader's documentation lists them.
+std::vector<ManifestPlace> systemPlaces(ManifestKind kind)
+{
+    const std::string home = variable("HOME").value_or("");
+    std::vector<ManifestPlace> places;
+    const auto add = [&](const fs::path &base) {
+        const fs::path folder = base / "vulkan" / (kind == ManifestKind::Driver ? "icd.d" : "explicit_layer.d");
+        if (std::none_of(places.begin(), places.end(), [&](const ManifestPlace &p) { return p.path == folder; }))
+            places.push_back({folder, folder.string()});
+    };
+    const auto addFrom = [&](const char *name, const std::string &standard) {
+        const std::string value = variable(name).value_or("");
+        add(value.empty() ? standard : value);
+    };
+    const auto addEach = [&](const char *name, const std::string &standard) {
+        std::vector<std::string> folders = listOf(variable(name).value_or(""));
+        for (const std::string &folder : folders.empty() ? listOf(standard) : folders)
+            add(folder);
+    };
+    addFrom("XDG_CONFIG_HOME", home + "/.config");
+    addEach("XDG_CONFIG_DIRS", "/etc/xdg");
+    add("/usr/local/etc");
+    add("/etc");
+    addFrom("XDG_DATA_HOME", home + "/.local/share");
+    addEach("XDG_DATA_DIRS", "/usr/local/share:/usr/share");
+    add("/usr/local/share");
+    add("/usr/share");
+    return places;
+}
+
+// An ELF library of this program's kind of processor and word size.
+std::string problemOfFormat(const fs::path &library)
+{
+    std::ifstream file(library, std::ios::binary);
+    Elf64_Ehdr header{}; // of which the first fields are those of Elf32_Ehdr
+    if (!file.read(reinterpret_cast<char *>(&header), 20) || std::memcmp(header.e_ident, ELFMAG, SELFMAG) != 0)
+        return "its library " + library.string() + " is not a shared library, or cannot be read";
+    Elf64_Ehdr own{};
+    std::ifstream self("/proc/self/exe", std::ios::binary);
+    if (!self.read(reinterpret_cast<char *>(&own), 20))
+        return "";
+    if (header.e_ident[EI_CLASS] != own.e_ident[EI_CLASS] || header.e_machine != own.e_machine)
+        return "its library " + library.string() + " is for another kind of processor than this program";
+    return "";
+}
+
+std::string problemOfLoading(const fs::path &library)
+{
+    void *handle = dlopen(library.c_str(), RTLD_LAZY | RTLD_LOCAL);
+    if (handle != nullptr) {
+        dlclose(handle);
+        return "";
+    }
+    const char *error = dlerror();
+    return "its library cannot be loaded: " + std::string(error != nullptr ? error : library.string());
+}
+
+bool isRelativeToManifest(const std::string &library)
+{
+    return library.find('/') != std::string::npos;
+}
+
+std::string commandToSet(const std::string &variable, const std::string &value, bool keepOld)
+{
+    return "export " + variable + "=" + quoted(value) + (keepOld ? ":$" + variable : "");
+}
+
+} // namespace vellum::cli
