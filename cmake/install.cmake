@@ -9,6 +9,7 @@ set(VELLUM_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/Vellum)
 function(vellum_install_library TARGET EXPORT)
   install(TARGETS ${TARGET} EXPORT ${EXPORT}
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime NAMELINK_COMPONENT devel
+    RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT devel
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
   install(EXPORT ${EXPORT} NAMESPACE Vellum:: DESTINATION ${VELLUM_PACKAGE_DIR} COMPONENT devel)
@@ -64,7 +65,7 @@ if(NOT VELLUM_LIBRARY_ONLY)
   install(FILES cmake/opacity_micromap_mode.cmake DESTINATION ${VELLUM_PACKAGE_DIR} COMPONENT devel)
 endif()
 
-if(NOT VELLUM_LAYER_ONLY AND NOT VELLUM_LIBRARY_ONLY)
+if(TARGET vellum) # not yet on Windows
   list(APPEND components command)
   list(APPEND examples gltf opacity_micromap)
   vellum_install_library(vellum_gltf_library VellumGltfTargets gltf.h)
