@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/document.h"
 
+#include "core/utf8_path.h"
 #include "gltf/file/outside_file.h"
 #include "gltf/file/printable.h"
 
@@ -44,7 +45,7 @@ std::string Document::nameOf(PrimitivePlace place) const
 std::string Document::reasonOf(const GltfError &error) const
 {
     const std::string text = error.what();
-    const std::string prefix = path_.string() + ": ";
+    const std::string prefix = utf8Text(path_) + ": ";
     return text.starts_with(prefix) ? text.substr(prefix.size()) : text;
 }
 
@@ -66,7 +67,7 @@ std::string Document::reasonOf(PrimitivePlace place, const GltfError &error) con
 std::string Document::withPath(std::string message) const
 {
     constexpr size_t kMostBytes = 400;
-    const std::string prefix = path_.string() + ": ";
+    const std::string prefix = utf8Text(path_) + ": ";
     if (message.starts_with(prefix))
         return message;
     if (message.size() > kMostBytes)

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "core/utf8_path.h"
 #include "gltf/micromaps/file_bake.h"
 #include "library/call.h"
 #include "library/inputs.h"
@@ -54,7 +55,7 @@ std::filesystem::path pathOf(const char *argument, const char *given)
 {
     if (given == nullptr || *given == '\0')
         throw invalid(std::string(argument) + " is " + (given == nullptr ? "null" : "empty"));
-    return given;
+    return utf8Path(given);
 }
 
 // Calls what reads or writes a file.
@@ -268,7 +269,7 @@ VellumResult vellumBakeGltf(const char *input, const char *output, const VellumB
             try {
                 return bakeFile(from, to, wanted);
             } catch (const BakeTooLarge &error) {
-                throw Failure(VELLUM_ERROR_TOO_LARGE, from.string() + ": " + error.what());
+                throw Failure(VELLUM_ERROR_TOO_LARGE, utf8Text(from) + ": " + error.what());
             }
         });
         if (info != nullptr)

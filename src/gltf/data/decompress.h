@@ -33,7 +33,10 @@ bool isCompressed(const gltf_json::BufferView &view);
 // Neither of them names the view. bytes() does not overflow.
 CompressedView readCompressedView(const gltf_json::BufferView &view);
 
-// Throws GltfError if `encoded` does not decode to `view`.
+// Throws GltfError if `encoded` does not decode to `view`, and GltfUnsupported in builds without the library.
 std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const uint8_t> encoded);
+
+// Whether this build reads geometry compressed by meshoptimizer and by Draco.
+extern const bool kDecompressesMeshes;
 
 } // namespace vellum

@@ -15,7 +15,7 @@ class DracoMesh
 {
 public:
     // Throws GltfError, which begins with `what`, for anything but a whole mesh of a size that its bytes can be worth,
-    // and GltfUnsupported for another version of Draco's format than glTF's.
+    // and GltfUnsupported for another version of Draco's format than glTF's, and in builds without Draco.
     DracoMesh(std::span<const uint8_t> encoded, const std::string &what);
     ~DracoMesh();
 

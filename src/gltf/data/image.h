@@ -22,6 +22,9 @@ struct Image {
 // Decodes to RGBA. Of colours of 16 bits the upper 8 are taken. Throws GltfError, its message beginning with `what`,
 // for anything but a whole image of at most 16,384 texels in each direction and not far more of them than its bytes can
 // be worth, and GltfUnsupported for KTX2, AVIF, DDS and those kinds of JPEG that nothing here decodes.
+// Also for WebP where this build has no decoder of it.
 Image decodeImage(std::span<const uint8_t> encoded, const std::string &what);
+
+extern const bool kDecodesWebp;
 
 } // namespace vellum

@@ -3,14 +3,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cerrno>
-#include <cstring>
-#include <fcntl.h>
 #include <fstream>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "bake/bake.h"
+#include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
 
 namespace vellum
@@ -18,27 +14,21 @@ namespace vellum
 namespace
 {
 
-[[noreturn]] void fail(const std::filesystem::path &path, const std::string &what, int error)
-{
-    throw GltfError(path.string() + ": " + what + ": " + std::strerror(error));
-}
-
 std::filesystem::path folderOf(const std::filesystem::path &path)
 {
     return path.has_parent_path() ? path.parent_path() : ".";
 }
 
-// Another hidden name beside `path` at each call.
-std::filesystem::path temporaryName(const std::filesystem::path &path)
+} // namespace
+
+std::filesystem::path temporaryName(const std::filesystem::path &path, unsigned long process)
 {
     static std::atomic<unsigned> number{0};
-    std::string name = ".";
-    name.append(path.filename().string(), 0, 200).append(".").append(std::to_string(getpid()));
-    name.append("-").append(std::to_string(number++)).append(".tmp");
+    std::filesystem::path name = ".";
+    name += path.filename().native().substr(0, 200);
+    name += "." + std::to_string(process) + "-" + std::to_string(number++) + ".tmp";
     return folderOf(path) / name;
 }
-
-} // namespace
 
 bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b)
 {
@@ -70,22 +60,11 @@ uint64_t FileContent::size() const
 
 OutputFiles::~OutputFiles()
 {
-    for (Pending &pending : pending_)
-        discard(pending);
+    pending_.clear();
     std::error_code ignored; // a folder may have got other files since
     if (!published_)
         for (auto folder = folders_.rbegin(); folder != folders_.rend(); ++folder)
             std::filesystem::remove(*folder, ignored);
-}
-
-void OutputFiles::discard(Pending &pending)
-{
-    if (pending.descriptor >= 0)
-        close(pending.descriptor);
-    pending.descriptor = -1;
-    if (!pending.temporary.empty())
-        unlink(pending.temporary.c_str());
-    pending.temporary.clear();
 }
 
 void OutputFiles::makeFolders(const std::filesystem::path &folder)
@@ -95,55 +74,30 @@ void OutputFiles::makeFolders(const std::filesystem::path &folder)
         return;
     if (folder.has_parent_path() && folder.parent_path() != folder)
         makeFolders(folder.parent_path());
-    if (mkdir(folder.c_str(), 0777) == 0)
+    if (makeFolder(folder))
         folders_.push_back(folder);
-    else if (errno != EEXIST || !std::filesystem::is_directory(folder, error))
-        fail(folder, "the folder cannot be made", errno);
 }
 
-OutputFiles::Pending &OutputFiles::open(const std::filesystem::path &path, Existing existing)
+NewFile &OutputFiles::open(const std::filesystem::path &path, Existing existing)
 {
     std::error_code error;
     // Devices must not be replaced either.
     if (std::filesystem::exists(path, error) && !std::filesystem::is_regular_file(path, error))
-        throw GltfError(path.string() + ": cannot be written: it is there already and is not a file");
+        throw GltfError(utf8Text(path) + ": cannot be written: it is there already and is not a file");
     makeFolders(folderOf(path));
-    Pending &pending = pending_.emplace_back(Pending{path, folderOf(path), existing, -1, {}});
-    // A file without a name goes away with the process, however that ends.
-    pending.descriptor = ::open(pending.folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
-    if (pending.descriptor < 0) {
-        std::filesystem::path name = temporaryName(path);
-        pending.descriptor = ::open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
-        if (pending.descriptor < 0)
-            fail(path, "cannot be written", errno);
-        pending.temporary = std::move(name);
-    }
-    return pending;
+    return pending_.emplace_back(path, existing).file;
 }
 
-void OutputFiles::put(const Pending &pending, std::span<const uint8_t> bytes) const
+void OutputFiles::put(NewFile &file, std::span<const uint8_t> bytes) const
 {
     constexpr size_t kAtOnce = size_t{4} << 20;
     while (!bytes.empty()) {
         if (cancelled_ && cancelled_())
             throw BakeCancelled();
-        const ssize_t written = ::write(pending.descriptor, bytes.data(), std::min(bytes.size(), kAtOnce));
-        if (written < 0 && errno != EINTR)
-            fail(pending.path, "cannot be written", errno);
-        bytes = bytes.subspan(written < 0 ? 0 : static_cast<size_t>(written));
+        const size_t count = std::min(bytes.size(), kAtOnce);
+        file.write(bytes.first(count));
+        bytes = bytes.subspan(count);
     }
-}
-
-void OutputFiles::finish(const Pending &pending) const
-{
-    // Who may read it stays. Where a file system knows no modes there is nothing to keep.
-    struct stat old {
-    };
-    if (pending.existing == Existing::Replace && stat(pending.path.c_str(), &old) == 0)
-        static_cast<void>(fchmod(pending.descriptor, old.st_mode & 0777));
-    // EINVAL: something that cannot be synchronized.
-    if (fsync(pending.descriptor) != 0 && errno != EINVAL)
-        fail(pending.path, "cannot be written", errno);
 }
 
 void OutputFiles::write(const std::filesystem::path &path, const FileContent &content)
@@ -158,10 +112,10 @@ void OutputFiles::writeOnce(const std::filesystem::path &path, const FileContent
 
 void OutputFiles::write(const std::filesystem::path &path, const FileContent &content, Existing existing)
 {
-    const Pending &pending = open(path, existing);
+    NewFile &file = open(path, existing);
     for (const auto &piece : content.pieces())
-        put(pending, piece);
-    finish(pending);
+        put(file, piece);
+    file.finish();
 }
 
 void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem::path &to)
@@ -169,51 +123,31 @@ void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem:
     std::error_code error;
     if (std::filesystem::exists(to, error)) {
         if (!sameBytes(from, to))
-            throw GltfError(to.string() + ": is there already and differs from " + from.string());
+            throw GltfError(utf8Text(to) + ": is there already and differs from " + utf8Text(from));
         return;
     }
-    std::ifstream file(from, std::ios::binary);
-    const Pending &pending = open(to, Existing::Keep);
+    std::ifstream source(from, std::ios::binary);
+    NewFile &file = open(to, Existing::Keep);
     std::vector<uint8_t> bytes(size_t{1} << 20);
-    while (file) {
-        file.read(reinterpret_cast<char *>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-        put(pending, std::span(bytes).first(static_cast<size_t>(file.gcount())));
+    while (source) {
+        source.read(reinterpret_cast<char *>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+        put(file, std::span(bytes).first(static_cast<size_t>(source.gcount())));
     }
-    if (!file.eof())
-        throw GltfError(from.string() + ": cannot be read");
-    finish(pending);
+    if (!source.eof())
+        throw GltfError(utf8Text(from) + ": cannot be read");
+    file.finish();
 }
 
 bool OutputFiles::publish(Pending &pending)
 {
-    const std::string opened = "/proc/self/fd/" + std::to_string(pending.descriptor);
-    const auto link = [&](const std::filesystem::path &name) {
-        return pending.temporary.empty()
-                   ? linkat(AT_FDCWD, opened.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0
-                   : ::link(pending.temporary.c_str(), name.c_str()) == 0;
-    };
-    if (link(pending.path))
-        return true;
-    if (errno != EEXIST && pending.temporary.empty())
-        fail(pending.path, "cannot be written", errno);
-    if (errno == EEXIST && pending.existing == Existing::Keep) {
-        // Somebody else was quicker, another file of this run perhaps.
-        const std::filesystem::path mine =
-            pending.temporary.empty() ? std::filesystem::path(opened) : pending.temporary;
-        if (!sameBytes(mine, pending.path))
-            throw GltfError(pending.path.string() + ": is there already and is different");
-        return false;
-    }
-    if (pending.temporary.empty()) {
-        std::filesystem::path name = temporaryName(pending.path);
-        if (!link(name))
-            fail(pending.path, "cannot be written", errno);
-        pending.temporary = std::move(name);
-    }
-    if (rename(pending.temporary.c_str(), pending.path.c_str()) != 0)
-        fail(pending.path, "cannot be written", errno);
-    pending.temporary.clear();
-    return false;
+    const NewFile::Appeared appeared = pending.file.appear();
+    if (appeared == NewFile::Appeared::No && pending.existing == Existing::Replace)
+        pending.file.replace();
+    // Something else was quicker, another file of this run perhaps.
+    if (appeared == NewFile::Appeared::No && pending.existing == Existing::Keep &&
+        !sameBytes(pending.file.readable(), pending.file.path()))
+        throw GltfError(utf8Text(pending.file.path()) + ": is there already and is different");
+    return appeared == NewFile::Appeared::New;
 }
 
 void OutputFiles::publish()
@@ -226,20 +160,14 @@ void OutputFiles::publish()
             if (publish(pending))
                 published.push_back(&pending);
     } catch (...) {
+        std::error_code ignored;
         for (const Pending *pending : published)
-            unlink(pending->path.c_str());
+            std::filesystem::remove(pending->file.path(), ignored);
         throw;
     }
     published_ = true;
-    for (Pending &pending : pending_) {
-        discard(pending);
-        // So that the names are on the disk as well. Not every file system supports that.
-        const int folder = ::open(pending.folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-        if (folder >= 0) {
-            fsync(folder);
-            close(folder);
-        }
-    }
+    for (const Pending &pending : pending_)
+        pending.file.syncName();
     pending_.clear();
 }
 

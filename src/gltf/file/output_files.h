@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "gltf/file/new_file.h"
+
 namespace vellum
 {
 
@@ -56,19 +58,15 @@ public:
 private:
     enum class Existing { Replace, Keep };
     struct Pending {
-        std::filesystem::path path;
-        std::filesystem::path folder; // that it is in
+        Pending(const std::filesystem::path &path, Existing of) : file(path), existing(of) {}
+        NewFile file;
         Existing existing;
-        int descriptor = -1;
-        std::filesystem::path temporary; // its name, where it has one
     };
     void write(const std::filesystem::path &path, const FileContent &content, Existing existing);
-    Pending &open(const std::filesystem::path &path, Existing existing);
+    NewFile &open(const std::filesystem::path &path, Existing existing);
     void makeFolders(const std::filesystem::path &folder);
-    void put(const Pending &pending, std::span<const uint8_t> bytes) const;
-    void finish(const Pending &pending) const;
+    void put(NewFile &file, std::span<const uint8_t> bytes) const;
     bool publish(Pending &pending); // whether it is new
-    static void discard(Pending &pending);
 
     std::function<bool()> cancelled_;
     std::deque<Pending> pending_;

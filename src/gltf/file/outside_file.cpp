@@ -77,7 +77,7 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
     if (uri.empty())
         throw GltfError("the URI is empty");
     const auto path = decodedUri(uri);
-    if (!path || path->is_absolute())
+    if (!path || path->has_root_path())
         throw GltfUnsupported("the URI is not a relative path");
     if (std::find(path->begin(), path->end(), "..") != path->end())
         throw GltfUnsupported("the URI leads out of the file's folder");

@@ -2,7 +2,9 @@
 #include "gltf/file/relative_uri.h"
 
 #include <cstdio>
+#include <system_error>
 
+#include "core/utf8_path.h"
 #include "gltf/file/utf8.h"
 
 namespace vellum
@@ -77,7 +79,11 @@ std::optional<std::filesystem::path> decodedUri(std::string_view uri)
     const std::string path = percentDecoded(uri);
     if (path.find('\0') != std::string::npos)
         return std::nullopt;
-    return path;
+    try {
+        return utf8Path(path);
+    } catch (const std::system_error &) {
+        return std::nullopt; // no UTF-8, of which this system's names cannot be made
+    }
 }
 
 std::vector<std::filesystem::path> namedFiles(const JsonValue &root)

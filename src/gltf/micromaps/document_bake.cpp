@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fnmatch.h>
 #include <map>
 #include <tuple>
 
 #include "gltf/micromaps/changing_alpha.h"
+#include "gltf/micromaps/name_pattern.h"
 #include "gltf/primitive.h"
 
 namespace vellum
@@ -45,7 +45,7 @@ constexpr size_t kMostLayers = 16;
 bool matches(const std::string &name, const std::vector<std::string> &patterns)
 {
     return std::any_of(patterns.begin(), patterns.end(),
-                       [&](const std::string &pattern) { return fnmatch(pattern.c_str(), name.c_str(), 0) == 0; });
+                       [&](const std::string &pattern) { return matchesPattern(name, pattern); });
 }
 
 class DocumentBaker

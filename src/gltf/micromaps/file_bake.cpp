@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
 #include "gltf/file/relative_uri.h"
@@ -21,7 +22,7 @@ std::filesystem::path folderOf(const std::filesystem::path &path)
 
 bool isGltf(const std::filesystem::path &path)
 {
-    std::string extension = path.extension().string();
+    std::string extension = utf8Text(path.extension());
     std::transform(extension.begin(), extension.end(), extension.begin(),
                    [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
     return extension == ".gltf";
@@ -33,7 +34,7 @@ std::string bufferStem(const std::filesystem::path &output)
     std::filesystem::path stem = output.stem();
     if (stem.extension() != ".omm")
         stem += ".omm";
-    return stem.string();
+    return utf8Text(stem);
 }
 
 void checkPaths(const Document &document, const std::filesystem::path &output)
@@ -42,9 +43,9 @@ void checkPaths(const Document &document, const std::filesystem::path &output)
     if (std::filesystem::equivalent(document.path(), output, error))
         throw GltfError("the output is the input, which is never written");
     if (document.binary() && isGltf(output))
-        throw GltfError("it is a GLB, and " + output.string() + " would be a .gltf");
+        throw GltfError("it is a GLB, and " + utf8Text(output) + " would be a .gltf");
     if (!document.binary() && !isGltf(output))
-        throw GltfError("it is a .gltf file, and " + output.string() + " would not be");
+        throw GltfError("it is a .gltf file, and " + utf8Text(output) + " would not be");
 }
 
 } // namespace
@@ -82,12 +83,12 @@ FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &inpu
             continue;
         files.read.push_back(from / normal);
         if (std::filesystem::equivalent(files.read.back(), output, error))
-            throw GltfError("the output is the file " + name.string() + ", which it names");
+            throw GltfError("the output is the file " + utf8Text(name) + ", which it names");
         if (sameFolder)
             continue;
-        if (normal.is_absolute() || normal.begin()->string() == "..")
-            throw GltfError("it names the file " + name.string() +
-                            ", which is not in its folder or below it, so that " + output.string() +
+        if (normal.has_root_path() || *normal.begin() == "..")
+            throw GltfError("it names the file " + utf8Text(name) +
+                            ", which is not in its folder or below it, so that " + utf8Text(output) +
                             " cannot have a copy");
         files.copies.push_back({from / normal, to / normal});
     }

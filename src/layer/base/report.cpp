@@ -2,14 +2,11 @@
 #include "layer/base/report.h"
 
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <new>
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
+#include "layer/base/system.h"
 
 namespace vellum::layer
 {
@@ -28,20 +25,13 @@ const char *severityName(ReportLevel level)
     return level == ReportLevel::Error ? "error" : level == ReportLevel::Warning ? "warning" : "info";
 }
 
-// One write for each line, so that lines of several threads and processes do not mix. Messages are rare: the file is
-// opened for each, and whoever reads it may move or remove it at any time. Only regular files: to write to a pipe may
-// block, or end the program.
+// Messages are rare: the file is opened for each, and whoever reads it may move or remove it at any time.
 void append(const std::string &file, std::string line)
 {
     std::ranges::replace(line, '\n', ' ');
     line += '\n';
-    const int descriptor = open(file.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NONBLOCK | O_NOCTTY, 0666);
-    struct stat status;
-    const bool regular = descriptor >= 0 && fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode);
-    if (!regular || write(descriptor, line.data(), line.size()) != static_cast<ssize_t>(line.size()))
+    if (!appendToFile(file, line))
         std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
-    if (descriptor >= 0)
-        close(descriptor);
 }
 
 // Of this thread: validated commands that are being carried out, and the ids that validation has reported for them.
@@ -135,7 +125,7 @@ void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std
     }
     sendNow(severity, id, text, type, object);
     if (breakOnError_ && severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
-        std::raise(SIGTRAP);
+        stopInDebugger();
 }
 
 void Reporter::sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,

@@ -16,11 +16,9 @@
 #include <variant>
 #include <vector>
 
-#include <sys/auxv.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
+#include "core/utf8_path.h"
 #include "layer/base/pnext.h"
+#include "layer/base/system.h"
 #include "layer/base/vulkan_newer.h"
 
 namespace vellum::layer
@@ -182,58 +180,11 @@ const Row *rowOf(const Given &given)
     return nullptr;
 }
 
-// By the XDG Base Directory Specification. Empty in programs that run with more rights than their user has.
-std::string userCacheFolder()
-{
-    if (const char *folder = secure_getenv("XDG_CACHE_HOME"); folder && *folder == '/')
-        return std::string(folder) + "/vellum";
-    if (const char *home = secure_getenv("HOME"); home && *home == '/')
-        return std::string(home) + "/.cache/vellum";
-    return {};
-}
-
-bool isFile(const std::string &path)
-{
-    struct stat status {
-    };
-    return stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
-}
-
-// The first file that exists of: the one that VK_LAYER_SETTINGS_PATH names; the user's file, which Vulkan Configurator
-// writes; the one in the working directory; the one of the machine. Empty if none exists. Settings may name files to
-// write: a program with more rights than its user takes them from the machine's file only.
-std::string settingsFile()
-{
-    const std::string name = "vk_layer_settings.txt";
-    const std::string below = "vulkan/settings.d/";
-    if (const char *path = secure_getenv("VK_LAYER_SETTINGS_PATH"); path && *path) {
-        for (const std::string &file : {std::string(path), path + ("/" + name)}) {
-            if (isFile(file))
-                return file;
-        }
-        reportOnce("VK_LAYER_SETTINGS_PATH is \"" + std::string(path) +
-                   "\" and must be a file of settings, or a folder with one");
-    }
-    std::vector<std::string> folders;
-    if (const char *data = secure_getenv("XDG_DATA_HOME"); data && *data == '/')
-        folders.push_back(data + ("/" + below));
-    else if (const char *home = secure_getenv("HOME"); home && *home == '/')
-        folders.push_back(home + ("/.local/share/" + below));
-    if (getauxval(AT_SECURE) == 0)
-        folders.push_back(""); // the working directory
-    folders.push_back("/etc/" + below);
-    for (const std::string &folder : folders) {
-        if (isFile(folder + name))
-            return folder + name;
-    }
-    return {};
-}
-
 // An empty value in a file leaves the setting alone: Vulkan Configurator writes one for each setting without a value.
 void readFile(Settings &settings)
 {
-    const std::string path = settingsFile();
-    std::ifstream file(path);
+    const std::string path = settingsFile(reportOnce);
+    std::ifstream file(utf8Path(path));
     for (std::string line; !path.empty() && std::getline(file, line);) {
         line = trimmed(line.substr(0, line.find('#')));
         const size_t equals = line.find('=');
@@ -295,8 +246,7 @@ bool isKnownVariable(const std::string &key)
 
 void reportUnknownVariables(const std::array<std::string, 3> &prefixes)
 {
-    for (char **variable = environ; variable && *variable; ++variable) {
-        const std::string name(*variable, std::strcspn(*variable, "="));
+    for (const std::string &name : environmentNames()) {
         const auto prefix =
             std::ranges::find_if(prefixes, [&name](const std::string &p) { return name.starts_with(p); });
         if (prefix != prefixes.end() && !isKnownVariable(name.substr(prefix->size())))
@@ -310,8 +260,8 @@ void readVariables(Settings &settings)
     for (const std::string &prefix : prefixes) {
         for (const Row &row : kRows) {
             const std::string name = prefix + inCapitals(row.key);
-            if (const char *value = secure_getenv(name.c_str()))
-                apply(settings, row, {row.key, name, value});
+            if (const std::optional<std::string> value = environmentVariable(name))
+                apply(settings, row, {row.key, name, *value});
         }
     }
     reportUnknownVariables(prefixes);

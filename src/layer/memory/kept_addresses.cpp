@@ -2,7 +2,6 @@
 #include "layer/memory/kept_addresses.h"
 
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <mutex>
 #include <set>
@@ -11,6 +10,7 @@
 #include <unistd.h>
 
 #include "core/hash.h"
+#include "core/utf8_path.h"
 
 namespace vellum::layer
 {
@@ -76,7 +76,7 @@ uint64_t KeptAddresses::checksum() const
 
 void KeptAddresses::read()
 {
-    std::ifstream file(path());
+    std::ifstream file(utf8Path(path()));
     file >> std::hex;
     for (ReplayAddress &address : addresses_)
         file >> address.buffer >> address.memory;
@@ -98,9 +98,9 @@ void KeptAddresses::write()
         return;
     changed_ = false;
     std::error_code ignored;
-    std::filesystem::create_directories(std::filesystem::path(stem_).parent_path(), ignored);
+    std::filesystem::create_directories(utf8Path(stem_).parent_path(), ignored);
     // The file appears whole: other processes may be reading it, or writing theirs.
-    const std::string unfinished = path() + "." + std::to_string(getpid());
+    const std::filesystem::path unfinished = utf8Path(path() + "." + std::to_string(getpid()));
     {
         std::ofstream file(unfinished);
         file << std::hex;
@@ -112,7 +112,7 @@ void KeptAddresses::write()
             return;
         }
     }
-    std::filesystem::rename(unfinished, path(), ignored);
+    std::filesystem::rename(unfinished, utf8Path(path()), ignored);
 }
 
 } // namespace vellum::layer

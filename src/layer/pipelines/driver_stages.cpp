@@ -2,10 +2,11 @@
 #include "layer/pipelines/driver_stages.h"
 
 #include <atomic>
-#include <cstdio>
+#include <fstream>
 #include <span>
 #include <string>
 
+#include "core/utf8_path.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "spirv/mode/micromap_mode.h"
 #include "spirv/module/khr_to_ext.h"
@@ -18,11 +19,10 @@ namespace
 void dump(const DevicePipelines &device, uint32_t number, const char *suffix, std::span<const uint32_t> words)
 {
     const std::string path = device.driver.settings->dumpShaders + "/" + std::to_string(number) + suffix;
-    std::FILE *file = std::fopen(path.c_str(), "wb");
-    if (!file || std::fwrite(words.data(), 4, words.size(), file) != words.size())
+    std::ofstream file(utf8Path(path), std::ios::binary);
+    file.write(reinterpret_cast<const char *>(words.data()), static_cast<std::streamsize>(words.size_bytes()));
+    if (!file.flush())
         device.driver.report().warning("VELLUM-dump-shaders", "cannot write " + path);
-    if (file)
-        std::fclose(file);
 }
 
 } // namespace

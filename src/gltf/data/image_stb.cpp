@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// By stb_image, in builds without the image libraries: PNG and JPEG.
+#include <array>
+#include <memory>
+#include <string_view>
+
+#include "gltf/data/image_formats.h"
+
+#define STB_IMAGE_IMPLEMENTATION
+#define STB_IMAGE_STATIC
+#define STBI_ONLY_PNG
+#define STBI_ONLY_JPEG
+#define STBI_NO_STDIO
+#define STBI_NO_LINEAR
+#define STBI_NO_HDR
+#define STBI_MAX_DIMENSIONS 16384
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wsign-conversion"
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wunused-function"
+#include <stb/stb_image.h>
+#pragma GCC diagnostic pop
+
+namespace vellum
+{
+namespace
+{
+
+static_assert(STBI_MAX_DIMENSIONS == kMostTexels);
+
+struct Free {
+    void operator()(void *memory) const { stbi_image_free(memory); }
+};
+
+int lengthOf(Encoded encoded, const std::string &what)
+{
+    if (encoded.size() > 0x7fffffff)
+        failToDecode(what, "it is larger than 2 GiB");
+    return static_cast<int>(encoded.size());
+}
+
+[[noreturn]] void failByLibrary(const std::string &what)
+{
+    const char *reason = stbi_failure_reason();
+    failToDecode(what, reason ? reason : "unknown reason");
+}
+
+// The size by its header.
+Image withoutTexels(Encoded encoded, const std::string &what)
+{
+    int width = 0;
+    int height = 0;
+    int channels = 0;
+    if (!stbi_info_from_memory(encoded.data(), lengthOf(encoded, what), &width, &height, &channels))
+        failByLibrary(what);
+    return imageOf(static_cast<uint64_t>(width), static_cast<uint64_t>(height), encoded, what);
+}
+
+Image withTexels(Image image, Encoded encoded, const std::string &what)
+{
+    int width = 0;
+    int height = 0;
+    int channels = 0;
+    const std::unique_ptr<stbi_uc, Free> texels(
+        stbi_load_from_memory(encoded.data(), lengthOf(encoded, what), &width, &height, &channels, 4));
+    if (!texels)
+        failByLibrary(what);
+    image.rgba.assign(texels.get(), texels.get() + size_t{4} * image.width * image.height);
+    return image;
+}
+
+Image withWideTexels(Image image, Encoded encoded, const std::string &what)
+{
+    int width = 0;
+    int height = 0;
+    int channels = 0;
+    const std::unique_ptr<stbi_us, Free> texels(
+        stbi_load_16_from_memory(encoded.data(), lengthOf(encoded, what), &width, &height, &channels, 4));
+    if (!texels)
+        failByLibrary(what);
+    std::vector<uint8_t> rows(size_t{8} * image.width * image.height);
+    for (size_t i = 0; i < rows.size() / 2; ++i) {
+        rows[2 * i] = static_cast<uint8_t>(texels.get()[i] >> 8);
+        rows[2 * i + 1] = static_cast<uint8_t>(texels.get()[i] & 0xff);
+    }
+    takeWide(rows, image);
+    return image;
+}
+
+uint32_t wordAt(Encoded bytes, size_t at)
+{
+    return uint32_t{bytes[at]} << 24 | uint32_t{bytes[at + 1]} << 16 | uint32_t{bytes[at + 2]} << 8 | bytes[at + 3];
+}
+
+// PNG's checksum (ISO 3309).
+uint32_t checksumOf(Encoded bytes)
+{
+    static constexpr auto kTable = [] {
+        std::array<uint32_t, 256> table{};
+        for (uint32_t i = 0; i < table.size(); ++i) {
+            table[i] = i;
+            for (int bit = 0; bit < 8; ++bit)
+                table[i] = table[i] >> 1 ^ ((table[i] & 1) != 0 ? 0xedb88320 : 0);
+        }
+        return table;
+    }();
+    uint32_t sum = 0xffffffff;
+    for (const uint8_t byte : bytes)
+        sum = sum >> 8 ^ kTable[(sum ^ byte) & 0xff];
+    return ~sum;
+}
+
+// All chunks are there, and those with texels are as they were written, which the library does not check.
+void checkPng(Encoded encoded, const std::string &what)
+{
+    constexpr size_t kAround = 12; // length, type and checksum
+    std::string_view type;
+    for (size_t at = 8; type != "IEND";) {
+        if (encoded.size() - at < kAround || wordAt(encoded, at) > encoded.size() - at - kAround)
+            failToDecode(what, "it is cut off");
+        const uint32_t length = wordAt(encoded, at);
+        const Encoded checked = encoded.subspan(at + 4, size_t{4} + length);
+        type = {reinterpret_cast<const char *>(checked.data()), 4};
+        const bool ancillary = (type[0] & 0x20) != 0;
+        if (!ancillary && checksumOf(checked) != wordAt(encoded, at + 8 + length))
+            failToDecode(what, "it is damaged");
+        at += kAround + length;
+    }
+}
+
+} // namespace
+
+const bool kDecodesWebp = false;
+
+Image readPng(Encoded encoded, const std::string &what)
+{
+    checkPng(encoded, what);
+    Image image = withoutTexels(encoded, what);
+    const bool wide = stbi_is_16_bit_from_memory(encoded.data(), lengthOf(encoded, what)) != 0;
+    // At least one bit for each texel.
+    checkDeflated(uint64_t{image.width} * image.height / 8, encoded, what);
+    return wide ? withWideTexels(std::move(image), encoded, what) : withTexels(std::move(image), encoded, what);
+}
+
+Image readJpeg(Encoded encoded, const std::string &what)
+{
+    return withTexels(withoutTexels(encoded, what), encoded, what);
+}
+
+Image readWebp(Encoded, const std::string &what)
+{
+    throw GltfUnsupported(what + " is a WebP image, which this build cannot decode (VELLUM_IMAGE_LIBRARIES)");
+}
+
+} // namespace vellum

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Builds without Draco and meshoptimizer reject compressed geometry.
+#include "gltf/data/decompress.h"
+#include "gltf/data/draco_mesh.h"
+#include "gltf/file/gltf_error.h"
+
+namespace vellum
+{
+
+const bool kDecompressesMeshes = false;
+
+std::vector<uint8_t> decompressView(const CompressedView &, std::span<const uint8_t>)
+{
+    throw GltfUnsupported("is compressed by meshoptimizer, which this build cannot read (VELLUM_MESH_LIBRARIES)");
+}
+
+struct DracoMesh::Decoded {
+};
+
+DracoMesh::DracoMesh(std::span<const uint8_t>, const std::string &what)
+{
+    throw GltfUnsupported(what + " is compressed by Draco, which this build cannot read (VELLUM_MESH_LIBRARIES)");
+}
+
+// There is no mesh to call these for.
+DracoMesh::~DracoMesh() = default;
+
+size_t DracoMesh::vertexCount() const
+{
+    return 0;
+}
+
+std::vector<uint32_t> DracoMesh::indices() const
+{
+    return {};
+}
+
+std::vector<float> DracoMesh::floats(int64_t, uint32_t, As, const std::string &) const
+{
+    return {};
+}
+
+uint32_t DracoMesh::components(int64_t, const std::string &) const
+{
+    return 0;
+}
+
+} // namespace vellum

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// A file that is written under no name, or a hidden one, and then gets its name. Each system does that in its own way.
+// Every function throws GltfError, with the path in front.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+
+namespace vellum
+{
+
+// Makes a folder; false if it is there already.
+bool makeFolder(const std::filesystem::path &folder);
+
+class NewFile
+{
+public:
+    // In the folder of `path`, which must exist.
+    explicit NewFile(const std::filesystem::path &path);
+    // Removes what has not got its name, which also happens if the process ends before that.
+    ~NewFile();
+    NewFile(const NewFile &) = delete;
+    NewFile &operator=(const NewFile &) = delete;
+
+    [[nodiscard]] const std::filesystem::path &path() const { return path_; }
+
+    void write(std::span<const uint8_t> bytes);
+    // After the last write(): the bytes are on the disk.
+    void finish();
+    enum class Appeared {
+        New,
+        Replaced, // where the file system cannot tell whether there was one
+        No,       // something has the name already
+    };
+    Appeared appear();
+    // After appear() returned No: takes the place of what has the name. Who may read that may read this.
+    void replace();
+    // After appear() returned No: where its content can be read.
+    [[nodiscard]] std::filesystem::path readable() const;
+    // After it has got its name: so that this is on the disk as well, where the file system supports it.
+    void syncName() const;
+
+private:
+    [[noreturn]] void fail() const; // by the system's last error
+    void discard();
+
+    std::filesystem::path path_;
+    std::filesystem::path temporary_; // its name, where it has one
+    intptr_t file_ = -1;              // the system's
+};
+
+// A hidden name in the folder of `path`, another at each call.
+std::filesystem::path temporaryName(const std::filesystem::path &path, unsigned long process);
+
+} // namespace vellum

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cerrno>
+#include <cstring>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/new_file.h"
+
+namespace vellum
+{
+namespace
+{
+
+[[noreturn]] void failAt(const std::filesystem::path &path, const std::string &what, int error)
+{
+    throw GltfError(path.string() + ": " + what + ": " + std::strerror(error));
+}
+
+std::filesystem::path folderOf(const std::filesystem::path &path)
+{
+    return path.has_parent_path() ? path.parent_path() : ".";
+}
+
+// `file` is a temporary name, or one of /proc for a file without a name.
+bool linkTo(const std::filesystem::path &file, const std::filesystem::path &name)
+{
+    return linkat(AT_FDCWD, file.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0;
+}
+
+std::filesystem::path temporaryNameOf(const std::filesystem::path &path)
+{
+    return temporaryName(path, static_cast<unsigned long>(getpid()));
+}
+
+} // namespace
+
+bool makeFolder(const std::filesystem::path &folder)
+{
+    std::error_code error;
+    if (mkdir(folder.c_str(), 0777) == 0)
+        return true;
+    if (errno != EEXIST || !std::filesystem::is_directory(folder, error))
+        failAt(folder, "the folder cannot be made", errno);
+    return false;
+}
+
+void NewFile::fail() const
+{
+    failAt(path_, "cannot be written", errno);
+}
+
+NewFile::NewFile(const std::filesystem::path &path) : path_(path)
+{
+    // A file without a name goes away with the process, however that ends.
+    file_ = open(folderOf(path).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+    if (file_ < 0) {
+        std::filesystem::path name = temporaryNameOf(path);
+        file_ = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+        if (file_ < 0)
+            fail();
+        temporary_ = std::move(name);
+    }
+}
+
+NewFile::~NewFile()
+{
+    discard();
+}
+
+void NewFile::discard()
+{
+    if (file_ >= 0)
+        close(static_cast<int>(file_));
+    file_ = -1;
+    if (!temporary_.empty())
+        unlink(temporary_.c_str());
+    temporary_.clear();
+}
+
+void NewFile::write(std::span<const uint8_t> bytes)
+{
+    while (!bytes.empty()) {
+        const ssize_t written = ::write(static_cast<int>(file_), bytes.data(), bytes.size());
+        if (written < 0 && errno != EINTR)
+            fail();
+        bytes = bytes.subspan(written < 0 ? 0 : static_cast<size_t>(written));
+    }
+}
+
+void NewFile::finish()
+{
+    // EINVAL: something that cannot be synchronized.
+    if (fsync(static_cast<int>(file_)) != 0 && errno != EINVAL)
+        fail();
+}
+
+std::filesystem::path NewFile::readable() const
+{
+    return temporary_.empty() ? std::filesystem::path("/proc/self/fd/" + std::to_string(file_)) : temporary_;
+}
+
+NewFile::Appeared NewFile::appear()
+{
+    if (linkTo(readable(), path_))
+        return Appeared::New;
+    if (errno == EEXIST)
+        return Appeared::No;
+    if (temporary_.empty())
+        fail();
+    replace(); // a file system without links
+    return Appeared::Replaced;
+}
+
+void NewFile::replace()
+{
+    // Where a file system knows no modes there is nothing to keep.
+    struct stat old {
+    };
+    if (stat(path_.c_str(), &old) == 0)
+        static_cast<void>(fchmod(static_cast<int>(file_), old.st_mode & 0777));
+    if (temporary_.empty()) {
+        std::filesystem::path name = temporaryNameOf(path_);
+        if (!linkTo(readable(), name))
+            fail();
+        temporary_ = std::move(name);
+    }
+    if (rename(temporary_.c_str(), path_.c_str()) != 0)
+        fail();
+    temporary_.clear();
+}
+
+void NewFile::syncName() const
+{
+    const int folder = open(folderOf(path_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (folder < 0)
+        return;
+    fsync(folder);
+    close(folder);
+}
+
+} // namespace vellum

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <system_error>
+
+#include <windows.h>
+
+#include "core/utf8_path.h"
+#include "gltf/file/gltf_error.h"
+#include "gltf/file/new_file.h"
+
+namespace vellum
+{
+namespace
+{
+
+[[noreturn]] void failAt(const std::filesystem::path &path, const std::string &what)
+{
+    const auto error = static_cast<int>(GetLastError());
+    throw GltfError(utf8Text(path) + ": " + what + ": " + std::system_category().message(error));
+}
+
+HANDLE handleOf(intptr_t file)
+{
+    return reinterpret_cast<HANDLE>(file);
+}
+
+// Whether the file goes away when it is closed, which the system also does for a process that ends.
+bool setTemporary(intptr_t file, bool temporary)
+{
+    FILE_DISPOSITION_INFO info{};
+    info.DeleteFile = temporary;
+    return SetFileInformationByHandle(handleOf(file), FileDispositionInfo, &info, sizeof info) != 0;
+}
+
+} // namespace
+
+bool makeFolder(const std::filesystem::path &folder)
+{
+    if (CreateDirectoryW(folder.c_str(), nullptr))
+        return true;
+    const DWORD attributes = GetFileAttributesW(folder.c_str());
+    if (attributes != INVALID_FILE_ATTRIBUTES && (attributes & FILE_ATTRIBUTE_DIRECTORY) != 0)
+        return false;
+    failAt(folder, "the folder cannot be made");
+}
+
+void NewFile::fail() const
+{
+    failAt(path_, "cannot be written");
+}
+
+NewFile::NewFile(const std::filesystem::path &path) : path_(path)
+{
+    std::filesystem::path name = temporaryName(path, GetCurrentProcessId());
+    const HANDLE handle = CreateFileW(name.c_str(), GENERIC_READ | GENERIC_WRITE | DELETE,
+                                      FILE_SHARE_READ | FILE_SHARE_WRITE | FILE_SHARE_DELETE, nullptr, CREATE_NEW,
+                                      FILE_ATTRIBUTE_NORMAL, nullptr);
+    if (handle == INVALID_HANDLE_VALUE)
+        fail();
+    file_ = reinterpret_cast<intptr_t>(handle);
+    setTemporary(file_, true);
+    temporary_ = std::move(name);
+}
+
+NewFile::~NewFile()
+{
+    discard();
+}
+
+void NewFile::discard()
+{
+    if (file_ != -1)
+        CloseHandle(handleOf(file_));
+    file_ = -1;
+    if (!temporary_.empty())
+        DeleteFileW(temporary_.c_str());
+    temporary_.clear();
+}
+
+void NewFile::write(std::span<const uint8_t> bytes)
+{
+    constexpr size_t kAtOnce = size_t{1} << 30;
+    while (!bytes.empty()) {
+        DWORD written = 0;
+        const auto count = static_cast<DWORD>(std::min(bytes.size(), kAtOnce));
+        if (!WriteFile(handleOf(file_), bytes.data(), count, &written, nullptr))
+            fail();
+        bytes = bytes.subspan(written);
+    }
+}
+
+void NewFile::finish()
+{
+    if (!FlushFileBuffers(handleOf(file_)))
+        fail();
+}
+
+NewFile::Appeared NewFile::appear()
+{
+    setTemporary(file_, false);
+    CloseHandle(handleOf(file_));
+    file_ = -1;
+    if (MoveFileExW(temporary_.c_str(), path_.c_str(), MOVEFILE_WRITE_THROUGH)) {
+        temporary_.clear();
+        return Appeared::New;
+    }
+    if (GetLastError() != ERROR_ALREADY_EXISTS && GetLastError() != ERROR_FILE_EXISTS)
+        fail();
+    return Appeared::No;
+}
+
+void NewFile::replace()
+{
+    // Which keeps the permissions and attributes of what is replaced.
+    if (!ReplaceFileW(path_.c_str(), temporary_.c_str(), nullptr, REPLACEFILE_IGNORE_MERGE_ERRORS, nullptr, nullptr))
+        fail();
+    temporary_.clear();
+}
+
+std::filesystem::path NewFile::readable() const
+{
+    return temporary_;
+}
+
+void NewFile::syncName() const {}
+
+} // namespace vellum

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/base/system.h"
+
+#include <filesystem>
+
+#include <windows.h>
+
+namespace vellum::layer
+{
+namespace
+{
+
+std::wstring wide(std::string_view text)
+{
+    return std::filesystem::path(std::u8string(text.begin(), text.end())).native();
+}
+
+std::string utf8(std::wstring_view text)
+{
+    const std::u8string narrow = std::filesystem::path(text).u8string();
+    return {narrow.begin(), narrow.end()};
+}
+
+// Whether the program runs with more rights than its user usually has, by which the loader decides as well.
+bool isElevated()
+{
+    static const bool elevated = [] {
+        HANDLE token = nullptr;
+        if (!OpenProcessToken(GetCurrentProcess(), TOKEN_QUERY, &token))
+            return false;
+        union {
+            TOKEN_MANDATORY_LABEL label;
+            std::byte bytes[SECURITY_MAX_SID_SIZE + sizeof(TOKEN_MANDATORY_LABEL)];
+        };
+        DWORD size = 0;
+        bool high = false;
+        if (GetTokenInformation(token, TokenIntegrityLevel, &label, sizeof(bytes), &size)) {
+            const DWORD last = *GetSidSubAuthorityCount(label.Label.Sid) - 1u;
+            high = *GetSidSubAuthority(label.Label.Sid, last) >= SECURITY_MANDATORY_HIGH_RID;
+        }
+        CloseHandle(token);
+        return high;
+    }();
+    return elevated;
+}
+
+bool isFile(const std::wstring &path)
+{
+    const DWORD attributes = GetFileAttributesW(path.c_str());
+    return attributes != INVALID_FILE_ATTRIBUTES && (attributes & FILE_ATTRIBUTE_DIRECTORY) == 0;
+}
+
+// The names of the values of Software\Khronos\Vulkan\Settings that are 0 are paths of files; the first that exists.
+std::wstring registeredSettingsFile(HKEY hive)
+{
+    HKEY key = nullptr;
+    if (RegOpenKeyExW(hive, L"Software\\Khronos\\Vulkan\\Settings", 0, KEY_READ, &key) != ERROR_SUCCESS)
+        return {};
+    std::wstring found;
+    std::wstring name(32768, L'\0'); // the most that a path can have
+    for (DWORD i = 0; found.empty(); ++i) {
+        auto length = static_cast<DWORD>(name.size());
+        DWORD type = 0;
+        DWORD value = 0;
+        DWORD bytes = sizeof(value);
+        const LSTATUS status =
+            RegEnumValueW(key, i, name.data(), &length, nullptr, &type, reinterpret_cast<BYTE *>(&value), &bytes);
+        if (status == ERROR_NO_MORE_ITEMS)
+            break;
+        if (status == ERROR_SUCCESS && type == REG_DWORD && value == 0 && isFile(name.substr(0, length)))
+            found = name.substr(0, length);
+    }
+    RegCloseKey(key);
+    return found;
+}
+
+} // namespace
+
+std::optional<std::string> environmentVariable(const std::string &name)
+{
+    if (isElevated())
+        return std::nullopt;
+    const std::wstring wideName = wide(name);
+    std::wstring value(256, L'\0');
+    for (;;) {
+        SetLastError(ERROR_SUCCESS);
+        const DWORD length = GetEnvironmentVariableW(wideName.c_str(), value.data(), static_cast<DWORD>(value.size()));
+        if (length == 0 && GetLastError() != ERROR_SUCCESS)
+            return std::nullopt;
+        const bool whole = length < value.size();
+        value.resize(length);
+        if (whole)
+            return utf8(value);
+    }
+}
+
+std::vector<std::string> environmentNames()
+{
+    std::vector<std::string> names;
+    wchar_t *const block = GetEnvironmentStringsW();
+    for (const wchar_t *variable = block; variable && *variable;) {
+        const std::wstring_view text = variable;
+        names.push_back(utf8(text.substr(0, text.find(L'=', 1)))); // names of Windows' own begin with =
+        variable += text.size() + 1;
+    }
+    FreeEnvironmentStringsW(block);
+    return names;
+}
+
+std::string userCacheFolder()
+{
+    const std::optional<std::string> folder = environmentVariable("LOCALAPPDATA");
+    return folder && !folder->empty() ? *folder + "\\vellum" : std::string();
+}
+
+// The first file that exists of: one in the registry, of the user or the machine, where Vulkan Configurator enters it;
+// the one that VK_LAYER_SETTINGS_PATH names; the one in the working directory.
+std::string settingsFile(const std::function<void(const std::string &)> &report)
+{
+    const std::wstring name = L"vk_layer_settings.txt";
+    if (!isElevated()) {
+        if (const std::wstring file = registeredSettingsFile(HKEY_CURRENT_USER); !file.empty())
+            return utf8(file);
+    }
+    if (const std::wstring file = registeredSettingsFile(HKEY_LOCAL_MACHINE); !file.empty())
+        return utf8(file);
+    if (const std::optional<std::string> path = environmentVariable("VK_LAYER_SETTINGS_PATH"); path && !path->empty()) {
+        for (const std::wstring &file : {wide(*path), wide(*path) + L"\\" + name}) {
+            if (isFile(file))
+                return utf8(file);
+        }
+        report("VK_LAYER_SETTINGS_PATH is \"" + *path + "\" and must be a file of settings, or a folder with one");
+    }
+    return !isElevated() && isFile(name) ? utf8(name) : std::string();
+}
+
+bool appendToFile(const std::string &file, std::string_view bytes)
+{
+    const HANDLE handle =
+        CreateFileW(wide(file).c_str(), FILE_APPEND_DATA, FILE_SHARE_READ | FILE_SHARE_WRITE | FILE_SHARE_DELETE,
+                    nullptr, OPEN_ALWAYS, FILE_ATTRIBUTE_NORMAL, nullptr);
+    if (handle == INVALID_HANDLE_VALUE)
+        return false;
+    DWORD written = 0;
+    const bool whole = GetFileType(handle) == FILE_TYPE_DISK &&
+                       WriteFile(handle, bytes.data(), static_cast<DWORD>(bytes.size()), &written, nullptr) &&
+                       written == bytes.size();
+    CloseHandle(handle);
+    return whole;
+}
+
+void stopInDebugger()
+{
+    DebugBreak();
+}
+
+void *mapMemoryAt(void *address, size_t bytes)
+{
+    return VirtualAlloc(address, bytes, MEM_RESERVE | MEM_COMMIT, PAGE_READWRITE);
+}
+
+void unmapMemory(void *address, size_t)
+{
+    VirtualFree(address, 0, MEM_RELEASE);
+}
+
+} // namespace vellum::layer
