@@ -19,6 +19,7 @@
 #include "cli/options/checks.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
+#include "cli/picture/png.h"
 
 namespace vellum::cli
 {

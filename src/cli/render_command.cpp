@@ -15,6 +15,7 @@
 #include "cli/base/report_parts.h"
 #include "cli/base/standard_streams.h"
 #include "cli/picture/heat.h"
+#include "cli/picture/png.h"
 #include "cli/renderer/state_table.h"
 #include "cli/scene/baked_scene.h"
 #include "cli/scene/grove.h"

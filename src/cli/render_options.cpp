@@ -12,6 +12,7 @@
 #include "cli/options/checks.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
+#include "cli/picture/png.h"
 #include "cli/render_command.h"
 
 namespace vellum::cli

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "bake/bake.h"
+#include "cli/picture/png.h"
 #include "cli/renderer/renderer.h"
 
 namespace vellum::cli

@@ -9,6 +9,7 @@
 
 #include "cli/inspect/drawing/thumbnail.h"
 #include "cli/inspect/tally.h"
+#include "cli/picture/png.h"
 #include "cli/renderer/state_table.h"
 #include "gltf/file/json_writer.h"
 #include "gltf/file/outside_file.h"

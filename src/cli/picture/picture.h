@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures, and PNG files of them.
+// Pictures.
 #pragma once
 
 #include <cstdint>
@@ -13,15 +13,6 @@ struct Picture {
     uint32_t height = 0;
     std::vector<uint32_t> pixels; // RGBA, red in the lowest byte, top row first
 };
-
-enum class Colors {
-    All,
-    Few,       // at most 256, for a small file
-    WithAlpha, // the others are opaque, whatever the pixels say
-};
-
-// The bytes of a PNG file. Throws Error.
-std::vector<uint8_t> encodePng(const Picture &picture, Colors colors = Colors::All);
 
 // Both pictures must have the same height.
 Picture sideBySide(const Picture &left, const Picture &right);
