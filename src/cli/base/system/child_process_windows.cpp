@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdio>
+#include <fmt/format.h>
+#include <utility>
+
+#include "cli/base/error.h"
+#include "cli/base/system/child_process.h"
+#include "cli/base/system/this_process.h"
+#include "cli/base/system/windows_text.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+constexpr DWORD kPipeBytes = 1 << 20;
+constexpr DWORD kMillisecondsBetweenLooks = 2;
+
+// A handle that is closed with it.
+class Handle
+{
+public:
+    explicit Handle(HANDLE handle = nullptr) : handle_(handle == INVALID_HANDLE_VALUE ? nullptr : handle) {}
+    ~Handle() { close(); }
+    Handle(Handle &&other) noexcept : handle_(std::exchange(other.handle_, nullptr)) {}
+    Handle &operator=(Handle &&other) noexcept
+    {
+        std::swap(handle_, other.handle_);
+        return *this;
+    }
+    void close()
+    {
+        if (handle_ != nullptr)
+            CloseHandle(handle_);
+        handle_ = nullptr;
+    }
+    [[nodiscard]] HANDLE get() const { return handle_; }
+
+private:
+    HANDLE handle_;
+};
+
+struct Pipe {
+    Handle reading;
+    Handle writing;
+};
+
+Pipe makePipe()
+{
+    HANDLE reading = nullptr;
+    HANDLE writing = nullptr;
+    if (CreatePipe(&reading, &writing, nullptr, kPipeBytes) == 0)
+        throw Error("no pipe can be made: " + lastMessage());
+    return {Handle(reading), Handle(writing)};
+}
+
+// All processes in it end when this process ends, however it does. `flags`: further limits.
+Handle makeJob(DWORD flags = 0)
+{
+    Handle job(CreateJobObjectW(nullptr, nullptr));
+    JOBOBJECT_EXTENDED_LIMIT_INFORMATION limits{};
+    limits.BasicLimitInformation.LimitFlags = JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE | flags;
+    SetInformationJobObject(job.get(), JobObjectExtendedLimitInformation, &limits, sizeof limits);
+    return job;
+}
+
+// The attribute of a new process that it inherits these handles only.
+class InheritedHandles
+{
+public:
+    explicit InheritedHandles(std::array<HANDLE, 3> handles) : handles_(handles)
+    {
+        SIZE_T size = 0;
+        InitializeProcThreadAttributeList(nullptr, 1, 0, &size);
+        memory_.resize(size);
+        if (InitializeProcThreadAttributeList(list(), 1, 0, &size) == 0 ||
+            UpdateProcThreadAttribute(list(), 0, PROC_THREAD_ATTRIBUTE_HANDLE_LIST, handles_.data(), sizeof handles_,
+                                      nullptr, nullptr) == 0)
+            throw Error("no process can be started: " + lastMessage());
+        for (const HANDLE handle : handles_)
+            SetHandleInformation(handle, HANDLE_FLAG_INHERIT, HANDLE_FLAG_INHERIT);
+    }
+    ~InheritedHandles() { DeleteProcThreadAttributeList(list()); }
+    InheritedHandles(const InheritedHandles &) = delete;
+    InheritedHandles &operator=(const InheritedHandles &) = delete;
+
+    [[nodiscard]] LPPROC_THREAD_ATTRIBUTE_LIST list()
+    {
+        return reinterpret_cast<LPPROC_THREAD_ATTRIBUTE_LIST>(memory_.data());
+    }
+
+private:
+    std::array<HANDLE, 3> handles_;
+    std::vector<std::byte> memory_;
+};
+
+// In the job from its first instruction on.
+Handle startSelf(std::span<const std::string> words, const Handle &job, std::array<HANDLE, 3> streams)
+{
+    InheritedHandles inherited(streams);
+    STARTUPINFOEXW start{};
+    start.StartupInfo.cb = sizeof start;
+    start.StartupInfo.dwFlags = STARTF_USESTDHANDLES;
+    start.StartupInfo.hStdInput = streams[0];
+    start.StartupInfo.hStdOutput = streams[1];
+    start.StartupInfo.hStdError = streams[2];
+    start.lpAttributeList = inherited.list();
+    std::wstring line = commandLineOf(words);
+    PROCESS_INFORMATION started{};
+    const DWORD flags = CREATE_SUSPENDED | CREATE_NEW_PROCESS_GROUP | EXTENDED_STARTUPINFO_PRESENT;
+    if (CreateProcessW(programPath().c_str(), line.data(), nullptr, nullptr, TRUE, flags, nullptr, nullptr,
+                       &start.StartupInfo, &started) == 0)
+        throw Error("no process can be started: " + lastMessage());
+    AssignProcessToJobObject(job.get(), started.hProcess);
+    ResumeThread(started.hThread);
+    CloseHandle(started.hThread);
+    return Handle(started.hProcess);
+}
+
+DWORD bytesIn(const Handle &pipe)
+{
+    DWORD bytes = 0;
+    return pipe.get() != nullptr && PeekNamedPipe(pipe.get(), nullptr, 0, nullptr, &bytes, nullptr) != 0 ? bytes : 0;
+}
+
+void readInto(const Handle &pipe, std::string &text)
+{
+    char buffer[65536];
+    for (DWORD bytes = bytesIn(pipe); bytes != 0; bytes = bytesIn(pipe)) {
+        DWORD read = 0;
+        if (ReadFile(pipe.get(), buffer, sizeof buffer, &read, nullptr) == 0)
+            return;
+        text.append(buffer, read);
+    }
+}
+
+std::string nameOfCrash(DWORD code)
+{
+    const auto named = [&](const char *name) { return fmt::format("{} (0x{:08X})", name, code); };
+    switch (code) {
+    case STATUS_ACCESS_VIOLATION: return named("access violation");
+    case STATUS_IN_PAGE_ERROR: return named("error of paging");
+    case STATUS_ILLEGAL_INSTRUCTION: return named("illegal instruction");
+    case STATUS_INTEGER_DIVIDE_BY_ZERO: return named("division by zero");
+    case STATUS_STACK_OVERFLOW: return named("stack overflow");
+    case STATUS_BREAKPOINT: return named("breakpoint");
+    case STATUS_CONTROL_C_EXIT: return named("Ctrl-C");
+    case 0xC0000374: return named("heap corruption");
+    case 0xC0000409: return named("fail-fast");
+    default: return named("exception");
+    }
+}
+
+bool isCrash(DWORD code)
+{
+    return code >= 0xC0000000 || code == STATUS_BREAKPOINT;
+}
+
+} // namespace
+
+struct ChildProcess::System {
+    Handle job;
+    Handle input;
+    Handle output;
+    Handle errors;
+    Handle process;
+};
+
+ChildProcess::ChildProcess(const std::vector<std::string> &arguments)
+{
+    std::vector<std::string> words = {"vellum"};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    Pipe input = makePipe();
+    Pipe output = makePipe();
+    Pipe errors = makePipe();
+    Handle job = makeJob();
+    Handle process = startSelf(words, job, {input.reading.get(), output.writing.get(), errors.writing.get()});
+    system_.reset(new System{std::move(job), std::move(input.writing), std::move(output.reading),
+                             std::move(errors.reading), std::move(process)});
+}
+
+ChildProcess::~ChildProcess()
+{
+    kill();
+    // A process that hangs in the kernel cannot be waited for.
+    WaitForSingleObject(system_->process.get(), 5000);
+}
+
+void ChildProcess::write(std::string_view text)
+{
+    DWORD written = 0;
+    if (WriteFile(system_->input.get(), text.data(), static_cast<DWORD>(text.size()), &written, nullptr) == 0)
+        closeInput();
+}
+
+void ChildProcess::closeInput()
+{
+    system_->input.close();
+}
+
+void ChildProcess::kill()
+{
+    TerminateJobObject(system_->job.get(), 1);
+}
+
+std::optional<ProcessEnd> ChildProcess::end() const
+{
+    DWORD code = 0;
+    if (WaitForSingleObject(system_->process.get(), 0) != WAIT_OBJECT_0 ||
+        GetExitCodeProcess(system_->process.get(), &code) == 0)
+        return std::nullopt;
+    if (isCrash(code))
+        return ProcessEnd{0, nameOfCrash(code)};
+    return ProcessEnd{static_cast<int>(code), {}};
+}
+
+void ChildProcess::read(std::string &output, std::string &errors)
+{
+    readInto(system_->output, output);
+    readInto(system_->errors, errors);
+}
+
+// Anonymous pipes cannot be waited for.
+void ChildProcess::waitForAny(std::span<const ChildProcess *const> processes, int milliseconds)
+{
+    const auto hasNews = [](const ChildProcess *process) {
+        const System &system = *process->system_;
+        return bytesIn(system.output) != 0 || bytesIn(system.errors) != 0 ||
+               WaitForSingleObject(system.process.get(), 0) == WAIT_OBJECT_0;
+    };
+    const ULONGLONG end = GetTickCount64() + static_cast<ULONGLONG>(milliseconds);
+    while (std::none_of(processes.begin(), processes.end(), hasNews) && GetTickCount64() < end)
+        Sleep(kMillisecondsBetweenLooks);
+}
+
+// Its job does that.
+void endWithParent() {}
+
+namespace
+{
+
+// The console sends Ctrl-C to the program as well, which decides.
+BOOL WINAPI ignore(DWORD)
+{
+    return TRUE;
+}
+
+} // namespace
+
+int runProgram(std::span<const std::string> words)
+{
+    SetConsoleCtrlHandler(ignore, TRUE);
+    const Handle job = makeJob(JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK); // what the program starts may outlive it
+    STARTUPINFOW start{};
+    start.cb = sizeof start;
+    PROCESS_INFORMATION started{};
+    std::wstring line = commandLineOf(words);
+    if (CreateProcessW(nullptr, line.data(), nullptr, nullptr, TRUE, CREATE_SUSPENDED, nullptr, nullptr, &start,
+                       &started) == 0) {
+        const DWORD error = GetLastError();
+        std::fprintf(stderr, "vellum: %s: %s\n", words[0].c_str(), messageOf(error).c_str());
+        return error == ERROR_FILE_NOT_FOUND || error == ERROR_PATH_NOT_FOUND ? 127 : 126;
+    }
+    const Handle process(started.hProcess);
+    AssignProcessToJobObject(job.get(), process.get());
+    ResumeThread(started.hThread);
+    CloseHandle(started.hThread);
+    WaitForSingleObject(process.get(), INFINITE);
+    DWORD code = 0;
+    if (GetExitCodeProcess(process.get(), &code) == 0)
+        throw Error("the program cannot be waited for");
+    SetConsoleCtrlHandler(ignore, FALSE);
+    return static_cast<int>(code);
+}
+
+} // namespace vellum::cli

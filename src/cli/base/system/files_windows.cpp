@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fstream>
+
+#include "cli/base/error.h"
+#include "cli/base/system/files.h"
+#include "cli/base/system/windows_text.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+std::filesystem::path newFile()
+{
+    wchar_t name[MAX_PATH];
+    const std::filesystem::path folder = std::filesystem::temp_directory_path();
+    if (GetTempFileNameW(folder.c_str(), L"vel", 0, name) == 0)
+        throw Error("no file can be made in " + folder.string() + ": " + lastMessage());
+    return name;
+}
+
+} // namespace
+
+std::optional<FileId> idOf(const std::filesystem::path &path)
+{
+    const HANDLE file = CreateFileW(path.c_str(), 0, FILE_SHARE_READ | FILE_SHARE_WRITE | FILE_SHARE_DELETE, nullptr,
+                                    OPEN_EXISTING, FILE_FLAG_BACKUP_SEMANTICS, nullptr);
+    if (file == INVALID_HANDLE_VALUE)
+        return std::nullopt;
+    BY_HANDLE_FILE_INFORMATION facts;
+    const bool known = GetFileInformationByHandle(file, &facts) != 0;
+    CloseHandle(file);
+    if (!known)
+        return std::nullopt;
+    return FileId{facts.dwVolumeSerialNumber, uint64_t{facts.nFileIndexHigh} << 32 | facts.nFileIndexLow};
+}
+
+// A folder's attributes say nothing about new files in it, and its access control list little.
+std::string problemOfFolder(const std::filesystem::path &)
+{
+    return "";
+}
+
+TemporaryFile::TemporaryFile() : path_(newFile()) {}
+
+TemporaryFile::~TemporaryFile()
+{
+    std::error_code error;
+    std::filesystem::remove(path_, error);
+}
+
+SharedText::SharedText(std::string_view text) : path_(newFile())
+{
+    std::ofstream(path_, std::ios::binary) << text;
+}
+
+SharedText::~SharedText()
+{
+    std::error_code error;
+    std::filesystem::remove(path_, error);
+}
+
+} // namespace vellum::cli

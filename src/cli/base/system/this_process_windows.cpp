@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstdlib>
+#include <fcntl.h>
+#include <io.h>
+#include <shellapi.h>
+
+#include "cli/base/system/this_process.h"
+#include "cli/base/system/windows_text.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+UINT codePageBefore = 0;
+
+// Texts are UTF-8, and progress uses escape sequences.
+void prepareConsole()
+{
+    for (const DWORD stream : {STD_OUTPUT_HANDLE, STD_ERROR_HANDLE}) {
+        const HANDLE console = GetStdHandle(stream);
+        if (DWORD mode = 0; GetConsoleMode(console, &mode) != 0)
+            SetConsoleMode(console, mode | ENABLE_PROCESSED_OUTPUT | ENABLE_VIRTUAL_TERMINAL_PROCESSING);
+    }
+    codePageBefore = GetConsoleOutputCP();
+    if (codePageBefore != 0 && SetConsoleOutputCP(CP_UTF8) != 0) // the console may be a shell's, which goes on
+        std::atexit([] { SetConsoleOutputCP(codePageBefore); });
+}
+
+} // namespace
+
+std::vector<std::string> prepareProcess(int, char **)
+{
+    for (std::FILE *stream : {stdin, stdout, stderr})
+        _setmode(_fileno(stream), _O_BINARY); // what is written is the same on every system
+    prepareConsole();
+    // A dialog would be waited for.
+    SetErrorMode(SEM_FAILCRITICALERRORS | SEM_NOGPFAULTERRORBOX | SEM_NOOPENFILEERRORBOX);
+    int count = 0;
+    std::vector<std::string> words;
+    wchar_t **const arguments = CommandLineToArgvW(GetCommandLineW(), &count);
+    for (int i = 1; i < count; ++i)
+        words.push_back(utf8(arguments[i]));
+    LocalFree(arguments);
+    return words;
+}
+
+std::filesystem::path programPath()
+{
+    std::wstring path(32768, L'\0');
+    path.resize(GetModuleFileNameW(nullptr, path.data(), static_cast<DWORD>(path.size())));
+    return path;
+}
+
+std::optional<std::string> variable(const char *name)
+{
+    const wchar_t *value = _wgetenv(wide(name).c_str());
+    return value != nullptr ? std::optional<std::string>(utf8(value)) : std::nullopt;
+}
+
+void setVariable(const char *name, const std::string &value)
+{
+    _wputenv_s(wide(name).c_str(), wide(value).c_str());
+}
+
+} // namespace vellum::cli
