@@ -2,10 +2,11 @@
 #include <cstdlib>
 #include <fcntl.h>
 #include <io.h>
-#include <shellapi.h>
 
 #include "cli/base/system/this_process.h"
 #include "cli/base/system/windows_text.h"
+
+#include <shellapi.h> // after windows.h
 
 namespace vellum::cli
 {
