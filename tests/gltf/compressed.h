@@ -21,8 +21,13 @@ Bytes meshoptAttributes(const Bytes &vertices, size_t stride);
 Bytes meshoptTriangles(const std::vector<uint32_t> &indices);
 Bytes meshoptIndices(const std::vector<uint32_t> &indices);
 
+// Where the build cannot decode such images, only the beginning of one.
 Bytes webpImage(uint32_t width, uint32_t height, const Bytes &rgba);
 Bytes jpegImage(uint32_t width, uint32_t height, const Bytes &rgb);
+constexpr int kGray = 0;
+constexpr int kRgb = 2;
+constexpr int kGrayAlpha = 4;
+constexpr int kRgba = 6;
 // `rows` are as they stand in the file, 16-bit values with the upper byte first.
 Bytes pngImage(uint32_t width, uint32_t height, int bitDepth, int colorType, bool interlaced, const Bytes &rows);
 

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "glb_file.h"
 
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
-#include <png.h>
+#include <random>
 #include <stdexcept>
+
+#include "compressed.h"
 
 namespace vellum::test
 {
@@ -48,16 +49,7 @@ Bytes discPng()
         const uint8_t alpha = x * x + y * y < 36 ? 255 : 0;
         rgba.insert(rgba.end(), {255, 255, 255, alpha});
     }
-    png_image image{};
-    image.version = PNG_IMAGE_VERSION;
-    image.width = image.height = kSize;
-    image.format = PNG_FORMAT_RGBA;
-    Bytes file(4096);
-    png_alloc_size_t size = file.size();
-    if (png_image_write_to_memory(&image, file.data(), &size, 0, rgba.data(), 0, nullptr) == 0)
-        throw std::runtime_error(image.message);
-    file.resize(size);
-    return file;
+    return pngImage(kSize, kSize, 8, kRgba, false, rgba);
 }
 
 std::string cardJson(size_t imageBytes, size_t binaryBytes)
@@ -160,10 +152,11 @@ Bytes readFile(const std::filesystem::path &path)
 
 TemporaryFolder::TemporaryFolder()
 {
-    std::string name = (std::filesystem::temp_directory_path() / "vellum-test-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr)
-        throw std::runtime_error("no temporary folder");
-    path_ = name;
+    std::random_device random;
+    do
+        path_ = std::filesystem::temp_directory_path() / ("vellum-test-" + std::to_string(random()));
+    while (!std::filesystem::create_directory(path_));
+    std::filesystem::permissions(path_, std::filesystem::perms::owner_all);
 }
 
 TemporaryFolder::~TemporaryFolder()

@@ -54,6 +54,21 @@ TEST(OutputFiles, AppearWhenTheyArePublished)
     EXPECT_EQ(entries(folder / "a/b"), 1u);
 }
 
+TEST(OutputFiles, NamesMayHaveAnyCharacters)
+{
+    const TemporaryFolder folder;
+    const std::filesystem::path path = folder.path() / u8"\u5c4b\u00e9/\U0001f33f.gltf";
+    OutputFiles files(kNever);
+    files.write(path, contentOf("leaf"));
+    files.publish();
+    EXPECT_EQ(textOf(path), "leaf");
+    OutputFiles again(kNever);
+    again.write(path, contentOf("newer leaf"));
+    again.publish();
+    EXPECT_EQ(textOf(path), "newer leaf");
+    EXPECT_EQ(entries(path.parent_path()), 1u);
+}
+
 TEST(OutputFiles, RemovesThemOtherwise)
 {
     const TemporaryFolder folder;

@@ -345,17 +345,16 @@ TEST(GltfWrongFile, Images)
     badSum[40] ^= 1;
     Bytes noEnd = webp;
     noEnd[4] = 0xff;
-    const Bytes wrong[] = {cut(png, 8),
-                           cut(png, 40),
-                           cut(png, png.size() / 2),
-                           badSum,
-                           cut(webp, 12),
-                           cut(webp, 20),
-                           noEnd,
-                           cut(jpeg, 4),
-                           Bytes{0xff, 0xd8, 0xff, 0xd9},
-                           Bytes(64, 17),
-                           Bytes{'G', 'I', 'F', '8', '9', 'a', 0, 0, 0, 0, 0, 0}};
+    std::vector<Bytes> wrong = {cut(png, 8),
+                                cut(png, 40),
+                                cut(png, png.size() / 2),
+                                badSum,
+                                cut(jpeg, 4),
+                                Bytes{0xff, 0xd8, 0xff, 0xd9},
+                                Bytes(64, 17),
+                                Bytes{'G', 'I', 'F', '8', '9', 'a', 0, 0, 0, 0, 0, 0}};
+    if (kDecodesWebp)
+        wrong.insert(wrong.end(), {cut(webp, 12), cut(webp, 20), noEnd});
     for (const Bytes &image : wrong)
         EXPECT_EQ(errorOfImage(image).substr(0, 26), "image 0 cannot be decoded:") << image.size();
 }
@@ -381,8 +380,9 @@ TEST(GltfWrongFile, ImagesThatAnnounceHugeSizes)
              {16384, 16384}, {65535, 65535}, {16384, 1025}, {8192, 8192}, {65535, 1}, {0, 16}})
         EXPECT_EQ(errorOfImage(resizedJpeg(jpeg, width, height)).substr(0, 7), "image 0") << width << " x " << height;
     for (const uint32_t height : {1025u, 4000u})
-        EXPECT_EQ(errorOfImage(webpImage(16383, height, Bytes(size_t{16383} * height * 4))).substr(0, 11),
-                  "image 0 has");
+        if (kDecodesWebp)
+            EXPECT_EQ(errorOfImage(webpImage(16383, height, Bytes(size_t{16383} * height * 4))).substr(0, 11),
+                      "image 0 has");
 }
 
 // A stream that is decompressed to far more than the image's size: what is too much is not looked at.

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 
 #include "layer/memory/gpu_memory.h"
 
@@ -64,13 +65,13 @@ private:
     static VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice, const VkMemoryAllocateInfo *info,
                                                          const VkAllocationCallbacks *, VkDeviceMemory *memory)
     {
-        *memory = reinterpret_cast<VkDeviceMemory>(std::aligned_alloc(kPage, info->allocationSize));
+        *memory = reinterpret_cast<VkDeviceMemory>(::operator new (info->allocationSize, std::align_val_t{kPage}));
         ++alive_;
         return VK_SUCCESS;
     }
     static VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice, VkDeviceMemory memory, const VkAllocationCallbacks *)
     {
-        std::free(reinterpret_cast<void *>(memory));
+        ::operator delete (reinterpret_cast<void *>(memory), std::align_val_t{kPage});
         --alive_;
     }
     static VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice, VkBuffer buffer, VkDeviceMemory memory,

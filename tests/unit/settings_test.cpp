@@ -26,9 +26,9 @@ protected:
     SettingsTest()
     {
         std::filesystem::create_directories(folder_);
-        set("VK_LAYER_SETTINGS_PATH", file_.c_str());
+        set("VK_LAYER_SETTINGS_PATH", file_.string().c_str());
         // Whatever settings this machine has.
-        set("XDG_DATA_HOME", folder_.c_str());
+        set("XDG_DATA_HOME", folder_.string().c_str());
         unsetenv("VELLUM_STRICT");
     }
     ~SettingsTest() override
@@ -121,14 +121,14 @@ TEST_F(SettingsTest, TheFirstFileThatThereIs)
     writeTo(users, "vellum_opacity_micromap.strict = true");
     EXPECT_TRUE(readSettings(nullptr).strict);
     set("XDG_DATA_HOME", nullptr);
-    set("HOME", (folder_ / "home").c_str());
+    set("HOME", (folder_ / "home").string().c_str());
     EXPECT_FALSE(readSettings(nullptr).strict);
     writeTo(folder_ / "home/.local/share/vulkan/settings.d/vk_layer_settings.txt",
             "vellum_opacity_micromap.strict = true");
     EXPECT_TRUE(readSettings(nullptr).strict);
     // A folder, and what the user chose before what the user has.
     writeTo(folder_ / "chosen/vk_layer_settings.txt", "vellum_opacity_micromap.validate = true");
-    set("VK_LAYER_SETTINGS_PATH", (folder_ / "chosen").c_str());
+    set("VK_LAYER_SETTINGS_PATH", (folder_ / "chosen").string().c_str());
     EXPECT_FALSE(readSettings(nullptr).strict);
     EXPECT_EQ(readSettings(nullptr).validate, (Checks{true, true, true}));
 }
@@ -159,8 +159,9 @@ TEST_F(SettingsTest, AllValues)
 TEST_F(SettingsTest, EmptyValueInTheFile)
 {
     set("XDG_CACHE_HOME", "/somewhere");
+    set("LOCALAPPDATA", "/somewhere"); // on Windows
     write("vellum_opacity_micromap.cache_folder = ");
-    EXPECT_EQ(readSettings(nullptr).cacheFolder, "/somewhere/vellum");
+    EXPECT_EQ(std::filesystem::path(readSettings(nullptr).cacheFolder), std::filesystem::path("/somewhere") / "vellum");
     set("VELLUM_CACHE_FOLDER", "");
     EXPECT_EQ(readSettings(nullptr).cacheFolder, "");
 }
@@ -177,8 +178,8 @@ TEST_F(SettingsTest, WrongNamesAreReportedOnce)
     const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
     const std::string head = "vellum: VELLUM-setting: there is no setting ";
     EXPECT_EQ(printed(&chain), head + "strickt (" + file_.string() + ")\n" + head + "stricter (VkLayerSettingEXT)\n" +
-                                   head + "VK_VELLUM_OPACITY_MICROMAP_STRICKT\n" + head + "VK_VELLUM_STRICKT\n" +
-                                   head + "VELLUM_STRICKT\n");
+                                   head + "VK_VELLUM_OPACITY_MICROMAP_STRICKT\n" + head + "VK_VELLUM_STRICKT\n" + head +
+                                   "VELLUM_STRICKT\n");
     EXPECT_EQ(printed(&chain), "");
     EXPECT_FALSE(settings_.strict);
 }
@@ -205,7 +206,7 @@ TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
 
 TEST_F(SettingsTest, AFileThatIsNotThere)
 {
-    set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").c_str());
+    set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").string().c_str());
     EXPECT_EQ(printed(), "vellum: VELLUM-setting: VK_LAYER_SETTINGS_PATH is \"" + (folder_ / "nowhere").string() +
                              "\" and must be a file of settings, or a folder with one\n");
     EXPECT_EQ(printed(), "");

@@ -21,25 +21,18 @@ std::string utf8(std::wstring_view text)
     return {narrow.begin(), narrow.end()};
 }
 
-// Whether the program runs with more rights than its user usually has, by which the loader decides as well.
+// Whether the program runs with more rights than its user's programs usually have.
 bool isElevated()
 {
     static const bool elevated = [] {
         HANDLE token = nullptr;
         if (!OpenProcessToken(GetCurrentProcess(), TOKEN_QUERY, &token))
             return false;
-        union {
-            TOKEN_MANDATORY_LABEL label;
-            std::byte bytes[SECURITY_MAX_SID_SIZE + sizeof(TOKEN_MANDATORY_LABEL)];
-        };
+        TOKEN_ELEVATION elevation{};
         DWORD size = 0;
-        bool high = false;
-        if (GetTokenInformation(token, TokenIntegrityLevel, &label, sizeof(bytes), &size)) {
-            const DWORD last = *GetSidSubAuthorityCount(label.Label.Sid) - 1u;
-            high = *GetSidSubAuthority(label.Label.Sid, last) >= SECURITY_MANDATORY_HIGH_RID;
-        }
+        const bool known = GetTokenInformation(token, TokenElevation, &elevation, sizeof elevation, &size);
         CloseHandle(token);
-        return high;
+        return known && elevation.TokenIsElevated != 0;
     }();
     return elevated;
 }
