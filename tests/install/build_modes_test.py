@@ -113,6 +113,11 @@ class BuildModes(unittest.TestCase):
         there = targets(build)
         self.assertIn("VkLayer_vellum_opacity_micromap", there)
         self.assertFalse({"vellum", "vellum_library", "vellum_bake", "layer_tests"} & there)
+        library = "libVkLayer_vellum_opacity_micromap.so"
+        manifest = build / "installed/VkLayer_vellum_opacity_micromap.json"
+        for value, path in (("OFF", f"../../../{options.libdir}/{library}"), ("ON", library)):
+            run(options.cmake, build, f"-DVELLUM_LAYER_BY_NAME={value}")
+            self.assertEqual(json.loads(manifest.read_text())["layer"]["library_path"], path)
 
     def test_by_default_neither_tests_nor_errors_for_warnings(self):
         build = folder("default")

@@ -6,6 +6,7 @@ Run by ctest, with the options that main() has; what comes after them goes to un
 """
 import argparse
 import base64
+import fnmatch
 import json
 import os
 import pathlib
@@ -28,6 +29,7 @@ SPIRV_FUNCTIONS = {"vellumDestroySpirv", "vellumEditSpirv", "vellumGetSpirvEntry
 GLTF_FUNCTIONS = {"vellumBakeGltf", "vellumCheckGltf", "vellumDestroyGltf", "vellumFindGltfPrimitive",
                   "vellumGetGltfInfo", "vellumGetGltfMicromapInfo", "vellumGetGltfPrimitiveInfo",
                   "vellumInitGltfBakeOptions", "vellumReadGltf"}
+NOTICES = {"share/doc/vellum/LICENSE", "share/doc/vellum/THIRD-PARTY.md"}
 
 
 def run(*command, environment=None, folder=None):
@@ -290,23 +292,35 @@ class Installation(unittest.TestCase):
     def test_components(self):
         """Each file but the licence is in one component."""
         lib = options.libdir
-        notices = {"share/doc/vellum/LICENSE", "share/doc/vellum/THIRD-PARTY.md"}
         files = {component: self.installed(component) for component in ("layer", "command", "runtime", "devel", "doc")}
         for component, paths in files.items():
-            self.assertLessEqual(notices, paths, component)
-        self.assertEqual(files["layer"] - notices, {
+            self.assertLessEqual(NOTICES, paths, component)
+        self.assertEqual(files["layer"] - NOTICES, {
             f"{lib}/libVkLayer_vellum_opacity_micromap.so",
             "share/vulkan/explicit_layer.d/VkLayer_vellum_opacity_micromap.json",
             "share/man/man7/VK_LAYER_VELLUM_opacity_micromap.7"})
         self.assertIn("bin/vellum", files["command"])
-        self.assertEqual({re.sub(r"[.\d]*$", "", path) for path in files["runtime"] - notices},
+        self.assertEqual({re.sub(r"[.\d]*$", "", path) for path in files["runtime"] - NOTICES},
                          {f"{lib}/libvellum.so", f"{lib}/libvellum_gltf.so"})
         self.assertIn(f"{lib}/libvellum.so", files["devel"])
         self.assertNotIn(f"{lib}/libvellum.so", files["runtime"])
         self.assertEqual([path for path in files["doc"] if not path.startswith("share/doc/vellum/")], [])
         there = {str(path.relative_to(self.prefix)) for path in self.prefix.rglob("*") if not path.is_dir()}
         self.assertEqual(set.union(*files.values()), there)
-        self.assertEqual(sum(len(paths - notices) for paths in files.values()), len(there - notices))
+        self.assertEqual(sum(len(paths - NOTICES) for paths in files.values()), len(there - NOTICES))
+
+    def test_debian_packages(self):
+        """The lists in debian/ have all files of the components, and nothing else."""
+        soname = options.version.rpartition(".")[0]
+        packages = {"layer": "vulkan-layer-vellum", "command": "vellum", "runtime": f"libvellum{soname}",
+                    "devel": "libvellum-dev", "doc": "vellum-doc"}
+        for component, package in packages.items():
+            lines = (options.source / "debian" / f"{package}.install").read_text().splitlines()
+            listed = [line.split()[0].removeprefix("usr/").replace("lib/*", options.libdir) for line in lines]
+            patterns = [fnmatch.translate(entry) + "|" + fnmatch.translate(f"{entry}/*") for entry in listed]
+            files = self.installed(component) - NOTICES
+            self.assertEqual([path for path in sorted(files) if not any(re.match(p, path) for p in patterns)], [], package)
+            self.assertEqual([p for p in patterns if not any(re.match(p, path) for path in files)], [], package)
 
     def test_links_of_the_installed_documents(self):
         """The documents find each other and the examples; sources are not installed."""
