@@ -113,10 +113,9 @@ BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
     return bakeScene(scene, bake);
 }
 
-void writePicture(const RenderOptions &options, const std::filesystem::path &path, const Picture &picture,
-                  std::optional<DataOutput> &data)
+void writePicture(const std::filesystem::path &path, const Picture &picture, std::optional<DataOutput> &data)
 {
-    writeData(path, encodePng(picture, options.colors), data);
+    writeData(path, encodePng(picture), data);
     if (!isStandardStream(path))
         fmt::print("wrote       {}\n", path.string());
     std::fflush(stdout); // timing may follow
@@ -146,7 +145,7 @@ int renderOne(const RenderOptions &options, Device &device, const RenderScene &s
     fmt::print("candidates  {:.3f} per ray handed to the shader\n", count.perRay());
     if (!micromaps.empty())
         fmt::print("memory      {} bytes of micromaps\n", grouped(renderer->micromapBytes()));
-    writePicture(options, options.output, renderer->picture(), data);
+    writePicture(options.output, renderer->picture(), data);
     return 0;
 }
 
@@ -254,10 +253,10 @@ int renderBoth(const RenderOptions &options, const DeviceInfo &info, const Rende
     }
     const Difference difference = compare(pictures[0], pictures[1]);
     const std::vector<std::filesystem::path> paths = picturesOf(options, difference.pixels != 0);
-    writePicture(options, paths[0], pictures[1], data);
-    writePicture(options, paths[1], pictures[0], data);
+    writePicture(paths[0], pictures[1], data);
+    writePicture(paths[1], pictures[0], data);
     if (difference.pixels != 0)
-        writePicture(options, paths[2], difference.amplified, data);
+        writePicture(paths[2], difference.amplified, data);
     const PairedTiming timing = timeFrames(options, *contest);
     if (options.json)
         writeComparison(options, info, *contest, timing, difference, *data);
@@ -288,7 +287,7 @@ int renderStates(const RenderOptions &options, const DeviceInfo &info, const Ren
     fmt::print(
         "states      opaque #{:06x}, transparent #{:06x} (a veil), unknown: opaque #{:06x}, transparent #{:06x}\n",
         color(State::Opaque), color(State::Transparent), color(State::UnknownOpaque), color(State::UnknownTransparent));
-    writePicture(options, options.output, picture, data);
+    writePicture(options.output, picture, data);
     return 0;
 }
 
@@ -316,7 +315,7 @@ int renderHeat(const RenderOptions &options, const DeviceInfo &info, const Rende
                    *std::max_element(map.values.begin(), map.values.end()), map.title);
         map.title += fmt::format(": {:.2f}", mean);
     }
-    writePicture(options, options.output, drawHeat(maps, heatScale(maps), "candidates per pixel"), data);
+    writePicture(options.output, drawHeat(maps, heatScale(maps), "candidates per pixel"), data);
     return 0;
 }
 

@@ -12,7 +12,6 @@
 #include "cli/options/checks.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
-#include "cli/picture/png.h"
 #include "cli/render_command.h"
 
 namespace vellum::cli
@@ -79,7 +78,6 @@ struct RawOptions {
     std::string level = "auto";
     std::string states = "4";
     bool noLayer = false;
-    bool palette = false;
     std::vector<CLI::Option *> bakes; // those that ask for new micromaps
 };
 
@@ -97,7 +95,6 @@ void declareFiles(CLI::App &command, RenderOptions &options, RawOptions &raw)
         ->take_last()
         ->type_name("OUT");
     command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
-    command.add_flag("--palette", raw.palette, "PNGs of at most 256 colours: about half of the bytes");
     command.add_flag("--json", options.json, "With --mode compare: print JSON");
     command.add_flag("-q,--quiet", options.quiet, "Print errors only")->group(kGeneral);
 }
@@ -204,7 +201,6 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
     options.settings.trace = kTraces.at(raw.trace);
     options.api = micromapApis().at(raw.api);
     options.layer = !raw.noLayer;
-    options.colors = raw.palette ? Colors::Few : Colors::All;
     for (const CLI::Option *option : raw.bakes)
         options.bakeAnew |= option->count() > 0;
     options.output = outputFor(raw.operand ? raw.operand : raw.output, standardOutput(options));

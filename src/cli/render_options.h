@@ -9,7 +9,6 @@
 #include <string>
 
 #include "bake/bake.h"
-#include "cli/picture/png.h"
 #include "cli/renderer/renderer.h"
 
 namespace vellum::cli
@@ -26,7 +25,6 @@ struct RenderOptions {
     BakeOptions bake;
     uint32_t instances = 1;
     std::optional<uint32_t> frames; // to time, or pairs of them; without, as many as it takes
-    Colors colors = Colors::All;
     bool bakeAnew = false; // even if the file has micromaps
     // Draws to the left, with Mode::States the picture by micromaps, with Mode::Heat the map without them.
     bool sideBySide = false;

@@ -13,7 +13,7 @@ Png readPng(const std::filesystem::path &path)
     image.version = PNG_IMAGE_VERSION;
     if (png_image_begin_read_from_file(&image, path.c_str()) == 0)
         throw std::runtime_error(path.string() + ": " + image.message);
-    Png result{image.width, image.height, (image.format & PNG_FORMAT_FLAG_COLORMAP) != 0, {}};
+    Png result{image.width, image.height, {}};
     image.format = PNG_FORMAT_RGB;
     std::vector<uint8_t> bytes(PNG_IMAGE_SIZE(image));
     if (png_image_finish_read(&image, nullptr, bytes.data(), 0, nullptr) == 0)

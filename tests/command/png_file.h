@@ -18,7 +18,6 @@ struct Rgb {
 struct Png {
     size_t width = 0;
     size_t height = 0;
-    bool indexed = false;    // with a palette
     std::vector<Rgb> pixels; // top row first
 };
 

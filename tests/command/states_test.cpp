@@ -125,22 +125,3 @@ TEST_F(States, SideBySideWithThePictureByMicromaps)
         }
     }
 }
-
-// 256 colours for several thousand: near them, and no two states are confused.
-TEST_F(States, LookTheSameInFewColors)
-{
-    const Png all = draw({"--level", "5"});
-    const Png few = draw({"--level", "5", "--palette"});
-    EXPECT_FALSE(all.indexed);
-    EXPECT_TRUE(few.indexed);
-    ASSERT_EQ(all.pixels.size(), few.pixels.size());
-    double sum = 0;
-    for (size_t i = 0; i < all.pixels.size(); ++i) {
-        const Rgb &a = all.pixels[i];
-        const Rgb &b = few.pixels[i];
-        const double apart = std::hypot(a.red - b.red, a.green - b.green, a.blue - b.blue);
-        EXPECT_LT(apart, 48) << "pixel " << i;
-        sum += apart;
-    }
-    EXPECT_LT(sum / static_cast<double>(all.pixels.size()), 6);
-}

@@ -33,7 +33,7 @@ void writeTally(const Tally &tally, JsonWriter &json)
 
 std::string pngUri(const Picture &picture)
 {
-    return "data:image/png;base64," + base64Encoded(encodePng(picture, Colors::WithAlpha));
+    return "data:image/png;base64," + base64Encoded(encodePng(picture, Alpha::Kept));
 }
 
 Picture pictureOf(const Image &image)

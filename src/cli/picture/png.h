@@ -10,13 +10,12 @@
 namespace vellum::cli
 {
 
-enum class Colors {
-    All,
-    Few,       // at most 256, for a small file
-    WithAlpha, // the others are opaque, whatever the pixels say
+enum class Alpha {
+    Ignored, // the file is opaque
+    Kept,
 };
 
 // The bytes of a PNG file. Throws Error.
-std::vector<uint8_t> encodePng(const Picture &picture, Colors colors = Colors::All);
+std::vector<uint8_t> encodePng(const Picture &picture, Alpha alpha = Alpha::Ignored);
 
 } // namespace vellum::cli
