@@ -152,7 +152,7 @@ ExitCode printProblems(const BakeCommandOptions &options, const std::vector<Bake
         if (!options.requireMicromaps || !report.error.empty() || !report.primitives.empty())
             continue;
         if (report.failure.empty())
-            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", report.job.input.c_str());
+            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", report.job.input.string().c_str());
         code = worse(code, ExitCode::NoMicromaps);
     }
     return code;

@@ -2,8 +2,9 @@
 #include "cli/check/schedule.h"
 
 #include <algorithm>
-#include <fnmatch.h>
 #include <numeric>
+
+#include "gltf/micromaps/name_pattern.h"
 
 namespace vellum::cli
 {
@@ -64,7 +65,7 @@ bool CaseSelection::accepts(const CaseId &id) const
         return true;
     const std::string name = nameOf(id);
     return std::any_of(filters.begin(), filters.end(),
-                       [&](const std::string &filter) { return fnmatch(filter.c_str(), name.c_str(), 0) == 0; });
+                       [&](const std::string &filter) { return matchesPattern(name, filter); });
 }
 
 std::vector<CaseId> casesOf(const CaseSelection &selection)

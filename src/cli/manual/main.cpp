@@ -22,7 +22,7 @@ int main(int argc, char **argv)
         file << text;
         file.close();
         if (!file)
-            std::fprintf(stderr, "%s cannot be written\n", (folder / name).c_str());
+            std::fprintf(stderr, "%s cannot be written\n", (folder / name).string().c_str());
         written = written && !file.fail();
     };
     const std::vector<ReferenceCommand> commands = readCommands();
