@@ -2,132 +2,14 @@
 #include "command.h"
 
 #include <algorithm>
-#include <chrono>
-#include <csignal>
-#include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
-#include <stdexcept>
-#include <sys/personality.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <thread>
-#include <unistd.h>
-
-#include "glb_file.h"
 
 namespace vellum::test
 {
-namespace
-{
-
-std::string textOf(const std::filesystem::path &path)
-{
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), {}};
-}
-
-// In the child, after fork.
-[[noreturn]] void execute(std::vector<std::string> arguments,
-                          const std::vector<std::pair<std::string, std::string>> &environment,
-                          const std::filesystem::path &output, const std::filesystem::path &errors)
-{
-    for (const auto &[name, value] : environment)
-        setenv(name.c_str(), value.c_str(), 1);
-    // Under the sanitizers, only faults are wanted here; drivers keep memory to the end.
-    setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
-    // Pictures are small: most of the time would go into compiling shaders. See
-    // tests/layer/harness/program/test_main.cpp.
-    setenv("GALLIVM_PERF", "nopt", 0);
-    setenv("MESA_SHADER_CACHE_DIR", VELLUM_TEST_SHADER_CACHE, 0);
-#if !defined(__SANITIZE_ADDRESS__)
-    personality(ADDR_NO_RANDOMIZE);
-#endif
-    std::vector<char *> argv = {const_cast<char *>("vellum")};
-    for (std::string &argument : arguments)
-        argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    if (std::freopen(output.c_str(), "w", stdout) == nullptr || std::freopen(errors.c_str(), "w", stderr) == nullptr)
-        _exit(127);
-    execv(VELLUM_COMMAND, argv.data());
-    _exit(127);
-}
-
-} // namespace
 
 int Outcome::errorLines() const
 {
     const auto ended = std::count(errors.begin(), errors.end(), '\n');
     return static_cast<int>(ended) + (errors.empty() || errors.back() == '\n' ? 0 : 1);
-}
-
-namespace
-{
-
-// `inChild` is called in the child before it begins, `meanwhile` in the parent, with the child's id.
-template <typename InChild, typename Meanwhile>
-Outcome run(const std::vector<std::string> &arguments,
-            const std::vector<std::pair<std::string, std::string>> &environment, InChild &&inChild,
-            Meanwhile &&meanwhile, const std::filesystem::path &device = {})
-{
-    const TemporaryFolder folder;
-    std::fflush(nullptr); // else the child would write what is buffered once more
-    const pid_t child = fork();
-    if (child < 0)
-        throw std::runtime_error("no process");
-    if (child == 0) {
-        inChild();
-        execute(arguments, environment, device.empty() ? folder / "output" : device, folder / "errors");
-    }
-    meanwhile(child);
-    int status = 0;
-    if (waitpid(child, &status, 0) != child)
-        throw std::runtime_error("the process was lost");
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, WIFSIGNALED(status) ? WTERMSIG(status) : 0,
-            textOf(folder / "output"), textOf(folder / "errors")};
-}
-
-} // namespace
-
-Outcome runVellum(const std::vector<std::string> &arguments,
-                  const std::vector<std::pair<std::string, std::string>> &environment,
-                  const std::filesystem::path &input)
-{
-    return run(
-        arguments, environment,
-        [&] {
-            if (std::freopen(input.c_str(), "r", stdin) == nullptr)
-                _exit(127);
-        },
-        [](pid_t) {});
-}
-
-Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds)
-{
-    return run(
-        arguments, {}, [] {},
-        [&](pid_t child) {
-            std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
-            kill(child, signal);
-        });
-}
-
-Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes)
-{
-    return run(
-        arguments, {},
-        [&] {
-            const rlimit limit{bytes, bytes};
-            setrlimit(RLIMIT_FSIZE, &limit);
-        },
-        [](pid_t) {});
-}
-
-Outcome runVellumToFullDevice(const std::vector<std::string> &arguments)
-{
-    return run(
-        arguments, {}, [] {}, [](pid_t) {}, "/dev/full");
 }
 
 std::string lineOf(const Outcome &outcome, const std::string &beginning)

@@ -29,6 +29,7 @@ Outcome runVellum(const std::vector<std::string> &arguments,
                   const std::vector<std::pair<std::string, std::string>> &environment = {},
                   const std::filesystem::path &input = "/dev/null");
 
+#ifndef _WIN32
 // Sends it a signal after some milliseconds.
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds);
 
@@ -37,5 +38,6 @@ Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsign
 
 // Its stdout takes nothing: /dev/full.
 Outcome runVellumToFullDevice(const std::vector<std::string> &arguments);
+#endif
 
 } // namespace vellum::test

@@ -105,7 +105,8 @@ TEST_F(Check, ACrashNamesItsSignalAndTheRunGoesOn)
     EXPECT_EQ(check.outcome.exitCode, 1);
     EXPECT_EQ(check.results,
               (Statuses{{"khr.crash.0000", "Crash"}, {"khr.crash.0001", "Crash"}, {"khr.good.0000", "Pass"}}));
-    EXPECT_NE(check.outcome.output.find("  Crash: SIGSEGV\n    2 cases"), std::string::npos) << check.outcome.output;
+    EXPECT_NE(check.outcome.output.find("  Crash: " + kCrash + "\n    2 cases"), std::string::npos)
+        << check.outcome.output;
 }
 
 TEST_F(Check, TheFirstCrashWithACauseIsShrunk)
@@ -114,7 +115,7 @@ TEST_F(Check, TheFirstCrashWithACauseIsShrunk)
     for (const char *name : {"khr.crash.0000", "khr.lost.0000"})
         EXPECT_EQ(trianglesOf(name), 3U);
     EXPECT_EQ(trianglesOf("khr.crash.0001"), 12U);
-    EXPECT_NE(textOf(folder_ / "out/failures/khr.crash.0000.txt").find("the process ended: SIGSEGV"),
+    EXPECT_NE(textOf(folder_ / "out/failures/khr.crash.0000.txt").find("the process ended: " + kCrash),
               std::string::npos);
     EXPECT_NE(textOf(folder_ / "out/failures/khr.lost.0000.txt").find("the device was lost: vkQueueSubmit"),
               std::string::npos);
@@ -154,7 +155,7 @@ TEST_F(Check, CrashesBetweenOtherCasesLoseNoResult)
 TEST_F(Check, AFailedAssertionIsTheCause)
 {
     const CheckRun check = run({"assertion.*"}, {"--json"});
-    EXPECT_NE(check.outcome.output.find("\"Crash: SIGABRT: driver.c:12: draw: Assertion `false' failed.\""),
+    EXPECT_NE(check.outcome.output.find("\"Crash: " + kAbort + ": driver.c:12: draw: Assertion `false' failed.\""),
               std::string::npos)
         << check.outcome.output;
     EXPECT_NE(check.outcome.output.find("chatter"), std::string::npos);
@@ -188,7 +189,7 @@ TEST_F(Check, ACrashAfterTheLastCaseCounts)
 {
     const CheckRun check = run({"end.*"}, {"--jobs", "1"});
     EXPECT_EQ(check.results, (Statuses{{"khr.end.0000", "Pass"}, {"khr.end.0001", "Pass"}, {"khr.end.0002", "Crash"}}));
-    EXPECT_NE(check.outcome.output.find("Crash: SIGSEGV when the device was closed"), std::string::npos)
+    EXPECT_NE(check.outcome.output.find("Crash: " + kCrash + " when the device was closed"), std::string::npos)
         << check.outcome.output;
 }
 
@@ -208,6 +209,7 @@ TEST_F(Check, WhatPassesTheSecondTimeIsAFlake)
     EXPECT_NE(check.outcome.output.find("2 flakes"), std::string::npos) << check.outcome.output;
 }
 
+#ifndef _WIN32 // has no limit of file sizes
 TEST_F(Check, ResultsThatCannotBeWrittenArePrinted)
 {
     const Outcome full = runVellumWithFileLimit(
@@ -217,6 +219,7 @@ TEST_F(Check, ResultsThatCannotBeWrittenArePrinted)
     EXPECT_EQ(linesOf(folder_ / "full/results.csv").size(), 20U);
     EXPECT_FALSE(std::filesystem::exists(folder_ / "full/results.json")) << "nothing is half-written";
 }
+#endif
 
 TEST_F(Check, ADeviceThatCannotBeOpenedEndsTheRun)
 {
@@ -243,6 +246,7 @@ TEST_F(Check, WithoutADeviceNothingRuns)
     EXPECT_EQ(run({"good.*"}, {"--api", "khr"}, {{"VELLUM_FAKE_DEVICE", "ext"}}).outcome.exitCode, kNotRun);
 }
 
+#ifndef _WIN32 // sends Ctrl-C to all processes of a console only
 TEST_F(Check, Interruption)
 {
     const std::filesystem::path output = folder_ / "out";
@@ -253,3 +257,4 @@ TEST_F(Check, Interruption)
     EXPECT_EQ(statusesIn(output / "results.csv").size(), 5U) << outcome.errors;
     EXPECT_NE(outcome.output.find("interrupted"), std::string::npos) << outcome.output;
 }
+#endif

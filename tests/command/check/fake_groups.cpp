@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Groups and a device that stand for those of `vellum check`, and behave as badly as a driver may.
 #include <algorithm>
-#include <csignal>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <fcntl.h>
+#include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <unistd.h>
+#include <thread>
 
 #include "check/case/json.h"
 #include "check/groups/group.h"
 #include "cli/base/error.h"
 #include "cli/check/case_id.h"
 #include "cli/check/device.h"
+#include "fake_system.h"
 
 namespace vellum::check
 {
@@ -25,7 +26,7 @@ public:
     ~Session()
     {
         if (crashesAtEnd)
-            std::raise(SIGSEGV);
+            test::crash();
     }
     Session() = default;
     Session(const Session &) = delete;
@@ -74,7 +75,7 @@ Outcome skip(Session &, std::string_view, uint64_t)
 Outcome crash(Session &, std::string_view, uint64_t)
 {
     std::fputs("\xff\x01 <&", stderr);
-    std::raise(SIGSEGV);
+    test::crash();
     return {};
 }
 
@@ -87,14 +88,13 @@ Outcome assertion(Session &, std::string_view, uint64_t)
 Outcome hang(Session &, std::string_view, uint64_t)
 {
     for (;;)
-        pause();
+        std::this_thread::sleep_for(std::chrono::hours(1));
 }
 
 // Leaves a process behind that keeps everything open.
 Outcome hangTwice(Session &session, std::string_view group, uint64_t seed)
 {
-    if (fork() == 0)
-        std::signal(SIGTERM, SIG_IGN);
+    test::leaveProcessBehind();
     return hang(session, group, seed);
 }
 
@@ -108,7 +108,7 @@ Outcome lose(Session &, std::string_view, uint64_t)
 
 Outcome exitEarly(Session &, std::string_view, uint64_t)
 {
-    _exit(0);
+    std::_Exit(0);
 }
 
 Outcome throwError(Session &, std::string_view, uint64_t)
@@ -126,18 +126,15 @@ Outcome printJunk(Session &, std::string_view, uint64_t)
 
 Outcome writeEvents(Session &, std::string_view, uint64_t)
 {
-    return write(3, "junk\n{}\n", 8) == 8 ? Outcome() : throw std::runtime_error("no descriptor");
+    return test::writeWhereEventsGo("junk\n{}\n") ? Outcome() : throw std::runtime_error("no descriptor");
 }
 
 // Fails the first time only.
 Outcome flake(Session &session, std::string_view group, uint64_t seed)
 {
     const std::string mark = variable("VELLUM_FAKE_FOLDER") + "/" + cli::hexadecimal(seed);
-    const int file = open(mark.c_str(), O_CREAT | O_EXCL | O_WRONLY, 0600);
-    if (file < 0)
-        return pass(session, group, seed);
-    close(file);
-    return fail(session, group, seed);
+    const bool first = std::filesystem::create_directory(mark);
+    return first ? fail(session, group, seed) : pass(session, group, seed);
 }
 
 Outcome crashSometimes(Session &session, std::string_view group, uint64_t seed)
@@ -184,7 +181,7 @@ std::shared_ptr<Session> openSession(const SessionOptions &options)
     if (behaviour == "throw")
         throw std::runtime_error("no device today");
     if (behaviour == "crash")
-        std::raise(SIGSEGV);
+        test::crash();
     auto session = std::make_shared<Session>();
     if (behaviour == "hang")
         hang(*session, {}, 0);
@@ -229,7 +226,7 @@ DeviceSummary describeDevice(const check::SessionOptions &options)
     if (device == "none")
         throw Error("there is no Vulkan device");
     if (device == "crash")
-        std::raise(SIGSEGV);
+        test::crash();
     return {7,
             options.device.value_or("fake"),
             "fake",

@@ -15,6 +15,15 @@ namespace vellum::test
 
 using Environment = std::vector<std::pair<std::string, std::string>>;
 
+// How the end of the process by crash() and by std::abort() is called.
+#ifdef _WIN32
+inline const std::string kCrash = "access violation (0xC0000005)";
+inline const std::string kAbort = "exit code 3";
+#else
+inline const std::string kCrash = "SIGSEGV";
+inline const std::string kAbort = "SIGABRT";
+#endif
+
 struct CheckRun {
     Outcome outcome;
     std::map<std::string, std::string> results;  // results.csv: status by name

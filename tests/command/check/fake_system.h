@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// What bad drivers of fake_groups.cpp do to the system.
+#pragma once
+
+#include <string_view>
+
+namespace vellum::test
+{
+
+void crash();
+// Starts a process that keeps everything open and does not end by itself.
+void leaveProcessBehind();
+// Writes to the first descriptor after the standard streams: a worker's events go there. False if there is none.
+bool writeWhereEventsGo(std::string_view text);
+
+} // namespace vellum::test
