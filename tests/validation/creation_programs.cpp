@@ -10,7 +10,7 @@ namespace
 constexpr VkAllocationCallbacks kCallbacks{
     .pUserData = nullptr,
     .pfnAllocation = [](void *, size_t size, size_t alignment, VkSystemAllocationScope) -> void * {
-        return std::aligned_alloc(std::max<size_t>(alignment, 16), (size + 63) / 64 * 64);
+        return alignment <= alignof(std::max_align_t) ? std::malloc(size) : nullptr;
     },
     .pfnReallocation = [](void *, void *old, size_t size, size_t, VkSystemAllocationScope) -> void * {
         return std::realloc(old, size);

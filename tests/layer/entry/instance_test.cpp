@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include <gtest/gtest.h>
 #include <vulkan/vk_layer.h>
@@ -20,7 +21,9 @@ const vt::Labels kLabels{{"Extension/OldInstance.*", "one_api"}, {"Instance.*", 
 std::string library()
 {
     const std::string path = std::getenv("VK_ADD_LAYER_PATH");
-    return path.substr(0, path.find(':')) + "/libVkLayer_vellum_opacity_micromap.so";
+    const std::string file = std::string(vt::kLibrarySuffix) == ".dll" ? "/VkLayer_vellum_opacity_micromap"
+                                                                       : "/libVkLayer_vellum_opacity_micromap";
+    return path.substr(0, path.find(vt::kListSeparator)) + file + vt::kLibrarySuffix;
 }
 
 // MangoHud 0.6.8 and vkBasalt 0.3.2 look for vkCreateDevice without an instance, and call it with one.

@@ -31,7 +31,7 @@ constexpr std::array<FalseAlarm, 4> kFalseAlarms{{
     {"VELLUM-pipeline-without-micromaps", ""},
 }};
 
-#if defined(__SANITIZE_THREAD__) // with which the validation layer is not built
+#if defined(__SANITIZE_THREAD__) || defined(_WIN32) // for which there is no validation layer
 constexpr bool kHasValidation = false;
 #else
 constexpr bool kHasValidation = true;

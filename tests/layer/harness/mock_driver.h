@@ -12,6 +12,14 @@
 namespace vt
 {
 
+#ifdef _WIN32
+constexpr char kListSeparator = ';'; // of folders in the environment
+constexpr const char *kLibrarySuffix = ".dll";
+#else
+constexpr char kListSeparator = ':';
+constexpr const char *kLibrarySuffix = ".so";
+#endif
+
 // Whether all tests of this process run with that quirk.
 inline bool chosenQuirk(const std::string &name)
 {
@@ -25,14 +33,15 @@ inline unsigned serializedTrailer()
     return chosenQuirk("ext") && std::getenv("VELLUM_IMPLEMENTATION") == nullptr ? 16 : 0;
 }
 
-// By its name, of the library in that file. The library is there already: the loader took it from one of the folders of VK_ADD_LAYER_PATH when an
-// instance was made.
+// By its name, of the library in that file. The library is there already: the loader took it from one of the folders of
+// VK_ADD_LAYER_PATH when an instance was made.
 template <class Function>
-Function testDriverFunction(const char *name, const std::string &file = "libvellum_test_mock_driver.so")
+Function testDriverFunction(const char *name, const std::string &stem = "libvellum_test_mock_driver")
 {
     const std::string folders = std::getenv("VK_ADD_LAYER_PATH");
+    const std::string file = stem + kLibrarySuffix;
     for (size_t begin = 0; begin != std::string::npos;) {
-        const size_t end = folders.find(':', begin);
+        const size_t end = folders.find(kListSeparator, begin);
         const std::string path = folders.substr(begin, end - begin) + '/' + file;
         const std::string real = std::filesystem::exists(path) ? std::filesystem::canonical(path).string() : path;
         if (void *library = dlopen(real.c_str(), RTLD_NOW | RTLD_NOLOAD)) {

@@ -160,7 +160,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
 template <class Handle>
 void countMade(const Handle *handles, uint32_t count)
 {
-    objects += count - std::count(handles, handles + count, Handle{});
+    objects += static_cast<long>(count - std::count(handles, handles + count, Handle{}));
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createPipelineBinaries(VkDevice handle, const newer::PipelineBinaryCreateInfo *info,

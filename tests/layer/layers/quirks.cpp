@@ -55,6 +55,7 @@ std::span<const Quirk> allQuirks()
         {"uncached", Level::Memory,
          "memory types with DEVICE_COHERENT_BIT_AMD, which only devices with that feature may use, are all that is "
          "local to the device and host-visible"},
+#ifndef _WIN32 // where memory cannot be mapped in these ways
         {"elsewhere", Level::Addresses,
          "a structure's address is not that of its buffer, unless it is GENERIC "
          "(vkGetAccelerationStructureDeviceAddressKHR), and is given again; mapped memory is not at its device "
@@ -62,6 +63,7 @@ std::span<const Quirk> allQuirks()
         {"replay", Level::Replay,
          "bufferDeviceAddressCaptureReplay: memory is at the address that was asked for, or at a random one; host "
          "memory cannot be imported"},
+#endif
         {"dirty", Level::Garbage, "memory that is allocated holds what was there before, and not zeros"},
         {"scratch", Level::Garbage,
          "builds need more scratch memory, updates still more than those, and write to all of it"},
@@ -75,12 +77,20 @@ std::span<const Quirk> allQuirks()
 std::span<const NamedLevel> allLevels()
 {
     static const NamedLevel all[]{
-        {Level::Deferral, deferralRows()}, {Level::Spy, spyRows()},
-        {Level::Ext, extRows()},           {Level::Failures, failureRows()},
-        {Level::Caches, cacheRows()},      {Level::Limits, limitRows()},
-        {Level::Queues, queueRows()},      {Level::Structures, structureRows()},
-        {Level::Memory, memoryRows()},     {Level::Addresses, addressRows()},
-        {Level::Replay, replayRows()},     {Level::IndirectBuilds, indirectBuildRows()},
+        {Level::Deferral, deferralRows()},
+        {Level::Spy, spyRows()},
+        {Level::Ext, extRows()},
+        {Level::Failures, failureRows()},
+        {Level::Caches, cacheRows()},
+        {Level::Limits, limitRows()},
+        {Level::Queues, queueRows()},
+        {Level::Structures, structureRows()},
+        {Level::Memory, memoryRows()},
+#ifndef _WIN32
+        {Level::Addresses, addressRows()},
+        {Level::Replay, replayRows()},
+#endif
+        {Level::IndirectBuilds, indirectBuildRows()},
         {Level::Garbage, garbageRows()},
     };
     return all;

@@ -6,6 +6,7 @@
 // Each dispatchable handle begins with a pointer to the commands of its instance or device, which are the uppermost
 // layer's. Those of trampolines.S jump there; the others are here.
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <deque>
 #include <map>
@@ -299,8 +300,10 @@ EXPORTED VkResult VKAPI_CALL vkCreateInstance(const VkInstanceCreateInfo *info, 
         return VK_ERROR_INCOMPATIBLE_DRIVER;
     std::vector<Layer> layers;
     for (uint32_t i = 0; i < info->enabledLayerCount; ++i)
-        if (!load(info->ppEnabledLayerNames[i], layers))
+        if (!load(info->ppEnabledLayerNames[i], layers)) {
+            std::fprintf(stderr, "loader: %s cannot be loaded\n", info->ppEnabledLayerNames[i]);
             return VK_ERROR_LAYER_NOT_PRESENT;
+        }
     layers.push_back(kDriver);
     std::deque<VkLayerInstanceLink> links;
     for (size_t i = layers.size() - 1; i > 0; --i)

@@ -102,7 +102,7 @@ TEST(Faults, AllHaveCases)
 {
     const Gpu gpu({.validation = false, .spy = false, .fault = "hangs"}); // loads the library
     const auto fault =
-        testDriverFunction<const char *(*)(unsigned, unsigned)>("vellumFault", "libvellum_test_faulty_driver.so");
+        testDriverFunction<const char *(*)(unsigned, unsigned)>("vellumFault", "libvellum_test_faulty_driver");
     std::map<std::string, std::string> missing; // and their quirks
     for (unsigned i = 0; fault(i, 0) != nullptr; ++i) {
         EXPECT_STRNE(fault(i, 1), "");
