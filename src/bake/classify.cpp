@@ -11,6 +11,7 @@
 #include "bake/numbers/float4.h"
 #include "bake/piece.h"
 #include "bake/placement.h"
+#include "core/portable_math.h"
 
 namespace vellum
 {
@@ -563,10 +564,11 @@ uint32_t Classifier::levelFor(const TriangleUvs &uvs) const
     const auto a = edge(uvs[0], uvs[1]);
     const auto b = edge(uvs[0], uvs[2]);
     const double area = std::abs(a[0] * b[1] - a[1] * b[0]);
-    const double wanted = std::ceil(0.5 * std::log2(area / (options_.texelsPerEdge * options_.texelsPerEdge)));
-    if (!(wanted > 0)) // a zero area gives -infinity, which must not be converted
+    // Each level quarters a micro-triangle.
+    const double quotient = area / (options_.texelsPerEdge * options_.texelsPerEdge);
+    if (!(quotient > 1))
         return 0;
-    return static_cast<uint32_t>(std::min<double>(wanted, options_.maxLevel));
+    return std::min(static_cast<uint32_t>(ceilLog2(std::min(quotient, 0x1p100)) + 1) / 2, options_.maxLevel);
 }
 
 void Classifier::classify(const TriangleUvs &uvs, uint32_t level, uint8_t *packed, ClassifierScratch &scratch) const

@@ -13,11 +13,11 @@
 
 VELLUM_SHARED_BEGIN
 
-// --- log of findings: header (4 words), then kLogCapacity entries (8 words) ---
+// --- log of findings: header (8 words), then kLogCapacity entries (8 words) ---
 // header word 0: number of entries, including those that did not fit
 // entry words: what (written last), command << kSiteCommandShift | element of its infos, geometry, triangle or
 // instance, two values, handle of an object (2 words)
-VELLUM_CONST uint kLogHeaderWords = 4u;
+VELLUM_CONST uint kLogHeaderWords = 8u;
 VELLUM_CONST uint kLogCount = 0u;
 VELLUM_CONST uint kLogEntryWords = 8u;
 VELLUM_CONST uint kLogCapacity = 4096u;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 
+#include "core/portable_math.h"
 #include "gltf/data/image.h"
 #include "gltf/file/outside_file.h"
 #include "gltf/file/printable.h"
@@ -29,9 +29,7 @@ void readTransform(const gltf_json::Material &source, Material &material)
     };
     const std::array<double, 2> offset = pair("offset", 0);
     const std::array<double, 2> scale = pair("scale", 1);
-    const double rotation = extension["rotation"].number().value_or(0);
-    const double c = rotation == 0 ? 1 : std::cos(rotation);
-    const double s = rotation == 0 ? 0 : std::sin(rotation);
+    const auto [s, c] = sineCosine(extension["rotation"].number().value_or(0));
     material.uvTransform = {c * scale[0], s * scale[1], offset[0], -s * scale[0], c * scale[1], offset[1]};
     // Overrides that of the texture, for those who read the extension.
     if (const auto texCoord = gltf_json::indexIn(extension, "texCoord", "KHR_texture_transform"))

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 
+#include "core/portable_math.h"
 #include "gltf/data/accessor.h"
 #include "gltf/data/draco_mesh.h"
 
@@ -219,7 +220,7 @@ void PrimitiveReader::readUvs(const Material &material)
         }
     }
     if (terms > 0)
-        primitive_.uvTerms = static_cast<float>(std::exp2(std::clamp(std::ceil(std::log2(terms)), -100.0, 100.0)));
+        primitive_.uvTerms = std::ldexp(1.0f, std::clamp(ceilLog2(terms), -100, 100));
     primitive_.morphed |= morphs(name);
 }
 

@@ -41,7 +41,7 @@ private:
         VkDeviceSize size;
         void *bytes;
     };
-    static constexpr size_t kPage = 4096;
+    static constexpr size_t kPage = 65536; // of any processor
 
     static VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice, const VkBufferCreateInfo *info,
                                                        const VkAllocationCallbacks *, VkBuffer *buffer)

@@ -16,7 +16,7 @@ namespace
 using namespace vellum::layer;
 using namespace vellum::shared;
 
-constexpr uintptr_t kPage = 4096;
+constexpr uintptr_t kPage = StructureDescriptorPool::kPageBytes;
 
 class StructureDescriptorPools : public ::testing::Test
 {

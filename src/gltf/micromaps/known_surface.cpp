@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/micromaps/known_surface.h"
 
+#include <array>
 #include <cmath>
 
 #include "gltf/micromaps/state_counter.h"
@@ -21,7 +22,8 @@ double areaOf(const Geometry &geometry, size_t triangle, const Transform &transf
         a[k] = double{corners[1][k]} - corners[0][k];
         b[k] = double{corners[2][k]} - corners[0][k];
     }
-    const double area = std::hypot(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]) / 2;
+    const std::array<double, 3> normal{a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+    const double area = std::sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]) / 2;
     return std::isfinite(area) ? area : 0;
 }
 

@@ -304,8 +304,8 @@ VkResult getQueryPoolResults(DeviceQueryPools &device, VkDevice handle, VkQueryP
             if (const VkResult result = wait(device, queryPool, *pool, query); result != VK_SUCCESS)
                 return result;
         }
-        complete &=
-            writeResult(flags, static_cast<uint8_t *>(data) + i * stride, pool->value(query), pool->available(query));
+        const bool available = pool->available(query); // before the value is read
+        complete &= writeResult(flags, static_cast<uint8_t *>(data) + i * stride, pool->value(query), available);
     }
     return complete ? VK_SUCCESS : VK_NOT_READY;
 }

@@ -156,14 +156,15 @@ StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &str
 namespace
 {
 
-// Takes over what the device has found in deserialized data. False if it has not executed the copy.
+// Takes over what the device has found in deserialized data. False if it has not executed the copy. The device, which may be
+// executing it, writes the serial last; the kind decides where the serial is.
 bool takeDeserialized(StructureLocation &location)
 {
     const auto word = [&location](uint32_t i) {
         return __atomic_load_n(location.descriptor.words + i, __ATOMIC_ACQUIRE);
     };
     const uint32_t kind = word(2);
-    if (word(kind == kDescriptorBoxes ? 6 : 7) != location.deserialization)
+    if (word(kind == kDescriptorBoxes ? 6 : 7) != location.deserialization || word(2) != kind)
         return false;
     switch (kind) {
     case kDescriptorTop:

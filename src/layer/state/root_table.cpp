@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <new>
 
 #include "core/align.h"
@@ -48,8 +47,7 @@ static_assert(kFixedBytes <= FixedMemory::kMostBytes);
 // bucket before its key.
 void store64(uint32_t *words, uint64_t value)
 {
-    auto *target = reinterpret_cast<uint64_t *>(words);
-    std::atomic_ref<uint64_t>(*target).store(value, std::memory_order_release);
+    __atomic_store_n(reinterpret_cast<uint64_t *>(words), value, __ATOMIC_RELEASE); // aligned, as all pairs of words are
 }
 
 uint64_t load64(const uint32_t *words)

@@ -12,9 +12,9 @@ namespace
 
 using namespace shared;
 
-constexpr uint32_t kPageBytes = 4096; // the granularity at which tools guard host memory
+constexpr uint32_t kPageBytes = StructureDescriptorPool::kPageBytes;
 constexpr uint32_t kDescriptorsPerPage = kPageBytes / (kDescriptorWords * 4);
-constexpr uint32_t kPagesPerBuffer = 32;
+constexpr uint32_t kPagesPerBuffer = 131072 / kPageBytes;
 
 } // namespace
 

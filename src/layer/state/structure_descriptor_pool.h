@@ -27,6 +27,12 @@ class StructureDescriptorPool
 {
 public:
     static constexpr uint32_t kNone = UINT32_MAX;
+    // The granularity at which tools guard host memory: the largest page of the processor's systems.
+#if defined(__x86_64__) || defined(__i386__)
+    static constexpr uint32_t kPageBytes = 4096;
+#else
+    static constexpr uint32_t kPageBytes = 65536;
+#endif
 
     // The number of a descriptor of zeros; kNone if there is no memory.
     uint32_t acquire(const GpuContext &context);

@@ -198,9 +198,11 @@ uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
     return uvec2(0);
 }
 
-// Marks the descriptor as written by this deserialization (core/records.h).
+// Marks the descriptor as written by this deserialization (core/records.h). The host, which may read while this is executed,
+// takes a descriptor with this serial for complete.
 void sign()
 {
+    memoryBarrierBuffer();
     Words descriptor = Words(push.descriptor);
     descriptor.w[descriptor.w[2] == kDescriptorBoxes ? 6u : 7u] = push.serial;
 }
@@ -209,8 +211,10 @@ void finish(uint me, uint all)
 {
     Words p = Words(push.staging);
     if (p.w[kPlanOk] == 0u) {
-        if (me == 0u)
-            storeDescriptor(push.descriptor, Descriptor(uvec2(0), kind == kDescriptorMicromap ? kDescriptorMicromap : kDescriptorBroken, 0u, 0u, 0u, uvec2(0, push.serial)));
+        if (me == 0u) {
+            storeDescriptor(push.descriptor, Descriptor(uvec2(0), kind == kDescriptorMicromap ? kDescriptorMicromap : kDescriptorBroken, 0u, 0u, 0u, uvec2(0)));
+            sign();
+        }
         return;
     }
     if (kind == kDescriptorTop) { // the build has written its descriptor
@@ -224,14 +228,16 @@ void finish(uint me, uint all)
     const uint count = b.w[kBlockHeaderCount];
     const uvec2 tail = unitAddress(push.begin, b.w[kBlockHeaderTailOffset]);
     if (me == 0u && b.w[kBlockHeaderKind] == kDescriptorBottom)
-        storeDescriptor(push.descriptor, Descriptor(tail, kDescriptorBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0, push.serial)));
+        storeDescriptor(push.descriptor, Descriptor(tail, kDescriptorBottom, tailUnits, count, b.w[kBlockHeaderRecordUnits], uvec2(0)));
     else if (me == 0u) {
         Words driver = Words(unitAddress(push.staging, kPlanUnits));
         const uvec2 end = unitAddress(push.begin, unitsOfBytes(uvec2(driver.w[10], driver.w[11])));
         const bool boxes = b.w[kBlockHeaderKind] == kDescriptorBoxes;
         storeDescriptor(push.descriptor, Descriptor(end, boxes ? kDescriptorBoxes : kDescriptorPlain, 0u, 0u, 0u,
-                                  boxes ? uvec2(push.serial, b.w[kBlockHeaderOpaqueBoxes]) : uvec2(0u, push.serial)));
+                                  boxes ? uvec2(0u, b.w[kBlockHeaderOpaqueBoxes]) : uvec2(0)));
     }
+    if (me == 0u)
+        sign();
     Units from = Units(unitAddress(push.blob, block + kBlockUnits));
     Units to = Units(tail);
     for (uint i = me; i < tailUnits; i += all) {

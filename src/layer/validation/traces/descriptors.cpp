@@ -2,6 +2,7 @@
 #include "layer/validation/traces/descriptors.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
@@ -82,7 +83,9 @@ struct DescriptorAccess {
             StructurePointers structures;
             for (uint32_t i = 0; i < entry.descriptorCount; ++i) {
                 const auto *at = static_cast<const std::byte *>(data) + entry.offset + i * entry.stride;
-                structures.push_back(structure(*reinterpret_cast<const VkAccelerationStructureKHR *>(at)));
+                VkAccelerationStructureKHR given;
+                std::memcpy(&given, at, sizeof given); // at any offset
+                structures.push_back(structure(given));
             }
             setStructures(set, entry.dstBinding, entry.dstArrayElement, structures);
         }
