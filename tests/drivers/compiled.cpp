@@ -25,9 +25,23 @@ VkPipelineShaderStageCreateInfo stageInfo(VkShaderStageFlagBits stage, VkShaderM
     return vkInit<VkPipelineShaderStageCreateInfo>({.stage = stage, .module = module, .pName = entry});
 }
 
-std::optional<std::string> manifestOf(Driver driver)
+struct DriverNames {
+    std::string name;
+    std::string manifest; // how its file name begins
+};
+
+DriverNames namesOf(Driver driver)
 {
-    const std::string prefix = driver == Driver::Anv ? "intel_icd" : "radeon_icd";
+    switch (driver) {
+    case Driver::Anv: return {"ANV", "intel_icd"};
+    case Driver::Radv: return {"RADV", "radeon_icd"};
+    case Driver::Turnip: return {"turnip", "freedreno_icd"}; // for arm64 only
+    }
+    return {};
+}
+
+std::optional<std::string> manifestOf(const std::string &prefix)
+{
     std::error_code ignored;
     for (const auto &entry : std::filesystem::directory_iterator("/usr/share/vulkan/icd.d", ignored)) {
         if (entry.path().filename().string().starts_with(prefix))
@@ -44,15 +58,15 @@ Driver driverOf(const std::string &gpu)
         if (gpu == intel)
             return Driver::Anv;
     }
-    return Driver::Radv;
+    return gpu == "a740" || gpu == "a750" ? Driver::Turnip : Driver::Radv;
 }
 
 std::string useGpu(const std::string &gpu, vt::Options &options)
 {
-    const Driver driver = driverOf(gpu);
-    const std::optional<std::string> manifest = manifestOf(driver);
+    const DriverNames driver = namesOf(driverOf(gpu));
+    const std::optional<std::string> manifest = manifestOf(driver.manifest);
     if (!manifest)
-        return std::string(driver == Driver::Anv ? "ANV" : "RADV") + " is not installed (Debian: mesa-vulkan-drivers)";
+        return driver.name + " is not installed (Debian: mesa-vulkan-drivers)";
     kernel::install(gpu);
     options.absentGpu = gpu;
     // It is about GPUs that the kernel has another driver for, too.

@@ -15,8 +15,8 @@
 namespace vellum::test
 {
 
-// Drivers that compile for GPUs that are not there: Mesa's for GPUs of AMD and of Intel.
-enum class Driver { Radv, Anv };
+// Drivers that compile for GPUs that are not there: Mesa's for GPUs of AMD, Intel and Qualcomm.
+enum class Driver { Radv, Anv, Turnip };
 Driver driverOf(const std::string &gpu);
 
 // Lets this process have a GPU that is not there (kernel/absent_gpu.h), use its driver without its cache on disk, and

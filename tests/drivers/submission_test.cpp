@@ -50,12 +50,16 @@ TEST_P(Submission, BuildsAndTracesAreTaken)
     const vt::Tlas scene(gpu, {vt::instance(triangles, {}, 1), vt::instance(boxes, {2, 0, 0}, 2)});
     const std::vector<vt::Ray> rays(4);
     EXPECT_EQ(vt::Tracer(gpu).trace(scene, rays).size(), rays.size());
-    // An intersection shader that no group has would crash ANV, without the layer as well.
-    vt::PipelineTracer tracer(gpu, {.groups = {{}, {.box = true}, {.box = true, .anyHit = false}}});
-    EXPECT_EQ(tracer.trace(scene, rays).size(), rays.size());
+    const bool hasPipelines = gpu.has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
+    ASSERT_EQ(hasPipelines, driverOf(GetParam().name) != Driver::Turnip);
+    if (hasPipelines) {
+        // An intersection shader that no group has would crash ANV, without the layer as well.
+        vt::PipelineTracer tracer(gpu, {.groups = {{}, {.box = true}, {.box = true, .anyHit = false}}});
+        EXPECT_EQ(tracer.trace(scene, rays).size(), rays.size());
+    }
     for (const vt::Message &m : gpu.takeUnexpectedMessages())
         ADD_FAILURE() << m.id << ": " << m.text;
-    EXPECT_GT(gpu.intersectionWarnings(), 0u);
+    EXPECT_EQ(gpu.intersectionWarnings() > 0, hasPipelines);
 }
 
 std::string nameOf(const testing::TestParamInfo<Device> &info)
@@ -72,6 +76,8 @@ INSTANTIATE_TEST_SUITE_P(Intel, Submission,
                                          Device{"mtl", vt::Api::Ext}, Device{"lnl", vt::Api::Khr},
                                          Device{"bmg", vt::Api::Ext}, Device{"bmg", vt::Api::Khr}),
                          nameOf);
+INSTANTIATE_TEST_SUITE_P(Qualcomm, Submission,
+                         testing::Values(Device{"a740", vt::Api::Ext}, Device{"a750", vt::Api::Khr}), nameOf);
 
 } // namespace
 } // namespace vellum::test

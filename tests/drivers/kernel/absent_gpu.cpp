@@ -18,6 +18,7 @@
 #include <string>
 
 #include "amdgpu.h"
+#include "msm.h"
 #include "xe.h"
 
 namespace vellum::test::kernel
@@ -47,6 +48,8 @@ public:
         driver = xe::create(gpu, objects_, syncs_);
         if (!driver)
             driver = amdgpu::create(gpu, objects_, syncs_);
+        if (!driver)
+            driver = msm::create(gpu, objects_, syncs_);
         if (!driver)
             throw std::invalid_argument(std::string("no GPU of the name ") + gpu);
     }

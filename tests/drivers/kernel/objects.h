@@ -31,7 +31,7 @@ private:
     int file_;
     std::mutex mutex_;
     std::map<u32, Piece> pieces_;
-    u64 end_ = 0;
+    u64 end_ = kPageSize; // no object is at 0, which turnip takes for an error
     u32 last_ = 0;
 };
 
