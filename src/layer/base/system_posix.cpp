@@ -16,6 +16,12 @@ namespace vellum::layer
 namespace
 {
 
+// As secure_getenv, which Android's C library lacks.
+const char *variableOf(const char *name)
+{
+    return getauxval(AT_SECURE) == 0 ? std::getenv(name) : nullptr;
+}
+
 bool isFile(const std::string &path)
 {
     struct stat status {
@@ -27,7 +33,7 @@ bool isFile(const std::string &path)
 
 std::optional<std::string> environmentVariable(const std::string &name)
 {
-    const char *value = secure_getenv(name.c_str());
+    const char *value = variableOf(name.c_str());
     return value ? std::optional<std::string>(value) : std::nullopt;
 }
 
@@ -42,9 +48,9 @@ std::vector<std::string> environmentNames()
 // By the XDG Base Directory Specification.
 std::string userCacheFolder()
 {
-    if (const char *folder = secure_getenv("XDG_CACHE_HOME"); folder && *folder == '/')
+    if (const char *folder = variableOf("XDG_CACHE_HOME"); folder && *folder == '/')
         return std::string(folder) + "/vellum";
-    if (const char *home = secure_getenv("HOME"); home && *home == '/')
+    if (const char *home = variableOf("HOME"); home && *home == '/')
         return std::string(home) + "/.cache/vellum";
     return {};
 }
@@ -55,7 +61,7 @@ std::string settingsFile(const std::function<void(const std::string &)> &report)
 {
     const std::string name = "vk_layer_settings.txt";
     const std::string below = "vulkan/settings.d/";
-    if (const char *path = secure_getenv("VK_LAYER_SETTINGS_PATH"); path && *path) {
+    if (const char *path = variableOf("VK_LAYER_SETTINGS_PATH"); path && *path) {
         for (const std::string &file : {std::string(path), path + ("/" + name)}) {
             if (isFile(file))
                 return file;
@@ -64,9 +70,9 @@ std::string settingsFile(const std::function<void(const std::string &)> &report)
                "\" and must be a file of settings, or a folder with one");
     }
     std::vector<std::string> folders;
-    if (const char *data = secure_getenv("XDG_DATA_HOME"); data && *data == '/')
+    if (const char *data = variableOf("XDG_DATA_HOME"); data && *data == '/')
         folders.push_back(data + ("/" + below));
-    else if (const char *home = secure_getenv("HOME"); home && *home == '/')
+    else if (const char *home = variableOf("HOME"); home && *home == '/')
         folders.push_back(home + ("/.local/share/" + below));
     if (getauxval(AT_SECURE) == 0)
         folders.push_back(""); // the working directory

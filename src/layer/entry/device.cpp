@@ -25,9 +25,9 @@ namespace vellum::layer
 namespace
 {
 
-constinit Registry<Device> devices;
+PermanentRegistry<Device> devices;
 // Nothing is destroyed at the end of the process.
-static_assert(std::is_trivially_destructible_v<Registry<Device>>);
+static_assert(std::is_trivially_destructible_v<PermanentRegistry<Device>>);
 
 void reportDeviceError(Instance &instance, VkPhysicalDevice handle, const char *id, const std::string &text)
 {
@@ -336,12 +336,12 @@ void DeviceCreation::startValidation(Device &added) const
 
 Device *deviceOfKey(void *key)
 {
-    return devices.find(key);
+    return devices->find(key);
 }
 
 bool isLayerObject(const Instance &instance, VkObjectType type, uint64_t handle)
 {
-    return devices.any(
+    return devices->any(
         [&](const Device &device) { return device.instance == &instance && device.objects.own(type, handle); });
 }
 
@@ -373,7 +373,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice physicalDevice, con
     if (result != VK_SUCCESS)
         return result;
     Device &added = *creation.device.release();
-    devices.add(added, dispatchKey(*handle));
+    devices->add(added, dispatchKey(*handle));
     undo.keep();
     creation.startValidation(added);
     return VK_SUCCESS;
@@ -385,7 +385,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         return;
     if (Device *known = deviceOfKey(dispatchKey(handle)))
         known->validation.reset(); // its objects are destroyed by the commands of the device
-    std::unique_ptr<Device> device(devices.take(dispatchKey(handle)));
+    std::unique_ptr<Device> device(devices->take(dispatchKey(handle)));
     if (!device)
         return;
     const Undo undo([&] {
@@ -399,7 +399,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
 bool forgetDevices(const Instance &instance)
 {
     bool any = false;
-    while (devices.take([&](const Device &device) { return device.instance == &instance; }))
+    while (devices->take([&](const Device &device) { return device.instance == &instance; }))
         any = true;
     return any;
 }

@@ -24,8 +24,8 @@ namespace vellum::layer
 namespace
 {
 
-constinit Registry<Instance> instances;
-static_assert(std::is_trivially_destructible_v<Registry<Instance>>);
+PermanentRegistry<Instance> instances;
+static_assert(std::is_trivially_destructible_v<PermanentRegistry<Instance>>);
 
 constexpr const char *kDescription = "Opacity micromaps for every device that traces rays";
 
@@ -94,7 +94,7 @@ bool isVulkan11(const VkInstanceCreateInfo &info)
 
 Instance *instanceOfKey(void *key)
 {
-    return instances.find(key);
+    return instances->find(key);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, const VkAllocationCallbacks *allocator,
@@ -122,7 +122,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     instance->handle = *handle;
     instance->isVulkan11 = isVulkan11(*info);
     instance->next.load(*handle, nextGet, instance->isVulkan11);
-    instances.add(*instance.release(), dispatchKey(*handle));
+    instances->add(*instance.release(), dispatchKey(*handle));
     return VK_SUCCESS;
 }
 
@@ -130,7 +130,7 @@ VKAPI_ATTR void VKAPI_CALL destroyInstance(VkInstance handle, const VkAllocation
 {
     if (!handle)
         return;
-    std::unique_ptr<Instance> instance(instances.take(dispatchKey(handle)));
+    std::unique_ptr<Instance> instance(instances->take(dispatchKey(handle)));
     if (!instance)
         return;
     const PFN_vkDestroyInstance destroy = instance->next.DestroyInstance;

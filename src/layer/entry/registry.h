@@ -8,7 +8,9 @@
 
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <mutex>
+#include <new>
 #include <shared_mutex>
 
 namespace vellum::layer
@@ -101,6 +103,19 @@ private:
     std::array<Slot, 16> slots_;
     mutable std::shared_mutex mutex_;
     Object *first_ = nullptr;
+};
+
+// A registry that is made when the layer is loaded and never destroyed, whatever the C++ library's mutexes do at the
+// end of the process.
+template <typename Object>
+class PermanentRegistry
+{
+public:
+    PermanentRegistry() { new (storage_) Registry<Object>; }
+    Registry<Object> *operator->() { return std::launder(reinterpret_cast<Registry<Object> *>(storage_)); }
+
+private:
+    alignas(Registry<Object>) std::byte storage_[sizeof(Registry<Object>)];
 };
 
 } // namespace vellum::layer
