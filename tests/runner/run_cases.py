@@ -210,7 +210,7 @@ class Labels:
             pattern, *labels = line.split()
             named = [case for case in cases if fnmatch.fnmatchcase(case, pattern)]
             if not named:
-                sys.exit(f"{program[0]}: no case is called {pattern}, which has labels")
+                sys.exit(f"{program[-1]}: no case is called {pattern}, which has labels")
             for case in named:
                 self.of[case].update(labels)
 
@@ -247,7 +247,7 @@ def print_for_ctest(options, cases, labels):
         name = options.prefix + suite
         cost = options.cost * len(members)
         command = [sys.executable, os.path.abspath(__file__), f"--timeout={options.timeout:g}",
-                   f"--prefix={options.prefix}", *options.program,
+                   f"--prefix={options.prefix}", *(f"--emulator={word}" for word in options.emulator), options.program[-1],
                    "--gtest_filter=" + (f"{suite}.*" if members == whole[suite] else ":".join(members))]
         print(f"add_test({quoted(name)} {' '.join(map(quoted, command))})")
         slow = (matches(suite, options.slow)
@@ -277,10 +277,12 @@ def main():
                         help="only cases with this label, or with one of these")
     parser.add_argument("--without", dest="unwanted", action="append", default=[], metavar="LABEL",
                         help="no cases with this label")
+    parser.add_argument("--emulator", action="append", default=[], metavar="WORD",
+                        help="of a command that runs the program, which is for another platform")
     parser.add_argument("program")
     parser.add_argument("--gtest_filter", dest="filter", default="")
     options = parser.parse_args()
-    options.program = [options.program]
+    options.program = [*options.emulator, options.program]
 
     cases = list_cases(options.program, options.filter)
     labels = None
@@ -291,7 +293,7 @@ def main():
         print_for_ctest(options, cases, labels)
         return 0
     if not cases:
-        sys.exit(f"{options.program[0]}: no case matches {options.filter!r}")
+        sys.exit(f"{options.program[-1]}: no case matches {options.filter!r}")
 
     def stop(number, _):
         if Process.running:

@@ -53,6 +53,14 @@ class RunCases(unittest.TestCase):
         self.assertEqual(result.returncode, 1)
         self.assertEqual(failures(result), ["p.Late.FailsAtTheEndOfTheProgram"])
 
+    def test_emulator(self):
+        result = run("Good.*:Bad.Fails", "--emulator=env", "--emulator=-i")
+        self.assertEqual(failures(result), ["p.Bad.Fails"])
+        self.assertIn("2 passed, 1 failed, 0 skipped", result.stdout)
+        self.assertIn(f"one of them alone: env -i {PROGRAM} --gtest_filter=Bad.Fails", result.stdout)
+        tests = run("Good.*", "--emulator=env", "--emulator=-i", "--ctest").stdout
+        self.assertIn(f"[==[--emulator=env]==] [==[--emulator=-i]==] [==[{PROGRAM}]==]", tests)
+
     def test_parameters(self):
         result = run("Some/*")
         self.assertEqual(result.returncode, 1)
