@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
 
 #include "core/portable_math.h"
-#include "test_random.h"
 
 using namespace vellum;
 
@@ -30,9 +30,10 @@ TEST(PortableMath, SineAndCosine)
         EXPECT_NEAR(is.sine, std::sin(angle), tolerance) << angle;
         EXPECT_NEAR(is.cosine, std::cos(angle), tolerance) << angle;
     };
-    test::TestRandom random(1);
+    std::mt19937 random(1);
+    std::uniform_real_distribution<double> turns(-2, 2);
     for (int i = 0; i < 100000; ++i)
-        check(random.uniform(-2, 2) * std::numbers::pi, 1e-15);
+        check(turns(random) * std::numbers::pi, 1e-15);
     for (int eighth = -16; eighth <= 16; ++eighth)
         for (const double step : {-0x1p-50, 0.0, 0x1p-50})
             check(eighth * std::numbers::pi / 4 + step, 1e-15);
