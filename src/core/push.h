@@ -315,6 +315,15 @@ struct IndexKindsPush {
     uint unused;
 };
 
+// validation/deserialized_words.comp
+VELLUM_CONST uint kDeserializedWordsAt = 2u; // in the target
+struct DeserializedWordsPush {
+    VELLUM_ADDRESS source;
+    VELLUM_ADDRESS target; // how often it was written, 0 before; a word of padding; the words
+    uint count;
+    uint unused;
+};
+
 VELLUM_SHARED_END
 
 #undef VELLUM_ADDRESS

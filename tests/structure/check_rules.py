@@ -57,7 +57,7 @@ OF_RANGES = range(13000, 13130)
 # Rules of Vulkan 1.3.239 that later versions have under other numbers.
 RENUMBERED = re.compile(r"-(?:03677|07334|07403|0743[0124]|07439|0746[567]|07501|07513|0751[789]|0752[012346]|07534|07535|"
                         r"07538|07545|07551|0757[345])$|VkCopyMicromapInfoEXT-src-07532$")
-END_OF_ID = re.compile(r'"-?([A-Za-z]+-\d{5})"')
+END_OF_ID = re.compile(r'"-?([A-Za-z]+-\d{5})"|"-(commandBuffer-\w+|renderpass|suspended)"')
 # The registry has no such rules of mesh draws, only of other draws.
 OF_MESHES = re.compile(r"MeshTasksIndirect(?:Count)?2EXT-pInfo-1311[0-3]$")
 NAMED = re.compile(r"VUID-[A-Za-z0-9-]+[A-Za-z0-9]")
@@ -110,7 +110,7 @@ def in_code(folder):
     """Ids, and patterns where the code has only the end of an id."""
     names = set()
     for _, code in code_of(folder):
-        names |= {*NAMED.findall(code), *(f"VUID-*-{end}" for end in END_OF_ID.findall(code))}
+        names |= {*NAMED.findall(code), *(f"VUID-*-{numbered or other}" for numbered, other in END_OF_ID.findall(code))}
     return names
 
 
@@ -140,6 +140,8 @@ def is_named(vuid, names):
 def expected_of(vuid, names, expected):
     """The tests that expect a rule."""
     found = set(expected.get(vuid, ()))
+    if "*" in vuid:
+        return set().union(*(tests for other, tests in expected.items() if fnmatch.fnmatchcase(other, vuid)))
     if not found and f"VUID-*-{end_of(vuid)}" in names:
         found = set().union(*(tests for other, tests in expected.items() if end_of(other) == end_of(vuid)))
     return found

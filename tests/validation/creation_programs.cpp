@@ -138,6 +138,87 @@ void khrCreation(Gpu &gpu, bool wrong)
         gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
 }
 
+// Which of the buffer and the structure is for capture and replay of addresses.
+struct Replays {
+    bool buffer, structure;
+};
+
+template <Replays change>
+void replays(Gpu &gpu, bool wrong)
+{
+    const auto info = vkInit<VkBufferCreateInfo>(
+        {.flags = wrong && change.buffer ? VkBufferCreateFlags{VK_BUFFER_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT} : 0,
+         .size = 65536,
+         .usage = micromapStorageUsage(gpu)});
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu.device(), &info, nullptr, &buffer));
+    const VkDeviceMemory memory = gpu.bindMemory(buffer);
+    auto creation =
+        vkInit<VkAccelerationStructureCreateInfo2KHR>({.addressRange = {gpu.address(buffer), 2048},
+                                                       .addressFlags = kUnknownUsage,
+                                                       .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
+    if (wrong && change.structure)
+        creation.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR;
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    if (gpu.vk().CreateAccelerationStructure2KHR(gpu.device(), &creation, nullptr, &structure) == VK_SUCCESS)
+        gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
+    vkDestroyBuffer(gpu.device(), buffer, nullptr);
+    vkFreeMemory(gpu.device(), memory, nullptr);
+}
+
+// A device of a group of two physical devices; lavapipe does not look at the group.
+class GroupDevice
+{
+public:
+    explicit GroupDevice(const Gpu &gpu)
+    {
+        const std::array<VkPhysicalDevice, 2> physical{gpu.physical(), gpu.physical()};
+        auto group =
+            vkInit<VkDeviceGroupDeviceCreateInfo>({.physicalDeviceCount = 2, .pPhysicalDevices = physical.data()});
+        auto vulkan12 = vkInit<VkPhysicalDeviceVulkan12Features>({.pNext = &group, .bufferDeviceAddress = VK_TRUE});
+        auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+            {.pNext = &vulkan12, .accelerationStructure = VK_TRUE});
+        auto micromaps =
+            vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>({.pNext = &structures, .micromap = VK_TRUE});
+        const auto addresses = vkInit<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>(
+            {.pNext = &micromaps, .deviceAddressCommands = VK_TRUE});
+        const float priority = 1;
+        const auto queue = vkInit<VkDeviceQueueCreateInfo>(
+            {.queueFamilyIndex = gpu.family(), .queueCount = 1, .pQueuePriorities = &priority});
+        constexpr std::array<const char *, 4> kExtensions{
+            VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME, VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME,
+            VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME};
+        const auto info = vkInit<VkDeviceCreateInfo>({.pNext = &addresses,
+                                                      .queueCreateInfoCount = 1,
+                                                      .pQueueCreateInfos = &queue,
+                                                      .enabledExtensionCount = kExtensions.size(),
+                                                      .ppEnabledExtensionNames = kExtensions.data()});
+        VT_CHECK(vkCreateDevice(gpu.physical(), &info, nullptr, &handle));
+    }
+    GroupDevice(const GroupDevice &) = delete;
+    GroupDevice &operator=(const GroupDevice &) = delete;
+    ~GroupDevice() { vkDestroyDevice(handle, nullptr); }
+    VkDevice handle = VK_NULL_HANDLE;
+};
+
+// The address is in no buffer: there is no right program.
+void replayOfGroup(Gpu &gpu, bool wrong)
+{
+    const GroupDevice device(gpu);
+    const auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.createFlags = wrong ? VkFlags{VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR} : 0,
+         .addressRange = {65536, 2048},
+         .addressFlags = kUnknownUsage,
+         .type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR});
+    const auto create = reinterpret_cast<PFN_vkCreateAccelerationStructure2KHR>(
+        vkGetDeviceProcAddr(device.handle, "vkCreateAccelerationStructure2KHR"));
+    const auto destroy = reinterpret_cast<PFN_vkDestroyAccelerationStructureKHR>(
+        vkGetDeviceProcAddr(device.handle, "vkDestroyAccelerationStructureKHR"));
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    if (wrong && create(device.handle, &info, nullptr, &structure) == VK_SUCCESS)
+        destroy(device.handle, structure, nullptr);
+}
+
 void oldCreation(Gpu &gpu, bool wrong)
 {
     const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
@@ -186,7 +267,8 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkDestroyMicromapEXT-micromap-11619", Api::Ext, kNeedsNoFeature, destroyedWithoutFeature},
     {"VUID-vkGetMicromapBuildSizesEXT-micromap-11618", Api::Ext, kNeedsNoFeature, sizesWithoutFeature},
     {"VUID-vkGetDeviceMicromapCompatibilityEXT-micromap-11666", Api::Ext, kNeedsNoFeature, versionWithoutFeature},
-    {"VUID-vkCmdBuildMicromapsEXT-micromap-11648", Api::Ext, kNeedsNoFeature, buildWithoutFeature},
+    {"VUID-vkCmdBuildMicromapsEXT-micromap-11648", Api::Ext, kNeedsNoFeature, buildWithoutFeature, "",
+     "VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength"},
 
     {"VUID-VkAccelerationStructureCreateInfoKHR-type-11600", Api::Khr, kNeedsNothing, oldCreation},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609", Api::Khr, kNeedsNoFeature, creationWithoutFeature},
@@ -201,9 +283,16 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11604", Api::Khr, kNeedsNothing, sparse},
     {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02443", Api::Khr, kNeedsNothing, withAllocator},
     {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02444", Api::Khr, kNeedsNothing, withoutAllocator},
-    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11607", Api::Khr, kNeedsNothing,
-     khrCreation<KHR_CHANGE(info.createFlags =
-                                VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR)>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11607", Api::Khr, kNeedsFewFeatures,
+     khrCreation<KHR_CHANGE(info.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR)>,
+     "", "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613"},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11606", Api::Khr, kNeedsNothing,
+     replays<Replays{.buffer = true, .structure = false}>},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11673", Api::Khr, kNeedsNothing, replayOfGroup, "",
+     "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613", false, nullptr,
+     "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602"},
+    {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613", Api::Khr, kNeedsFewFeatures,
+     replays<Replays{.buffer = true, .structure = true}>},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11610", Api::Khr, kNeedsNothing,
      khrCreation<KHR_CHANGE(info.createFlags =
                                 VK_ACCELERATION_STRUCTURE_CREATE_DESCRIPTOR_BUFFER_CAPTURE_REPLAY_BIT_EXT)>},

@@ -182,6 +182,15 @@ void numbers(Gpu &gpu, bool wrong)
     attach(gpu, {.micromap = &micromap, .base = wrong ? 1u : 0u});
 }
 
+void numbersKhr(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, twoTriangles());
+    micromap.build();
+    Geometry geometry{.vertices = triangleRow(1)};
+    geometry.micromap = Attachment{.micromap = &micromap, .base = wrong ? 3u : 0u};
+    const Blas blas(gpu, {geometry});
+}
+
 void notSpecial(Gpu &gpu, bool wrong)
 {
     attach(gpu, {nullptr, VK_INDEX_TYPE_UINT32, {-1, wrong ? 0 : -4}});
@@ -257,6 +266,7 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575", Api::Khr, kNeedsNothing, indexAfterCopy, "Copied"},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577", Api::Khr, kNeedsNothing, indexBuffer},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11578", Api::Khr, kNeedsNothing, notSpecial},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576", Api::Khr, kNeedsNothing, numbersKhr},
     {"micromap-index", Api::Ext, kNeedsNothing, index32},
     {"micromap-index", Api::Ext, kNeedsNothing, notSpecial, "NotSpecial"},
     {"micromap-index", Api::Ext, kNeedsNothing, numbers, "Numbers"},

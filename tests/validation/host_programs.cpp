@@ -268,7 +268,8 @@ const WrongProgram kPrograms[] = {
     {"VUID-vkWriteMicromapsPropertiesEXT-pMicromaps-07502", Api::Ext, kNeedsHostCommands,
      write<kNotAllowed, kCompactedSize>},
 
-    {"VUID-vkBuildMicromapsEXT-micromapHostCommands-07555", Api::Ext, kNeedsNothing, buildWithoutFeature},
+    {"VUID-vkBuildMicromapsEXT-micromapHostCommands-07555", Api::Ext, kNeedsNothing, buildWithoutFeature, "",
+     "VUID-vkBuildMicromapsEXT-infoCount-arraylength"},
     {"VUID-vkCopyMicromapEXT-micromapHostCommands-07560", Api::Ext, kNeedsNothing,
      withoutFeature<[](Gpu &gpu, VkMicromapEXT from, VkMicromapEXT to, void *) {
          const auto info =
@@ -286,7 +287,8 @@ const WrongProgram kPrograms[] = {
          auto info = vkInit<VkCopyMemoryToMicromapInfoEXT>({.dst = to, .mode = VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT});
          info.src.hostAddress = memory;
          gpu.vk().CopyMemoryToMicromapEXT(gpu.device(), VK_NULL_HANDLE, &info);
-     }>},
+     }>,
+     "", "VUID-VkCopyMemoryToMicromapInfoEXT-src-07549"},
     {"VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578", Api::Ext, kNeedsNothing,
      withoutFeature<[](Gpu &gpu, VkMicromapEXT from, VkMicromapEXT, void *memory) {
          gpu.vk().WriteMicromapsPropertiesEXT(gpu.device(), 1, &from, kSerialized, 8, memory, 8);

@@ -17,16 +17,17 @@ namespace vt
 // What a program needs beyond micromaps. Programs run on one device for each combination.
 enum ProgramNeeds : unsigned {
     kNeedsNothing = 0,
-    kNeedsAddressCommands = 1, // VK_KHR_device_address_commands
-    kNeedsHostCommands = 2,    // micromapHostCommands of VK_EXT_opacity_micromap
-    kNeedsPipelines = 4,       // ray tracing pipelines
-    kNeedsBothApis = 8,        // both micromap extensions
-    kNeedsNoFeature = 16,      // the extension is enabled, its feature is not
-    kNeedsFewFeatures = 32,    // the mock driver's quirk "few"
-    kNeedsMarkers = 64,        // VK_AMD_buffer_marker, which the spy plays; no spy is below a driver's own micromaps
-    kNeedsMaintenance5 = 128,  // VkPipelineCreateFlags2CreateInfo
-    kNeedsShaderObjects = 256, // VK_EXT_shader_object
-    kNeedsTransferQueue = 512, // queue family 3 is for transfers only: the mock driver's quirk "queues"
+    kNeedsAddressCommands = 1,   // VK_KHR_device_address_commands
+    kNeedsHostCommands = 2,      // micromapHostCommands of VK_EXT_opacity_micromap
+    kNeedsPipelines = 4,         // ray tracing pipelines
+    kNeedsBothApis = 8,          // both micromap extensions
+    kNeedsNoFeature = 16,        // the extension is enabled, its feature is not
+    kNeedsFewFeatures = 32,      // the mock driver's quirk "few"
+    kNeedsMarkers = 64,          // VK_AMD_buffer_marker, which the spy plays; no spy is below a driver's own micromaps
+    kNeedsMaintenance5 = 128,    // VkPipelineCreateFlags2CreateInfo
+    kNeedsShaderObjects = 256,   // VK_EXT_shader_object
+    kNeedsTransferQueue = 512,   // queue family 3 is for transfers only: the mock driver's quirk "queues"
+    kNeedsVendorCommands = 2048, // that the spy plays, as with kNeedsMarkers
     kNeedsPlainShaders = 1024, // shaders get no execution mode by themselves; flags in VkPipelineCreateFlags2CreateInfo
 };
 
@@ -38,9 +39,9 @@ struct WrongProgram {
     const char *variant = ""; // of several programs for one rule
     // Other rules that cannot but be broken as well, with spaces.
     const char *also = "";
-    // Translated, what the wrong program asks for is not available, which is reported as well.
+    // Some implementations report that what the programs ask for is not available.
     bool mayBeUnavailable = false;
-    // A quirk of the mock driver that reports the fault itself, to all devices of the process: not with it.
+    // A quirk of the mock driver with which it cannot run.
     const char *notWith = nullptr;
     const char *perhaps = nullptr; // another message, of some implementations
 };
@@ -52,11 +53,14 @@ std::span<const WrongProgram> attachmentPrograms();
 std::span<const WrongProgram> copyPrograms();
 std::span<const WrongProgram> queryPrograms();
 std::span<const WrongProgram> hostPrograms();
+std::span<const WrongProgram> implicitPrograms();
+std::span<const WrongProgram> hostStructurePrograms();
 std::span<const WrongProgram> rangePrograms();
 std::span<const WrongProgram> rangeFlagPrograms();
 std::span<const WrongProgram> drawRangePrograms();
 std::span<const WrongProgram> barrierRangePrograms();
 std::span<const WrongProgram> dataPrograms();
+std::span<const WrongProgram> serializedPrograms();
 std::span<const WrongProgram> pipelinePrograms();
 std::span<const WrongProgram> syncPrograms();
 std::span<const WrongProgram> tracePrograms();

@@ -52,6 +52,20 @@ void unbound(Gpu &gpu, bool wrong)
     });
 }
 
+// The pointers of a structure, which only a top-level one has.
+void pointers(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.vertices = triangleRow(1)}});
+    const Tlas tlas(gpu, {instance(blas, {}, 0)});
+    constexpr auto kType = VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;
+    const QueryPool pool(gpu, kType);
+    vkResetQueryPool(gpu.device(), pool, 0, 1);
+    const VkAccelerationStructureKHR structure = wrong ? blas.handle() : tlas.handle();
+    recordUnlessWrong(gpu, true, [&](VkCommandBuffer commands) {
+        gpu.vk().CmdWriteAccelerationStructuresPropertiesKHR(commands, 1, &structure, kType, pool, 0);
+    });
+}
+
 void begin(Gpu &gpu, bool wrong)
 {
     const QueryPool sizes(gpu, kCompacted, 1), occlusion(gpu, VK_QUERY_TYPE_OCCLUSION, 1);
@@ -103,6 +117,8 @@ const WrongProgram kPrograms[] = {
      query<kNeverBuilt>},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-buffer-03736", Api::Khr, kNeedsNothing, unbound, "", "", false,
      nullptr, "VELLUM-unknown-content"},
+    {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425", Api::Khr, kNeedsNothing,
+     pointers},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-accelerationStructures-03431", Api::Khr, kNeedsNothing,
      query<kNotAllowed, kCompactedSize>},
 };

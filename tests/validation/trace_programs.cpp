@@ -5,6 +5,7 @@
 #include "check/gpu/pipeline_tracer.h"
 #include "check/gpu/tracer.h"
 #include "command_buffer/shader_objects.h"
+#include "layer/base/vulkan_vendors.h"
 #include "programs.h"
 
 #include "shaders/tracer_comp.h"
@@ -175,6 +176,65 @@ void copiedDescriptor(Gpu &gpu, bool wrong)
     });
 }
 
+// A bottom-level structure in a descriptor.
+void bottomLevelDescriptor(Gpu &gpu, bool wrong)
+{
+    const Scene scene(gpu, With::Nothing);
+    Tracer tracer(gpu);
+    tracer.prepare(scene.tlas, Scene::rays());
+    const VkAccelerationStructureKHR structure = wrong ? scene.blas.handle() : scene.tlas.handle();
+    const auto structures = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
+        {.accelerationStructureCount = 1, .pAccelerationStructures = &structure});
+    const auto write = vkInit<VkWriteDescriptorSet>({.pNext = &structures,
+                                                     .dstSet = tracer.set(),
+                                                     .descriptorCount = 1,
+                                                     .descriptorType = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR});
+    vkUpdateDescriptorSets(gpu.device(), 1, &write, 0, nullptr);
+}
+
+// --- commands of other vendors, which the spy plays by a dispatch ---
+
+template <typename Record>
+void traceBy(Gpu &gpu, bool wrong, const char *command, Record record)
+{
+    const Scene scene(gpu, With::Micromap);
+    const PFN_vkVoidFunction function = vkGetDeviceProcAddr(gpu.device(), command);
+    Tracer tracer(gpu, withMode(tracer_comp, wrong ? Mode::Absent : Mode::True));
+    tracer.prepare(scene.tlas, Scene::rays());
+    gpu.submit([&](VkCommandBuffer commands) {
+        barrier(commands);
+        tracer.bind(commands);
+        record(commands, function);
+        barrier(commands);
+    });
+    VT_CHECK(vkDeviceWaitIdle(gpu.device()));
+}
+
+void dispatchTile(Gpu &gpu, bool wrong)
+{
+    traceBy(gpu, wrong, "vkCmdDispatchTileQCOM", [](VkCommandBuffer commands, PFN_vkVoidFunction function) {
+        const newer::DispatchTileInfo info{static_cast<VkStructureType>(1000309005), nullptr};
+        reinterpret_cast<newer::PFN_CmdDispatchTile>(function)(commands, &info);
+    });
+}
+
+void generatedNv(Gpu &gpu, bool wrong)
+{
+    traceBy(gpu, wrong, "vkCmdExecuteGeneratedCommandsNV", [](VkCommandBuffer commands, PFN_vkVoidFunction function) {
+        const auto info = vkInit<VkGeneratedCommandsInfoNV>({.pipelineBindPoint = VK_PIPELINE_BIND_POINT_COMPUTE});
+        reinterpret_cast<PFN_vkCmdExecuteGeneratedCommandsNV>(function)(commands, VK_FALSE, &info);
+    });
+}
+
+void generatedExt(Gpu &gpu, bool wrong)
+{
+    traceBy(gpu, wrong, "vkCmdExecuteGeneratedCommandsEXT", [](VkCommandBuffer commands, PFN_vkVoidFunction function) {
+        const newer::GeneratedCommandsInfo info{static_cast<VkStructureType>(1000572004), nullptr,
+                                                VK_SHADER_STAGE_COMPUTE_BIT, 0, 0};
+        reinterpret_cast<newer::PFN_CmdExecuteGeneratedCommands>(function)(commands, VK_FALSE, &info);
+    });
+}
+
 // A structure that is built again, without micromaps, before it is traced.
 void builtAgain(Gpu &gpu, bool wrong)
 {
@@ -334,6 +394,11 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, updatedByTemplate, "Template"},
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, copiedDescriptor, "Copied"},
     {"VUID-vkCmdDispatch-micromap-11636", Api::Khr, kPlain, builtAgain, "BuiltAgain"},
+    {"VUID-vkCmdDispatchTileQCOM-micromap-11636", Api::Khr, kPlain | kNeedsVendorCommands, dispatchTile},
+    {"VUID-vkCmdExecuteGeneratedCommandsNV-micromap-11636", Api::Khr, kPlain | kNeedsVendorCommands, generatedNv},
+    {"VUID-vkCmdExecuteGeneratedCommandsEXT-micromap-11636", Api::Khr, kPlain | kNeedsVendorCommands, generatedExt},
+    {"VUID-VkWriteDescriptorSetAccelerationStructureKHR-pAccelerationStructures-03579", Api::Khr, kNeedsNothing,
+     bottomLevelDescriptor},
     {"VUID-vkCmdDraw-micromap-11636", Api::Khr, kPlain, fragmentWithoutMode},
     {"VUID-vkCmdTraceRaysKHR-micromap-11636", Api::Khr, kPlain | kNeedsPipelines, rayGenerationWithoutMode},
     {"VUID-vkCmdTraceRaysKHR-micromap-11640", Api::Khr, kNeedsPipelines, pipelineWithoutBit},

@@ -37,6 +37,7 @@ void append(const std::string &file, std::string line)
 // Of this thread: validated commands that are being carried out, and the ids that validation has reported for them.
 thread_local uint32_t commandDepth = 0;
 thread_local std::vector<std::string> coveredIds;
+thread_local HeldMessages *held = nullptr;
 
 } // namespace
 
@@ -80,6 +81,18 @@ void Reporter::fault(const char *vuid, std::string_view text, VkObjectType type,
         coveredIds.push_back(id);
 }
 
+void Reporter::coverLater(const std::string &id)
+{
+    const std::lock_guard lock(mutex_);
+    coveredLater_.insert(id);
+}
+
+bool Reporter::takeCovered(const std::string &id)
+{
+    const std::lock_guard lock(mutex_);
+    return coveredLater_.erase(id) != 0;
+}
+
 CommandReports::CommandReports()
 {
     ++commandDepth;
@@ -97,21 +110,45 @@ CommandReports::~CommandReports()
         coveredIds.clear();
 }
 
+HeldMessages::HeldMessages() : isInner_(held != nullptr)
+{
+    if (!isInner_)
+        held = this;
+}
+
+HeldMessages::~HeldMessages()
+{
+    if (isInner_)
+        return;
+    held = nullptr;
+    for (const Message &m : messages_) {
+        try {
+            m.reporter.sendLimited(m.severity, m.id, m.text, m.type, m.object);
+        } catch (const std::bad_alloc &) {
+            std::fprintf(stderr, "vellum: %s: %s\n", m.id.c_str(), m.text.c_str());
+        }
+    }
+}
+
 void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text,
                     VkObjectType type, uint64_t object) noexcept
 {
     try {
-        sendTo(severity, std::string(kMessagePrefix) + id, std::string(text), type, object);
+        if (std::ranges::find(coveredIds, id) != coveredIds.end())
+            return;
+        const std::string name = std::string(kMessagePrefix) + id;
+        if (held)
+            held->messages_.push_back({*this, severity, name, std::string(text), type, object});
+        else
+            sendLimited(severity, name, std::string(text), type, object);
     } catch (const std::bad_alloc &) {
         std::fprintf(stderr, "vellum: %s%s: %.*s\n", kMessagePrefix, id, static_cast<int>(text.size()), text.data());
     }
 }
 
-void Reporter::sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
-                      VkObjectType type, uint64_t object)
+void Reporter::sendLimited(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id,
+                           const std::string &text, VkObjectType type, uint64_t object)
 {
-    if (std::ranges::find(coveredIds, id.substr(std::strlen(kMessagePrefix))) != coveredIds.end())
-        return;
     if (limit_ > 0) {
         std::unique_lock lock(mutex_);
         const uint32_t count = ++sent_[id];

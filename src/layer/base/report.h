@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -44,6 +45,10 @@ public:
     // Reports an error that validation found; its id is "VELLUM-" and `vuid`, or `vuid` if that is an id of Vellum.
     // While the command is carried out, the implementation of micromaps does not report the same id (CommandReports).
     void fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object);
+    // Validation has reported a fault that the implementation finds later, on the device: it takes the id instead of
+    // reporting it.
+    void coverLater(const std::string &id);
+    [[nodiscard]] bool takeCovered(const std::string &id);
     // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
     // on, as drivers do; it does unless `strict` is set.
     [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
@@ -71,6 +76,7 @@ public:
 
 private:
     friend class CommandReports;
+    friend class HeldMessages;
     struct Messenger {
         VkDebugUtilsMessengerEXT handle;
         VkDebugUtilsMessageSeverityFlagsEXT severities;
@@ -80,8 +86,9 @@ private:
     };
     void send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text, VkObjectType type,
               uint64_t object) noexcept;
-    void sendTo(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
-                VkObjectType type, uint64_t object);
+    // A message that is not covered: sends it, unless it is one too many.
+    void sendLimited(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
+                     VkObjectType type, uint64_t object);
     void sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
                  VkObjectType type, uint64_t object);
 
@@ -94,6 +101,7 @@ private:
     std::vector<Messenger> messengers_;
     std::unordered_map<uint64_t, std::string> names_;
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
+    std::unordered_set<std::string> coveredLater_;
 };
 
 // The span of one command that validation checks, in its thread. The implementation below finds some of the faults
@@ -107,6 +115,29 @@ public:
     static void cover(const char *id);
     CommandReports(const CommandReports &) = delete;
     CommandReports &operator=(const CommandReports &) = delete;
+};
+
+// While it exists, messages of its thread are kept; its destructor sends them. It is created before a lock is taken
+// that commands take: callbacks for messages may call commands.
+class HeldMessages
+{
+public:
+    HeldMessages();
+    ~HeldMessages();
+    HeldMessages(const HeldMessages &) = delete;
+    HeldMessages &operator=(const HeldMessages &) = delete;
+
+private:
+    friend class Reporter;
+    struct Message {
+        Reporter &reporter;
+        VkDebugUtilsMessageSeverityFlagBitsEXT severity;
+        std::string id, text;
+        VkObjectType type;
+        uint64_t object;
+    };
+    bool isInner_; // another one keeps the messages
+    std::vector<Message> messages_;
 };
 
 } // namespace vellum::layer

@@ -12,6 +12,7 @@
 #include "layer/validation/queries.h"
 #include "layer/validation/ranges/image_copies.h"
 #include "layer/validation/ranges/ranges.h"
+#include "layer/validation/rules/implicit_rules.h"
 #include "layer/validation/rules/pipeline_rules.h"
 #include "layer/validation/sync/sync_commands.h"
 #include "layer/validation/traces/trace_commands.h"
@@ -21,18 +22,32 @@ namespace vellum::layer
 namespace
 {
 
+// The name of a command, as an argument of a template.
+struct CommandName {
+    char text[64]{};
+    template <size_t size>
+    consteval CommandName(const char (&name)[size])
+    {
+        std::copy_n(name, size, text);
+    }
+};
+
 // A command as Vulkan calls it. It gets the validation of the device.
-template <auto function>
+template <CommandName name, auto function>
 struct Validated;
 
-template <typename Result, typename Handle, typename... Arguments,
+template <CommandName name, typename Result, typename Handle, typename... Arguments,
           Result (*function)(DeviceValidation &, Handle, Arguments...)>
-struct Validated<function> {
+struct Validated<name, function> {
     static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
     {
         return guarded<Result>([&] {
             const CommandReports reports;
-            return function(*deviceOf(handle).validation, handle, arguments...);
+            DeviceValidation &device = *deviceOf(handle).validation;
+            constexpr VkQueueFlags kQueues = queuesOf(name.text);
+            if constexpr (kQueues != 0)
+                checkCommand(device, handle, name.text, kQueues);
+            return function(device, handle, arguments...);
         });
     }
 };
@@ -43,7 +58,7 @@ struct Row {
 };
 
 #define VELLUM_ROW(name, function)                                                                                     \
-    {commandOf("vk" #name), reinterpret_cast<PFN_vkVoidFunction>(&Validated<validation::function>::call)},
+    {commandOf("vk" #name), reinterpret_cast<PFN_vkVoidFunction>(&Validated<"vk" #name, validation::function>::call)},
 #define VELLUM_NEWER_ROW(name, type, function) VELLUM_ROW(name, function)
 const Row kRows[] = {VELLUM_VALIDATED_COMMANDS(VELLUM_ROW) VELLUM_VALIDATED_NEWER_COMMANDS(VELLUM_NEWER_ROW)};
 #undef VELLUM_ROW

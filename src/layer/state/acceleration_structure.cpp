@@ -294,7 +294,7 @@ void reportGpuErrors(DeviceState &device)
 {
     const uint32_t bits = device.root.takeGpuErrors();
     for (uint32_t i = 0; bits != 0 && i < kGpuErrors; ++i) {
-        if ((bits >> i & 1u) != 0)
+        if ((bits >> i & 1u) != 0 && !device.driver.report().takeCovered(kGpuErrorTexts[i].id))
             device.driver.report().error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
     }
 }

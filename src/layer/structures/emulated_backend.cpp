@@ -62,7 +62,7 @@ void EmulatedBackend::getSizes(VkAccelerationStructureBuildTypeKHR type, Structu
     const Driver &driver = device_.driver;
     driver.next.GetAccelerationStructureBuildSizesKHR(driver.handle, type, &build.driverInfo(), primitives, &sizes);
     if (build.topLevel && build.geometryCount() == 1) {
-        const TopLevelLayout layout(driver, build.info.flags, primitives ? primitives[0] : 0);
+        const TopLevelLayout layout(driver, build.info.flags, primitives[0]);
         sizes.accelerationStructureSize = layout.bytes();
         sizes.buildScratchSize = sizes.updateScratchSize = layout.scratchBytes(); // an update is a build
     } else if (const VkDeviceSize tail = bottomLevelTailBytes(build, primitives)) {

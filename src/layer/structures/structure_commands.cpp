@@ -237,7 +237,10 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice, VkAc
     } else if (auto build = parseStructureBuild(device.driver, check, *info)) {
         // They are ignored, and may be handles of micromaps.
         build->info.srcAccelerationStructure = build->info.dstAccelerationStructure = VK_NULL_HANDLE;
-        device.backend->getSizes(type, *build, maxPrimitives, *sizes);
+        // Without numbers of primitives there are none:
+        // VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11612
+        const std::vector<uint32_t> none(maxPrimitives ? 0 : info->geometryCount);
+        device.backend->getSizes(type, *build, maxPrimitives ? maxPrimitives : none.data(), *sizes);
     }
 }
 

@@ -51,7 +51,7 @@ VkDeviceSize bottomLevelTailBytes(const StructureBuild &build, const uint32_t *p
     VkDeviceSize bytes = build.geometryCount() * VkDeviceSize{kGeometryRecordWords + kMicromapNameWords} * 4;
     for (uint32_t i = 0; i < build.geometryCount(); ++i) {
         if (build.inputs[i].micromap)
-            bytes += alignUp((primitives ? primitives[i] : 0) * VkDeviceSize{kTriangleRecordWords} * 4, 16);
+            bytes += alignUp(primitives[i] * VkDeviceSize{kTriangleRecordWords} * 4, 16);
     }
     return alignUp(bytes, kPartAlignment);
 }

@@ -24,12 +24,18 @@ struct CommandLogAccess {
         std::lock_guard lock(logs.mutex_);
         std::erase_if(logs.logs_, predicate);
     }
+    static void reset(CommandLog &log)
+    {
+        log.steps.clear();
+        log.traces = {};
+        log.isRecording = log.isRendering = log.suspends = log.isSuspended = false;
+    }
     static void clearPool(CommandLogs &logs, VkCommandPool pool)
     {
         std::lock_guard lock(logs.mutex_);
         for (auto &[handle, log] : logs.logs_) {
             if (log->pool == pool)
-                log->steps.clear();
+                reset(*log);
         }
     }
 };
@@ -44,6 +50,7 @@ std::shared_ptr<CommandLog> CommandLogs::get(VkCommandBuffer commandBuffer)
 void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
 {
     if (!commandBuffer) {
+        const HeldMessages held;
         const std::lock_guard lock(submissions);
         step({});
     } else if (const auto log = get(commandBuffer)) {
@@ -73,7 +80,8 @@ void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuff
     const auto log = device.logs.get(commandBuffer);
     if (!log)
         return;
-    std::lock_guard lock(device.logs.submissions);
+    const HeldMessages held;
+    const std::lock_guard lock(device.logs.submissions);
     auto &waits = device.logs.waits[queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
     const Submission submission{queue, device.objects.queueFamilies.get(queue), waits.empty()};
@@ -160,16 +168,24 @@ VkResult beginCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuf
                             const VkCommandBufferBeginInfo *info)
 {
     if (const auto log = device.logs.get(commandBuffer)) { // it is reset implicitly
-        log->steps.clear();
-        log->traces = {};
+        CommandLogAccess::reset(*log);
+        log->isRecording = true;
+        log->isRendering = log->secondary && (info->flags & VK_COMMAND_BUFFER_USAGE_RENDER_PASS_CONTINUE_BIT) != 0;
     }
     return layer::beginCommandBuffer(device.commands, commandBuffer, info);
+}
+
+VkResult endCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isRecording = false;
+    return device.next.EndCommandBuffer(commandBuffer);
 }
 
 VkResult resetCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkCommandBufferResetFlags flags)
 {
     if (const auto log = device.logs.get(commandBuffer))
-        log->steps.clear();
+        CommandLogAccess::reset(*log);
     return device.next.ResetCommandBuffer(commandBuffer, flags);
 }
 

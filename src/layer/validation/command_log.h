@@ -34,6 +34,10 @@ struct CommandLog {
     VkCommandPool pool = VK_NULL_HANDLE;
     uint32_t family = 0;
     bool secondary = false;
+    bool isRecording = false;
+    bool isRendering = false; // inside a render pass instance
+    bool suspends = false;    // that will be suspended
+    bool isSuspended = false; // between two such instances
     std::vector<Step> steps;
     TraceBindings traces;
 };
@@ -70,6 +74,7 @@ VkResult resetCommandPool(DeviceValidation &, VkDevice, VkCommandPool, VkCommand
 VkResult allocateCommandBuffers(DeviceValidation &, VkDevice, const VkCommandBufferAllocateInfo *, VkCommandBuffer *);
 void freeCommandBuffers(DeviceValidation &, VkDevice, VkCommandPool, uint32_t, const VkCommandBuffer *);
 VkResult beginCommandBuffer(DeviceValidation &, VkCommandBuffer, const VkCommandBufferBeginInfo *);
+VkResult endCommandBuffer(DeviceValidation &, VkCommandBuffer);
 VkResult resetCommandBuffer(DeviceValidation &, VkCommandBuffer, VkCommandBufferResetFlags);
 void cmdBindPipeline(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
 void cmdBindShaders(DeviceValidation &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,

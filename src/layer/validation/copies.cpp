@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/copies.h"
+
+#include "layer/validation/rules/implicit_rules.h"
 #include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
@@ -23,6 +25,7 @@ void checkMicromapCopy(const RuleCheck &check, const VkCopyMicromapInfoEXT &info
                        const std::shared_ptr<ValidatedStructure> &source,
                        const std::shared_ptr<ValidatedStructure> &target)
 {
+    checkStructure(check, info, kCopyMicromapInfo);
     checkBound(check, source.get(), "src", "VUID-vkCmdCopyMicromapEXT-buffer-07529");
     checkBound(check, target.get(), "dst", "VUID-vkCmdCopyMicromapEXT-buffer-07530");
     checkConstructed(check, source, "VUID-vkCmdCopyMicromapEXT-src-07532");
@@ -57,18 +60,22 @@ void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &s
 {
     copyRecord(check.device(), check.commandBuffer(), source, target);
     if (target && source)
-        check.whenExecuted(
-            [&device = check.device(), source, target] { setContents(device, *target, source->contents); });
+        check.whenExecuted([&device = check.device(), source, target] {
+            const uint64_t built = source->built;
+            setContents(device, *target, source->contents);
+            target->built = built;
+        });
 }
 
-void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target)
+void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target,
+                  std::shared_ptr<SerializedHeader> header)
 {
     if (!target)
         return;
     copyRecord(check.device(), check.commandBuffer(), nullptr, target);
-    auto contents = unknownContents(target->type);
-    check.whenExecuted(
-        [&device = check.device(), target, contents = std::move(contents)] { setContents(device, *target, contents); });
+    const auto contents = unknownContents(target->type);
+    contents->header = std::move(header);
+    check.whenExecuted([&device = check.device(), target, contents] { setContents(device, *target, contents); });
 }
 
 namespace validation
@@ -98,6 +105,7 @@ void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBu
     const RuleCheck check(device, place, info->src, commandBuffer);
     const auto source = device.objects.micromaps.get(info->src);
     if (device.checks.core) {
+        checkStructure(check, *info, kCopyMicromapToMemoryInfo);
         checkBound(check, source.get(), "src", "VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539");
         checkConstructed(check, source, "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540");
         check.require(info->mode == VK_COPY_MICROMAP_MODE_SERIALIZE_EXT, "mode",
@@ -106,6 +114,7 @@ void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537");
     }
+    checkSerializedSize(check, source, info->dst.deviceAddress);
     sync::recordSerialization(device, commandBuffer, name, source, info->dst.deviceAddress);
     device.next.CmdCopyMicromapToMemoryEXT(commandBuffer, info);
 }
@@ -119,6 +128,7 @@ void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBu
     const RuleCheck check(device, place, info->dst, commandBuffer);
     const auto target = device.objects.micromaps.get(info->dst);
     if (device.checks.core) {
+        checkStructure(check, *info, kCopyMemoryToMicromapInfo);
         checkBound(check, target.get(), "dst", "VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546");
         check.require(info->mode == VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT, "mode",
                       "VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "it is not DESERIALIZE");
@@ -126,7 +136,7 @@ void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
                                "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544");
     }
-    deserialized(check, target);
+    deserialized(check, target, checkSerializedData(check, info->src.deviceAddress, target));
     sync::recordDeserialization(device, commandBuffer, name, info->src.deviceAddress, target);
     device.next.CmdCopyMemoryToMicromapEXT(commandBuffer, info);
 }
@@ -142,6 +152,9 @@ void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer comm
     const auto target = device.objects.structures.get(info->dst);
     if (device.checks.core)
         checkStructureCopy(check, *info, source, target);
+    if (info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
+        checkCompactedSize(check, source, target);
+    checkDeserializedMicromaps(check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11634");
     copied(check, source, target);
     sync::recordCopy(device, commandBuffer, name, source, target);
     device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
@@ -165,6 +178,8 @@ void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
     }
+    checkSerializedSize(check, source, info->dst.deviceAddress);
+    checkDeserializedMicromaps(check, source, "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582");
     sync::recordSerialization(device, commandBuffer, name, source, info->dst.deviceAddress);
     device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
 }
@@ -186,7 +201,8 @@ void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
     }
-    deserialized(check, target);
+    deserialized(check, target, checkSerializedData(check, info->src.deviceAddress, target));
+    device.traces.deserializes = true;
     sync::recordDeserialization(device, commandBuffer, name, info->src.deviceAddress, target);
     device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
 }

@@ -13,8 +13,10 @@ namespace vellum::layer
 // The effect of a clone or a compaction.
 void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
             const std::shared_ptr<ValidatedStructure> &target);
-// The effect of a deserialization: the target holds something that the host does not know.
-void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target);
+// The effect of a deserialization: the target holds something that the host does not know. `header`: null if it is not
+// known.
+void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target,
+                  std::shared_ptr<SerializedHeader> header);
 
 namespace validation
 {

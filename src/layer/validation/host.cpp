@@ -3,6 +3,7 @@
 
 #include "layer/validation/copies.h"
 #include "layer/validation/rules/build_rules.h"
+#include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
 {
@@ -64,6 +65,8 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
                                      uint32_t count, const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                      const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
+    if (device.checks.core)
+        checkHostStructureBuilds(device, {infos, count});
     const VkResult result = device.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
     for (uint32_t i = 0; i < count && succeeded(result); ++i) {
         const auto structure = device.objects.structures.get(infos[i].dstAccelerationStructure);
@@ -108,6 +111,7 @@ VkResult copyMicromap(DeviceValidation &device, VkDevice handle, VkDeferredOpera
     const Structure source = device.objects.micromaps.get(info->src);
     const Structure target = device.objects.micromaps.get(info->dst);
     if (device.checks.core) {
+        checkStructure(check, *info, kCopyMicromapInfo);
         checkFeature(check, "VUID-vkCopyMicromapEXT-micromapHostCommands-07560");
         checkHostMemory(check, source, "src", "VUID-vkCopyMicromapEXT-buffer-07558");
         checkHostMemory(check, target, "dst", "VUID-vkCopyMicromapEXT-buffer-07559");
@@ -131,6 +135,7 @@ VkResult copyMicromapToMemory(DeviceValidation &device, VkDevice handle, VkDefer
     const RuleCheck check(device, place, info->src);
     if (device.checks.core) {
         const Structure source = device.objects.micromaps.get(info->src);
+        checkStructure(check, *info, kCopyMicromapToMemoryInfo);
         checkFeature(check, "VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571");
         checkHostMemory(check, source, "src", "VUID-vkCopyMicromapToMemoryEXT-buffer-07568");
         checkConstructed(check, source, "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540");
@@ -150,6 +155,7 @@ VkResult copyMemoryToMicromap(DeviceValidation &device, VkDevice handle, VkDefer
     const RuleCheck check(device, place, info->dst);
     const Structure target = device.objects.micromaps.get(info->dst);
     if (device.checks.core) {
+        checkStructure(check, *info, kCopyMemoryToMicromapInfo);
         checkFeature(check, "VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566");
         checkHostMemory(check, target, "dst", "VUID-vkCopyMemoryToMicromapEXT-buffer-07565");
         check.require(info->mode == VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT, "mode",
@@ -157,9 +163,10 @@ VkResult copyMemoryToMicromap(DeviceValidation &device, VkDevice handle, VkDefer
         checkHostAddress(check, info->src.hostAddress, "src", "VUID-vkCopyMemoryToMicromapEXT-pInfo-07563",
                          "VUID-vkCopyMemoryToMicromapEXT-pInfo-07564");
     }
+    auto header = checkSerializedData(check, info->src.hostAddress, target.get());
     const VkResult result = device.next.CopyMemoryToMicromapEXT(handle, operation, info);
     if (succeeded(result))
-        deserialized(check, target);
+        deserialized(check, target, std::move(header));
     return result;
 }
 
@@ -168,6 +175,8 @@ VkResult writeMicromapsProperties(DeviceValidation &device, VkDevice handle, uin
                                   size_t stride)
 {
     const Place command("vkWriteMicromapsPropertiesEXT");
+    checkCount(device, "vkWriteMicromapsPropertiesEXT", "micromapCount", count,
+               "VUID-vkWriteMicromapsPropertiesEXT-micromapCount-arraylength");
     if (device.checks.core) {
         const RuleCheck check(device, command);
         checkFeature(check, "VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578");
@@ -203,6 +212,7 @@ VkResult copyAccelerationStructure(DeviceValidation &device, VkDevice handle, Vk
     const Structure source = device.objects.structures.get(info->src);
     if (device.checks.core)
         checkConstructed(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11586");
+    checkDeserializedMicromaps(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11587");
     const VkResult result = device.next.CopyAccelerationStructureKHR(handle, operation, info);
     if (succeeded(result))
         copied(check, source, device.objects.structures.get(info->dst));
@@ -213,9 +223,14 @@ VkResult copyMemoryToAccelerationStructure(DeviceValidation &device, VkDevice ha
                                            const VkCopyMemoryToAccelerationStructureInfoKHR *info)
 {
     const Place command("vkCopyMemoryToAccelerationStructureKHR");
+    const Place place = command.member("pInfo");
+    const RuleCheck check(device, place, info->dst);
+    const Structure target = device.objects.structures.get(info->dst);
+    auto header = checkSerializedData(check, info->src.hostAddress, target.get());
     const VkResult result = device.next.CopyMemoryToAccelerationStructureKHR(handle, operation, info);
     if (succeeded(result))
-        deserialized(RuleCheck(device, command, info->dst), device.objects.structures.get(info->dst));
+        deserialized(check, target, std::move(header));
+    device.traces.deserializes = true;
     return result;
 }
 

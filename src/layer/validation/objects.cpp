@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/objects.h"
 
+#include <algorithm>
+
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
@@ -78,10 +80,44 @@ void setContents(DeviceValidation &device, ValidatedStructure &structure,
                  std::shared_ptr<const StructureContents> contents)
 {
     structure.contents = std::move(contents);
-    structure.since = ++device.numbers;
+    structure.since = structure.built = ++device.numbers;
 }
 
-std::shared_ptr<const StructureContents> unknownContents(VkAccelerationStructureTypeKHR type)
+void StructuresByMemory::add(const std::shared_ptr<ValidatedStructure> &structure)
+{
+    if (!structure->isMicromap() && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        return;
+    const std::lock_guard lock(mutex_);
+    const auto range = structures_.equal_range(structure->memoryAddress);
+    for (auto known = range.first; known != range.second;)
+        known = known->second.expired() ? structures_.erase(known) : std::next(known);
+    structures_.emplace(structure->memoryAddress, structure);
+}
+
+std::vector<std::shared_ptr<ValidatedStructure>> StructuresByMemory::at(VkDeviceAddress address) const
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<std::shared_ptr<ValidatedStructure>> found;
+    const auto range = structures_.equal_range(address);
+    for (auto known = range.first; known != range.second; ++known) {
+        auto structure = known->second.lock();
+        if (structure && !structure->destroyed &&
+            (structure->isMicromap() || !structure->contents ||
+             structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
+             structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR))
+            found.push_back(std::move(structure));
+    }
+    return found;
+}
+
+bool StructuresByMemory::isComplete() const
+{
+    const std::lock_guard lock(mutex_);
+    const auto range = structures_.equal_range(0);
+    return std::all_of(range.first, range.second, [](const auto &known) { return known.second.expired(); });
+}
+
+std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type)
 {
     auto contents = std::make_shared<StructureContents>();
     contents->type = type;
@@ -190,9 +226,12 @@ VkResult createAccelerationStructure(DeviceValidation &device, VkDevice handle,
     if (device.checks.core)
         checkCreation(device, *info);
     const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
-    if (created == VK_SUCCESS)
-        device.objects.structures.set(*result, newStructure(device, *result, info->type, info->buffer, info->offset,
-                                                            info->size, info->createFlags, allocator != nullptr));
+    if (created != VK_SUCCESS)
+        return created;
+    auto structure = newStructure(device, *result, info->type, info->buffer, info->offset, info->size,
+                                  info->createFlags, allocator != nullptr);
+    device.objects.byMemory.add(structure);
+    device.objects.structures.set(*result, std::move(structure));
     return created;
 }
 
@@ -212,6 +251,7 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
     auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
                                   info->createFlags, allocator != nullptr);
     structure->memoryAddress = info->addressRange.address;
+    device.objects.byMemory.add(structure);
     device.objects.structures.set(*result, std::move(structure));
     return created;
 }

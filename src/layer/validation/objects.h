@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -19,6 +20,7 @@ namespace vellum::layer
 {
 
 struct DeviceValidation;
+class SerializedHeader;
 
 // An object that a message names.
 struct ObjectHandle {
@@ -69,10 +71,11 @@ struct StructureContents {
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     VkFlags flags = 0; // VkBuildAccelerationStructureFlagsKHR, or for a VkMicromapEXT VkBuildMicromapFlagsEXT
     std::vector<GeometryContents> geometries;
-    std::vector<VkMicromapUsageEXT> usages; // of a micromap
-    uint64_t triangles = 0;                 // of a micromap
-    bool deserialized = false;              // the other members are unknown
-    CapturedInstances instances;            // of a top-level structure
+    std::vector<VkMicromapUsageEXT> usages;   // of a micromap
+    uint64_t triangles = 0;                   // of a micromap
+    bool deserialized = false;                // the other members are unknown, except the header
+    std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
+    CapturedInstances instances;              // of a top-level structure
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
@@ -92,6 +95,7 @@ struct ValidatedStructure {
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
     std::shared_ptr<const StructureContents> contents; // null: not constructed
     uint64_t since = 0;                                // DeviceValidation::numbers when it got them
+    uint64_t built = 0;                                // the same of the structure that they were copied from
     bool destroyed = false;
     bool ownAllocator = false; // it was created with allocation callbacks
 
@@ -113,7 +117,24 @@ struct ValidatedQueryPool {
     std::vector<State> states; // of its queries, which change when commands are executed
 };
 
+// The structures that may hold micromaps, by the address of their memory.
+class StructuresByMemory
+{
+public:
+    // Before it, the address of the structure is set.
+    void add(const std::shared_ptr<ValidatedStructure> &structure);
+    // Those that may hold a micromap now. CommandLogs::submissions is held.
+    [[nodiscard]] std::vector<std::shared_ptr<ValidatedStructure>> at(VkDeviceAddress address) const;
+    // Whether the addresses of all are known.
+    [[nodiscard]] bool isComplete() const;
+
+private:
+    mutable std::mutex mutex_;
+    std::multimap<VkDeviceAddress, std::weak_ptr<ValidatedStructure>> structures_; // 0: the address is unknown
+};
+
 struct ValidatedObjects {
+    StructuresByMemory byMemory;
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
     HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
@@ -128,7 +149,7 @@ struct ValidatedObjects {
 void setContents(DeviceValidation &device, ValidatedStructure &structure,
                  std::shared_ptr<const StructureContents> contents);
 // Those of a structure that was made in a way that does not show them.
-std::shared_ptr<const StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
+std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
 // The structure at an address, which a buffer range or an instance names; null if there is none or it is unknown.
 std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceValidation &device, VkDeviceAddress address);
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <initializer_list>
 
-#include "layer/validation/rules/rule_check.h"
+#include "layer/validation/rules/implicit_rules.h"
 #include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
@@ -71,6 +71,21 @@ void checkQueries(const RuleCheck &check, const Pool &pool, VkQueryType type, ui
     });
 }
 
+void checkTopLevel(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure)
+{
+    constexpr const char *kRule = "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425";
+    if (structure->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR &&
+        structure->type != VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
+        return check.fault(kRule, "the structure was not created as a top-level one");
+    check.whenExecuted(kRule, [structure]() -> std::string {
+        const auto contents = structure->contents;
+        const bool known = contents && contents->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+        return known && contents->type != VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
+                   ? "the structure was not built as a top-level one"
+                   : "";
+    });
+}
+
 void checkStructures(const RuleCheck &command, const char *array,
                      const std::vector<std::shared_ptr<ValidatedStructure>> &structures, VkQueryType type,
                      const QueryIds &ids)
@@ -82,9 +97,8 @@ void checkStructures(const RuleCheck &command, const char *array,
         checkConstructed(check, structures[i], ids.constructed);
         if (type == ids.compactedSize)
             checkCompactable(check, structures[i], ids.compactable);
-        if (type == kBottomLevelPointers && structures[i] && structures[i]->isMicromap())
-            check.fault("VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
-                        "a micromap has no bottom-level structures");
+        if (type == kBottomLevelPointers && structures[i])
+            checkTopLevel(check, structures[i]);
     }
 }
 
@@ -188,6 +202,7 @@ void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer comma
                                  const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool pool, uint32_t first)
 {
     const char *const name = "vkCmdWriteMicromapsPropertiesEXT";
+    checkCount(device, name, "micromapCount", count, "VUID-vkCmdWriteMicromapsPropertiesEXT-micromapCount-arraylength");
     const Place place(name);
     const auto known = structuresOf(device.objects.micromaps, count, micromaps);
     writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pMicromaps", known, type,
@@ -202,6 +217,8 @@ void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkComman
                                               VkQueryPool pool, uint32_t first)
 {
     const char *const name = "vkCmdWriteAccelerationStructuresPropertiesKHR";
+    checkCount(device, name, "accelerationStructureCount", count,
+               "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-accelerationStructureCount-arraylength");
     const Place place(name);
     const auto known = structuresOf(device.objects.structures, count, structures);
     writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pAccelerationStructures", known, type,

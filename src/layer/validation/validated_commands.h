@@ -7,6 +7,7 @@
 
 #include "layer/base/dispatch.h"
 #include "layer/base/vulkan_newer.h"
+#include "layer/base/vulkan_vendors.h"
 
 // Commands that run shaders of one bind point: X(name of the command without vk, function of namespace validation).
 #define VELLUM_DRAW_COMMANDS(X)                                                                                        \
@@ -31,8 +32,12 @@
     X(CmdDispatchIndirect, cmdDispatchIndirect)
 #define VELLUM_TRACE_COMMANDS(X)                                                                                       \
     X(CmdTraceRaysKHR, cmdTraceRaysKHR)                                                                                \
+    X(CmdTraceRaysNV, cmdTraceRaysNV)                                                                                  \
     X(CmdTraceRaysIndirectKHR, cmdTraceRaysIndirectKHR)                                                                \
     X(CmdTraceRaysIndirect2KHR, cmdTraceRaysIndirect2KHR)
+
+// Of commands that the oldest headers do not declare: X(name, type in base/vulkan_newer.h, function).
+#define VELLUM_NEWER_DISPATCH_COMMANDS(X) X(CmdDispatchTileQCOM, CmdDispatchTile, cmdDispatchTile)
 
 // X(name of the command without vk, function of namespace validation that validates it). A command is also found by its
 // aliases.
@@ -58,6 +63,7 @@
     X(AllocateCommandBuffers, allocateCommandBuffers)                                                                  \
     X(FreeCommandBuffers, freeCommandBuffers)                                                                          \
     X(BeginCommandBuffer, beginCommandBuffer)                                                                          \
+    X(EndCommandBuffer, endCommandBuffer)                                                                              \
     X(ResetCommandBuffer, resetCommandBuffer)                                                                          \
     X(CmdBindPipeline, cmdBindPipeline)                                                                                \
     X(CmdPushConstants, cmdPushConstants)                                                                              \
@@ -79,6 +85,8 @@
     X(CmdBeginRenderPass, cmdBeginRenderPass)                                                                          \
     X(CmdBeginRenderPass2, cmdBeginRenderPass2)                                                                        \
     X(CmdEndRenderPass, cmdEndRenderPass)                                                                              \
+    X(CmdBeginRendering, cmdBeginRendering)                                                                            \
+    X(CmdEndRendering, cmdEndRendering)                                                                                \
     X(CmdEndRenderPass2, cmdEndRenderPass2)                                                                            \
     X(CmdSetEvent, cmdSetEvent)                                                                                        \
     X(CmdSetEvent2, cmdSetEvent2)                                                                                      \
@@ -171,7 +179,9 @@
     X(CmdPushDescriptorSetWithTemplateKHR, cmdPushDescriptorSetWithTemplate)                                           \
     VELLUM_DRAW_COMMANDS(X)                                                                                            \
     VELLUM_DISPATCH_COMMANDS(X)                                                                                        \
-    VELLUM_TRACE_COMMANDS(X)
+    VELLUM_TRACE_COMMANDS(X)                                                                                           \
+    X(CmdSubpassShadingHUAWEI, cmdSubpassShading)                                                                      \
+    X(CmdExecuteGeneratedCommandsNV, cmdExecuteGeneratedCommandsNV)
 
 // Those that the oldest headers do not declare: X(name, type in base/vulkan_newer.h, function).
 #define VELLUM_VALIDATED_NEWER_COMMANDS(X)                                                                             \
@@ -182,7 +192,9 @@
     X(CmdPushDescriptorSetWithTemplate2, CmdPushDescriptorSetWithTemplate2, cmdPushDescriptorSetWithTemplate2)         \
     X(CreateShadersEXT, CreateShaders, createShaders)                                                                  \
     X(GetShaderBinaryDataEXT, GetShaderBinaryData, getShaderBinaryData)                                                \
-    X(DestroyShaderEXT, DestroyShader, destroyShader)
+    X(DestroyShaderEXT, DestroyShader, destroyShader)                                                                  \
+    X(CmdExecuteGeneratedCommandsEXT, CmdExecuteGeneratedCommands, cmdExecuteGeneratedCommandsEXT)                     \
+    VELLUM_NEWER_DISPATCH_COMMANDS(X)
 
 namespace vellum::layer
 {

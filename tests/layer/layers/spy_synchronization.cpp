@@ -113,6 +113,21 @@ VKAPI_ATTR void VKAPI_CALL cmdWriteBufferMarker2(VkCommandBuffer handle, VkPipel
         SPY_NEXT(vkCmdFillBuffer)(handle, buffer, offset, 4, marker);
 }
 
+bool hasVendorCommands()
+{
+    return std::getenv("VELLUM_TEST_SPY_VENDORS") != nullptr;
+}
+
+// Commands of other vendors, which lavapipe has not: they dispatch one workgroup.
+VKAPI_ATTR void VKAPI_CALL cmdDispatchTile(VkCommandBuffer handle, const void *)
+{
+    SPY_NEXT(vkCmdDispatch)(handle, 1, 1, 1);
+}
+VKAPI_ATTR void VKAPI_CALL cmdExecuteGenerated(VkCommandBuffer handle, VkBool32, const void *)
+{
+    SPY_NEXT(vkCmdDispatch)(handle, 1, 1, 1);
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL queueSubmit2(VkQueue handle, uint32_t count, const VkSubmitInfo2 *submits, VkFence fence)
 {
     for (const VkSubmitInfo2 &s : std::span(submits, count)) {
@@ -225,6 +240,9 @@ std::span<const Row> synchronization()
         // By the first of them the layer knows that the extension is there.
         {"vkCmdWriteBufferMarkerAMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always, hasMarkers},
         {"vkCmdWriteBufferMarker2AMD", SPY_FUNCTION(cmdWriteBufferMarker2), Row::Where::Always},
+        {"vkCmdDispatchTileQCOM", SPY_FUNCTION(cmdDispatchTile), Row::Where::Always, hasVendorCommands},
+        {"vkCmdExecuteGeneratedCommandsNV", SPY_FUNCTION(cmdExecuteGenerated), Row::Where::Always, hasVendorCommands},
+        {"vkCmdExecuteGeneratedCommandsEXT", SPY_FUNCTION(cmdExecuteGenerated), Row::Where::Always, hasVendorCommands},
     };
     return rows;
 }

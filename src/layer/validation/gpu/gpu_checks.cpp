@@ -70,6 +70,7 @@ void GpuChecks::create(const DeviceValidation &device, const Driver &driver)
         return;
     }
     limits = limitsOf(driver);
+    emulated = driver.emulated();
     if (log.create(device.buffers.gpu) == VK_SUCCESS && records.create(device.buffers.gpu) == VK_SUCCESS)
         on = true;
     else

@@ -14,6 +14,7 @@
 #include "layer/validation/builds.h"
 #include "layer/validation/gpu/gpu_log.h"
 #include "layer/validation/gpu/gpu_records.h"
+#include "layer/validation/gpu/serialized_data.h"
 
 namespace vellum::layer
 {
@@ -29,7 +30,9 @@ struct LevelLimits {
 
 struct GpuChecks {
     bool on = false;
+    bool emulated = false; // emulation reports some of the rules itself
     GpuLog log;
+    PendingChecks pending;
     StructureRecords records;
     LevelLimits limits;
 

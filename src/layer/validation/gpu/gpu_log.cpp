@@ -217,25 +217,37 @@ void GpuLog::drainIdle(DeviceValidation &device)
 
 namespace validation
 {
+namespace
+{
+
+// Reports what is certain now. `idle`: the device executes nothing.
+void reportCompleted(DeviceValidation &device, bool idle)
+{
+    if (idle)
+        device.gpu.log.drainIdle(device);
+    else
+        device.gpu.log.drain(device);
+    device.gpu.pending.report(device);
+    device.traces.marks.report(device, idle);
+}
+
+} // namespace
 
 VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 {
     const VkResult result = device.next.QueueWaitIdle(queue);
     if (result == VK_SUCCESS)
         device.sync.tracker.queueIdle(uint64_t(queue));
-    device.gpu.log.drain(device);
-    device.traces.marks.report(device, false);
+    reportCompleted(device, false);
     return result;
 }
 
 VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
 {
     const VkResult result = device.next.DeviceWaitIdle(handle);
-    if (result == VK_SUCCESS) {
+    if (result == VK_SUCCESS)
         device.sync.tracker.allIdle();
-        device.gpu.log.drainIdle(device);
-    }
-    device.traces.marks.report(device, result == VK_SUCCESS);
+    reportCompleted(device, result == VK_SUCCESS);
     return result;
 }
 
@@ -245,8 +257,7 @@ VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count
     const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
     if (result == VK_SUCCESS)
         sync::fencesComplete(device, handle, count, fences, all == VK_TRUE || count == 1);
-    device.gpu.log.drain(device);
-    device.traces.marks.report(device, false);
+    reportCompleted(device, false);
     return result;
 }
 
@@ -255,8 +266,7 @@ VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence
     const VkResult result = device.next.GetFenceStatus(handle, fence);
     if (result == VK_SUCCESS)
         sync::fencesComplete(device, handle, 1, &fence, true);
-    device.gpu.log.drain(device);
-    device.traces.marks.report(device, false);
+    reportCompleted(device, false);
     return result;
 }
 
@@ -265,8 +275,7 @@ VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemap
     const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
     if (result == VK_SUCCESS)
         sync::semaphoresReached(device, handle, *info);
-    device.gpu.log.drain(device);
-    device.traces.marks.report(device, false);
+    reportCompleted(device, false);
     return result;
 }
 
@@ -275,8 +284,7 @@ VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkS
     const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
     if (device.checks.sync && result == VK_SUCCESS)
         device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
-    device.gpu.log.drain(device);
-    device.traces.marks.report(device, false);
+    reportCompleted(device, false);
     return result;
 }
 

@@ -77,6 +77,16 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
     const auto *addresses = findInChain<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>(
         info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
     facts.addressCommands = addresses && addresses->deviceAddressCommands;
+    const auto *structures = findInChain<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
+    facts.structureCaptureReplay = structures && structures->accelerationStructureCaptureReplay;
+    facts.addressMultiDevice = enables(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES,
+                                       &VkPhysicalDeviceBufferDeviceAddressFeatures::bufferDeviceAddressMultiDevice,
+                                       VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES,
+                                       &VkPhysicalDeviceVulkan12Features::bufferDeviceAddressMultiDevice);
+    const auto *group =
+        findInChain<VkDeviceGroupDeviceCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
+    facts.isGroup = group && group->physicalDeviceCount > 1;
     if (driver.instance->GetPhysicalDeviceProperties2)
         readLimits(driver, facts);
     uint32_t count = 0;

@@ -20,6 +20,10 @@ struct DeviceFacts {
     bool maintenance9 = false; // buffers need no ownership transfers
     bool maintenance11 = false;
     bool addressCommands = false; // of VK_KHR_device_address_commands
+    bool structureCaptureReplay = false;
+    bool addressMultiDevice = false;
+
+    bool isGroup = false; // of several physical devices
 
     bool protectedNoFault = false;
     uint32_t maxVertexInputBindings = 0;

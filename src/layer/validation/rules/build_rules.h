@@ -20,6 +20,7 @@ using StructureBuildInfos = std::span<const VkAccelerationStructureBuildGeometry
 void checkStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos,
                           const VkAccelerationStructureBuildRangeInfoKHR *const *ranges);
 void checkIndirectStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos);
+void checkHostStructureBuilds(DeviceValidation &device, StructureBuildInfos infos);
 void checkStructureSizeQuery(DeviceValidation &device, VkAccelerationStructureBuildTypeKHR type,
                              const VkAccelerationStructureBuildGeometryInfoKHR &info, const uint32_t *most);
 

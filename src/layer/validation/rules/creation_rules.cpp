@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/rules/creation_rules.h"
 
+#include "layer/validation/rules/implicit_rules.h"
+
 namespace vellum::layer
 {
 namespace
@@ -68,6 +70,7 @@ void checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info
     const Place command("vkCreateMicromapEXT");
     const Place place = command.member("pCreateInfo");
     const RuleCheck check(device, place, info.buffer);
+    checkStructure(check, info, kMicromapCreateInfo);
     if (!enabled.extFeature)
         check.fault("VUID-vkCreateMicromapEXT-micromap-11615", "the feature micromap is not enabled");
     const bool replays = (info.createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
@@ -98,6 +101,15 @@ void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreate
     const Place place = command.member("pCreateInfo");
     const RuleCheck check(device, place);
     checkRange(check, info.addressRange, info.createFlags);
+    if ((info.createFlags & kReplay) != 0) {
+        check.require(device.facts.structureCaptureReplay, "createFlags",
+                      "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613",
+                      "it asks for capture and replay; the feature accelerationStructureCaptureReplay is not enabled");
+        check.require(!device.facts.isGroup || device.facts.addressMultiDevice, "createFlags",
+                      "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11673",
+                      "it asks for capture and replay on several physical devices; the feature "
+                      "bufferDeviceAddressMultiDevice is not enabled");
+    }
     if (info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return;
     check.require(device.driver.enabled.khrFeature, "type", "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",

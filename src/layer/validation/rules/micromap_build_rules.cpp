@@ -3,12 +3,17 @@
 #include <algorithm>
 
 #include "layer/validation/rules/build_rules.h"
+#include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
+constexpr VkFlags kBuildFlags = VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT |
+                                VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT |
+                                VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+constexpr auto kDisplacement = static_cast<VkMicromapTypeEXT>(1000397000);
 constexpr VkFlags64 kExtInput = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
 constexpr VkFlags64 kKhrInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
 
@@ -160,8 +165,9 @@ BuildMemory checkBuild(const RuleCheck &check, const MicromapBuildInput &build, 
         checkBound(check, build.target.get(), target, ids.bound);
     checkInput(check, build, ids);
     checkScratch(check, build.scratch.deviceAddress, needs.scratch, ids);
+    const bool host = &ids == &kHostIds; // scratch memory of the host is not in a buffer
     return {build.target ? build.target->handle : ObjectHandle(), memoryOf(build.target.get(), needs.target),
-            memoryAt(check.device(), build.scratch.deviceAddress, needs.scratch)};
+            host ? MemoryRange{} : memoryAt(check.device(), build.scratch.deviceAddress, needs.scratch)};
 }
 
 Needs needsOf(const DeviceValidation &device, const VkMicromapBuildInfoEXT &info, bool host)
@@ -183,6 +189,11 @@ bool checkUsagesExt(const RuleCheck &check, const MicromapBuildInput &build)
 BuildMemory checkMicromapBuild(const RuleCheck &check, const VkMicromapBuildInfoEXT &info, bool host)
 {
     const MicromapBuildInput build = micromapBuildOf(check.device(), info);
+    checkStructure(check, info, kMicromapBuildInfo);
+    check.require((info.flags & ~kBuildFlags) == 0, "flags", "VUID-VkMicromapBuildInfoEXT-flags-parameter",
+                  "it has unknown bits");
+    check.require(info.type == VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT || info.type == kDisplacement, "type",
+                  "VUID-VkMicromapBuildInfoEXT-type-parameter", "it is not a type of micromaps");
     check.require(info.mode == VK_BUILD_MICROMAP_MODE_BUILD_EXT, "mode",
                   host ? "VUID-vkBuildMicromapsEXT-mode-07462" : "VUID-vkCmdBuildMicromapsEXT-mode-07462",
                   "it is not VK_BUILD_MICROMAP_MODE_BUILD_EXT");
@@ -268,6 +279,9 @@ void checkMicromapBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer
     const RuleCheck command(device, place, commandBuffer, commandBuffer);
     if (!host && !device.driver.enabled.extFeature)
         command.fault("VUID-vkCmdBuildMicromapsEXT-micromap-11648", "the feature micromap is not enabled");
+    checkCount(device, host ? "vkBuildMicromapsEXT" : "vkCmdBuildMicromapsEXT", "infoCount", count,
+               host ? "VUID-vkBuildMicromapsEXT-infoCount-arraylength"
+                    : "VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength");
     std::vector<BuildMemory> builds;
     for (uint32_t i = 0; i < count; ++i) {
         const Place element = place.element("pInfos", i);
@@ -277,9 +291,7 @@ void checkMicromapBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer
     constexpr OverlapIds kDevice{nullptr, "VUID-vkCmdBuildMicromapsEXT-dstMicromap-11649",
                                  "VUID-vkCmdBuildMicromapsEXT-dstMicromap-11650",
                                  "VUID-vkCmdBuildMicromapsEXT-scratchData-11651"};
-    constexpr OverlapIds kHost{nullptr, "VUID-vkBuildMicromapsEXT-dstMicromap-11667",
-                               "VUID-vkBuildMicromapsEXT-dstMicromap-11668",
-                               "VUID-vkBuildMicromapsEXT-scratchData-11669"};
+    constexpr OverlapIds kHost{nullptr, "VUID-vkBuildMicromapsEXT-dstMicromap-11667", nullptr, nullptr};
     checkOverlaps(command, builds, host ? kHost : kDevice);
 }
 

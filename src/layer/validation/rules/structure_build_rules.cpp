@@ -3,6 +3,7 @@
 #include "layer/validation/rules/build_rules.h"
 
 #include "layer/base/pnext.h"
+#include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
 {
@@ -114,6 +115,9 @@ void checkOtherGeometries(const RuleCheck &check, bool indirect, const BuildInfo
             return;
         const Place place = check.place().element("pGeometries", g);
         const RuleCheck part = check.at(place);
+        if (geometry->geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR)
+            checkUnique(part, geometry->geometry.triangles.pNext,
+                        "VUID-VkAccelerationStructureGeometryTrianglesDataKHR-sType-unique");
         part.require(geometry->geometryType != VK_GEOMETRY_TYPE_MICROMAP_KHR, "geometryType",
                      "VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707",
                      "the geometry is for micromaps, the structure is not one");
@@ -222,6 +226,35 @@ void checkIndirectStructureBuilds(DeviceValidation &device, VkCommandBuffer comm
                           "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
                           "a micromap cannot be built indirectly"))
             checkOtherGeometries(check, true, infos[i]);
+    }
+}
+
+void checkHostStructureBuilds(DeviceValidation &device, StructureBuildInfos infos)
+{
+    const Place command("vkBuildAccelerationStructuresKHR");
+    for (uint32_t i = 0; i < infos.size(); ++i) {
+        const Place element = command.element("pInfos", i);
+        for (uint32_t g = 0; g < infos[i].geometryCount; ++g) {
+            const auto *geometry = geometryOf(infos[i], g);
+            const auto attachment = geometry ? attachmentOf(device, *geometry) : std::nullopt;
+            if (!attachment)
+                continue;
+            const Place place = element.element("pGeometries", g);
+            const RuleCheck check(device, place, infos[i].dstAccelerationStructure);
+            const bool indexed = attachment->indexType != VK_INDEX_TYPE_NONE_KHR;
+            if (attachment->khr) {
+                check.require(attachment->handle.handle == 0, "micromap",
+                              "VUID-vkBuildAccelerationStructuresKHR-pInfos-11705",
+                              "it is not VK_NULL_HANDLE; the host builds no structures with micromaps");
+                continue;
+            }
+            check.require(indexed || !attachment->indexBuffer.hostAddress, "indexBuffer",
+                          "VUID-vkBuildAccelerationStructuresKHR-pInfos-10892",
+                          "it is not null, although indexType is VK_INDEX_TYPE_NONE_KHR");
+            check.require(!indexed || attachment->indexBuffer.hostAddress, "indexBuffer",
+                          "VUID-vkBuildAccelerationStructuresKHR-pInfos-11821",
+                          "it is null, although there is an indexType");
+        }
     }
 }
 

@@ -176,10 +176,22 @@ void cmdPipelineBarrier(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                    imageCount, images);
 }
 
+namespace
+{
+
+void setRendering(DeviceValidation &device, VkCommandBuffer commandBuffer, bool isRendering)
+{
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isRendering = isRendering;
+}
+
+} // namespace
+
 void cmdBeginRenderPass(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
                         VkSubpassContents contents)
 {
     recordAll(device, commandBuffer);
+    setRendering(device, commandBuffer, true);
     device.next.CmdBeginRenderPass(commandBuffer, info, contents);
 }
 
@@ -187,19 +199,40 @@ void cmdBeginRenderPass2(DeviceValidation &device, VkCommandBuffer commandBuffer
                          const VkSubpassBeginInfo *subpass)
 {
     recordAll(device, commandBuffer);
+    setRendering(device, commandBuffer, true);
     device.next.CmdBeginRenderPass2(commandBuffer, info, subpass);
 }
 
 void cmdEndRenderPass(DeviceValidation &device, VkCommandBuffer commandBuffer)
 {
     recordAll(device, commandBuffer);
+    setRendering(device, commandBuffer, false);
     device.next.CmdEndRenderPass(commandBuffer);
 }
 
 void cmdEndRenderPass2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkSubpassEndInfo *info)
 {
     recordAll(device, commandBuffer);
+    setRendering(device, commandBuffer, false);
     device.next.CmdEndRenderPass2(commandBuffer, info);
+}
+
+void cmdBeginRendering(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderingInfo *info)
+{
+    setRendering(device, commandBuffer, true);
+    if (const auto log = device.logs.get(commandBuffer)) {
+        log->suspends = (info->flags & VK_RENDERING_SUSPENDING_BIT) != 0;
+        log->isSuspended = false;
+    }
+    device.next.CmdBeginRendering(commandBuffer, info);
+}
+
+void cmdEndRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    setRendering(device, commandBuffer, false);
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isSuspended = log->suspends;
+    device.next.CmdEndRendering(commandBuffer);
 }
 
 void cmdSetEvent(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags stages)

@@ -52,6 +52,8 @@ void cmdBeginRenderPass(DeviceValidation &, VkCommandBuffer, const VkRenderPassB
 void cmdBeginRenderPass2(DeviceValidation &, VkCommandBuffer, const VkRenderPassBeginInfo *,
                          const VkSubpassBeginInfo *);
 void cmdEndRenderPass(DeviceValidation &, VkCommandBuffer);
+void cmdBeginRendering(DeviceValidation &, VkCommandBuffer, const VkRenderingInfo *);
+void cmdEndRendering(DeviceValidation &, VkCommandBuffer);
 void cmdEndRenderPass2(DeviceValidation &, VkCommandBuffer, const VkSubpassEndInfo *);
 void cmdSetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);
 void cmdResetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);

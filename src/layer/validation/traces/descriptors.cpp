@@ -123,6 +123,28 @@ namespace validation
 namespace
 {
 
+// The structures of descriptors are top-level ones.
+void checkWrites(DeviceValidation &device, const char *command, uint32_t count, const VkWriteDescriptorSet *writes)
+{
+    const Place place(command);
+    for (uint32_t w = 0; w < count && device.checks.core; ++w) {
+        const auto *given = findInChain<VkWriteDescriptorSetAccelerationStructureKHR>(
+            writes[w].pNext, VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR);
+        for (uint32_t i = 0; writes[w].descriptorType == kStructure && given && i < given->accelerationStructureCount;
+             ++i) {
+            const auto handle = given->pAccelerationStructures[i];
+            const auto structure = handle ? device.objects.structures.get(handle) : nullptr;
+            if (!structure || structure->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||
+                structure->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+                continue;
+            const Place element = place.element("pDescriptorWrites", w);
+            device.fault(element.element("pAccelerationStructures", i),
+                         "VUID-VkWriteDescriptorSetAccelerationStructureKHR-pAccelerationStructures-03579",
+                         "the structure was created as neither TOP_LEVEL nor GENERIC", structure->handle);
+        }
+    }
+}
+
 // Calls bind(sets of a bind point) for each bind point that has one of the stages.
 template <typename Bind>
 void eachPoint(TraceBindings &bindings, VkShaderStageFlags stages, Bind bind)
@@ -133,9 +155,12 @@ void eachPoint(TraceBindings &bindings, VkShaderStageFlags stages, Bind bind)
                                                VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
     if ((stages & kCompute) != 0)
         bind(bindings.at(VK_PIPELINE_BIND_POINT_COMPUTE).sets);
+    constexpr VkShaderStageFlags kSubpass = VK_SHADER_STAGE_SUBPASS_SHADING_BIT_HUAWEI;
     if ((stages & kRayTracing) != 0)
         bind(bindings.at(VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR).sets);
-    if ((stages & ~(kCompute | kRayTracing)) != 0)
+    if ((stages & kSubpass) != 0)
+        bind(bindings.at(VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI).sets);
+    if ((stages & ~(kCompute | kRayTracing | kSubpass)) != 0)
         bind(bindings.at(VK_PIPELINE_BIND_POINT_GRAPHICS).sets);
 }
 
@@ -145,6 +170,7 @@ VkShaderStageFlags stagesOf(VkPipelineBindPoint point)
     case VK_PIPELINE_BIND_POINT_COMPUTE: return VK_SHADER_STAGE_COMPUTE_BIT;
     case VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR: return VK_SHADER_STAGE_RAYGEN_BIT_KHR;
     case VK_PIPELINE_BIND_POINT_GRAPHICS: return VK_SHADER_STAGE_VERTEX_BIT;
+    case VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI: return VK_SHADER_STAGE_SUBPASS_SHADING_BIT_HUAWEI;
     default: return 0;
     }
 }
@@ -265,6 +291,7 @@ VkResult freeDescriptorSets(DeviceValidation &device, VkDevice handle, VkDescrip
 void updateDescriptorSets(DeviceValidation &device, VkDevice handle, uint32_t writeCount,
                           const VkWriteDescriptorSet *writes, uint32_t copyCount, const VkCopyDescriptorSet *copies)
 {
+    checkWrites(device, "vkUpdateDescriptorSets", writeCount, writes);
     {
         const DescriptorAccess access{device};
         for (uint32_t i = 0; i < writeCount; ++i)
@@ -330,6 +357,7 @@ void cmdBindDescriptorSets2(DeviceValidation &device, VkCommandBuffer commandBuf
 void cmdPushDescriptorSet(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
                           VkPipelineLayout layout, uint32_t number, uint32_t count, const VkWriteDescriptorSet *writes)
 {
+    checkWrites(device, "vkCmdPushDescriptorSetKHR", count, writes);
     pushWrites(device, commandBuffer, stagesOf(point), number, count, writes);
     device.next.CmdPushDescriptorSetKHR(commandBuffer, point, layout, number, count, writes);
 }
@@ -337,6 +365,7 @@ void cmdPushDescriptorSet(DeviceValidation &device, VkCommandBuffer commandBuffe
 void cmdPushDescriptorSet2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                            const newer::PushDescriptorSetInfo *info)
 {
+    checkWrites(device, "vkCmdPushDescriptorSet2", info->descriptorWriteCount, info->pDescriptorWrites);
     pushWrites(device, commandBuffer, info->stageFlags, info->set, info->descriptorWriteCount, info->pDescriptorWrites);
     device.next.CmdPushDescriptorSet2(commandBuffer, info);
 }

@@ -38,6 +38,17 @@ std::optional<BrokenRules> brokenBy(const DeviceValidation &device, const TraceU
         const auto contents = structure ? structure->contents : nullptr;
         if (!contents || structure->since > use.number)
             continue; // unknown, or built again since
+        if (contents->header) {
+            if (contents->header->state() == SerializedHeader::State::NotRead)
+                return {};
+            std::string wrong = contents->header->state() == SerializedHeader::State::Read
+                                    ? wrongMicromapOf(device, *contents, use.number)
+                                    : std::string();
+            if (!wrong.empty()) {
+                broken.rules |= kRuleDeserialized;
+                broken.deserialized = {structure, 0, std::move(wrong)};
+            }
+        }
         for (uint32_t g = 0; g < contents->geometries.size(); ++g) {
             const auto rules = rulesBroken(contents->geometries[g]);
             if (!rules)
@@ -52,10 +63,15 @@ std::optional<BrokenRules> brokenBy(const DeviceValidation &device, const TraceU
     return broken;
 }
 
-std::string geometryText(const DeviceValidation &device, const TraceUse &use, const MetGeometry &met)
+std::string structureText(const DeviceValidation &device, const TraceUse &use, const MetGeometry &met)
 {
     return "rays are traced in " + device.nameOf(use.structure->handle) + ", which has an instance of " +
-           device.nameOf(met.structure->handle) + "; its geometry " + std::to_string(met.index);
+           device.nameOf(met.structure->handle);
+}
+
+std::string geometryText(const DeviceValidation &device, const TraceUse &use, const MetGeometry &met)
+{
+    return structureText(device, use, met) + "; its geometry " + std::to_string(met.index);
 }
 
 } // namespace
@@ -137,6 +153,12 @@ void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
         fault(use.code->shaderObject ? "-micromap-11639" : "-micromap-11638", broken.mixed,
               "has special indices and indices of a micromap",
               "must not have been created with OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX");
+    if ((site.broken & kRuleDeserialized) != 0) {
+        const std::string vuid = std::string("VUID-") + use.command + "-micromap-11637";
+        device.fault(use.command, vuid.c_str(),
+                     structureText(device, use, broken.deserialized) + "; " + broken.deserialized.wrong,
+                     broken.deserialized.structure->handle);
+    }
     if ((site.broken & kRuleDisallowed) != 0)
         device.driver.report().error(
             "VELLUM-pipeline-disallows-micromaps",

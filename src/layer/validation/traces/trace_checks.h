@@ -31,6 +31,7 @@ inline constexpr uint32_t kRulePipelineBit = 2; // 11640: nor do rays of pipelin
 inline constexpr uint32_t kRuleMixed = 4;       // 11638, 11639: no mixed special indices, where that is promised
 // VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM: no micromaps
 inline constexpr uint32_t kRuleDisallowed = 8;
+inline constexpr uint32_t kRuleDeserialized = 16; // 11637: no structure without the micromaps it was serialized with
 
 // A place where the shader of a pipeline or a shader object traces rays.
 struct TracingSite {
@@ -52,12 +53,13 @@ struct PointBindings {
     BoundSets sets;
 };
 struct TraceBindings {
-    PointBindings points[3];
+    PointBindings points[4];
     PointBindings &at(VkPipelineBindPoint point)
     {
-        return points[point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR ? 2
-                      : point == VK_PIPELINE_BIND_POINT_COMPUTE       ? 1
-                                                                      : 0];
+        return points[point == VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI ? 3
+                      : point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR      ? 2
+                      : point == VK_PIPELINE_BIND_POINT_COMPUTE              ? 1
+                                                                             : 0];
     }
 };
 
@@ -74,12 +76,13 @@ struct TraceUse {
 struct MetGeometry {
     std::shared_ptr<ValidatedStructure> structure; // null: there is none
     uint32_t index = 0;
+    std::string wrong{}; // kRuleDeserialized: what is wrong
 };
 
 // The rules that are broken by tracing rays in a top-level structure, and the first geometries they are broken by.
 struct BrokenRules {
     uint32_t rules = 0;
-    MetGeometry micromap, mixed;
+    MetGeometry micromap, mixed, deserialized;
 };
 
 class TraceMarks

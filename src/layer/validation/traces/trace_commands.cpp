@@ -6,6 +6,10 @@ namespace vellum::layer
 namespace
 {
 
+constexpr VkShaderStageFlags kRayTracingStages =
+    VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
+    VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
+
 VkPipelineBindPoint pointOf(VkShaderStageFlagBits stage)
 {
     return stage == VK_SHADER_STAGE_COMPUTE_BIT ? VK_PIPELINE_BIND_POINT_COMPUTE : VK_PIPELINE_BIND_POINT_GRAPHICS;
@@ -14,11 +18,12 @@ VkPipelineBindPoint pointOf(VkShaderStageFlagBits stage)
 bool isKnown(VkPipelineBindPoint point)
 {
     return point == VK_PIPELINE_BIND_POINT_GRAPHICS || point == VK_PIPELINE_BIND_POINT_COMPUTE ||
-           point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR;
+           point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR || point == VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI;
 }
 
-// A site of the code that a submitted command runs, with the set that was bound.
-void useSite(DeviceValidation &device, const TracingSite &site, const StructureSet *set, TraceUse use)
+// A site of the code that a submitted command runs, with the set that was bound. What structures hold is unknown where
+// the order of submissions is.
+void useSite(DeviceValidation &device, const TracingSite &site, const StructureSet *set, bool isOrdered, TraceUse use)
 {
     use.number = ++device.numbers;
     std::vector<std::shared_ptr<ValidatedStructure>> structures;
@@ -27,7 +32,7 @@ void useSite(DeviceValidation &device, const TracingSite &site, const StructureS
     if (structures.empty())
         structures.push_back(nullptr);
     for (auto &structure : structures) {
-        use.contents = structure ? structure->contents : nullptr;
+        use.contents = structure && isOrdered ? structure->contents : nullptr;
         use.structure = std::move(structure);
         device.traces.marks.use(site.mark, use);
     }
@@ -70,11 +75,36 @@ void runTracing(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipel
         for (const TracingSite &site : code->sites) {
             const auto bound = bindings.sets.find(site.binding->set);
             auto set = bound == bindings.sets.end() ? nullptr : bound->second;
-            device.logs.add(commandBuffer, [&device, &site, command, code = code, set](const Submission &) {
-                useSite(device, site, set.get(), {.command = command, .code = code, .structure = {}, .contents = {}});
+            device.logs.add(commandBuffer, [&device, &site, command, code = code, set](const Submission &submission) {
+                useSite(device, site, set.get(), submission.ordered,
+                        {.command = command, .code = code, .structure = {}, .contents = {}});
             });
         }
     }
 }
 
+namespace validation
+{
+
+void cmdExecuteGeneratedCommandsNV(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBool32 isPreprocessed,
+                                   const VkGeneratedCommandsInfoNV *info)
+{
+    if (isKnown(info->pipelineBindPoint))
+        runTracing(device, commandBuffer, info->pipelineBindPoint, "vkCmdExecuteGeneratedCommandsNV");
+    device.next.CmdExecuteGeneratedCommandsNV(commandBuffer, isPreprocessed, info);
+}
+
+void cmdExecuteGeneratedCommandsEXT(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBool32 isPreprocessed,
+                                    const newer::GeneratedCommandsInfo *info)
+{
+    const VkPipelineBindPoint point =
+        (info->shaderStages & VK_SHADER_STAGE_COMPUTE_BIT) != 0 ? VK_PIPELINE_BIND_POINT_COMPUTE
+        : (info->shaderStages & kRayTracingStages) != 0         ? VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR
+                                                                : VK_PIPELINE_BIND_POINT_GRAPHICS;
+    if (info->indirectExecutionSet == 0)
+        runTracing(device, commandBuffer, point, "vkCmdExecuteGeneratedCommandsEXT");
+    device.next.CmdExecuteGeneratedCommandsEXT(commandBuffer, isPreprocessed, info);
+}
+
+} // namespace validation
 } // namespace vellum::layer

@@ -42,12 +42,21 @@ namespace validation
 #define VELLUM_DISPATCH(name, function) VELLUM_TRACED(name, function, COMPUTE)
 #define VELLUM_TRACE(name, function) VELLUM_TRACED(name, function, RAY_TRACING_KHR)
 VELLUM_DRAW_COMMANDS(VELLUM_DRAW)
+#define VELLUM_NEWER_DISPATCH(name, type, function) VELLUM_DISPATCH(name, function)
 VELLUM_DISPATCH_COMMANDS(VELLUM_DISPATCH)
+VELLUM_NEWER_DISPATCH_COMMANDS(VELLUM_NEWER_DISPATCH)
 VELLUM_TRACE_COMMANDS(VELLUM_TRACE)
+VELLUM_TRACED(CmdSubpassShadingHUAWEI, cmdSubpassShading, SUBPASS_SHADING_HUAWEI)
+#undef VELLUM_NEWER_DISPATCH
 #undef VELLUM_TRACE
 #undef VELLUM_DISPATCH
 #undef VELLUM_DRAW
 #undef VELLUM_TRACED
+
+// They run what is bound, except with a set of pipelines or shader objects, of which the device chooses.
+void cmdExecuteGeneratedCommandsNV(DeviceValidation &, VkCommandBuffer, VkBool32, const VkGeneratedCommandsInfoNV *);
+void cmdExecuteGeneratedCommandsEXT(DeviceValidation &, VkCommandBuffer, VkBool32,
+                                    const newer::GeneratedCommandsInfo *);
 
 } // namespace validation
 } // namespace vellum::layer

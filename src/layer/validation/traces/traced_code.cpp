@@ -33,7 +33,8 @@ std::optional<uint32_t> executionModel(VkShaderStageFlagBits stage)
     case VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT: return 2;
     case VK_SHADER_STAGE_GEOMETRY_BIT: return 3;
     case VK_SHADER_STAGE_FRAGMENT_BIT: return 4;
-    case VK_SHADER_STAGE_COMPUTE_BIT: return 5;
+    case VK_SHADER_STAGE_COMPUTE_BIT:
+    case VK_SHADER_STAGE_SUBPASS_SHADING_BIT_HUAWEI: return 5;
     case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return 5313;
     case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return 5314;
     case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return 5315;
@@ -120,7 +121,8 @@ std::vector<uint32_t> withMarks(DeviceValidation &device, const Stage &stage, st
     std::vector<TracingSite> marked;
     std::vector<uint32_t> marks;
     for (const spirv::TraceSite &site : found) {
-        const uint32_t rules = rulesOf(device.driver.enabled, site.query, hasMode, stage.flags);
+        const uint32_t rules = rulesOf(device.driver.enabled, site.query, hasMode, stage.flags) |
+                               (device.traces.deserializes ? kRuleDeserialized : 0);
         const auto mark =
             rules != 0 && site.binding ? device.traces.marks.add(device.buffers.gpu, rules) : std::nullopt;
         marks.push_back(mark.value_or(UINT32_MAX));

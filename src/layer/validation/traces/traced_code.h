@@ -3,6 +3,7 @@
 // implementation gets a copy of the shader that sets marks (trace_checks.h).
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <vector>
 
@@ -26,6 +27,7 @@ struct DeviceTraces {
     MemoryPool memory; // of captures
     DescriptorTracker descriptors{};
     TraceMarks marks{};
+    std::atomic<bool> deserializes = false;                                      // a structure was deserialized
     VkShaderStageFlags storingStages = 0;                                        // whose shaders may write to memory
     HandleMap<VkDeviceAddress, std::weak_ptr<ValidatedStructure>> byReference{}; // as instances name them
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays

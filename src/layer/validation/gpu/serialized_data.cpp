@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/gpu/serialized_data.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "layer/validation/device_validation.h"
+#include "layer/validation/rules/rule_check.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// Words of the header of serialized data, as the specification has it.
+constexpr size_t kVersionBytes = 2 * VK_UUID_SIZE;
+constexpr size_t kTotalBytes = 8;
+constexpr size_t kDeserializedBytes = 10;
+constexpr size_t kBlockCount = 12;
+constexpr size_t kBlockFormat = 13; // 0xffffffff: blocks follow, and not handles
+constexpr size_t kFirstBlock = 14;
+constexpr size_t kBlockWords = 4; // type, a reserved word, number of addresses
+constexpr size_t kHeaderWords = 12;
+constexpr uint32_t kMostWords = 2048; // that are read
+
+using Words = std::span<const uint32_t>;
+
+uint64_t number64(Words words, size_t i)
+{
+    return words[i] | uint64_t{words[i + 1]} << 32;
+}
+
+// Calls visit(type, addresses) for each block, as far as there are words.
+template <typename Visit>
+void eachBlock(Words words, Visit visit)
+{
+    if (words.size() < kFirstBlock || words[kBlockFormat] != UINT32_MAX)
+        return;
+    size_t at = kFirstBlock;
+    for (uint32_t b = 0; b < words[kBlockCount] && at + kBlockWords <= words.size(); ++b) {
+        const uint64_t count = number64(words, at + 2);
+        const size_t known = std::min<uint64_t>(count, (words.size() - at - kBlockWords) / 2);
+        visit(words[at], words.subspan(at + kBlockWords, known * 2));
+        if (known < count)
+            return;
+        at += kBlockWords + known * 2;
+    }
+}
+
+// --- Headers ---
+
+// A command whose data or sizes are known.
+struct Command {
+    DeviceValidation &device;
+    const std::string &place;
+    const ValidatedStructure &structure;
+    bool onHost = false; // at once
+
+    // Emulation finds the fault as well, and has another id for micromaps.
+    void fault(const char *vuid, const std::string &text, const char *ofMicromaps) const
+    {
+        device.fault(place, vuid, text, structure.handle);
+        if (structure.isMicromap() || structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+            cover(ofMicromaps);
+        if (!structure.isMicromap())
+            cover((std::string("VELLUM") + "-" + vuid).c_str());
+    }
+    void cover(const char *id) const
+    {
+        if (onHost)
+            CommandReports::cover(id);
+        else if (device.gpu.emulated)
+            device.driver.report().coverLater(id);
+    }
+};
+
+struct HeaderIds {
+    const char *compatible;
+    const char *total;
+    const char *size;
+};
+constexpr const char *kNotSerialized = "VELLUM-micromap-serialized";
+constexpr const char *kCopySize = "VELLUM-micromap-copy-size";
+constexpr HeaderIds kExtIds{"VUID-VkCopyMemoryToMicromapInfoEXT-src-07549",
+                            "VUID-VkCopyMemoryToMicromapInfoEXT-src-07547",
+                            "VUID-VkCopyMemoryToMicromapInfoEXT-dst-07550"};
+constexpr HeaderIds kKhrIds{"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
+                            "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960",
+                            "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746"};
+
+bool isExt(const ValidatedStructure &structure)
+{
+    return structure.handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
+}
+
+bool isCompatible(const DeviceValidation &device, Words words, bool ext)
+{
+    const auto *version = reinterpret_cast<const uint8_t *>(words.data());
+    VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
+    if (ext) {
+        const VkMicromapVersionInfoEXT info{VK_STRUCTURE_TYPE_MICROMAP_VERSION_INFO_EXT, nullptr, version};
+        device.next.GetDeviceMicromapCompatibilityEXT(device.driver.handle, &info, &result);
+    } else {
+        const VkAccelerationStructureVersionInfoKHR info{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_VERSION_INFO_KHR,
+                                                         nullptr, version};
+        device.driver.next.GetDeviceAccelerationStructureCompatibilityKHR(device.driver.handle, &info, &result);
+    }
+    return result == VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
+}
+
+void reportBlocks(const Command &command, Words words)
+{
+    DeviceValidation &device = command.device;
+    uint32_t block = 0;
+    eachBlock(words, [&](uint32_t type, Words addresses) {
+        const std::string where = "block " + std::to_string(block++) + " of the header at src ";
+        const bool known = type == VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR;
+        if (!known || !device.driver.enabled.khrFeature) // emulation takes the data for damaged
+            command.cover("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
+        if (!known)
+            return device.fault(command.place, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583",
+                                where + "has the unknown type " + std::to_string(type), command.structure.handle);
+        if (!device.driver.enabled.khrFeature)
+            device.fault(command.place, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11584",
+                         where + "names micromaps; the feature micromap is not enabled", command.structure.handle);
+        for (size_t i = 0; i < addresses.size() && device.objects.byMemory.isComplete(); i += 2) {
+            if (!device.objects.byMemory.at(number64(addresses, i)).empty())
+                continue;
+            return command.fault("VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
+                                 where + "has an address where no micromap begins: that of number " +
+                                     std::to_string(i / 2),
+                                 kNotSerialized);
+        }
+    });
+}
+
+// `readable`: bytes from the data to the end of its buffer.
+void reportHeader(const Command &command, Words words, VkDeviceSize readable)
+{
+    const ValidatedStructure &target = command.structure;
+    const bool ext = isExt(target);
+    const HeaderIds &ids = ext ? kExtIds : kKhrIds;
+    if (!isCompatible(command.device, words, ext))
+        return command.fault(ids.compatible,
+                             "the version in the header at src is not compatible with this device: the data is not "
+                             "serialized data, or of another driver",
+                             kNotSerialized);
+    const uint64_t total = number64(words, kTotalBytes);
+    const uint64_t size = number64(words, kDeserializedBytes);
+    if (total > readable)
+        command.fault(ids.total,
+                      "the header at src states " + std::to_string(total) + " bytes; its buffer ends after " +
+                          std::to_string(readable),
+                      kNotSerialized);
+    if (size > target.size)
+        command.fault(ids.size,
+                      "dst " + command.device.nameOf(target.handle) + " was created with " +
+                          std::to_string(target.size) + " bytes; the header at src states that deserialization needs " +
+                          std::to_string(size),
+                      kCopySize);
+    if (!ext)
+        reportBlocks(command, words);
+}
+
+// --- Sizes ---
+
+// A query of the size of one structure, for one recording of a command.
+class SizeQuery
+{
+public:
+    SizeQuery(DeviceValidation &device, VkQueryType type) : device_(device), type_(type)
+    {
+        VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
+        info.queryType = type;
+        info.queryCount = 1;
+        device.next.CreateQueryPool(device.driver.handle, &info, nullptr, &pool_);
+    }
+    SizeQuery(const SizeQuery &) = delete;
+    SizeQuery &operator=(const SizeQuery &) = delete;
+    ~SizeQuery() { device_.next.DestroyQueryPool(device_.driver.handle, pool_, nullptr); }
+
+    [[nodiscard]] bool exists() const { return pool_ != VK_NULL_HANDLE; }
+    void record(VkCommandBuffer commandBuffer, const ValidatedStructure &structure) const
+    {
+        CommandReports::cover("VELLUM-unknown-content"); // which the copy reports
+        InjectedWork work(device_.commands, commandBuffer);
+        work.barrier();
+        device_.next.CmdResetQueryPool(commandBuffer, pool_, 0, 1);
+        if (isExt(structure)) {
+            const auto micromap = reinterpret_cast<VkMicromapEXT>(structure.handle.handle);
+            device_.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, 1, &micromap, type_, pool_, 0);
+        } else {
+            const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.handle.handle);
+            device_.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, 1, &handle, type_, pool_, 0);
+        }
+        work.barrier();
+    }
+    // Nothing before it was executed.
+    [[nodiscard]] std::optional<VkDeviceSize> result() const
+    {
+        uint64_t results[2]{};
+        const VkResult result = device_.next.GetQueryPoolResults(
+            device_.driver.handle, pool_, 0, 1, sizeof results, results, sizeof results,
+            VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT);
+        return result == VK_SUCCESS && results[1] != 0 ? std::optional(results[0]) : std::nullopt;
+    }
+
+private:
+    DeviceValidation &device_;
+    VkQueryType type_;
+    VkQueryPool pool_ = VK_NULL_HANDLE;
+};
+
+// Adds a check when the command is executed for the first time.
+void addWhenExecuted(const RuleCheck &check, PendingChecks::Check pending)
+{
+    check.whenExecuted([&device = check.device(), pending = std::move(pending)]() mutable {
+        if (pending)
+            device.gpu.pending.add(std::exchange(pending, nullptr));
+    });
+}
+
+// The size of `source` is at most `most`.
+void checkSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, VkQueryType type,
+               const char *vuid, VkDeviceSize most, const std::string &text)
+{
+    DeviceValidation &device = check.device();
+    if (!device.gpu.on || !source || !source->buffer || !source->buffer->memory)
+        return;
+    auto query = std::make_shared<SizeQuery>(device, type);
+    if (!query->exists())
+        return;
+    query->record(check.commandBuffer(), *source);
+    addWhenExecuted(check, [&device, query = std::move(query), place = check.place().text(), vuid, most, text, source] {
+        const auto size = query->result();
+        if (size && *size > most)
+            Command{device, place, *source}.fault(
+                vuid, text + "; src " + device.nameOf(source->handle) + " needs " + std::to_string(*size), kCopySize);
+        return size.has_value();
+    });
+}
+
+} // namespace
+
+SerializedHeader::State SerializedHeader::state() const
+{
+    const uint32_t written = capture_ ? capture_->written() : 1;
+    return written == 0 ? State::NotRead : written == 1 ? State::Read : State::Lost;
+}
+
+std::span<const uint32_t> SerializedHeader::words() const
+{
+    return capture_ ? std::span(capture_->words() + shared::kDeserializedWordsAt, count_) : std::span(own_);
+}
+
+std::vector<VkDeviceAddress> SerializedHeader::micromaps() const
+{
+    std::vector<VkDeviceAddress> found;
+    eachBlock(words(), [&found](uint32_t, Words addresses) {
+        for (size_t i = 0; i < addresses.size(); i += 2)
+            found.push_back(number64(addresses, i));
+    });
+    return found;
+}
+
+void PendingChecks::add(Check check)
+{
+    const std::lock_guard lock(mutex_);
+    checks_.push_back(std::move(check));
+    any_ = true;
+}
+
+void PendingChecks::report(DeviceValidation &device)
+{
+    if (!any_)
+        return;
+    const HeldMessages held;
+    const std::lock_guard submissions(device.logs.submissions); // change what structures hold
+    const std::lock_guard lock(mutex_);
+    std::erase_if(checks_, [](const Check &check) { return check(); });
+    any_ = !checks_.empty();
+}
+
+std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, VkDeviceAddress data,
+                                                      const std::shared_ptr<ValidatedStructure> &target)
+{
+    DeviceValidation &device = check.device();
+    const VkDeviceSize readable = device.buffers.addresses.bytesFrom(data);
+    const CommandState *state = device.commands.states.get(check.commandBuffer());
+    if (!device.gpu.on || !target || !state || state->inheritsConditionalRendering || readable == UINT64_MAX ||
+        readable < kHeaderWords * 4 || data % 4 != 0)
+        return nullptr;
+    const auto count = static_cast<uint32_t>(std::min<VkDeviceSize>(readable / 4, kMostWords));
+    auto capture =
+        Capture::make(device.traces.memory, shared::kDeserializedWordsAt + count, shared::kDeserializedWordsAt);
+    if (!capture)
+        return nullptr;
+    const shared::DeserializedWordsPush push{.source = data, .target = capture->address(), .count = count, .unused = 0};
+    {
+        InjectedWork work(device.commands, check.commandBuffer());
+        work.barrier();
+        work.dispatch(InjectedShader::DeserializedWords, push, 1, 1);
+        work.barrier(true);
+    }
+    auto header = std::make_shared<SerializedHeader>(std::move(capture), count);
+    check.whenExecuted([&device, header] { header->number = ++device.numbers; });
+    addWhenExecuted(check, [&device, header, place = check.place().text(), readable, target] {
+        if (header->state() == SerializedHeader::State::Read)
+            reportHeader({device, place, *target}, header->words(), readable);
+        return header->state() != SerializedHeader::State::NotRead;
+    });
+    return header;
+}
+
+std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, const void *data,
+                                                      const ValidatedStructure *target)
+{
+    DeviceValidation &device = check.device();
+    if (!device.gpu.on || !target || !data)
+        return nullptr;
+    std::vector<uint32_t> words(kHeaderWords);
+    std::memcpy(words.data(), data, kHeaderWords * sizeof(uint32_t));
+    if (isCompatible(device, words, isExt(*target)) && !isExt(*target)) {
+        words.resize(std::min<uint64_t>(number64(words, kTotalBytes) / sizeof(uint32_t), kMostWords));
+        words.resize(std::max(words.size(), kHeaderWords));
+        std::memcpy(words.data(), data, words.size() * sizeof(uint32_t));
+    }
+    reportHeader({device, check.place().text(), *target, true}, words, UINT64_MAX);
+    auto header = std::make_shared<SerializedHeader>(std::move(words));
+    header->number = ++device.numbers;
+    return header;
+}
+
+void checkSerializedSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+                         VkDeviceAddress target)
+{
+    const VkDeviceSize most = check.device().buffers.addresses.bytesFrom(target);
+    if (!source || most == UINT64_MAX)
+        return;
+    const bool ext = isExt(*source);
+    checkSize(check, source,
+              ext ? VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT
+                  : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
+              ext ? "VUID-VkCopyMicromapToMemoryInfoEXT-dst-07541"
+                  : "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561",
+              most, "the buffer has " + std::to_string(most) + " bytes at dst");
+}
+
+void checkCompactedSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+                        const std::shared_ptr<ValidatedStructure> &target)
+{
+    if (target)
+        checkSize(check, source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
+                  "VUID-VkCopyAccelerationStructureInfoKHR-mode-12419", target->size,
+                  "dst " + check.device().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
+                      " bytes");
+}
+
+std::string wrongMicromapOf(const DeviceValidation &device, const StructureContents &contents, uint64_t number)
+{
+    const SerializedHeader &header = *contents.header;
+    // Micromaps that were built before the structure was deserialized may be those of its original build.
+    const auto isWrong = [&](const ValidatedStructure &micromap) {
+        return micromap.since <= number &&
+               (!micromap.contents || (!micromap.contents->deserialized && micromap.built > header.number));
+    };
+    for (const VkDeviceAddress address : header.micromaps()) {
+        const auto known = device.objects.byMemory.at(address);
+        if (known.empty() || !std::ranges::all_of(known, [&](const auto &micromap) { return isWrong(*micromap); }))
+            continue;
+        const ValidatedStructure &micromap = *known.front();
+        return "the structure was deserialized; its micromap " + device.nameOf(micromap.handle) +
+               (micromap.contents ? " was built since, and not deserialized" : " was not deserialized");
+    }
+    return {};
+}
+
+void checkDeserializedMicromaps(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+                                const char *vuid)
+{
+    if (!source)
+        return;
+    DeviceValidation &device = check.device();
+    device.logs.add(
+        check.commandBuffer(), [&device, place = check.place().text(), source, vuid](const Submission &submission) {
+            const auto contents = source->contents;
+            if (!contents || !contents->header || !submission.ordered)
+                return;
+            device.gpu.pending.add([&device, place, source, vuid, contents, number = device.numbers.load()] {
+                if (contents->header->state() == SerializedHeader::State::NotRead)
+                    return false;
+                if (contents->header->state() == SerializedHeader::State::Read)
+                    if (const std::string wrong = wrongMicromapOf(device, *contents, number); !wrong.empty())
+                        device.fault(place, vuid, wrong, source->handle);
+                return true;
+            });
+        });
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/rules/implicit_rules.h"
+
+namespace vellum::layer
+{
+
+void checkCommand(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, VkQueueFlags queues)
+{
+    const auto log = device.checks.core ? device.logs.get(commandBuffer) : nullptr;
+    if (!log)
+        return;
+    const auto &families = device.facts.queueFamilies;
+    const struct {
+        bool broken;
+        const char *end; // of the id
+        const char *text;
+    } rules[] = {
+        {!log->isRecording, "-commandBuffer-recording", "the command buffer is not in the recording state"},
+        {log->family < families.size() && (families[log->family] & queues) == 0, "-commandBuffer-cmdpool",
+         "the queue family of the command pool does not support the command"},
+        {log->isRendering, "-renderpass", "the command is recorded inside a render pass instance"},
+        {log->isSuspended, "-suspended", "the command is recorded between suspended render pass instances"},
+    };
+    for (const auto &rule : rules) {
+        if (rule.broken)
+            device.fault(Place(command), (std::string("VUID-") + command + rule.end).c_str(), rule.text, commandBuffer);
+    }
+}
+
+void checkCount(DeviceValidation &device, const char *command, const char *member, uint32_t count, const char *vuid)
+{
+    if (device.checks.core && count == 0) {
+        const Place place(command);
+        device.fault(place.member(member), vuid, "it is 0");
+    }
+}
+
+void checkUnique(const RuleCheck &check, const void *chain, const char *vuid)
+{
+    constexpr VkStructureType kTypes[] = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
+                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR,
+                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR};
+    for (const VkStructureType type : kTypes) {
+        uint32_t count = 0;
+        for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
+            count += s->sType == type ? 1 : 0;
+        if (count > 1)
+            check.fault("pNext", vuid,
+                        "a structure of type " + std::to_string(type) + " is in the chain " + std::to_string(count) +
+                            " times");
+    }
+}
+
+} // namespace vellum::layer

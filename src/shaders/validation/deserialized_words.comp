@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#version 460
+#extension GL_GOOGLE_include_directive : require
+// Copies the first words of serialized data, before it is deserialized.
+#include "push.h"
+#include "base/memory.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, std430) uniform Push
+{
+    DeserializedWordsPush push;
+};
+
+void main()
+{
+    Words source = Words(push.source);
+    Words target = Words(push.target);
+    for (uint i = gl_LocalInvocationIndex; i < push.count; i += gl_WorkGroupSize.x)
+        target.w[kDeserializedWordsAt + i] = source.w[i];
+    memoryBarrierBuffer();
+    barrier();
+    if (gl_LocalInvocationIndex == 0u)
+        atomicAdd(target.w[0], 1u);
+}
