@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "compressed.h"
+#include "gltf/data/image.h"
 #include "gltf/document.h"
 #include "read_everything.h"
 
@@ -379,10 +380,11 @@ TEST(GltfWrongFile, ImagesThatAnnounceHugeSizes)
     for (const auto &[width, height] : std::vector<std::pair<uint32_t, uint32_t>>{
              {16384, 16384}, {65535, 65535}, {16384, 1025}, {8192, 8192}, {65535, 1}, {0, 16}})
         EXPECT_EQ(errorOfImage(resizedJpeg(jpeg, width, height)).substr(0, 7), "image 0") << width << " x " << height;
+    if (!kDecodesWebp)
+        return;
     for (const uint32_t height : {1025u, 4000u})
-        if (kDecodesWebp)
-            EXPECT_EQ(errorOfImage(webpImage(16383, height, Bytes(size_t{16383} * height * 4))).substr(0, 11),
-                      "image 0 has");
+        EXPECT_EQ(errorOfImage(webpImage(16383, height, Bytes(size_t{16383} * height * 4))).substr(0, 11),
+                  "image 0 has");
 }
 
 // A stream that is decompressed to far more than the image's size: what is too much is not looked at.
