@@ -32,15 +32,6 @@ size_t bakedPrimitives(const fs::path &path)
     return readMicromaps(Document(path)).primitives.size();
 }
 
-// At level 12 the work of seconds: the disc is repeated until every micro-triangle has an edge of it.
-Bytes slowGlb()
-{
-    return cardGlb(
-        {{R"("baseColorTexture": {"index": 0})",
-          R"("baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [900, 900]}}})"},
-         {R"("magFilter": 9728, "wrapS": 33071, "wrapT": 33648)", R"("magFilter": 9729)"}});
-}
-
 } // namespace
 
 TEST(BakeCommand, WritesBesideTheInput)
@@ -328,6 +319,20 @@ TEST(BakeCommand, SaysWhatLosesItsMicromap)
 }
 
 #ifndef _WIN32 // has no signals and no limit of file sizes
+namespace
+{
+
+// At level 12 the work of seconds: the disc is repeated until every micro-triangle has an edge of it.
+Bytes slowGlb()
+{
+    return cardGlb(
+        {{R"("baseColorTexture": {"index": 0})",
+          R"("baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [900, 900]}}})"},
+         {R"("magFilter": 9728, "wrapS": 33071, "wrapT": 33648)", R"("magFilter": 9729)"}});
+}
+
+} // namespace
+
 TEST(BakeCommand, AnInterruptedBakeLeavesNothing)
 {
     for (const int signal : {SIGINT, SIGTERM, SIGKILL}) {

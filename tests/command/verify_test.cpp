@@ -27,7 +27,7 @@ struct VerifyCommand : testing::Test {
     Outcome verify(const CardFile &file, std::vector<std::string> arguments = {})
     {
         writeFile(folder / "card.glb", file.bytes());
-        arguments.insert(arguments.begin(), {"verify", folder / "card.glb"});
+        arguments.insert(arguments.begin(), {"verify", (folder / "card.glb").string()});
         return runVellum(arguments);
     }
     // Gives the first micro-triangle of a state another one.
@@ -135,13 +135,13 @@ TEST_F(VerifyCommand, TwoStateDataIsAnApproximation)
 
 TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
 {
-    const Outcome none = runVellum({"verify", folder / "none.glb"});
+    const Outcome none = runVellum({"verify", (folder / "none.glb").string()});
     EXPECT_EQ(none.exitCode, 1);
     EXPECT_EQ(none.errorLines(), 1);
     EXPECT_TRUE(has(none.errors, "none.glb")) << none.errors;
     // The others are looked at all the same, and the worst is told.
     change(card, State::Opaque, State::Transparent);
-    const Outcome both = verify(card, {folder / "none.glb"});
+    const Outcome both = verify(card, {(folder / "none.glb").string()});
     EXPECT_EQ(both.exitCode, 1);
     EXPECT_TRUE(has(both.output, "wrong: ")) << both.output;
     EXPECT_EQ(verify(card, {"--value-tolerance", "nan"}).exitCode, 2);
@@ -151,7 +151,7 @@ TEST_F(VerifyCommand, WhatCannotBeReadIsSaidInOneLine)
 TEST_F(VerifyCommand, PrintsJsonForMachines)
 {
     const uint32_t micro = change(card, State::Opaque, State::Transparent);
-    const Outcome outcome = verify(card, {"--json", folder / "none \"quoted\".glb"});
+    const Outcome outcome = verify(card, {"--json", (folder / "none \"quoted\".glb").string()});
     EXPECT_EQ(outcome.exitCode, 1);
     const JsonTree tree(outcome.output);
     const std::vector<JsonValue> files = tree.root()["files"].children();

@@ -236,11 +236,15 @@ void ChildProcess::waitForAny(std::span<const ChildProcess *const> processes, in
         Sleep(kMillisecondsBetweenLooks);
 }
 
-// Its job does that.
-void endWithParent() {}
-
 namespace
 {
+
+// Ends the process at once. Otherwise Windows would report the error first, or start a debugger.
+LONG WINAPI endByException(EXCEPTION_POINTERS *exception)
+{
+    TerminateProcess(GetCurrentProcess(), exception->ExceptionRecord->ExceptionCode);
+    return EXCEPTION_EXECUTE_HANDLER;
+}
 
 // The console sends Ctrl-C to the program as well, which decides.
 BOOL WINAPI ignore(DWORD)
@@ -249,6 +253,12 @@ BOOL WINAPI ignore(DWORD)
 }
 
 } // namespace
+
+// The job ends it with its parent.
+void endWithParent()
+{
+    SetUnhandledExceptionFilter(endByException);
+}
 
 int runProgram(std::span<const std::string> words)
 {
