@@ -47,8 +47,8 @@ def check_symbols(root):
 
 def build_packages(root):
     """The Debian packages that scripts/setup installs for a build."""
-    block = find(root, SETUP, r"(?s)build \| run \| test\)\n\s*packages\+=\(\n(.*?)\n\s*\)\n")
-    return set(re.sub(r"#.*", "", block).split())
+    lists = [find(root, SETUP, rf"(?ms)^{name}=\((.*?)\)$") for name in ("tools", "libraries")]
+    return OF_EVERY_BUILD.union(*(re.sub(r"#.*", "", text).split() for text in lists))
 
 
 def check_build_packages(root):
