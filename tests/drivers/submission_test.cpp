@@ -76,8 +76,9 @@ INSTANTIATE_TEST_SUITE_P(Intel, Submission,
                                          Device{"mtl", vt::Api::Ext}, Device{"lnl", vt::Api::Khr},
                                          Device{"bmg", vt::Api::Ext}, Device{"bmg", vt::Api::Khr}),
                          nameOf);
+// Not on a740: turnip's own shaders need 8-bit storage, which it lacks there and warns about.
 INSTANTIATE_TEST_SUITE_P(Qualcomm, Submission,
-                         testing::Values(Device{"a740", vt::Api::Ext}, Device{"a750", vt::Api::Khr}), nameOf);
+                         testing::Values(Device{"a750", vt::Api::Ext}, Device{"a750", vt::Api::Khr}), nameOf);
 
 } // namespace
 } // namespace vellum::test
