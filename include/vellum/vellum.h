@@ -47,7 +47,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#if defined(__GNUC__)
+#if defined(__GNUC__) && !defined(_WIN32) // where the linker has a list
 #define VELLUM_API __attribute__((visibility("default")))
 #else
 #define VELLUM_API

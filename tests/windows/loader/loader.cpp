@@ -36,6 +36,7 @@ namespace
 struct Layer {
     PFN_vkGetInstanceProcAddr getInstance;
     PFN_vkGetDeviceProcAddr getDevice;
+    std::vector<VkExtensionProperties> deviceExtensions; // which it provides
 };
 
 // What handles begin with: the commands, which must come first.
@@ -118,6 +119,17 @@ Structure *layerInfo(const void *chain, VkStructureType type, VkLayerFunction fu
     return structure;
 }
 
+std::vector<VkExtensionProperties> extensionsOfDriver(VkInstance instance, VkPhysicalDevice physical)
+{
+    const auto enumerate =
+        fromDriver<PFN_vkEnumerateDeviceExtensionProperties>(instance, "vkEnumerateDeviceExtensionProperties");
+    uint32_t count = 0;
+    enumerate(physical, nullptr, &count, nullptr);
+    std::vector<VkExtensionProperties> known(count);
+    enumerate(physical, nullptr, &count, known.data());
+    return known;
+}
+
 // Below the layers. The instance's dispatch is in the loader's own structure of the chain, as a link without a
 // function.
 VKAPI_ATTR VkResult VKAPI_CALL createDriversInstance(const VkInstanceCreateInfo *info,
@@ -157,13 +169,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDriversDevice(VkPhysicalDevice physical, co
                                                    const VkAllocationCallbacks *allocator, VkDevice *device)
 {
     const VkInstance instance = dispatchOf(physical).instance;
-    uint32_t count = 0;
-    const auto enumerate =
-        fromDriver<PFN_vkEnumerateDeviceExtensionProperties>(instance, "vkEnumerateDeviceExtensionProperties");
-    enumerate(physical, nullptr, &count, nullptr);
-    std::vector<VkExtensionProperties> known(count);
-    enumerate(physical, nullptr, &count, known.data());
-    const auto names = namesIn(info->ppEnabledExtensionNames, info->enabledExtensionCount, known);
+    const auto names =
+        namesIn(info->ppEnabledExtensionNames, info->enabledExtensionCount, extensionsOfDriver(instance, physical));
     VkDeviceCreateInfo changed = *info;
     changed.enabledLayerCount = 0;
     changed.enabledExtensionCount = static_cast<uint32_t>(names.size());
@@ -197,8 +204,6 @@ VKAPI_ATTR PFN_vkVoidFunction VKAPI_CALL getDriversDeviceProcAddr(VkDevice devic
     return get(device, name);
 }
 
-constexpr Layer kDriver{getDriversInstanceProcAddr, getDriversDeviceProcAddr};
-
 VKAPI_ATTR VkResult VKAPI_CALL setInstanceLoaderData(VkInstance instance, void *object)
 {
     *static_cast<void **>(object) = *reinterpret_cast<void **>(instance);
@@ -227,13 +232,13 @@ bool load(const char *name, std::vector<Layer> &layers)
         interface.loaderLayerInterfaceVersion = 2;
         if (!negotiate || negotiate(&interface) != VK_SUCCESS)
             return false;
-        layers.push_back({interface.pfnGetInstanceProcAddr, interface.pfnGetDeviceProcAddr});
+        layers.push_back({interface.pfnGetInstanceProcAddr, interface.pfnGetDeviceProcAddr, manifest.deviceExtensions});
         return true;
     }
     return false;
 }
 
-// Whether a result must be written to the caller's array, of which `count` is the capacity.
+// As Vulkan enumerates: `count` is the capacity of `to`, and then what was written.
 template <typename T>
 VkResult put(const std::vector<T> &from, uint32_t *count, T *to)
 {
@@ -304,7 +309,7 @@ EXPORTED VkResult VKAPI_CALL vkCreateInstance(const VkInstanceCreateInfo *info, 
             std::fprintf(stderr, "loader: %s cannot be loaded\n", info->ppEnabledLayerNames[i]);
             return VK_ERROR_LAYER_NOT_PRESENT;
         }
-    layers.push_back(kDriver);
+    layers.push_back({getDriversInstanceProcAddr, getDriversDeviceProcAddr, {}});
     std::deque<VkLayerInstanceLink> links;
     for (size_t i = layers.size() - 1; i > 0; --i)
         links.push_front({links.empty() ? nullptr : &links.front(), layers[i].getInstance, nullptr});
@@ -341,6 +346,12 @@ EXPORTED VkResult VKAPI_CALL vkCreateDevice(VkPhysicalDevice physical, const VkD
 {
     const Dispatch &ofInstance = dispatchOf(physical);
     const std::vector<Layer> &layers = ofInstance.layers;
+    std::vector<VkExtensionProperties> known = extensionsOfDriver(ofInstance.instance, physical);
+    for (const Layer &layer : layers)
+        known.insert(known.end(), layer.deviceExtensions.begin(), layer.deviceExtensions.end());
+    for (uint32_t i = 0; i < info->enabledExtensionCount; ++i)
+        if (namesIn(&info->ppEnabledExtensionNames[i], 1, known).empty())
+            return VK_ERROR_EXTENSION_NOT_PRESENT;
     std::deque<VkLayerDeviceLink> links;
     for (size_t i = layers.size() - 1; i > 0; --i)
         links.push_front({links.empty() ? nullptr : &links.front(), layers[i].getInstance, layers[i].getDevice});
