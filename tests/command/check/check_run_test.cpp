@@ -66,7 +66,7 @@ TEST_F(Check, FailuresWithOneCauseArePutTogether)
     EXPECT_NE(check.outcome.output.find("  Fail: expected opaque, found \"transparent\" & <unknown>\n"
                                         "    5 cases, the first of which is khr.bad.0000\n"
                                         "    vellum check --replay " +
-                                        (folder_ / "out/failures/khr.bad.0000.json").string() + "\n"),
+                                        (folder_ / "out" / "failures" / "khr.bad.0000.json").string() + "\n"),
               std::string::npos)
         << check.outcome.output;
     EXPECT_EQ(textOf(folder_ / "out/failures/khr.bad.0000.txt"), "an account");

@@ -34,6 +34,7 @@ std::vector<std::string> prepareProcess(int, char **)
 {
     for (std::FILE *stream : {stdin, stdout, stderr})
         _setmode(_fileno(stream), _O_BINARY); // what is written is the same on every system
+    std::setvbuf(stderr, nullptr, _IONBF, 0); // what a process printed before a crash is wanted
     prepareConsole();
     // A dialog would be waited for.
     SetErrorMode(SEM_FAILCRITICALERRORS | SEM_NOGPFAULTERRORBOX | SEM_NOOPENFILEERRORBOX);
