@@ -160,6 +160,18 @@ void serializeMicromap(Gpu &gpu, bool wrong)
     finish(gpu);
 }
 
+void compactMicromap(Gpu &gpu, bool wrong)
+{
+    Micromap source(gpu, oneTriangle(), VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT);
+    source.build();
+    SharedMemory memory(gpu);
+    const MicromapHandle target = memory.create(0, wrong ? 64 : source.size());
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, source.handle(), target, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
+    });
+    finish(gpu);
+}
+
 // --- the micromaps of deserialized structures ---
 
 // A structure that was deserialized with another micromap.
@@ -272,6 +284,7 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkCopyMemoryToMicromapInfoEXT-src-07549", Api::Ext, kNeedsHostCommands, micromapFromHost<3, 1>, "Host"},
     {"VUID-VkCopyMemoryToMicromapInfoEXT-dst-07550", Api::Ext, kNeedsHostCommands, micromapFromHost<3, 0, true>,
      "Host"},
+    {"micromap-copy-size", Api::Ext, kNeedsNothing, compactMicromap},
     {"VUID-VkCopyMicromapToMemoryInfoEXT-dst-07541", Api::Ext, kNeedsNothing, serializeMicromap},
 
     {"VUID-vkCmdCopyAccelerationStructureKHR-src-11634", Api::Khr, kNeedsNothing, copyDeserialized<Then::Build>, "", "",

@@ -91,6 +91,8 @@ void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, co
     const auto target = device.objects.micromaps.get(info->dst);
     if (device.checks.core)
         checkMicromapCopy(check, *info, source, target);
+    if (info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT)
+        checkCompactedSize(check, source, target);
     copied(check, source, target);
     sync::recordCopy(device, commandBuffer, name, source, target);
     device.next.CmdCopyMicromapEXT(commandBuffer, info);

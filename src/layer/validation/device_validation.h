@@ -38,7 +38,11 @@ struct RuleLimits {
 };
 
 struct DeviceValidation {
-    ~DeviceValidation() { gpu.log.drain(*this); }
+    ~DeviceValidation()
+    {
+        gpu.log.drain(*this);
+        gpu.pending.clear();
+    }
 
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;

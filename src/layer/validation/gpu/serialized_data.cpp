@@ -281,6 +281,13 @@ void PendingChecks::report(DeviceValidation &device)
     any_ = !checks_.empty();
 }
 
+void PendingChecks::clear()
+{
+    const std::lock_guard lock(mutex_);
+    checks_.clear();
+    any_ = false;
+}
+
 std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, VkDeviceAddress data,
                                                       const std::shared_ptr<ValidatedStructure> &target)
 {
@@ -349,11 +356,14 @@ void checkSerializedSize(const RuleCheck &check, const std::shared_ptr<Validated
 void checkCompactedSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                         const std::shared_ptr<ValidatedStructure> &target)
 {
-    if (target)
-        checkSize(check, source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
-                  "VUID-VkCopyAccelerationStructureInfoKHR-mode-12419", target->size,
-                  "dst " + check.device().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
-                      " bytes");
+    if (!target)
+        return;
+    const bool ext = isExt(*target);
+    checkSize(check, source,
+              ext ? VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
+              ext ? kCopySize : "VUID-VkCopyAccelerationStructureInfoKHR-mode-12419", target->size,
+              "dst " + check.device().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
+                  " bytes");
 }
 
 std::string wrongMicromapOf(const DeviceValidation &device, const StructureContents &contents, uint64_t number)

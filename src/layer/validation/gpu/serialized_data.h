@@ -53,6 +53,8 @@ public:
     using Check = std::function<bool()>; // returns whether it is done
     void add(Check check);
     void report(DeviceValidation &device);
+    // Drops those that are left, which hold objects of the device.
+    void clear();
 
 private:
     std::atomic<bool> any_ = false; // read without the mutex
