@@ -28,6 +28,7 @@ enum ProgramNeeds : unsigned {
     kNeedsShaderObjects = 256,   // VK_EXT_shader_object
     kNeedsTransferQueue = 512,   // queue family 3 is for transfers only: the mock driver's quirk "queues"
     kNeedsVendorCommands = 2048, // that the spy plays, as with kNeedsMarkers
+    kNeedsEmulation = 4096,      // only emulation writes what the program changes
     kNeedsPlainShaders = 1024, // shaders get no execution mode by themselves; flags in VkPipelineCreateFlags2CreateInfo
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands that run shaders, of extensions that the oldest supported headers do not know.
+// Commands of extensions that the oldest supported headers do not know.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -23,5 +23,8 @@ struct DispatchTileInfo {
     const void *pNext;
 };
 using PFN_CmdDispatchTile = void(VKAPI_PTR *)(VkCommandBuffer, const DispatchTileInfo *);
+
+// VK_KHR_maintenance10, VK_EXT_fragment_density_map_offset
+using PFN_CmdEndRendering2 = void(VKAPI_PTR *)(VkCommandBuffer, const void *);
 
 } // namespace vellum::newer

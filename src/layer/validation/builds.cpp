@@ -82,8 +82,9 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
                const std::shared_ptr<ValidatedStructure> &target, std::shared_ptr<const StructureContents> contents)
 {
     if (target)
-        device.logs.add(commandBuffer,
-                        [&device, target, contents](const Submission &) { setContents(device, *target, contents); });
+        device.logs.add(commandBuffer, [&device, target, contents](const Submission &submission) {
+            setContents(device, *target, submission.ordered ? contents : unknownContents(contents->type));
+        });
 }
 
 void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,

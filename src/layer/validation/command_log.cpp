@@ -223,6 +223,8 @@ void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer,
                 log->steps[s](submission);
         });
     }
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isSuspended = false; // they may have resumed the render pass instance
     layer::cmdExecuteCommands(device.commands, commandBuffer, count, buffers);
 }
 

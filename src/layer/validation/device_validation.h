@@ -41,7 +41,9 @@ struct DeviceValidation {
     ~DeviceValidation()
     {
         gpu.log.drain(*this);
-        gpu.pending.clear();
+        traces.marks.report(*this, true);
+        gpu.pending.report(*this);
+        gpu.pending.clear(); // what they hold is given back to `traces`
     }
 
     // The implementation as a driver: `driver.next` holds its commands.

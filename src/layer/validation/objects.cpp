@@ -92,6 +92,7 @@ void StructuresByMemory::add(const std::shared_ptr<ValidatedStructure> &structur
     for (auto known = range.first; known != range.second;)
         known = known->second.expired() ? structures_.erase(known) : std::next(known);
     structures_.emplace(structure->memoryAddress, structure);
+    addresses_.insert(structure->memoryAddress);
 }
 
 std::vector<std::shared_ptr<ValidatedStructure>> StructuresByMemory::at(VkDeviceAddress address) const
@@ -108,6 +109,12 @@ std::vector<std::shared_ptr<ValidatedStructure>> StructuresByMemory::at(VkDevice
             found.push_back(std::move(structure));
     }
     return found;
+}
+
+bool StructuresByMemory::everAt(VkDeviceAddress address) const
+{
+    const std::lock_guard lock(mutex_);
+    return addresses_.contains(address);
 }
 
 bool StructuresByMemory::isComplete() const

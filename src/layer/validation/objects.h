@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -125,12 +126,15 @@ public:
     void add(const std::shared_ptr<ValidatedStructure> &structure);
     // Those that may hold a micromap now. CommandLogs::submissions is held.
     [[nodiscard]] std::vector<std::shared_ptr<ValidatedStructure>> at(VkDeviceAddress address) const;
+    // Whether one begins there or ever did.
+    [[nodiscard]] bool everAt(VkDeviceAddress address) const;
     // Whether the addresses of all are known.
     [[nodiscard]] bool isComplete() const;
 
 private:
     mutable std::mutex mutex_;
     std::multimap<VkDeviceAddress, std::weak_ptr<ValidatedStructure>> structures_; // 0: the address is unknown
+    std::set<VkDeviceAddress> addresses_;                                          // of all, also those destroyed
 };
 
 struct ValidatedObjects {

@@ -194,6 +194,8 @@
     X(GetShaderBinaryDataEXT, GetShaderBinaryData, getShaderBinaryData)                                                \
     X(DestroyShaderEXT, DestroyShader, destroyShader)                                                                  \
     X(CmdExecuteGeneratedCommandsEXT, CmdExecuteGeneratedCommands, cmdExecuteGeneratedCommandsEXT)                     \
+    X(CmdEndRendering2KHR, CmdEndRendering2, cmdEndRendering2)                                                         \
+    X(CmdEndRendering2EXT, CmdEndRendering2, cmdEndRendering2)                                                         \
     VELLUM_NEWER_DISPATCH_COMMANDS(X)
 
 namespace vellum::layer
@@ -206,6 +208,7 @@ struct NextCommands {
     VELLUM_VALIDATED_NEWER_COMMANDS(VELLUM_NEWER_MEMBER)
 #undef VELLUM_MEMBER
 #undef VELLUM_NEWER_MEMBER
+    PFN_vkCmdCopyQueryPoolResults CmdCopyQueryPoolResults = nullptr; // validation calls it, and does not validate it
 
     void load(VkDevice device, PFN_vkGetDeviceProcAddr next)
     {
@@ -216,6 +219,7 @@ struct NextCommands {
         VELLUM_VALIDATED_NEWER_COMMANDS(VELLUM_LOAD_NEWER)
 #undef VELLUM_LOAD
 #undef VELLUM_LOAD_NEWER
+        CmdCopyQueryPoolResults = reinterpret_cast<PFN_vkCmdCopyQueryPoolResults>(get("vkCmdCopyQueryPoolResults"));
     }
 };
 

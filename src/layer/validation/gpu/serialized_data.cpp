@@ -124,7 +124,9 @@ void reportBlocks(const Command &command, Words words)
             device.fault(command.place, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11584",
                          where + "names micromaps; the feature micromap is not enabled", command.structure.handle);
         for (size_t i = 0; i < addresses.size() && device.objects.byMemory.isComplete(); i += 2) {
-            if (!device.objects.byMemory.at(number64(addresses, i)).empty())
+            // 0: a geometry without a micromap.
+            const VkDeviceAddress address = number64(addresses, i);
+            if (address == 0 || device.objects.byMemory.everAt(address))
                 continue;
             return command.fault("VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
                                  where + "has an address where no micromap begins: that of number " +
@@ -132,6 +134,14 @@ void reportBlocks(const Command &command, Words words)
                                  kNotSerialized);
         }
     });
+}
+
+// Whether the data has sizes and blocks after the version. In that of micromaps the specification defines the version
+// only; emulation writes the sizes all the same. What a generic structure gets is not known.
+bool hasSizes(const DeviceValidation &device, VkAccelerationStructureTypeKHR type)
+{
+    return device.gpu.emulated || type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||
+           type == VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 }
 
 // `readable`: bytes from the data to the end of its buffer.
@@ -145,6 +155,8 @@ void reportHeader(const Command &command, Words words, VkDeviceSize readable)
                              "the version in the header at src is not compatible with this device: the data is not "
                              "serialized data, or of another driver",
                              kNotSerialized);
+    if (!hasSizes(command.device, target.type))
+        return;
     const uint64_t total = number64(words, kTotalBytes);
     const uint64_t size = number64(words, kDeserializedBytes);
     if (total > readable)
@@ -168,12 +180,14 @@ void reportHeader(const Command &command, Words words, VkDeviceSize readable)
 class SizeQuery
 {
 public:
-    SizeQuery(DeviceValidation &device, VkQueryType type) : device_(device), type_(type)
+    SizeQuery(DeviceValidation &device, VkQueryType type)
+        : device_(device), type_(type), capture_(Capture::make(device.traces.memory, kResultWords, kResultWords))
     {
         VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
         info.queryType = type;
         info.queryCount = 1;
-        device.next.CreateQueryPool(device.driver.handle, &info, nullptr, &pool_);
+        if (capture_)
+            device.next.CreateQueryPool(device.driver.handle, &info, nullptr, &pool_);
     }
     SizeQuery(const SizeQuery &) = delete;
     SizeQuery &operator=(const SizeQuery &) = delete;
@@ -193,21 +207,29 @@ public:
             const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.handle.handle);
             device_.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, 1, &handle, type_, pool_, 0);
         }
-        work.barrier();
+        // A query that was never reset must not be read by the host (VUID-vkGetQueryPoolResults-None-09401), and the
+        // host does not know when this is executed.
+        device_.next.CmdCopyQueryPoolResults(
+            commandBuffer, pool_, 0, 1, capture_->buffer(), capture_->offset(), kResultWords * sizeof(uint32_t),
+            VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT | VK_QUERY_RESULT_WAIT_BIT);
+        work.barrier(true);
     }
     // Nothing before it was executed.
     [[nodiscard]] std::optional<VkDeviceSize> result() const
     {
-        uint64_t results[2]{};
-        const VkResult result = device_.next.GetQueryPoolResults(
-            device_.driver.handle, pool_, 0, 1, sizeof results, results, sizeof results,
-            VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT);
-        return result == VK_SUCCESS && results[1] != 0 ? std::optional(results[0]) : std::nullopt;
+        const uint32_t *words = capture_->words();
+        if (__atomic_load_n(words + kAvailable, __ATOMIC_ACQUIRE) == 0)
+            return std::nullopt;
+        return number64({words, kResultWords}, 0);
     }
 
 private:
+    static constexpr size_t kAvailable = 2; // after the size
+    static constexpr size_t kResultWords = 4;
+
     DeviceValidation &device_;
     VkQueryType type_;
+    std::shared_ptr<Capture> capture_;
     VkQueryPool pool_ = VK_NULL_HANDLE;
 };
 
@@ -225,12 +247,15 @@ void checkSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure>
                const char *vuid, VkDeviceSize most, const std::string &text)
 {
     DeviceValidation &device = check.device();
-    if (!device.gpu.on || !source || !source->buffer || !source->buffer->memory)
+    const CommandState *state = device.commands.states.get(check.commandBuffer());
+    if (!device.gpu.on || !source || !source->buffer || !source->buffer->memory || !state ||
+        state->inheritsConditionalRendering)
         return;
     auto query = std::make_shared<SizeQuery>(device, type);
     if (!query->exists())
         return;
     query->record(check.commandBuffer(), *source);
+    check.whenExecuted([query] {}); // it lives as long as the commands, which may be submitted again
     addWhenExecuted(check, [&device, query = std::move(query), place = check.place().text(), vuid, most, text, source] {
         const auto size = query->result();
         if (size && *size > most)
@@ -326,13 +351,18 @@ std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, co
     if (!device.gpu.on || !target || !data)
         return nullptr;
     std::vector<uint32_t> words(kHeaderWords);
-    std::memcpy(words.data(), data, kHeaderWords * sizeof(uint32_t));
-    if (isCompatible(device, words, isExt(*target)) && !isExt(*target)) {
+    std::memcpy(words.data(), data, kVersionBytes);
+    if (isCompatible(device, words, isExt(*target)) && hasSizes(device, target->type)) {
+        std::memcpy(words.data(), data, kHeaderWords * sizeof(uint32_t));
         words.resize(std::min<uint64_t>(number64(words, kTotalBytes) / sizeof(uint32_t), kMostWords));
         words.resize(std::max(words.size(), kHeaderWords));
         std::memcpy(words.data(), data, words.size() * sizeof(uint32_t));
     }
-    reportHeader({device, check.place().text(), *target, true}, words, UINT64_MAX);
+    {
+        const HeldMessages held;
+        const std::lock_guard submissions(device.logs.submissions); // change what structures hold
+        reportHeader({device, check.place().text(), *target, true}, words, UINT64_MAX);
+    }
     auto header = std::make_shared<SerializedHeader>(std::move(words));
     header->number = ++device.numbers;
     return header;
@@ -371,10 +401,14 @@ std::string wrongMicromapOf(const DeviceValidation &device, const StructureConte
     const SerializedHeader &header = *contents.header;
     // Micromaps that were built before the structure was deserialized may be those of its original build.
     const auto isWrong = [&](const ValidatedStructure &micromap) {
-        return micromap.since <= number &&
+        return micromap.number <= number && micromap.since <= number &&
                (!micromap.contents || (!micromap.contents->deserialized && micromap.built > header.number));
     };
+    if (!hasSizes(device, contents.type) || !device.objects.byMemory.isComplete())
+        return {};
     for (const VkDeviceAddress address : header.micromaps()) {
+        if (address == 0) // a geometry without a micromap
+            continue;
         const auto known = device.objects.byMemory.at(address);
         if (known.empty() || !std::ranges::all_of(known, [&](const auto &micromap) { return isWrong(*micromap); }))
             continue;

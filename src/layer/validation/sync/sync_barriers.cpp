@@ -185,6 +185,13 @@ void setRendering(DeviceValidation &device, VkCommandBuffer commandBuffer, bool 
         log->isRendering = isRendering;
 }
 
+void endRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    setRendering(device, commandBuffer, false);
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isSuspended = log->suspends;
+}
+
 } // namespace
 
 void cmdBeginRenderPass(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
@@ -229,10 +236,17 @@ void cmdBeginRendering(DeviceValidation &device, VkCommandBuffer commandBuffer, 
 
 void cmdEndRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
 {
-    setRendering(device, commandBuffer, false);
-    if (const auto log = device.logs.get(commandBuffer))
-        log->isSuspended = log->suspends;
+    endRendering(device, commandBuffer);
     device.next.CmdEndRendering(commandBuffer);
+}
+
+void cmdEndRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer, const void *info)
+{
+    endRendering(device, commandBuffer);
+    // Of two extensions, one of which may be enabled without the other.
+    const auto next =
+        device.next.CmdEndRendering2KHR ? device.next.CmdEndRendering2KHR : device.next.CmdEndRendering2EXT;
+    next(commandBuffer, info);
 }
 
 void cmdSetEvent(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags stages)

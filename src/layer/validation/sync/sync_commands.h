@@ -54,6 +54,7 @@ void cmdBeginRenderPass2(DeviceValidation &, VkCommandBuffer, const VkRenderPass
 void cmdEndRenderPass(DeviceValidation &, VkCommandBuffer);
 void cmdBeginRendering(DeviceValidation &, VkCommandBuffer, const VkRenderingInfo *);
 void cmdEndRendering(DeviceValidation &, VkCommandBuffer);
+void cmdEndRendering2(DeviceValidation &, VkCommandBuffer, const void *);
 void cmdEndRenderPass2(DeviceValidation &, VkCommandBuffer, const VkSubpassEndInfo *);
 void cmdSetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);
 void cmdResetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);

@@ -30,6 +30,8 @@ public:
     ~Capture() { pool_.giveBack(piece_); }
 
     [[nodiscard]] VkDeviceAddress address() const { return piece_.address; }
+    [[nodiscard]] VkBuffer buffer() const { return piece_.buffer; }
+    [[nodiscard]] VkDeviceSize offset() const { return piece_.offset; } // in the buffer
     [[nodiscard]] const uint32_t *words() const { return piece_.words; }
     // The shaders count in the first word what they have written.
     [[nodiscard]] uint32_t written() const { return __atomic_load_n(piece_.words, __ATOMIC_ACQUIRE); }

@@ -21,7 +21,8 @@ namespace vellum::layer
 struct DeviceTraces {
     explicit DeviceTraces(DeviceBuffers &buffers)
         : memory(
-              buffers.gpu, 16, [](const GpuContext &) { return VkBufferUsageFlags{0}; }, GpuBuffer::Content::Undefined)
+              buffers.gpu, 16, [](const GpuContext &) { return VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT}; },
+              GpuBuffer::Content::Undefined)
     {
     }
     MemoryPool memory; // of captures
