@@ -40,6 +40,7 @@ public:
     // After appear() returned No: where its content can be read.
     [[nodiscard]] std::filesystem::path readable() const;
     // After it has got its name: so that this is on the disk as well, where the file system supports it.
+    // Does not allocate: what has appeared stays.
     void syncName() const;
 
 private:
@@ -47,6 +48,7 @@ private:
     void discard();
 
     std::filesystem::path path_;
+    std::filesystem::path folder_;    // of path_
     std::filesystem::path temporary_; // its name, where it has one
     intptr_t file_ = -1;              // the system's
 };

@@ -52,10 +52,10 @@ void NewFile::fail() const
     failAt(path_, "cannot be written", errno);
 }
 
-NewFile::NewFile(const std::filesystem::path &path) : path_(path)
+NewFile::NewFile(const std::filesystem::path &path) : path_(path), folder_(folderOf(path))
 {
     // A file without a name goes away with the process, however that ends.
-    file_ = open(folderOf(path).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+    file_ = open(folder_.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
     if (file_ < 0) {
         std::filesystem::path name = temporaryNameOf(path);
         file_ = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
@@ -134,7 +134,7 @@ void NewFile::replace()
 
 void NewFile::syncName() const
 {
-    const int folder = open(folderOf(path_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    const int folder = open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (folder < 0)
         return;
     fsync(folder);
