@@ -25,6 +25,9 @@ set(ZLIB_LIBRARY /usr/x86_64-w64-mingw32/lib/libz.a CACHE FILEPATH "The static z
 
 # Windows 10; and no macros called min, max, ERROR or near.
 set(flags "-isystem ${VELLUM_STAGED}/include -D_WIN32_WINNT=0x0A00 -DWIN32_LEAN_AND_MEAN -DNOMINMAX -DNOGDI")
+# GCC takes inline functions of this system for its own: with -fipa-ra a caller relies on registers that its own copy of a
+# function keeps, and the linker takes the copy of another object, which was compiled with other optimizations.
+string(APPEND flags " -fno-ipa-ra")
 set(CMAKE_C_FLAGS_INIT "${flags} -D__USE_MINGW_ANSI_STDIO=1")
 set(CMAKE_CXX_FLAGS_INIT "${flags} -D__USE_MINGW_ANSI_STDIO=1")
 foreach(type EXE SHARED MODULE)
