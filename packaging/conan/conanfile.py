@@ -45,12 +45,13 @@ class VellumConan(ConanFile):
     def requirements(self):
         if not self.options.tools:
             return
-        for reference in ("boost/[>=1.74]", "cli11/[>=2.3]", "fmt/[>=9]", "libpng/[>=1.6]", "rapidjson/[>=cci.20220822]",
+        for reference in ("boost/[>=1.74]", "cli11/[>=2.3]", "fmt/[>=9]", "rapidjson/[>=cci.20220822]",
                           "spirv-headers/[>=1.3.239]", "stb/[>=cci.20220909]", "vulkan-headers/[>=1.3.239]",
                           "vulkan-loader/[>=1.3.239]", "zlib/[>=1.2.11 <2]"):
             self.requires(reference)
         if self.options.images:
             self.requires("libjpeg-turbo/[>=3]")
+            self.requires("libpng/[>=1.6]")
             self.requires("libwebp/[>=1.3]")
         if self.options.meshes:
             self.requires("draco/[>=1.5]")
