@@ -487,10 +487,11 @@ TEST_F(MicromapCopyValidated, ReportsWrongCopies)
         expectMessage(part);
     };
     copy(source, small, VK_COPY_MICROMAP_MODE_COMPACT_EXT);
-    expectGpuError("VELLUM-micromap-copy-size");
+    expectGpuError(id("VELLUM-micromap-copy-size", "VkCopyAccelerationStructureInfoKHR-mode-12419"));
     const Micromap target(gpu(), source, source.size());
     deserialize(std::vector<uint8_t>(1000, 7), target);
-    expectGpuError("VELLUM-micromap-serialized");
+    expectGpuError(
+        id("VkCopyMemoryToMicromapInfoEXT-src-07549", "VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414"));
     const Buffer memory(gpu(), 65536, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     gpu().submit(
         [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu(), commands, target.handle(), memory.address()); });
