@@ -323,11 +323,12 @@ class Installation(unittest.TestCase):
             self.assertEqual([p for p in patterns if not any(re.match(p, path) for path in files)], [], package)
 
     def test_links_of_the_installed_documents(self):
-        """The documents find each other and the examples; sources are not installed."""
+        """The documents find each other and the examples; sources and what is said of them are not installed."""
         root = self.prefix / "share/doc/vellum"
         for page in (root / "README.md", *(root / "docs").glob("*.md")):
             for target in re.findall(r"\]\(([^)#:]+)[)#]", page.read_text()):
-                if re.match(r"(\.\./)?(docs/|examples/|\w+\.(md|png)$)", target) and "CONTRIBUTING" not in target:
+                if re.match(r"(\.\./)?(docs/|examples/|\w+\.(md|png)$)", target) and not target.endswith(
+                        ("CONTRIBUTING.md", "PACKAGING.md")):
                     self.assertTrue((page.parent / target).exists(), f"{page.name}: {target}")
 
 
