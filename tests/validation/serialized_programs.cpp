@@ -274,8 +274,6 @@ const WrongProgram kPrograms[] = {
      "Micromap"},
     {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960", Api::Khr, kNeedsEmulation, micromapFrom<36, 1>,
      "Micromap"},
-    {"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746", Api::Khr, kNeedsEmulation, micromapFrom<3, 0, true>,
-     "Micromap"},
     {"VUID-VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561", Api::Khr, kNeedsNothing, serializeMicromap,
      "Micromap"},
     {"VUID-VkCopyMemoryToMicromapInfoEXT-src-07549", Api::Ext, kNeedsNothing, micromapFrom<3, 1>},
