@@ -104,7 +104,7 @@ bool wants(const Options &options, const char *part)
     return std::find(options.parts.begin(), options.parts.end(), part) != options.parts.end();
 }
 
-std::vector<Row> measureFrames(const Options &options, const bench::Devices &devices, cli::RenderSettings settings,
+std::vector<Row> measureFrames(const Options &options, const cli::TimedDevices &devices, cli::RenderSettings settings,
                                const std::vector<cli::Trace> &traces)
 {
     std::vector<Row> rows;
@@ -159,9 +159,9 @@ void run(const Options &options)
     cli::requireMicromaps(info, options.api, with.layerEnabled());
     const bool both = info.khrMicromaps && info.extMicromaps;
     const bool pipelines = info.rayTracingPipelines;
-    cli::Device classic(cli::chooseDevice(without, options.device), {std::nullopt, pipelines});
-    cli::Device enabled(info, {options.api, pipelines});
-    const bench::Devices devices{classic, enabled};
+    cli::Device bare(cli::chooseDevice(without, options.device), {std::nullopt, pipelines});
+    cli::Device layered(info, {options.api, pipelines});
+    const cli::TimedDevices devices{bare, layered};
     fmt::print("{}, micromaps: {}, {}. {} x {} pixels, median of {}.{}{}\n\n", info.name, cli::nameOf(options.api),
                info.implementation, settings.width, settings.height, options.repetitions,
                pipelines ? "" : " There are no ray tracing pipelines.",
@@ -190,7 +190,7 @@ void run(const Options &options)
         std::vector<cli::PipelineTiming> results;
         for (const cli::Trace trace : all)
             for (const cli::PipelineTiming &timing :
-                 cli::measurePipelines({classic, enabled}, scene, trace, options.levels.front(),
+                 cli::measurePipelines(devices, scene, trace, options.levels.front(),
                                        [&](size_t pairs) { return pairs < options.repetitions; }))
                 results.push_back(timing);
         printCreation(results);

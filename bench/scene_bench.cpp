@@ -12,37 +12,37 @@ using cli::Renderer;
 
 using Micromaps = std::vector<const Micromap *>;
 
-// A renderer, and the classic one that it is compared to.
+// A renderer, and the one without the layer that it is compared to.
 struct Variant {
     Variant(std::unique_ptr<Renderer> own, Renderer &other, double &median)
-        : renderer(std::move(own)), classic(&other), result(&median),
+        : renderer(std::move(own)), compared(&other), result(&median),
           times([&other] { return other.frame(); }, [r = renderer.get()] { return r->frame(); })
     {
     }
     std::unique_ptr<Renderer> renderer;
-    Renderer *classic;
+    Renderer *compared;
     double *result; // where the median goes
     cli::PairedTiming times;
 };
 
 } // namespace
 
-SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
+SceneResult measureScene(const cli::TimedDevices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
                          const std::vector<uint32_t> &levels, unsigned repetitions,
                          const std::function<void(size_t done, size_t total)> &progress)
 {
     SceneResult result;
     result.levels.resize(levels.size());
     settings.heavy = false;
-    Renderer plain(devices.classic, scene, {}, settings);
+    Renderer plain(devices.bare, scene, {}, settings);
     settings.heavy = true;
-    Renderer heavy(devices.classic, scene, {}, settings);
+    Renderer heavy(devices.bare, scene, {}, settings);
     result.candidatesPerRay = plain.count().perRay();
 
     std::vector<Variant> variants;
     const auto add = [&](const Micromaps &micromaps, bool isHeavy, double &ratio) -> Renderer & {
         settings.heavy = isHeavy;
-        variants.emplace_back(std::make_unique<Renderer>(devices.enabled, scene, micromaps, settings),
+        variants.emplace_back(std::make_unique<Renderer>(devices.layered, scene, micromaps, settings),
                               isHeavy ? heavy : plain, ratio);
         return *variants.back().renderer;
     };
@@ -74,7 +74,7 @@ SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, 
     }
     for (const Variant &v : variants) {
         *v.result = v.times.ratio().middle;
-        (v.classic == &heavy ? result.heavyMilliseconds : result.alphaMilliseconds) = v.times.a();
+        (v.compared == &heavy ? result.heavyMilliseconds : result.alphaMilliseconds) = v.times.a();
     }
     return result;
 }

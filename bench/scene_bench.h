@@ -7,17 +7,12 @@
 #include <memory>
 #include <vector>
 
+#include "cli/bench/pipeline_timing.h"
 #include "cli/renderer/renderer.h"
 #include "cli/scene/baked_scene.h"
 
 namespace vellum::bench
 {
-
-// The devices to compare: `classic` of an instance without the layer and without the extension, `enabled` with both.
-struct Devices {
-    cli::Device &classic;
-    cli::Device &enabled;
-};
 
 struct LevelResult {
     uint32_t level = 0;
@@ -31,14 +26,14 @@ struct LevelResult {
 struct SceneResult {
     double alphaMilliseconds = 0; // median
     double heavyMilliseconds = 0;
-    double candidatesPerRay = 0; // of the classic alpha test
+    double candidatesPerRay = 0; // of the alpha test
     std::vector<LevelResult> levels;
     double withoutMicromaps = 0; // frame time: layer on, extension enabled, no micromaps / layer off
 };
 
-// Renders each variant `repetitions` times, every frame between two of the classic alpha test, to which it is compared:
-// the machine's other work hits both. Ratios are medians.
-SceneResult measureScene(const Devices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
+// Renders each variant `repetitions` times, every frame between two of the alpha test without the layer, to which it is
+// compared: the machine's other work hits both. Ratios are medians.
+SceneResult measureScene(const cli::TimedDevices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
                          const std::vector<uint32_t> &levels, unsigned repetitions,
                          const std::function<void(size_t done, size_t total)> &progress);
 

@@ -58,28 +58,30 @@ Image withoutTexels(Encoded encoded, const std::string &what)
     return imageOf(static_cast<uint64_t>(width), static_cast<uint64_t>(height), encoded, what);
 }
 
-Image withTexels(Image image, Encoded encoded, const std::string &what)
+// With four channels, by stbi_load_from_memory() or its like for 16 bits.
+template <typename Channel>
+std::unique_ptr<Channel, Free> texelsBy(Channel *load(const stbi_uc *, int, int *, int *, int *, int), Encoded encoded,
+                                        const std::string &what)
 {
     int width = 0;
     int height = 0;
     int channels = 0;
-    const std::unique_ptr<stbi_uc, Free> texels(
-        stbi_load_from_memory(encoded.data(), lengthOf(encoded, what), &width, &height, &channels, 4));
+    std::unique_ptr<Channel, Free> texels(load(encoded.data(), lengthOf(encoded, what), &width, &height, &channels, 4));
     if (!texels)
         failByLibrary(what);
+    return texels;
+}
+
+Image withTexels(Image image, Encoded encoded, const std::string &what)
+{
+    const auto texels = texelsBy(stbi_load_from_memory, encoded, what);
     image.rgba.assign(texels.get(), texels.get() + size_t{4} * image.width * image.height);
     return image;
 }
 
 Image withWideTexels(Image image, Encoded encoded, const std::string &what)
 {
-    int width = 0;
-    int height = 0;
-    int channels = 0;
-    const std::unique_ptr<stbi_us, Free> texels(
-        stbi_load_16_from_memory(encoded.data(), lengthOf(encoded, what), &width, &height, &channels, 4));
-    if (!texels)
-        failByLibrary(what);
+    const auto texels = texelsBy(stbi_load_16_from_memory, encoded, what);
     std::vector<uint8_t> rows(size_t{8} * image.width * image.height);
     for (size_t i = 0; i < rows.size() / 2; ++i) {
         rows[2 * i] = static_cast<uint8_t>(texels.get()[i] >> 8);

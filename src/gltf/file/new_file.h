@@ -11,6 +11,9 @@
 namespace vellum
 {
 
+// The folder that `path` is in; of a name alone the working directory.
+std::filesystem::path folderOf(const std::filesystem::path &path);
+
 // Makes a folder; false if it is there already.
 bool makeFolder(const std::filesystem::path &folder);
 

@@ -11,15 +11,10 @@
 
 namespace vellum
 {
-namespace
-{
-
 std::filesystem::path folderOf(const std::filesystem::path &path)
 {
     return path.has_parent_path() ? path.parent_path() : ".";
 }
-
-} // namespace
 
 std::filesystem::path temporaryName(const std::filesystem::path &path, unsigned long process)
 {

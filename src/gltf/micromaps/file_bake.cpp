@@ -15,11 +15,6 @@ namespace vellum
 namespace
 {
 
-std::filesystem::path folderOf(const std::filesystem::path &path)
-{
-    return path.has_parent_path() ? path.parent_path() : ".";
-}
-
 bool isGltf(const std::filesystem::path &path)
 {
     std::string extension = utf8Text(path.extension());

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/base/system.h"
 
-#include <filesystem>
-
 #include <windows.h>
+
+#include "core/utf8_path.h"
 
 namespace vellum::layer
 {
@@ -12,13 +12,12 @@ namespace
 
 std::wstring wide(std::string_view text)
 {
-    return std::filesystem::path(std::u8string(text.begin(), text.end())).native();
+    return utf8Path(text).native();
 }
 
 std::string utf8(std::wstring_view text)
 {
-    const std::u8string narrow = std::filesystem::path(text).u8string();
-    return {narrow.begin(), narrow.end()};
+    return utf8Text(text);
 }
 
 // Whether the program runs with more rights than its user's programs usually have.

@@ -40,9 +40,7 @@ struct RuleLimits {
 struct DeviceValidation {
     ~DeviceValidation()
     {
-        gpu.log.drain(*this);
-        traces.marks.report(*this, true);
-        gpu.pending.report(*this);
+        reportCompleted(*this, true);
         gpu.pending.clear(); // what they hold is given back to `traces`
     }
 

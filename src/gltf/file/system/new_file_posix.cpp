@@ -19,11 +19,6 @@ namespace
     throw GltfError(path.string() + ": " + what + ": " + std::strerror(error));
 }
 
-std::filesystem::path folderOf(const std::filesystem::path &path)
-{
-    return path.has_parent_path() ? path.parent_path() : ".";
-}
-
 // `file` is a temporary name, or one of /proc for a file without a name.
 bool linkTo(const std::filesystem::path &file, const std::filesystem::path &name)
 {

@@ -215,12 +215,6 @@ void GpuLog::drainIdle(DeviceValidation &device)
     reportedOverflow_ = false;
 }
 
-namespace validation
-{
-namespace
-{
-
-// Reports what is certain now. `idle`: the device executes nothing.
 void reportCompleted(DeviceValidation &device, bool idle)
 {
     if (idle)
@@ -231,7 +225,8 @@ void reportCompleted(DeviceValidation &device, bool idle)
     device.traces.marks.report(device, idle);
 }
 
-} // namespace
+namespace validation
+{
 
 VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
 {

@@ -55,6 +55,10 @@ private:
     bool reportedOverflow_ = false;
 };
 
+// Reports everything that is certain now: findings, checks that wait for the device, marks of shaders. `idle`: the
+// device executes nothing.
+void reportCompleted(DeviceValidation &device, bool idle);
+
 namespace validation
 {
 
