@@ -303,5 +303,15 @@ TEST(ReporterTest, ToleratesUnlessStrict)
     EXPECT_EQ(texts, "warning: VELLUM-a: one; the layer goes on\nerror: VELLUM-a: two\n");
 }
 
+// What is covered is so once, whether the device found it or not: it must not hide a later fault.
+TEST(ReporterTest, CoveredIdsAreTakenTogether)
+{
+    Reporter report;
+    report.coverLater("VELLUM-a");
+    report.coverLater("VELLUM-b");
+    EXPECT_EQ(report.takeCovered(), (std::unordered_set<std::string>{"VELLUM-a", "VELLUM-b"}));
+    EXPECT_TRUE(report.takeCovered().empty());
+}
+
 } // namespace
 } // namespace vellum::layer

@@ -11,19 +11,6 @@ namespace vellum::cli
 namespace
 {
 
-std::set<std::string> extensionsOf(VkPhysicalDevice device)
-{
-    uint32_t count = 0;
-    check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr), "listing device extensions");
-    std::vector<VkExtensionProperties> extensions(count);
-    check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()),
-          "listing device extensions");
-    std::set<std::string> names;
-    for (const VkExtensionProperties &e : extensions)
-        names.insert(e.extensionName);
-    return names;
-}
-
 const char *nameOf(VkPhysicalDeviceType type)
 {
     switch (type) {
@@ -171,7 +158,7 @@ std::vector<DeviceDetails> describeDevices(const Instance &instance)
         VkPhysicalDeviceProperties properties;
         vkGetPhysicalDeviceProperties(info.handle, &properties);
         DeviceDetails &details = all.emplace_back();
-        details.extensions = extensionsOf(info.handle);
+        details.extensions = info.extensions;
         const std::set<std::string> &extensions = details.extensions;
         details.name = info.name;
         details.kind = nameOf(info.type);

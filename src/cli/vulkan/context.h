@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 #include <vulkan/vulkan.h>
@@ -48,6 +49,7 @@ const char *nameOf(MicromapApi api);
 struct DeviceInfo {
     VkPhysicalDevice handle = VK_NULL_HANDLE;
     std::string name;
+    std::set<std::string> extensions;
     VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
     bool rayQuery = false; // and what else the renderer needs
     bool rayTracingPipelines = false;

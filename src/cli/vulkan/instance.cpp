@@ -81,7 +81,8 @@ DeviceInfo describe(VkPhysicalDevice device)
     info.handle = device;
     info.name = properties.deviceName;
     info.type = properties.deviceType;
-    const std::set<std::string> extensions = extensionsOf(device);
+    info.extensions = extensionsOf(device);
+    const std::set<std::string> &extensions = info.extensions;
     if (properties.apiVersion < VK_API_VERSION_1_3 || !extensions.contains(VK_KHR_RAY_QUERY_EXTENSION_NAME) ||
         !extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
         return info;

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 #include <new>
+#include <utility>
 
 #include "layer/base/system.h"
 
@@ -85,12 +86,16 @@ void Reporter::coverLater(const std::string &id)
 {
     const std::lock_guard lock(mutex_);
     coveredLater_.insert(id);
+    coversLater_ = true;
 }
 
-bool Reporter::takeCovered(const std::string &id)
+std::unordered_set<std::string> Reporter::takeCovered()
 {
+    if (!coversLater_.load(std::memory_order_relaxed))
+        return {};
     const std::lock_guard lock(mutex_);
-    return coveredLater_.erase(id) != 0;
+    coversLater_ = false;
+    return std::exchange(coveredLater_, {});
 }
 
 CommandReports::CommandReports()

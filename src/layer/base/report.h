@@ -3,6 +3,7 @@
 // `report_file` to stderr and to a file.
 #pragma once
 
+#include <atomic>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -45,10 +46,10 @@ public:
     // Reports an error that validation found; its id is "VELLUM-" and `vuid`, or `vuid` if that is an id of Vellum.
     // While the command is carried out, the implementation of micromaps does not report the same id (CommandReports).
     void fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object);
-    // Validation has reported a fault that the implementation finds later, on the device: it takes the id instead of
-    // reporting it.
+    // Validation has reported a fault that the implementation may find as well, on the device: it takes these ids when
+    // it looks for what the device found, and does not report them. They do not outlast that.
     void coverLater(const std::string &id);
-    [[nodiscard]] bool takeCovered(const std::string &id);
+    [[nodiscard]] std::unordered_set<std::string> takeCovered();
     // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
     // on, as drivers do; it does unless `strict` is set.
     [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
@@ -102,6 +103,7 @@ private:
     std::unordered_map<uint64_t, std::string> names_;
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
     std::unordered_set<std::string> coveredLater_;
+    std::atomic<bool> coversLater_ = false; // whether there are any
 };
 
 // The span of one command that validation checks, in its thread. The implementation below finds some of the faults

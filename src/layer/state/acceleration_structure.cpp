@@ -292,10 +292,12 @@ uint32_t unitsOf(VkDeviceSize bytes)
 
 void reportGpuErrors(DeviceState &device)
 {
+    Reporter &report = device.driver.report();
+    const auto covered = report.takeCovered();
     const uint32_t bits = device.root.takeGpuErrors();
     for (uint32_t i = 0; bits != 0 && i < kGpuErrors; ++i) {
-        if ((bits >> i & 1u) != 0 && !device.driver.report().takeCovered(kGpuErrorTexts[i].id))
-            device.driver.report().error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
+        if ((bits >> i & 1u) != 0 && !covered.contains(kGpuErrorTexts[i].id))
+            report.error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
     }
 }
 
