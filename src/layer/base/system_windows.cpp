@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/base/system.h"
 
+#include <system_error>
+
 #include <windows.h>
 
 #include "core/utf8_path.h"
@@ -10,14 +12,24 @@ namespace vellum::layer
 namespace
 {
 
+// Of text that is not UTF-8, such as a path in a file of settings in another encoding: empty, which names no file.
 std::wstring wide(std::string_view text)
 {
-    return utf8Path(text).native();
+    try {
+        return utf8Path(text).native();
+    } catch (const std::system_error &) {
+        return {};
+    }
 }
 
+// Of text that is not UTF-16: empty.
 std::string utf8(std::wstring_view text)
 {
-    return utf8Text(text);
+    try {
+        return utf8Text(text);
+    } catch (const std::system_error &) {
+        return {};
+    }
 }
 
 // Whether the program runs with more rights than its user's programs usually have.
