@@ -5,6 +5,7 @@
 
 #include <windows.h>
 
+#include "core/elevation_windows.h"
 #include "core/utf8_path.h"
 
 namespace vellum::layer
@@ -30,22 +31,6 @@ std::string utf8(std::wstring_view text)
     } catch (const std::system_error &) {
         return {};
     }
-}
-
-// Whether the program runs with more rights than its user's programs usually have.
-bool isElevated()
-{
-    static const bool elevated = [] {
-        HANDLE token = nullptr;
-        if (!OpenProcessToken(GetCurrentProcess(), TOKEN_QUERY, &token))
-            return false;
-        TOKEN_ELEVATION elevation{};
-        DWORD size = 0;
-        const bool known = GetTokenInformation(token, TokenElevation, &elevation, sizeof elevation, &size);
-        CloseHandle(token);
-        return known && elevation.TokenIsElevated != 0;
-    }();
-    return elevated;
 }
 
 bool isFile(const std::wstring &path)

@@ -8,6 +8,7 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/system/this_process.h"
 #include "cli/base/system/windows_text.h"
+#include "core/elevation_windows.h"
 
 #include <delayimp.h> // after windows.h
 #include <shellapi.h>
@@ -89,6 +90,11 @@ std::filesystem::path programPath()
     std::wstring path(32768, L'\0');
     path.resize(GetModuleFileNameW(nullptr, path.data(), static_cast<DWORD>(path.size())));
     return path;
+}
+
+bool environmentIsIgnored()
+{
+    return isElevated();
 }
 
 std::optional<std::string> variable(const char *name)
