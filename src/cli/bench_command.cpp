@@ -143,8 +143,10 @@ int benchCommand(const BenchOptions &options)
         return runPart(*options.part, options.device);
     const std::filesystem::path page = outputFor(options.output, "vellum-bench.html");
     const std::filesystem::path data = std::filesystem::path(page).replace_extension(".json");
+    if (page == data || page == "-")
+        throw UsageError("--output is a web page or a folder for it: " + page.string() + " is neither");
     checkWritable(page, options.force);
-    checkWritable(data, true);
+    checkWritable(data, options.force);
     Run run(options);
     const std::vector<Implementation> implementations = run.findImplementations();
     if (implementations.empty())

@@ -35,7 +35,7 @@ Messages: an error is input that the layer rejected, a warning one that it toler
 Exit status:
   0 to 255  that of the program; 128 + n if signal n ended it
   122       the program succeeded, but there were messages of the severity of --fail-on
-  125       the program was not run: the layer is not found
+  125       the program was not run: the layer is not found, or would be ignored
   126, 127  the program cannot be executed; there is no such program
   2         usage error
 
@@ -69,6 +69,8 @@ std::vector<std::string> wordsBehindSeparator(const std::vector<std::string> &wo
 // Lets the loader find and load the layer in programs that inherit the environment.
 void turnLayerOn(const std::optional<std::filesystem::path> &given)
 {
+    if (environmentIsIgnored())
+        throw Error("programs that run as administrator ignore the variables that turn the layer on");
     const std::optional<std::filesystem::path> folder = given ? given : findLayerFolder();
     const std::vector<Manifest> manifests = findLayerManifests(folder.value_or(""));
     if (manifests.empty())

@@ -155,6 +155,12 @@ TEST_F(SettingsTest, AllValues)
     }
 }
 
+TEST_F(SettingsTest, AFileThatBeginsWithAByteOrderMark)
+{
+    std::ofstream(file_) << "\xef\xbb\xbfvellum_opacity_micromap.strict = true\r\n";
+    EXPECT_TRUE(readSettings(nullptr).strict);
+}
+
 // As Vulkan Configurator writes settings that have no value.
 TEST_F(SettingsTest, EmptyValueInTheFile)
 {

@@ -21,7 +21,8 @@ bool isOwnOutput(const std::filesystem::path &path)
     std::ifstream file(path, std::ios::binary);
     file.read(start.data(), static_cast<std::streamsize>(start.size()));
     start.resize(static_cast<size_t>(file.gcount()));
-    return start.find(kPngMark) != std::string::npos || start.find(kHtmlMark) != std::string::npos;
+    return start.find(kPngMark) != std::string::npos || start.find(kHtmlMark) != std::string::npos ||
+           start.starts_with(kJsonMark);
 }
 
 } // namespace

@@ -30,6 +30,13 @@ std::vector<Row> rowsOf(const PartResult &result, std::string_view kind)
     return rows;
 }
 
+// The median; 0 where the device's clock stands still, which JSON has as null.
+double ratioOf(const Row &row)
+{
+    const rapidjson::Value &median = row["ratio"][1];
+    return median.IsNumber() ? median.GetDouble() : 0;
+}
+
 // "emulated micromaps", "the driver's micromaps"
 std::string implementationOf(const Part &part)
 {
@@ -58,8 +65,9 @@ void addFrames(const PartResult &result, std::vector<std::string> &verdict)
     uint64_t differing = 0;
     for (const Row &row : rowsOf(result, "frame")) {
         const size_t heavy = row["heavy"].GetBool() ? 1 : 0;
-        const double speed = 1 / row["ratio"][1].GetDouble();
         differing += row["differingPixels"].GetUint64();
+        const double ratio = ratioOf(row);
+        const double speed = ratio > 0 ? 1 / ratio : 0; // 0: timestamps that do not advance
         if (speed <= best[heavy])
             continue;
         best[heavy] = speed;
@@ -80,15 +88,15 @@ void addFrames(const PartResult &result, std::vector<std::string> &verdict)
 void addBuilds(const PartResult &result, std::vector<std::string> &verdict)
 {
     const std::vector<Row> rows = rowsOf(result, "build");
-    const auto slowest = std::ranges::max_element(rows, {}, [](const Row &row) { return row["ratio"][1].GetDouble(); });
-    if (slowest == rows.end())
+    const auto slowest = std::ranges::max_element(rows, {}, ratioOf);
+    if (slowest == rows.end() || ratioOf(*slowest) == 0)
         return;
     const Row &row = *slowest;
     verdict.push_back(
         fmt::format("With {}, builds without micromaps take up to {:.2f} times as long ({}: {:.3f} ms instead "
                     "of {:.3f}).",
-                    implementationOf(result.part), row["ratio"][1].GetDouble(), row["what"].GetString(),
-                    row["withLayer"].GetDouble(), row["withoutLayer"].GetDouble()));
+                    implementationOf(result.part), ratioOf(row), row["what"].GetString(), row["withLayer"].GetDouble(),
+                    row["withoutLayer"].GetDouble()));
 }
 
 } // namespace

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bench/part_process.h"
 
+#include <algorithm>
 #include <chrono>
 #include <fmt/format.h>
+#include <rapidjson/document.h>
 #include <string_view>
 
 #include "cli/base/system/child_process.h"
@@ -11,6 +13,8 @@ namespace vellum::cli
 {
 namespace
 {
+
+constexpr size_t kMostErrors = 1 << 16; // of what is printed, the end
 
 std::vector<std::string> argumentsOf(const Part &part, const BenchDevice &device)
 {
@@ -32,21 +36,33 @@ std::vector<std::string> argumentsOf(const Part &part, const BenchDevice &device
     return words;
 }
 
-// How a part failed, in words; empty for success.
+// How a part failed, in words; empty for success. Other lines than the program's own may name files of the machine.
 std::string failureOf(const ProcessEnd &end, const std::string &errors)
 {
     if (!end.crash.empty())
         return "crashed: " + end.crash;
     if (end.code == 0)
         return {};
-    const size_t last = errors.find_last_not_of('\n');
-    if (last == std::string::npos)
-        return fmt::format("ended with code {}", end.code);
-    const size_t line = errors.rfind('\n', last);
-    const size_t begin = line == std::string::npos ? 0 : line + 1;
-    constexpr std::string_view kName = "vellum: "; // of the program, before a message
-    const std::string message = errors.substr(begin, last + 1 - begin);
-    return message.starts_with(kName) ? message.substr(kName.size()) : message;
+    const std::string_view printed = std::string_view(errors).substr(0, errors.find_last_not_of("\r\n") + 1);
+    const std::string_view message = printed.substr(printed.find_last_of('\n') + 1);
+    constexpr std::string_view kName = "vellum: "; // before a message
+    return message.starts_with(kName) ? std::string(message.substr(kName.size()))
+                                      : fmt::format("ended with code {}", end.code);
+}
+
+// Whether it is a row. A driver may print as well, in the middle of one too.
+bool isRow(const std::string &line)
+{
+    rapidjson::Document row;
+    return !row.Parse<rapidjson::kParseIterativeFlag>(line.data(), line.size()).HasParseError() && row.IsObject() &&
+           row.HasMember("row") && row["row"].IsString();
+}
+
+// How long it may take to the next row: no less than by plan.
+double longestWait(const Part &part, double timeout)
+{
+    constexpr double kRows[] = {1, 1, 6, 8, 1}; // of each kind of part, at least
+    return std::max(timeout, 2 * part.seconds / kRows[static_cast<size_t>(part.kind)]);
 }
 
 } // namespace
@@ -64,14 +80,17 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     const ChildProcess *const process = &child;
     std::string output, errors;
     std::optional<ProcessEnd> end;
+    timeout = longestWait(part, timeout);
     for (double last = 0; !end && elapsed() < last + timeout; progress()) {
         ChildProcess::waitForAny({&process, 1}, 200);
         end = child.end(); // first: what was written before it is read below
         child.read(output, errors);
+        if (errors.size() > kMostErrors)
+            errors.erase(0, errors.size() - kMostErrors);
         for (size_t line = output.find('\n'); line != std::string::npos; line = output.find('\n')) {
             const std::string row = output.substr(0, line);
             output.erase(0, line + 1);
-            if (!row.starts_with("{\"row\":")) // a driver printed it
+            if (!isRow(row))
                 continue;
             result.rows.push_back(row);
             last = elapsed();

@@ -18,8 +18,8 @@ struct PartResult {
     double seconds = 0;
 };
 
-// Runs `vellum bench --part`, and ends it if no row comes for `timeout` seconds. `progress` is called now and then.
-// Throws Error if no process can be started.
+// Runs `vellum bench --part`, and ends it if no row comes for `timeout` seconds, or for twice as long as rows of this
+// part are to take. `progress` is called now and then. Throws Error if no process can be started.
 PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
                           const std::function<void()> &progress);
 

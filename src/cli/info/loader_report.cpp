@@ -51,6 +51,10 @@ std::vector<std::string> commandsToTurnOn(const LoaderReport &report, const std:
 
 void explainLayer(LoaderReport &report, const std::filesystem::path &folder)
 {
+    if (!report.layerFound && environmentIsIgnored())
+        report.problems.push_back(
+            "the loader ignores variables, and layers that are registered for the user, in programs "
+            "that run as administrator, such as this one");
     for (const Manifest &manifest : report.layers)
         if (!manifest.problem.empty())
             report.problems.push_back("the layer's manifest " + manifest.path.string() + ": " + manifest.problem);

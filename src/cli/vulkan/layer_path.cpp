@@ -32,10 +32,11 @@ std::optional<std::filesystem::path> findLayerFolder()
     const std::filesystem::path program = programPath();
     if (program.empty())
         return std::nullopt;
-    const std::filesystem::path prefix = program.parent_path().parent_path();
-    for (const char *folder : {"lib", "share/vulkan/explicit_layer.d"})
-        if (hasManifest(prefix / folder))
-            return prefix / folder;
+    const std::filesystem::path own = program.parent_path();
+    const std::filesystem::path prefix = own.parent_path();
+    for (const std::filesystem::path &folder : {own, prefix / "lib", prefix / "share/vulkan/explicit_layer.d"})
+        if (hasManifest(folder))
+            return folder;
     return std::nullopt;
 }
 

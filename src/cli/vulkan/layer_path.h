@@ -10,8 +10,8 @@ namespace vellum::cli
 
 constexpr const char *kLayerName = "VK_LAYER_VELLUM_opacity_micromap";
 
-// The folder with the layer's manifest next to this program: <build>/lib in a build tree, or
-// <prefix>/share/vulkan/explicit_layer.d after installation. Nothing where there is none.
+// The folder with the layer's manifest next to this program: the program's own in the archive for Windows, <build>/lib
+// in a build tree, or <prefix>/share/vulkan/explicit_layer.d after installation. Nothing where there is none.
 std::optional<std::filesystem::path> findLayerFolder();
 
 // Adds a folder to those in which the Vulkan loader looks for explicit layers. Before the first Vulkan call.

@@ -186,6 +186,8 @@ void readFile(Settings &settings)
     const std::string path = settingsFile(reportOnce);
     std::ifstream file(utf8Path(path));
     for (std::string line; !path.empty() && std::getline(file, line);) {
+        if (line.starts_with("\xef\xbb\xbf")) // the mark of UTF-8 by which editors of Windows begin a file
+            line.erase(0, 3);
         line = trimmed(line.substr(0, line.find('#')));
         const size_t equals = line.find('=');
         if (equals == std::string::npos || line.rfind(kFilePrefix, 0) != 0)

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/base/system.h"
 
+#include <system_error>
+
 #include <windows.h>
 
+#include "core/elevation_windows.h"
 #include "core/utf8_path.h"
 
 namespace vellum::layer
@@ -10,30 +13,24 @@ namespace vellum::layer
 namespace
 {
 
+// Of text that is not UTF-8, such as a path in a file of settings in another encoding: empty, which names no file.
 std::wstring wide(std::string_view text)
 {
-    return utf8Path(text).native();
+    try {
+        return utf8Path(text).native();
+    } catch (const std::system_error &) {
+        return {};
+    }
 }
 
+// Of text that is not UTF-16: empty.
 std::string utf8(std::wstring_view text)
 {
-    return utf8Text(text);
-}
-
-// Whether the program runs with more rights than its user's programs usually have.
-bool isElevated()
-{
-    static const bool elevated = [] {
-        HANDLE token = nullptr;
-        if (!OpenProcessToken(GetCurrentProcess(), TOKEN_QUERY, &token))
-            return false;
-        TOKEN_ELEVATION elevation{};
-        DWORD size = 0;
-        const bool known = GetTokenInformation(token, TokenElevation, &elevation, sizeof elevation, &size);
-        CloseHandle(token);
-        return known && elevation.TokenIsElevated != 0;
-    }();
-    return elevated;
+    try {
+        return utf8Text(text);
+    } catch (const std::system_error &) {
+        return {};
+    }
 }
 
 bool isFile(const std::wstring &path)

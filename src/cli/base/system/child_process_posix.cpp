@@ -82,11 +82,13 @@ Ends makeOutput()
     return output;
 }
 
-// Closes the descriptor at the end of what it has.
+// Closes the descriptor at the end of what it has. A process that never stops writing does not keep it here.
 void readInto(Descriptor &descriptor, std::string &text)
 {
+    constexpr size_t kMostAtOnce = size_t{4} << 20; // more than a pipe holds
     char buffer[65536];
-    while (descriptor.number() >= 0) {
+    const size_t end = text.size() + kMostAtOnce;
+    while (descriptor.number() >= 0 && text.size() < end) {
         const ssize_t count = ::read(descriptor.number(), buffer, sizeof buffer);
         if (count > 0)
             text.append(buffer, static_cast<size_t>(count));

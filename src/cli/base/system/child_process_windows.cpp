@@ -18,6 +18,7 @@ namespace
 
 constexpr DWORD kPipeBytes = 1 << 20;
 constexpr DWORD kMillisecondsBetweenLooks = 2;
+constexpr size_t kMostReadAtOnce = 4 * kPipeBytes; // of a process that never stops writing
 
 // A handle that is closed with it.
 class Handle
@@ -129,7 +130,8 @@ DWORD bytesIn(const Handle &pipe)
 void readInto(const Handle &pipe, std::string &text)
 {
     char buffer[65536];
-    for (DWORD bytes = bytesIn(pipe); bytes != 0; bytes = bytesIn(pipe)) {
+    const size_t end = text.size() + kMostReadAtOnce;
+    for (DWORD bytes = bytesIn(pipe); bytes != 0 && text.size() < end; bytes = bytesIn(pipe)) {
         DWORD read = 0;
         if (ReadFile(pipe.get(), buffer, sizeof buffer, &read, nullptr) == 0)
             return;
@@ -204,6 +206,7 @@ void ChildProcess::closeInput()
 void ChildProcess::kill()
 {
     TerminateJobObject(system_->job.get(), 1);
+    TerminateProcess(system_->process.get(), 1); // where it could not be assigned to the job
 }
 
 std::optional<ProcessEnd> ChildProcess::end() const
@@ -246,9 +249,13 @@ LONG WINAPI endByException(EXCEPTION_POINTERS *exception)
     return EXCEPTION_EXECUTE_HANDLER;
 }
 
-// The console sends Ctrl-C to the program as well, which decides.
-BOOL WINAPI ignore(DWORD)
+// The console sends Ctrl-C to the program as well, which decides. When the console closes, this process would end as
+// soon as this returns, and the program with it; so it does not return before the program has ended, or Windows ends
+// both.
+BOOL WINAPI ignore(DWORD event)
 {
+    if (event != CTRL_C_EVENT && event != CTRL_BREAK_EVENT)
+        Sleep(INFINITE);
     return TRUE;
 }
 
@@ -262,14 +269,15 @@ void endWithParent()
 
 int runProgram(std::span<const std::string> words)
 {
-    SetConsoleCtrlHandler(ignore, TRUE);
+    SetConsoleCtrlHandler(ignore, TRUE); // to the end: removing it would wait for one that does not return
     const Handle job = makeJob(JOB_OBJECT_LIMIT_SILENT_BREAKAWAY_OK); // what the program starts may outlive it
     STARTUPINFOW start{};
     start.cb = sizeof start;
     PROCESS_INFORMATION started{};
     std::wstring line = commandLineOf(words);
-    if (CreateProcessW(nullptr, line.data(), nullptr, nullptr, TRUE, CREATE_SUSPENDED, nullptr, nullptr, &start,
-                       &started) == 0) {
+    // Errors of the program are reported and dumped as usual, unlike those of this process (prepareProcess).
+    constexpr DWORD kFlags = CREATE_SUSPENDED | CREATE_DEFAULT_ERROR_MODE;
+    if (CreateProcessW(nullptr, line.data(), nullptr, nullptr, TRUE, kFlags, nullptr, nullptr, &start, &started) == 0) {
         const DWORD error = GetLastError();
         std::fprintf(stderr, "vellum: %s: %s\n", words[0].c_str(), messageOf(error).c_str());
         return error == ERROR_FILE_NOT_FOUND || error == ERROR_PATH_NOT_FOUND ? 127 : 126;
@@ -282,7 +290,6 @@ int runProgram(std::span<const std::string> words)
     DWORD code = 0;
     if (GetExitCodeProcess(process.get(), &code) == 0)
         throw Error("the program cannot be waited for");
-    SetConsoleCtrlHandler(ignore, FALSE);
     return static_cast<int>(code);
 }
 

@@ -51,7 +51,13 @@ TemporaryFile::~TemporaryFile()
 
 SharedText::SharedText(std::string_view text) : path_(newFile())
 {
-    std::ofstream(path_, std::ios::binary) << text;
+    std::ofstream file(path_, std::ios::binary);
+    if (file.write(text.data(), static_cast<std::streamsize>(text.size())).flush())
+        return;
+    file.close();
+    std::error_code error;
+    std::filesystem::remove(path_, error);
+    throw Error("no temporary file can be written");
 }
 
 SharedText::~SharedText()

@@ -11,10 +11,15 @@ namespace
 
 std::atomic<bool> came{false};
 
-// Windows calls it in a thread of its own. What it does not handle ends the process.
-BOOL WINAPI remember(DWORD)
+// Windows calls it in a thread of its own. What it does not handle ends the process. So does a console that closes, or
+// a user who logs off, as soon as this returns; without that, after some seconds, in which the process can clean up.
+BOOL WINAPI remember(DWORD event)
 {
-    return came.exchange(true) ? FALSE : TRUE;
+    if (came.exchange(true))
+        return FALSE;
+    if (event != CTRL_C_EVENT && event != CTRL_BREAK_EVENT)
+        Sleep(INFINITE);
+    return TRUE;
 }
 
 } // namespace

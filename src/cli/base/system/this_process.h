@@ -16,6 +16,10 @@ std::vector<std::string> prepareProcess(int argc, char **argv);
 // Of the program's file. Empty if it is not known.
 std::filesystem::path programPath();
 
+// Whether Vulkan's loader and the layer ignore the environment and what is registered for the user, in this process and
+// in those that it starts: if it has more rights than its user's programs usually have.
+bool environmentIsIgnored();
+
 // Of the environment.
 std::optional<std::string> variable(const char *name);
 void setVariable(const char *name, const std::string &value);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdlib>
+#include <sys/auxv.h>
 
 #include "cli/base/system/this_process.h"
 
@@ -15,6 +16,11 @@ std::filesystem::path programPath()
 {
     std::error_code error;
     return std::filesystem::read_symlink("/proc/self/exe", error);
+}
+
+bool environmentIsIgnored()
+{
+    return getauxval(AT_SECURE) != 0;
 }
 
 std::optional<std::string> variable(const char *name)

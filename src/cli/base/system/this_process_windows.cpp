@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cstdio>
 #include <cstdlib>
 #include <fcntl.h>
 #include <io.h>
+#include <vulkan/vulkan_core.h>
 
+#include "cli/base/exit_code.h"
 #include "cli/base/system/this_process.h"
 #include "cli/base/system/windows_text.h"
+#include "core/elevation_windows.h"
 
-#include <shellapi.h> // after windows.h
+#include <delayimp.h> // after windows.h
+#include <shellapi.h>
 
 namespace vellum::cli
 {
@@ -28,6 +33,37 @@ void prepareConsole()
         std::atexit([] { SetConsoleOutputCP(codePageBefore); });
 }
 
+// The loader of Vulkan, when the first of its functions is called: from beside this program or from Windows, but not
+// from the working directory, in which the files of others may be. Without one, functions are looked for in this
+// program, where they are not.
+FARPROC WINAPI findVulkan(unsigned what, DelayLoadInfo *)
+{
+    if (what != dliNotePreLoadLibrary)
+        return nullptr;
+    HMODULE loader =
+        LoadLibraryExW(L"vulkan-1.dll", nullptr, LOAD_LIBRARY_SEARCH_APPLICATION_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32);
+    if (loader == nullptr)
+        loader = GetModuleHandleW(nullptr);
+    return reinterpret_cast<FARPROC>(reinterpret_cast<void *>(loader));
+}
+
+// Every function, where there is no loader.
+VkResult VKAPI_CALL withoutLoader()
+{
+    return VK_ERROR_INCOMPATIBLE_DRIVER;
+}
+
+// An exception cannot pass through Vulkan's functions.
+FARPROC WINAPI replaceFunction(unsigned what, DelayLoadInfo *info)
+{
+    if (what != dliFailGetProc)
+        return nullptr;
+    if (info->hmodCur == GetModuleHandleW(nullptr))
+        return reinterpret_cast<FARPROC>(reinterpret_cast<void *>(withoutLoader));
+    std::fprintf(stderr, "vellum: %s is too old: it has no %s\n", info->szDll, info->dlp.szProcName);
+    std::exit(static_cast<int>(ExitCode::Failed));
+}
+
 } // namespace
 
 std::vector<std::string> prepareProcess(int, char **)
@@ -36,6 +72,8 @@ std::vector<std::string> prepareProcess(int, char **)
         _setmode(_fileno(stream), _O_BINARY); // what is written is the same on every system
     std::setvbuf(stderr, nullptr, _IONBF, 0); // what a process printed before a crash is wanted
     prepareConsole();
+    __pfnDliNotifyHook2 = findVulkan;
+    __pfnDliFailureHook2 = replaceFunction;
     // A dialog would be waited for.
     SetErrorMode(SEM_FAILCRITICALERRORS | SEM_NOGPFAULTERRORBOX | SEM_NOOPENFILEERRORBOX);
     int count = 0;
@@ -52,6 +90,11 @@ std::filesystem::path programPath()
     std::wstring path(32768, L'\0');
     path.resize(GetModuleFileNameW(nullptr, path.data(), static_cast<DWORD>(path.size())));
     return path;
+}
+
+bool environmentIsIgnored()
+{
+    return isElevated();
 }
 
 std::optional<std::string> variable(const char *name)

@@ -32,6 +32,22 @@ bool setTemporary(intptr_t file, bool temporary)
     return SetFileInformationByHandle(handleOf(file), FileDispositionInfo, &info, sizeof info) != 0;
 }
 
+// Whether `rename` returns true, at once or soon: virus scanners and the like open new files for a moment, and a file
+// that is open cannot be renamed.
+template <typename Rename>
+bool isRenamed(Rename &&rename)
+{
+    constexpr int kTries = 20;
+    constexpr DWORD kMillisecondsBetween = 25;
+    for (int i = 1; !rename(); ++i) {
+        const DWORD error = GetLastError();
+        if (i == kTries || (error != ERROR_ACCESS_DENIED && error != ERROR_SHARING_VIOLATION))
+            return false;
+        Sleep(kMillisecondsBetween);
+    }
+    return true;
+}
+
 } // namespace
 
 bool makeFolder(const std::filesystem::path &folder)
@@ -100,7 +116,7 @@ NewFile::Appeared NewFile::appear()
     setTemporary(file_, false);
     CloseHandle(handleOf(file_));
     file_ = -1;
-    if (MoveFileExW(temporary_.c_str(), path_.c_str(), MOVEFILE_WRITE_THROUGH)) {
+    if (isRenamed([&] { return MoveFileExW(temporary_.c_str(), path_.c_str(), MOVEFILE_WRITE_THROUGH) != 0; })) {
         temporary_.clear();
         return Appeared::New;
     }
@@ -111,10 +127,23 @@ NewFile::Appeared NewFile::appear()
 
 void NewFile::replace()
 {
-    // Which keeps the permissions and attributes of what is replaced.
-    if (!ReplaceFileW(path_.c_str(), temporary_.c_str(), nullptr, REPLACEFILE_IGNORE_MERGE_ERRORS, nullptr, nullptr))
-        fail();
-    temporary_.clear();
+    // The first keeps the permissions and attributes of what is replaced. Not every file system has it, and where it
+    // fails with ERROR_UNABLE_TO_MOVE_REPLACEMENT the old file is gone.
+    const bool replaced = isRenamed([&] {
+        return ReplaceFileW(path_.c_str(), temporary_.c_str(), nullptr, REPLACEFILE_IGNORE_MERGE_ERRORS, nullptr,
+                            nullptr) != 0 ||
+               MoveFileExW(temporary_.c_str(), path_.c_str(), MOVEFILE_REPLACE_EXISTING | MOVEFILE_WRITE_THROUGH) != 0;
+    });
+    const DWORD error = GetLastError();
+    const std::filesystem::path temporary = std::move(temporary_);
+    if (replaced)
+        return;
+    const bool oldIsGone = GetFileAttributesW(path_.c_str()) == INVALID_FILE_ATTRIBUTES;
+    if (!oldIsGone)
+        DeleteFileW(temporary.c_str());
+    SetLastError(error);
+    failAt(path_,
+           oldIsGone ? "cannot be written; what it was to contain is in " + utf8Text(temporary) : "cannot be written");
 }
 
 std::filesystem::path NewFile::readable() const
