@@ -4,6 +4,7 @@ import os
 import re
 
 from conan import ConanFile
+from conan.errors import ConanInvalidConfiguration
 from conan.tools.cmake import CMake, CMakeDeps, CMakeToolchain, cmake_layout
 from conan.tools.files import copy, load, rmdir
 
@@ -38,6 +39,10 @@ class VellumConan(ConanFile):
     def export_sources(self):
         for part in PARTS:
             copy(self, part, self._root, self.export_sources_folder)
+
+    def validate(self):
+        if self.options.tools and not self.options.shared:
+            raise ConanInvalidConfiguration("tools needs shared=True: libvellum_gltf brings the libraries that it uses")
 
     def layout(self):
         cmake_layout(self)
@@ -92,6 +97,8 @@ class VellumConan(ConanFile):
         core.libs = ["vellum"]
         core.set_property("cmake_target_name", "Vellum::vellum")
         core.set_property("pkg_config_name", "vellum")
+        if not self.options.shared:
+            core.system_libs = ["stdc++", "m", "pthread"]
         if self.options.tools:
             gltf = self.cpp_info.components["gltf"]
             gltf.libs = ["vellum_gltf"]

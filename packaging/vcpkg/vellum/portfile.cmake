@@ -5,6 +5,7 @@ vcpkg_check_features(OUT_FEATURE_OPTIONS feature_options
   FEATURES images VELLUM_IMAGE_LIBRARIES meshes VELLUM_MESH_LIBRARIES
   INVERTED_FEATURES tools VELLUM_LIBRARY_ONLY)
 if("tools" IN_LIST FEATURES)
+  vcpkg_check_linkage(ONLY_DYNAMIC_LIBRARY) # libvellum_gltf brings the libraries that it uses
   vcpkg_find_acquire_program(PYTHON3)
   vcpkg_add_to_path(${CURRENT_HOST_INSTALLED_DIR}/tools/spirv-tools)
   list(APPEND feature_options -DPython3_EXECUTABLE=${PYTHON3}

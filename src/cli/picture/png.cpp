@@ -34,7 +34,7 @@ unsigned char *compressed(const unsigned char *data, int bytes, int *resultBytes
 #define STBI_WRITE_NO_STDIO
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-function"
-#include <stb/stb_image_write.h>
+#include <stb_image_write.h>
 #pragma GCC diagnostic pop
 
 namespace vellum::cli

@@ -16,7 +16,7 @@ namespace
 void appendEscape(std::string &to, char32_t unit)
 {
     std::array<char, 7> escape{};
-    std::snprintf(escape.data(), escape.size(), "\\u%04x", static_cast<unsigned>(unit));
+    std::snprintf(escape.data(), escape.size(), "\\u%04x", static_cast<unsigned>(unit & 0xffff));
     to += escape.data();
 }
 

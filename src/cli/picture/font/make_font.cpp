@@ -11,7 +11,7 @@
 
 #define STB_TRUETYPE_IMPLEMENTATION
 #define STBTT_STATIC
-#include <stb/stb_truetype.h>
+#include <stb_truetype.h>
 
 namespace
 {
