@@ -9,6 +9,7 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/output_file.h"
 #include "cli/base/progress.h"
+#include "cli/base/system/interrupt.h"
 #include "cli/bench/bench_report.h"
 
 namespace vellum::cli
@@ -99,6 +100,8 @@ public:
         const std::vector<Part> parts =
             partsOf(implementations, pipelines_, std::max(options_.seconds - elapsed(), 10.0));
         for (const Part &part : parts) {
+            if (Interruptible::interrupted())
+                return;
             Progress progress(fmt::format("vellum bench: {}", part.name()));
             results_.push_back(runPartProcess(part, options_.device, options_.timeout, [&] {
                 progress.update(static_cast<size_t>(elapsed()), static_cast<size_t>(options_.seconds) + 1);
@@ -151,6 +154,7 @@ int benchCommand(const BenchOptions &options)
     const std::vector<Implementation> implementations = run.findImplementations();
     if (implementations.empty())
         throw Error("the device cannot have micromaps: vellum info says why");
+    const Interruptible interruptible;
     run.measure(implementations);
     const std::vector<std::string> verdict = verdictOf(run.results());
     const std::string json = benchJson(run.results(), verdict, run.elapsed());
@@ -162,6 +166,10 @@ int benchCommand(const BenchOptions &options)
     for (const std::string &sentence : verdict)
         fmt::print("{}\n", sentence);
     fmt::print("Report: {}, {}\n", page.string(), data.string());
+    if (Interruptible::interrupted()) {
+        std::fflush(stdout);
+        Interruptible::die();
+    }
     return static_cast<int>(complete ? ExitCode::Success : ExitCode::Failed);
 }
 

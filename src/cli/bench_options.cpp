@@ -18,7 +18,8 @@ Measures opacity micromaps on a GPU, and writes a report to send: one web page, 
 self-check by random cases, then frames with micromaps beside frames with alpha tests, by ray queries and by ray tracing
 pipelines; builds with the layer and without; and making pipelines. Where the driver has micromaps, they are measured
 beside emulated ones. Each part runs in a process of its own, with short submissions: if one hangs, crashes or loses the
-device, the rest goes on. The report names the device and its driver, and nothing of the machine or its user.
+device, the rest goes on. After Ctrl-C the report has what was measured before. It names the device and its driver, and
+nothing of the machine or its user.
 
 Exit status:
   0  everything was measured

@@ -1,17 +1,21 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Runs `vellum bench` for a second: its report is complete and by the schema, and its page can be read in Chromium, light and
-dark, on a narrow screen and printed. Without Chromium the page is not opened.
+dark, on a narrow screen and printed. Without Chromium the page is not opened. Drivers that hang, die or lose the device, and
+Ctrl-C, leave a report of what was measured.
 
-usage: bench_test.py VELLUM SCHEMA
+usage: bench_test.py VELLUM SCHEMA LAYERS        LAYERS: the folder of the faulty driver's manifest
 """
 import base64
 import json
+import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 sys.dont_write_bytecode = True
@@ -19,7 +23,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "inspect
 from browser import Browser, find_chromium  # noqa: E402
 from schema import faults  # noqa: E402
 
-VELLUM, SCHEMA = sys.argv[1], json.loads(pathlib.Path(sys.argv[2]).read_text(encoding="utf-8"))
+VELLUM, SCHEMA, LAYERS = sys.argv[1], json.loads(pathlib.Path(sys.argv[2]).read_text(encoding="utf-8")), sys.argv[3]
 
 
 class BenchTest(unittest.TestCase):
@@ -95,6 +99,71 @@ class BenchTest(unittest.TestCase):
             self.assertTrue(1 <= len(re.findall(rb"/Type\s*/Page\b", paper)) <= 6)
             self.assertEqual(browser.console, [])
             self.assertEqual([url for url in browser.requests if not url.startswith(("file:", "data:"))], [])
+
+
+class IncompleteTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.page = pathlib.Path(folder.name) / "bench.html"
+
+    def start(self, fault, timeout):
+        environment = os.environ | {"VK_INSTANCE_LAYERS": "VK_LAYER_VELLUM_test_faulty_driver",
+                                    "VK_ADD_LAYER_PATH": LAYERS, "VELLUM_TEST_FAULT": fault,
+                                    "VELLUM_TEST_FAULT_AFTER": "0"}
+        return subprocess.Popen([VELLUM, "bench", "--seconds", "1", "--timeout", str(timeout), "-o", self.page],
+                                env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+
+    # The parts after the first, which describes the device.
+    def parts(self, printed):
+        self.assertIn("<html", self.page.read_text(encoding="utf-8"))
+        report = json.loads(self.page.with_suffix(".json").read_text(encoding="utf-8"))
+        self.assertEqual(faults(report, SCHEMA), [])
+        device, *others = report["parts"]
+        self.assertEqual(device["failure"], "")
+        for part in others:
+            if part["failure"]:
+                self.assertIn(f"The part {part['name']} was not completed: {part['failure']}.", printed)
+        return others
+
+    def run_with(self, fault, timeout):
+        process = self.start(fault, timeout)
+        printed, _ = process.communicate(timeout=1200)
+        self.assertEqual(process.returncode, 1)
+        parts = self.parts(printed)
+        self.assertEqual(len(parts), 5)
+        return parts
+
+    def test_driver_hangs(self):
+        for part in self.run_with("hangs", 8):
+            self.assertEqual(part["failure"], "hung: no result for 8 seconds")
+
+    def test_driver_dies(self):
+        for part in self.run_with("dies", 600):
+            self.assertRegex(part["failure"], "^crashed: .*SIGABRT")
+
+    def test_driver_loses_device(self):
+        check, *others = self.run_with("loses-device", 600)
+        self.assertEqual(check["rows"][0]["passed"], 0)
+        self.assertGreater(check["rows"][0]["failed"], 0)
+        for part in others:
+            self.assertRegex(part["failure"], "the device was lost$")
+
+    def test_interrupted(self):
+        process = self.start("hangs", 600)
+        children = pathlib.Path(f"/proc/{process.pid}/task/{process.pid}/children")
+
+        def checks():
+            return any(b"check" in pathlib.Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+                       for child in children.read_text().split())
+
+        while not checks():
+            self.assertIsNone(process.poll())
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        printed, _ = process.communicate(timeout=600)
+        self.assertEqual(process.returncode, -signal.SIGINT)
+        self.assertEqual([part["failure"] for part in self.parts(printed)], ["interrupted"])
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "cli/base/system/child_process.h"
+#include "cli/base/system/interrupt.h"
 
 namespace vellum::cli
 {
@@ -81,7 +82,7 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     std::string output, errors;
     std::optional<ProcessEnd> end;
     timeout = longestWait(part, timeout);
-    for (double last = 0; !end && elapsed() < last + timeout; progress()) {
+    for (double last = 0; !end && elapsed() < last + timeout && !Interruptible::interrupted(); progress()) {
         ChildProcess::waitForAny({&process, 1}, 200);
         end = child.end(); // first: what was written before it is read below
         child.read(output, errors);
@@ -96,7 +97,10 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
             last = elapsed();
         }
     }
-    result.failure = end ? failureOf(*end, errors) : fmt::format("hung: no result for {:g} seconds", timeout);
+    if (Interruptible::interrupted()) // which may have ended the process as well
+        result.failure = "interrupted";
+    else
+        result.failure = end ? failureOf(*end, errors) : fmt::format("hung: no result for {:g} seconds", timeout);
     result.seconds = elapsed();
     return result;
 }
