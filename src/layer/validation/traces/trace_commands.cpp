@@ -26,16 +26,18 @@ bool isKnown(VkPipelineBindPoint point)
 void useSite(DeviceValidation &device, const TracingSite &site, const StructureSet *set, bool isOrdered, TraceUse use)
 {
     use.number = ++device.numbers;
-    std::vector<std::shared_ptr<ValidatedStructure>> structures;
-    if (set)
-        structures = device.traces.descriptors.structures(*set, site.binding->binding, site.binding->element);
-    if (structures.empty())
-        structures.push_back(nullptr);
-    for (auto &structure : structures) {
+    const auto useStructure = [&](const std::shared_ptr<ValidatedStructure> &structure) {
         use.contents = structure && isOrdered ? structure->contents : nullptr;
-        use.structure = std::move(structure);
+        use.structure = structure;
         device.traces.marks.use(site.mark, use);
-    }
+    };
+    const auto structures =
+        set ? device.traces.descriptors.structures(*set, site.binding->binding, site.binding->element)
+            : std::vector<std::shared_ptr<ValidatedStructure>>{};
+    for (const auto &structure : structures)
+        useStructure(structure);
+    if (structures.empty())
+        useStructure(nullptr);
 }
 
 } // namespace
