@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <new>
 
 #include "core/align.h"
@@ -43,8 +44,14 @@ constexpr std::array<size_t, KeptAddresses::kTables> kTableOffsets{0, wholePages
 constexpr size_t kFixedBytes = kTableOffsets[kFirstPages] + wholePages(kPageBytes);
 static_assert(kFixedBytes <= FixedMemory::kMostBytes);
 
-// The GPU may read the table while the host changes it: a 64-bit value is written at once, and the descriptor of a
-// bucket before its key.
+// The GPU may read the tables while the host changes them. This comes before each store that leads it to new data. A
+// release alone does not order stores of x86 to write-combined memory, which device-local memory is mapped as.
+void fenceBeforePublishing()
+{
+    std::atomic_thread_fence(std::memory_order_seq_cst);
+}
+
+// Both words at once.
 void store64(uint32_t *words, uint64_t value)
 {
     __atomic_store_n(reinterpret_cast<uint64_t *>(words), value, __ATOMIC_RELEASE); // aligned, as all pairs of words are
@@ -149,6 +156,7 @@ bool RootTable::addPages(uint32_t lastPage)
         const VkDeviceAddress address = pages_.emplace_back(std::move(buffer)).address();
         if (pageCount_ == 0)
             firstSlots_ = address;
+        fenceBeforePublishing();
         setPage(pageCount_, address); // last: what shaders can reach is never freed
     }
     // A shader that reads the custom index without a hit reads any slot, so every page has to be readable.
@@ -325,6 +333,7 @@ void RootTable::insertBucket(VkDeviceAddress reference, VkDeviceAddress descript
     if (load64(bucketWords(table, bucket)) == 0)
         ++usedBuckets_;
     store64(bucketWords(table, bucket) + 2, descriptor);
+    fenceBeforePublishing();
     store64(bucketWords(table, bucket), reference);
 }
 
@@ -364,6 +373,7 @@ bool RootTable::growHashTable()
     usedBuckets_ = 0;
     for (const auto &[reference, descriptor] : descriptors_)
         insertBucket(reference, descriptor.pool->location(descriptor.index).address);
+    fenceBeforePublishing();
     store64(root_.words() + kRootHashTable, hashTables_.back().address());
     return true;
 }

@@ -262,7 +262,7 @@ private:
                 part.skipped = !work.dispatch(InjectedShader::TlasInstances, part.instances,
                                               std::max(part.instances.count, 1u), 64);
         }
-        work.barrier();
+        work.barrier(true); // the host reads the greatest record offset
     }
 
     [[nodiscard]] static bool writesPlainDescriptor(const Part &part)

@@ -83,7 +83,7 @@ void recordBottomLevelCopy(InjectedWork &work, DeviceStructures &device, VkComma
     push.targetUnits = unitsOf(target.size);
     push.compact = copy.compact;
     work.dispatch(InjectedShader::StructureCopy, push, copyInvocations(source.size), 64);
-    work.barrier();
+    work.barrier(true); // the host reads the counters of errors
 }
 
 } // namespace
@@ -125,7 +125,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     work.barrier();
     push.pass = 1;
     work.dispatch(InjectedShader::TlasInstances, push, invocations, 64);
-    work.barrier();
+    work.barrier(true); // the host reads the counters of errors
     return true;
 }
 

@@ -46,7 +46,7 @@ void saveTopLevel(InjectedWork &work, DeviceStructures &device, const Accelerati
     push.capacity = unitsOf(device.buffers.addresses.bytesFrom(target));
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::TopSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
-        work.barrier();
+        work.barrier(true); // the host reads the counters of errors
     }
 }
 
@@ -84,7 +84,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     push.blocks = device.driver.enabled.khr;
     for (push.pass = 0; push.pass < 2; ++push.pass) {
         work.dispatch(InjectedShader::StructureSave, push, push.pass == 0 ? 1 : copyInvocations(source.size), 64);
-        work.barrier();
+        work.barrier(true); // the host reads the counters of errors
     }
 }
 
@@ -195,7 +195,7 @@ struct Restore {
         const bool one = pass == kPassCheck || pass == kPassDecide;
         push.pass = pass;
         work.dispatch(InjectedShader::StructureRestore, push, one ? 1 : copyInvocations(bytes), 64);
-        work.barrier();
+        work.barrier(pass == kPassFinish); // the host reads the descriptor and the counters of errors
     }
 
     void record() const
@@ -272,7 +272,6 @@ struct Restore {
             recordDriver(work, push);
             dispatch(work, push, kPassRestoreKeptLast, leastBytes());
             dispatch(work, push, kPassFinish, target->size);
-            work.barrier(true); // the host reads the descriptor
         }
         if (mayBeMicromap()) {
             publishMicromap(device.objects, *target);

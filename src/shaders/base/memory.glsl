@@ -4,6 +4,8 @@
 #extension GL_EXT_buffer_reference_uvec2 : require
 
 layout(buffer_reference, std430, buffer_reference_align = 4) buffer Words { uint w[]; };
+// Words for a reader outside the invocation that wrote them: memoryBarrierBuffer() orders only coherent stores.
+layout(buffer_reference, std430, buffer_reference_align = 4) coherent buffer CoherentWords { uint w[]; };
 
 // `other`, an address that can be read, in place of a null address that no active invocation loads from. Lavapipe 26 loads
 // from an address that is the same for all invocations even if none is active: in a branch that is not taken, and once more

@@ -18,9 +18,10 @@ Descriptor loadDescriptor(uvec2 address)
     return Descriptor(uvec2(c.w[0], c.w[1]), c.w[2], c.w[3], c.w[4], c.w[5], uvec2(c.w[6], c.w[7]));
 }
 
+// Coherent, since the host may read a descriptor before the work is complete: sign() in structure_restore.comp.
 void storeDescriptor(uvec2 address, Descriptor descriptor)
 {
-    Words c = Words(address);
+    CoherentWords c = CoherentWords(address);
     c.w[0] = descriptor.tail.x;
     c.w[1] = descriptor.tail.y;
     c.w[2] = descriptor.kind;

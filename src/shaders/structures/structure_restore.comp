@@ -203,7 +203,7 @@ uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
 void sign()
 {
     memoryBarrierBuffer();
-    Words descriptor = Words(push.descriptor);
+    CoherentWords descriptor = CoherentWords(push.descriptor);
     descriptor.w[descriptor.w[2] == kDescriptorBoxes ? 6u : 7u] = push.serial;
 }
 

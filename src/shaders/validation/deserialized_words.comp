@@ -15,11 +15,13 @@ layout(push_constant, std430) uniform Push
 void main()
 {
     Words source = Words(push.source);
-    Words target = Words(push.target);
+    CoherentWords target = CoherentWords(push.target);
     for (uint i = gl_LocalInvocationIndex; i < push.count; i += gl_WorkGroupSize.x)
         target.w[kDeserializedWordsAt + i] = source.w[i];
     memoryBarrierBuffer();
     barrier();
-    if (gl_LocalInvocationIndex == 0u)
+    if (gl_LocalInvocationIndex == 0u) {
+        memoryBarrierBuffer();
         atomicAdd(target.w[0], 1u);
+    }
 }

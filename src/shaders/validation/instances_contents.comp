@@ -23,7 +23,7 @@ void main()
         source = uvec2(Words(source).w[0], Words(source).w[1]);
     Words instance = Words(source);
     const bool visible = (instance.w[12] >> 24) != 0u; // mask
-    Words target = Words(elementAddress(push.target, i + 1u, 8u));
+    CoherentWords target = CoherentWords(elementAddress(push.target, i + 1u, 8u));
     target.w[0] = visible ? instance.w[14] : 0u;
     target.w[1] = visible ? instance.w[15] : 0u;
     memoryBarrierBuffer();

@@ -5,7 +5,7 @@
 // Appends an entry; entries that do not fit are only counted.
 void reportFinding(uint what, uint triangle, uint value0, uint value1)
 {
-    Words log = Words(push.finding.log);
+    CoherentWords log = CoherentWords(push.finding.log);
     const uint n = atomicAdd(log.w[kLogCount], 1u);
     if (n >= kLogCapacity)
         return;

@@ -211,10 +211,12 @@ public:
             device_.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, 1, &handle, type_, pool_, 0);
         }
         // A query that was never reset must not be read by the host (VUID-vkGetQueryPoolResults-None-09401), and the
-        // host does not know when this is executed.
-        device_.next.CmdCopyQueryPoolResults(
-            commandBuffer, pool_, 0, 1, capture_->buffer(), capture_->offset(), kResultWords * sizeof(uint32_t),
-            VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT | VK_QUERY_RESULT_WAIT_BIT);
+        // host does not know when this is executed. The availability that could be copied with the size has no order.
+        device_.next.CmdCopyQueryPoolResults(commandBuffer, pool_, 0, 1, capture_->buffer(), capture_->offset(),
+                                             sizeof(VkDeviceSize), VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT);
+        work.barrier(true);
+        device_.driver.next.CmdFillBuffer(commandBuffer, capture_->buffer(),
+                                          capture_->offset() + kAvailable * sizeof(uint32_t), sizeof(uint32_t), 1);
         work.barrier(true);
     }
     // Nothing before it was executed.
