@@ -19,8 +19,8 @@ struct PartResult {
 };
 
 // Runs `vellum bench --part`, and ends it if no row comes for `timeout` seconds, or for twice as long as rows of this
-// part are to take, or if this process is interrupted. `progress` is called now and then. Throws Error if no process can
-// be started.
+// part are to take, or if this process is interrupted. `progress` is called now and then. Throws Error if no process
+// can be started.
 PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
                           const std::function<void()> &progress);
 

@@ -156,8 +156,8 @@ StructureDescriptor descriptorOf(DeviceState &device, AccelerationStructure &str
 namespace
 {
 
-// Takes over what the device has found in deserialized data. False if it has not executed the copy. The device, which may be
-// executing it, writes the serial last; the kind decides where the serial is.
+// Takes over what the device has found in deserialized data. False if it has not executed the copy. The device, which
+// may be executing it, writes the serial last; the kind decides where the serial is.
 bool takeDeserialized(StructureLocation &location)
 {
     const auto word = [&location](uint32_t i) {
