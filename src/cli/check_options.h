@@ -15,7 +15,7 @@ struct CheckOptions {
     std::optional<std::string> device;
     std::optional<std::string> api; // ext, khr or both; what the device has without
     bool layer = true;
-    std::string implementation; // empty: not given
+    std::string implementation;                       // empty: not given
     std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program
     std::vector<std::string> filters;
     std::optional<std::filesystem::path> caseList;

@@ -25,7 +25,7 @@ struct RenderOptions {
     BakeOptions bake;
     uint32_t instances = 1;
     std::optional<uint32_t> frames; // to time, or pairs of them; without, as many as it takes
-    bool bakeAnew = false; // even if the file has micromaps
+    bool bakeAnew = false;          // even if the file has micromaps
     // Draws to the left, with Mode::States the picture by micromaps, with Mode::Heat the map without them.
     bool sideBySide = false;
     bool force = false; // replaces any file

@@ -13,7 +13,8 @@
 namespace vellum::verify
 {
 
-using Fraction = boost::multiprecision::number<boost::multiprecision::cpp_rational_backend, boost::multiprecision::et_off>;
+using Fraction =
+    boost::multiprecision::number<boost::multiprecision::cpp_rational_backend, boost::multiprecision::et_off>;
 
 // Which outcomes the alpha test has.
 struct Outcomes {

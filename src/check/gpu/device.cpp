@@ -260,8 +260,8 @@ void Device::createDevice()
     mesh.multiviewMeshShader = mesh.primitiveFragmentShadingRateMeshShader =
         VK_FALSE; // need features that are not enabled
     if (options_.fewFeatures)
-        structures.accelerationStructureCaptureReplay = robustness.nullDescriptor = smallIndices.indexTypeUint8 = vulkan12.drawIndirectCount =
-            vulkan13.synchronization2 = synchronization.synchronization2 = VK_FALSE;
+        structures.accelerationStructureCaptureReplay = robustness.nullDescriptor = smallIndices.indexTypeUint8 =
+            vulkan12.drawIndirectCount = vulkan13.synchronization2 = synchronization.synchronization2 = VK_FALSE;
     if (!options_.hostCommands)
         micromaps.micromapHostCommands = VK_FALSE;
 

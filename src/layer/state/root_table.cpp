@@ -54,7 +54,8 @@ void fenceBeforePublishing()
 // Both words at once.
 void store64(uint32_t *words, uint64_t value)
 {
-    __atomic_store_n(reinterpret_cast<uint64_t *>(words), value, __ATOMIC_RELEASE); // aligned, as all pairs of words are
+    __atomic_store_n(reinterpret_cast<uint64_t *>(words), value,
+                     __ATOMIC_RELEASE); // aligned, as all pairs of words are
 }
 
 uint64_t load64(const uint32_t *words)

@@ -12,8 +12,8 @@ namespace
 
 constexpr uint32_t kAllIds = UINT32_MAX;
 
-// First word of an instruction that is a literal, as are all words after it; 0 for unsupported opcodes. Covers what glslang
-// makes of lookup.comp, the only library; a test links all of it.
+// First word of an instruction that is a literal, as are all words after it; 0 for unsupported opcodes. Covers what
+// glslang makes of lookup.comp, the only library; a test links all of it.
 uint32_t firstLiteral(uint32_t opcode)
 {
     switch (opcode) {

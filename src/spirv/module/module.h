@@ -49,9 +49,9 @@ inline constexpr const char *kTooLongInterface = "an entry point has too long an
 class Module
 {
 public:
-    // Checks what this library requires: the layout of instructions in words, a limited id bound, result ids that are in
-    // bounds and defined once, enough operands in every interpreted instruction, functions that begin and end. Returns
-    // nothing on failure, and sets `error`.
+    // Checks what this library requires: the layout of instructions in words, a limited id bound, result ids that are
+    // in bounds and defined once, enough operands in every interpreted instruction, functions that begin and end.
+    // Returns nothing on failure, and sets `error`.
     static std::optional<Module> parse(Words words, std::string &error);
 
     std::vector<uint32_t> serialize() const;

@@ -139,10 +139,11 @@ TEST_F(PipelineCreationDeferredInline, ByTheDriver)
 {
     if (!gpu().has("VK_KHR_maintenance5"))
         GTEST_SKIP() << "no VK_KHR_maintenance5";
-    PipelineTracer tracer(gpu(), {.groups = {{.anyHit = false}, {.box = true}},
-                                  .flags2 = true,
-                                  .inlineModules = true,
-                                  .make = [&](Device &, const PipelineSetup &setup) { return makeDeferred(setup, {}); }});
+    PipelineTracer tracer(gpu(),
+                          {.groups = {{.anyHit = false}, {.box = true}},
+                           .flags2 = true,
+                           .inlineModules = true,
+                           .make = [&](Device &, const PipelineSetup &setup) { return makeDeferred(setup, {}); }});
     for (const uint32_t flags : opacityRayFlags())
         scene_->expect(tracer, flags, {.triangleAnyHit = false});
 }
@@ -293,13 +294,14 @@ TEST_F(PipelineCreation, Cache)
     for (int i = 0; i < 2; ++i) {
         for (const bool anyHit : {true, false}) {
             PipelineTracer tracer(
-                gpu(), {.groups = {{.anyHit = anyHit}, {.box = true}}, .make = [&](Device &g, const PipelineSetup &setup) {
-                            const PipelineInfo create(g, setup);
-                            VkPipeline pipeline = VK_NULL_HANDLE;
-                            VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, cache, 1,
-                                                                         &create.get(), nullptr, &pipeline));
-                            return MadePipeline{RayPipeline(g, pipeline), {}};
-                        }});
+                gpu(),
+                {.groups = {{.anyHit = anyHit}, {.box = true}}, .make = [&](Device &g, const PipelineSetup &setup) {
+                     const PipelineInfo create(g, setup);
+                     VkPipeline pipeline = VK_NULL_HANDLE;
+                     VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, cache, 1, &create.get(),
+                                                                  nullptr, &pipeline));
+                     return MadePipeline{RayPipeline(g, pipeline), {}};
+                 }});
             for (const uint32_t flags : opacityRayFlags())
                 scene_->expect(tracer, flags, {.triangleAnyHit = anyHit});
         }
