@@ -260,6 +260,8 @@ void endWithParent()
     SetUnhandledExceptionFilter(endByException);
 }
 
+const char *const kExitCodesOfPrograms = "others    that of the program, such as 0xC0000005 if it crashed";
+
 int runProgram(std::span<const std::string> words)
 {
     SetConsoleCtrlHandler(ignore, TRUE);
