@@ -87,6 +87,14 @@ std::string messageOf(const CLI::App &app, const CLI::ParseError &error)
     return text + " (see " + name + " --help)";
 }
 
+std::string versionAndLimits()
+{
+    std::string text = "vellum " + versionText();
+    for (const std::string &format : unreadableFormats())
+        text += "\nthis build cannot read " + format;
+    return text;
+}
+
 } // namespace
 
 std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const std::vector<std::string> &words)
@@ -96,7 +104,8 @@ std::map<std::string, std::function<int()>> declareCommands(CLI::App &app, const
     app.description("Bakes, checks and shows opacity micromaps, and renders with them");
     app.formatter(helpFormatter());
     app.set_help_flag("-h,--help", "Print this help")->group(kGeneral);
-    app.set_version_flag("-V,--version", "vellum " + versionText(), "Print the version and the commit")
+    app.set_version_flag("-V,--version", versionAndLimits(),
+                         "Print the version, the commit and what this build cannot read")
         ->group(kGeneral);
     app.require_subcommand(1);
     app.footer(exitStatus({}) + kDetails + "\nMicromaps in glTF files are by " + kMicromapExtension + " (" +

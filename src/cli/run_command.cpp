@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
+#include <fmt/format.h>
 #include <fstream>
 #include <memory>
 
@@ -33,7 +34,7 @@ the summary is on stderr. Options come before the program, separated by --.
 Messages: an error is input that the layer rejected, a warning one that it tolerated, or that probably has no effect.
 
 Exit status:
-  0 to 255  that of the program; 128 + n if signal n ended it
+  {}
   122       the program succeeded, but there were messages of the severity of --fail-on
   125       the program was not run: the layer is not found, or would be ignored
   126, 127  the program cannot be executed; there is no such program
@@ -142,7 +143,7 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
     const auto options = std::make_shared<RunOptions>();
     CLI::App &command =
         *app.add_subcommand("run", "Runs a program with the layer on, and fails if the layer reports errors");
-    command.footer(kRunDetails);
+    command.footer(fmt::format(kRunDetails, kExitCodesOfPrograms));
     command.add_option("PROGRAM", options->program, "The program and its arguments")
         ->type_name("-- PROGRAM [ARGUMENT]...")
         ->group(kInput)

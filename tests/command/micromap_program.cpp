@@ -4,14 +4,11 @@
 //   error    asks for those of a micromap of a kind that does not exist, which the layer rejects
 //   warning  allocates memory by flags that the layer does not reach
 //   both     does the last two in two other processes
-//   crash    ends by SIGSEGV
-#include <csignal>
+//   crash    writes to address 0
+//   words, variables: prints all arguments behind this one, or the environment variables that they name
 #include <cstdio>
 #include <cstdlib>
 #include <string>
-#include <sys/wait.h>
-#include <unistd.h>
-#include <vector>
 
 #include "vellum/vulkan_opacity_micromap.h"
 
@@ -106,6 +103,12 @@ private:
     VkDevice device_ = VK_NULL_HANDLE;
 };
 
+void crash()
+{
+    volatile int *volatile nowhere = nullptr;
+    *nowhere = 1;
+}
+
 void run(const std::string &what)
 {
     if (what == "right")
@@ -115,31 +118,35 @@ void run(const std::string &what)
     else if (what == "warning")
         Device().allocate();
     else if (what == "crash")
-        std::raise(SIGSEGV);
+        crash();
     else
         check(false, "what?");
 }
 
-void runInProcesses(const std::vector<std::string> &each)
+void runInProcesses(const std::string &program)
 {
-    for (const std::string &what : each) {
-        if (fork() == 0) {
-            run(what);
-            _exit(0);
-        }
-    }
-    for (int status = 0; wait(&status) > 0;)
-        check(status == 0, "a process failed");
+    for (const char *use : {"error", "warning"})
+        check(std::system(('"' + program + "\" " + use).c_str()) == 0, "a process failed");
+}
+
+void print(const char *text)
+{
+    std::printf("%s|", text ? text : "");
 }
 
 } // namespace
 
 int main(int argc, char **argv)
 {
-    for (int i = 1; i < argc; ++i) {
-        if (std::string(argv[i]) == "both")
-            runInProcesses({"error", "warning"});
+    const std::string first = argc > 1 ? argv[1] : "";
+    const bool prints = first == "words" || first == "variables";
+    for (int i = prints ? 2 : 1; i < argc; ++i) {
+        const std::string word = argv[i];
+        if (prints)
+            print(first == "words" ? argv[i] : std::getenv(argv[i]));
+        else if (word == "both")
+            runInProcesses(argv[0]);
         else
-            run(argv[i]);
+            run(word);
     }
 }

@@ -202,6 +202,8 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
 void print(const LoaderReport &report)
 {
     fmt::print("vellum      {}\n", versionText());
+    for (const std::string &format : unreadableFormats())
+        fmt::print("            cannot read {}\n", format);
     fmt::print("loader      Vulkan {}\n", report.loaderVersion);
     for (const Manifest &driver : report.drivers)
         printManifest("driver", driver);

@@ -4,6 +4,7 @@
 
 #include "cli/base/system/windows_text.h"
 #include "cli/info/loader_system.h"
+#include "core/registry_windows.h"
 
 namespace vellum::cli
 {
@@ -41,24 +42,6 @@ public:
             size = static_cast<DWORD>(std::size(name));
         }
         return names;
-    }
-    // The names of all numbers that are 0: manifests that are not disabled.
-    [[nodiscard]] std::vector<std::wstring> zeros() const
-    {
-        std::vector<std::wstring> names;
-        std::wstring name(16384, L'\0');
-        for (DWORD i = 0;; ++i) {
-            DWORD size = static_cast<DWORD>(name.size());
-            DWORD type = REG_NONE;
-            DWORD value = 0;
-            DWORD bytes = sizeof value;
-            const LSTATUS status =
-                RegEnumValueW(key_, i, name.data(), &size, nullptr, &type, reinterpret_cast<BYTE *>(&value), &bytes);
-            if (status == ERROR_SUCCESS && type == REG_DWORD && value == 0)
-                names.push_back(name.substr(0, size));
-            else if (status != ERROR_SUCCESS && status != ERROR_MORE_DATA)
-                return names;
-        }
     }
     // A text, or several with an end each.
     [[nodiscard]] std::vector<std::wstring> texts(const wchar_t *name) const
@@ -107,7 +90,7 @@ std::vector<ManifestPlace> systemPlaces(ManifestKind kind)
     std::vector<ManifestPlace> places = placesOfDevices(drivers ? L"VulkanDriverName" : L"VulkanExplicitLayers");
     const std::wstring key = std::wstring(L"SOFTWARE\\Khronos\\Vulkan\\") + (drivers ? L"Drivers" : L"ExplicitLayers");
     for (const auto &[root, name] : {std::pair(HKEY_LOCAL_MACHINE, L"HKLM\\"), std::pair(HKEY_CURRENT_USER, L"HKCU\\")})
-        for (const std::wstring &manifest : Key(root, key).zeros())
+        for (const std::wstring &manifest : registeredFiles(root, key.c_str()))
             places.push_back({manifest, utf8(name + key)});
     return places;
 }

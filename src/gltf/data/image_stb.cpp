@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // By stb_image, in builds without the image libraries: PNG and JPEG.
-#include <array>
 #include <memory>
 #include <string_view>
+#include <zlib.h>
 
 #include "gltf/data/image_formats.h"
 
@@ -96,24 +96,6 @@ uint32_t wordAt(Encoded bytes, size_t at)
     return uint32_t{bytes[at]} << 24 | uint32_t{bytes[at + 1]} << 16 | uint32_t{bytes[at + 2]} << 8 | bytes[at + 3];
 }
 
-// PNG's checksum (ISO 3309).
-uint32_t checksumOf(Encoded bytes)
-{
-    static constexpr auto kTable = [] {
-        std::array<uint32_t, 256> table{};
-        for (uint32_t i = 0; i < table.size(); ++i) {
-            table[i] = i;
-            for (int bit = 0; bit < 8; ++bit)
-                table[i] = table[i] >> 1 ^ ((table[i] & 1) != 0 ? 0xedb88320 : 0);
-        }
-        return table;
-    }();
-    uint32_t sum = 0xffffffff;
-    for (const uint8_t byte : bytes)
-        sum = sum >> 8 ^ kTable[(sum ^ byte) & 0xff];
-    return ~sum;
-}
-
 // All chunks are there, and those with texels are as they were written, which the library does not check.
 void checkPng(Encoded encoded, const std::string &what)
 {
@@ -126,7 +108,7 @@ void checkPng(Encoded encoded, const std::string &what)
         const Encoded checked = encoded.subspan(at + 4, size_t{4} + length);
         type = {reinterpret_cast<const char *>(checked.data()), 4};
         const bool ancillary = (type[0] & 0x20) != 0;
-        if (!ancillary && checksumOf(checked) != wordAt(encoded, at + 8 + length))
+        if (!ancillary && crc32_z(0, checked.data(), checked.size()) != wordAt(encoded, at + 8 + length))
             failToDecode(what, "it is damaged");
         at += kAround + length;
     }

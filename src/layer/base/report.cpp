@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <new>
 #include <utility>
 
@@ -35,9 +36,12 @@ void append(const std::string &file, std::string line)
         std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
 }
 
-// Of this thread: validated commands that are being carried out, and the ids that validation has reported for them.
+// Of this thread: validated commands that are being carried out, and the ids that validation has reported for them,
+// which the outermost command owns. No object here has a destructor: at the end of a thread, mingw-w64 frees
+// thread_local objects before it destroys them.
+using Ids = std::vector<std::string>;
 thread_local uint32_t commandDepth = 0;
-thread_local std::vector<std::string> coveredIds;
+thread_local Ids *coveredIds = nullptr;
 thread_local HeldMessages *held = nullptr;
 
 } // namespace
@@ -74,12 +78,10 @@ void Reporter::fault(const char *vuid, std::string_view text, VkObjectType type,
 {
     const bool own = std::string_view(vuid).starts_with("VELLUM");
     const std::string id = own ? vuid : std::string("VELLUM") + "-" + vuid;
-    std::vector<std::string> covered;
-    std::swap(covered, coveredIds); // this message is not one of the implementation's
+    std::unique_ptr<Ids> covered(std::exchange(coveredIds, nullptr)); // this message is not one of the implementation's
     error(id.c_str(), text, type, object);
-    std::swap(covered, coveredIds);
-    if (commandDepth > 0)
-        coveredIds.push_back(id);
+    delete std::exchange(coveredIds, covered.release());
+    CommandReports::cover(id.c_str());
 }
 
 void Reporter::coverLater(const std::string &id)
@@ -105,14 +107,17 @@ CommandReports::CommandReports()
 
 void CommandReports::cover(const char *id)
 {
-    if (commandDepth > 0)
-        coveredIds.emplace_back(id);
+    if (commandDepth == 0)
+        return;
+    if (!coveredIds)
+        coveredIds = new Ids;
+    coveredIds->emplace_back(id);
 }
 
 CommandReports::~CommandReports()
 {
     if (--commandDepth == 0)
-        coveredIds.clear();
+        delete std::exchange(coveredIds, nullptr);
 }
 
 HeldMessages::HeldMessages() : isInner_(held != nullptr)
@@ -139,7 +144,7 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
                     VkObjectType type, uint64_t object) noexcept
 {
     try {
-        if (std::ranges::find(coveredIds, id) != coveredIds.end())
+        if (coveredIds && std::ranges::find(*coveredIds, id) != coveredIds->end())
             return;
         const std::string name = std::string(kMessagePrefix) + id;
         if (held)

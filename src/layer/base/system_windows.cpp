@@ -6,6 +6,7 @@
 #include <windows.h>
 
 #include "core/elevation_windows.h"
+#include "core/registry_windows.h"
 #include "core/utf8_path.h"
 
 namespace vellum::layer
@@ -39,28 +40,13 @@ bool isFile(const std::wstring &path)
     return attributes != INVALID_FILE_ATTRIBUTES && (attributes & FILE_ATTRIBUTE_DIRECTORY) == 0;
 }
 
-// The names of the values of Software\Khronos\Vulkan\Settings that are 0 are paths of files; the first that exists.
+// The first that exists; empty if none does.
 std::wstring registeredSettingsFile(HKEY hive)
 {
-    HKEY key = nullptr;
-    if (RegOpenKeyExW(hive, L"Software\\Khronos\\Vulkan\\Settings", 0, KEY_READ, &key) != ERROR_SUCCESS)
-        return {};
-    std::wstring found;
-    std::wstring name(32768, L'\0'); // the most that a path can have
-    for (DWORD i = 0; found.empty(); ++i) {
-        auto length = static_cast<DWORD>(name.size());
-        DWORD type = 0;
-        DWORD value = 0;
-        DWORD bytes = sizeof(value);
-        const LSTATUS status =
-            RegEnumValueW(key, i, name.data(), &length, nullptr, &type, reinterpret_cast<BYTE *>(&value), &bytes);
-        if (status == ERROR_NO_MORE_ITEMS)
-            break;
-        if (status == ERROR_SUCCESS && type == REG_DWORD && value == 0 && isFile(name.substr(0, length)))
-            found = name.substr(0, length);
-    }
-    RegCloseKey(key);
-    return found;
+    for (const std::wstring &file : registeredFiles(hive, L"Software\\Khronos\\Vulkan\\Settings"))
+        if (isFile(file))
+            return file;
+    return {};
 }
 
 } // namespace

@@ -56,9 +56,11 @@ private:
 void endWithParent();
 
 // Runs a program with the streams, the environment and the terminal of this process, and waits for its end. `words`:
-// its name, looked up in PATH, and its arguments. Signals that are sent to this process alone are passed on. Returns an
-// exit code as shells have it: the program's own; 128 + n where signal n ended it; 127 where there is no such program
+// its name, looked up in PATH, and its arguments. Signals that are sent to this process alone are passed on. Returns
+// the program's exit code as shells of this system have it (kExitCodesOfPrograms); 127 where there is no such program
 // and 126 where it cannot be executed, after a line on stderr.
 int runProgram(std::span<const std::string> words);
+// A line for the help.
+extern const char *const kExitCodesOfPrograms;
 
 } // namespace vellum::cli

@@ -282,6 +282,8 @@ int startProgram(std::vector<std::string> words, const sigset_t &signals)
 
 } // namespace
 
+const char *const kExitCodesOfPrograms = "0 to 255  that of the program; 128 + n if signal n ended it";
+
 int runProgram(std::span<const std::string> words)
 {
     const PassedOnSignals signals;

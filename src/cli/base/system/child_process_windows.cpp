@@ -267,6 +267,8 @@ void endWithParent()
     SetUnhandledExceptionFilter(endByException);
 }
 
+const char *const kExitCodesOfPrograms = "others    that of the program, such as 0xC0000005 if it crashed";
+
 int runProgram(std::span<const std::string> words)
 {
     SetConsoleCtrlHandler(ignore, TRUE); // to the end: removing it would wait for one that does not return
