@@ -169,8 +169,6 @@ void libraryWithoutMicromapBit(Gpu &gpu, bool wrong)
 
 void shaderWithPromise(Gpu &gpu, bool wrong)
 {
-    if (!gpu.has("VK_EXT_shader_object"))
-        return;
     const auto create =
         reinterpret_cast<newer::PFN_CreateShaders>(vkGetDeviceProcAddr(gpu.device(), "vkCreateShadersEXT"));
     using Destroy = void(VKAPI_PTR *)(VkDevice, newer::ShaderEXT, const VkAllocationCallbacks *);

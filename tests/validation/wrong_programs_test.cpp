@@ -123,6 +123,8 @@ TEST_P(WrongPrograms, AreReported)
     const WrongProgram &program = GetParam();
     if ((program.needs & kNeedsPipelines) != 0 && !gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
+    if ((program.needs & kNeedsShaderObjects) != 0 && !gpu().has("VK_EXT_shader_object"))
+        GTEST_SKIP() << "no shader objects";
     if ((program.needs & kNeedsMarkers) != 0 && gpu().vk().CmdWriteMarkerToMemoryAMD == nullptr)
         GTEST_SKIP() << "no buffer markers";
     if ((program.needs & kNeedsVendorCommands) != 0 &&

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // vulkan-1.dll of the tests: puts layers above Wine's driver, winevulkan.dll, which Wine's own vulkan-1.dll does not
-// do. It has what the tests need: explicit layers, named by the application, and the driver's instances and devices as
-// they are.
+// do. It has what the tests need: explicit layers, named by the application or VK_INSTANCE_LAYERS, and the driver's
+// instances and devices as they are.
 //
 // Each dispatchable handle begins with a pointer to the commands of its instance or device, which are the uppermost
 // layer's. Those of trampolines.S jump there; the others are here.
@@ -119,10 +119,12 @@ Structure *layerInfo(const void *chain, VkStructureType type, VkLayerFunction fu
     return structure;
 }
 
-std::vector<VkExtensionProperties> extensionsOfDriver(VkInstance instance, VkPhysicalDevice physical)
+// By the command of the driver, or of the uppermost layer.
+std::vector<VkExtensionProperties> deviceExtensions(PFN_vkGetInstanceProcAddr get, VkInstance instance,
+                                                    VkPhysicalDevice physical)
 {
-    const auto enumerate =
-        fromDriver<PFN_vkEnumerateDeviceExtensionProperties>(instance, "vkEnumerateDeviceExtensionProperties");
+    const auto enumerate = reinterpret_cast<PFN_vkEnumerateDeviceExtensionProperties>(
+        get(instance, "vkEnumerateDeviceExtensionProperties"));
     uint32_t count = 0;
     enumerate(physical, nullptr, &count, nullptr);
     std::vector<VkExtensionProperties> known(count);
@@ -169,8 +171,8 @@ VKAPI_ATTR VkResult VKAPI_CALL createDriversDevice(VkPhysicalDevice physical, co
                                                    const VkAllocationCallbacks *allocator, VkDevice *device)
 {
     const VkInstance instance = dispatchOf(physical).instance;
-    const auto names =
-        namesIn(info->ppEnabledExtensionNames, info->enabledExtensionCount, extensionsOfDriver(instance, physical));
+    const auto names = namesIn(info->ppEnabledExtensionNames, info->enabledExtensionCount,
+                               deviceExtensions(driver(), instance, physical));
     VkDeviceCreateInfo changed = *info;
     changed.enabledLayerCount = 0;
     changed.enabledExtensionCount = static_cast<uint32_t>(names.size());
@@ -303,10 +305,14 @@ EXPORTED VkResult VKAPI_CALL vkCreateInstance(const VkInstanceCreateInfo *info, 
 {
     if (!driver())
         return VK_ERROR_INCOMPATIBLE_DRIVER;
-    std::vector<Layer> layers;
+    std::vector<std::string> names = layersByVariable();
     for (uint32_t i = 0; i < info->enabledLayerCount; ++i)
-        if (!load(info->ppEnabledLayerNames[i], layers)) {
-            std::fprintf(stderr, "loader: %s cannot be loaded\n", info->ppEnabledLayerNames[i]);
+        if (std::ranges::find(names, info->ppEnabledLayerNames[i]) == names.end())
+            names.emplace_back(info->ppEnabledLayerNames[i]);
+    std::vector<Layer> layers;
+    for (const std::string &name : names)
+        if (!load(name.c_str(), layers)) {
+            std::fprintf(stderr, "loader: %s cannot be loaded\n", name.c_str());
             return VK_ERROR_LAYER_NOT_PRESENT;
         }
     layers.push_back({getDriversInstanceProcAddr, getDriversDeviceProcAddr, {}});
@@ -346,7 +352,7 @@ EXPORTED VkResult VKAPI_CALL vkCreateDevice(VkPhysicalDevice physical, const VkD
 {
     const Dispatch &ofInstance = dispatchOf(physical);
     const std::vector<Layer> &layers = ofInstance.layers;
-    std::vector<VkExtensionProperties> known = extensionsOfDriver(ofInstance.instance, physical);
+    std::vector<VkExtensionProperties> known = deviceExtensions(layers[0].getInstance, ofInstance.instance, physical);
     for (const Layer &layer : layers)
         known.insert(known.end(), layer.deviceExtensions.begin(), layer.deviceExtensions.end());
     for (uint32_t i = 0; i < info->enabledExtensionCount; ++i)

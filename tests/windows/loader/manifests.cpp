@@ -92,4 +92,13 @@ std::vector<Manifest> findManifests()
     return manifests;
 }
 
+std::vector<std::string> layersByVariable()
+{
+    std::vector<std::string> names;
+    std::wistringstream list(variable(L"VK_INSTANCE_LAYERS"));
+    for (std::wstring name; std::getline(list, name, L';');)
+        names.push_back(std::filesystem::path(name).string());
+    return names;
+}
+
 } // namespace vellum::loader

@@ -19,5 +19,7 @@ struct Manifest {
 };
 
 std::vector<Manifest> findManifests();
+// The names in VK_INSTANCE_LAYERS.
+std::vector<std::string> layersByVariable();
 
 } // namespace vellum::loader
