@@ -270,7 +270,12 @@ public:
     {
         std::erase_if(gpus_, [&gpu](const auto &entry) { return entry.second == gpu; });
     }
-    void TearDown() override { gpus_.clear(); }
+    void TearDown() override
+    {
+        for (const auto &[options, gpu] : gpus_)
+            gpu->takeMessages(); // those that tests with devices of their own provoked
+        gpus_.clear();
+    }
 
 private:
     std::vector<std::pair<Options, std::shared_ptr<Gpu>>> gpus_;
