@@ -308,8 +308,8 @@ uint32_t RootTable::greatestRecordOffset() const
 uint32_t RootTable::takeGpuErrors()
 {
     const uint32_t *counters = gpuErrors_.words();
-    if (!counters || __atomic_load_n(counters + kGpuErrorTotal, __ATOMIC_ACQUIRE) ==
-                         __atomic_load_n(seenGpuErrors_ + kGpuErrorTotal, __ATOMIC_RELAXED))
+    if (__atomic_load_n(counters + kGpuErrorTotal, __ATOMIC_ACQUIRE) ==
+        __atomic_load_n(seenGpuErrors_ + kGpuErrorTotal, __ATOMIC_RELAXED))
         return 0;
     std::lock_guard lock(mutex_);
     __atomic_store_n(seenGpuErrors_ + kGpuErrorTotal, __atomic_load_n(counters + kGpuErrorTotal, __ATOMIC_ACQUIRE),
