@@ -310,13 +310,13 @@ TEST(ReporterTest, ToleratesUnlessStrict)
 }
 
 // What is covered is so once, whether the device found it or not: it must not hide a later fault.
-TEST(ReporterTest, CoveredIdsAreTakenTogether)
+TEST(CoveredIdsTest, AreTakenTogether)
 {
-    Reporter report;
-    report.coverLater("VELLUM-a");
-    report.coverLater("VELLUM-b");
-    EXPECT_EQ(report.takeCovered(), (std::unordered_set<std::string>{"VELLUM-a", "VELLUM-b"}));
-    EXPECT_TRUE(report.takeCovered().empty());
+    CoveredIds covered;
+    covered.add("VELLUM-a");
+    covered.add("VELLUM-b");
+    EXPECT_EQ(covered.take(), (std::unordered_set<std::string>{"VELLUM-a", "VELLUM-b"}));
+    EXPECT_TRUE(covered.take().empty());
 }
 
 } // namespace

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 
 #include <vulkan/vulkan.h>
 
@@ -52,6 +53,7 @@ struct Driver {
     const InstanceTable *instance = nullptr;
     const Settings *settings = nullptr;
     Reporter *reporter = nullptr;
+    std::shared_ptr<CoveredIds> covered; // that the validation of this device and its emulation share
     DeviceTable next;
 
     Mode mode = Mode::PassThrough;

@@ -84,20 +84,20 @@ void Reporter::fault(const char *vuid, std::string_view text, VkObjectType type,
     CommandReports::cover(id.c_str());
 }
 
-void Reporter::coverLater(const std::string &id)
+void CoveredIds::add(const std::string &id)
 {
     const std::lock_guard lock(mutex_);
-    coveredLater_.insert(id);
-    coversLater_ = true;
+    ids_.insert(id);
+    any_ = true;
 }
 
-std::unordered_set<std::string> Reporter::takeCovered()
+std::unordered_set<std::string> CoveredIds::take()
 {
-    if (!coversLater_.load(std::memory_order_relaxed))
+    if (!any_.load(std::memory_order_relaxed))
         return {};
     const std::lock_guard lock(mutex_);
-    coversLater_ = false;
-    return std::exchange(coveredLater_, {});
+    any_ = false;
+    return std::exchange(ids_, {});
 }
 
 CommandReports::CommandReports()

@@ -46,10 +46,6 @@ public:
     // Reports an error that validation found; its id is "VELLUM-" and `vuid`, or `vuid` if that is an id of Vellum.
     // While the command is carried out, the implementation of micromaps does not report the same id (CommandReports).
     void fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object);
-    // Validation has reported a fault that the implementation may find as well, on the device: it takes these ids when
-    // it looks for what the device found, and does not report them. They do not outlast that.
-    void coverLater(const std::string &id);
-    [[nodiscard]] std::unordered_set<std::string> takeCovered();
     // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
     // on, as drivers do; it does unless `strict` is set.
     [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
@@ -102,8 +98,20 @@ private:
     std::vector<Messenger> messengers_;
     std::unordered_map<uint64_t, std::string> names_;
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
-    std::unordered_set<std::string> coveredLater_;
-    std::atomic<bool> coversLater_ = false; // whether there are any
+};
+
+// Ids of faults that validation has reported and that the implementation may find as well, on the device: it takes them
+// when it looks for what the device found, and does not report them. They do not outlast that.
+class CoveredIds
+{
+public:
+    void add(const std::string &id);
+    [[nodiscard]] std::unordered_set<std::string> take();
+
+private:
+    std::mutex mutex_;
+    std::unordered_set<std::string> ids_;
+    std::atomic<bool> any_ = false;
 };
 
 // The span of one command that validation checks, in its thread. The implementation below finds some of the faults

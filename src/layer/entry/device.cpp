@@ -198,6 +198,7 @@ VkResult DeviceCreation::prepare()
     driver.instance = &instance_.next;
     driver.settings = &instance_.settings;
     driver.reporter = &instance_.report;
+    driver.covered = std::make_shared<CoveredIds>();
     device->instance = &instance_;
     if (!dependsOnLayer(info_))
         return VK_SUCCESS;

@@ -295,12 +295,11 @@ void reportGpuErrors(DeviceState &device)
     // Validation has a state of its own, whose shaders count none.
     if (!device.root.countsGpuErrors())
         return;
-    Reporter &report = device.driver.report();
-    const auto covered = report.takeCovered();
+    const auto covered = device.driver.covered->take();
     const uint32_t bits = device.root.takeGpuErrors();
     for (uint32_t i = 0; bits != 0 && i < kGpuErrors; ++i) {
         if ((bits >> i & 1u) != 0 && !covered.contains(kGpuErrorTexts[i].id))
-            report.error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
+            device.driver.report().error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
     }
 }
 

@@ -51,11 +51,10 @@ void fenceBeforePublishing()
     std::atomic_thread_fence(std::memory_order_seq_cst);
 }
 
-// Both words at once.
+// Both words at once; they are aligned, as all pairs of words are.
 void store64(uint32_t *words, uint64_t value)
 {
-    __atomic_store_n(reinterpret_cast<uint64_t *>(words), value,
-                     __ATOMIC_RELEASE); // aligned, as all pairs of words are
+    __atomic_store_n(reinterpret_cast<uint64_t *>(words), value, __ATOMIC_RELEASE);
 }
 
 uint64_t load64(const uint32_t *words)

@@ -70,7 +70,7 @@ struct Command {
         if (onHost)
             CommandReports::cover(id);
         else if (device.gpu.emulated)
-            device.driver.report().coverLater(id);
+            device.driver.covered->add(id);
     }
 };
 
