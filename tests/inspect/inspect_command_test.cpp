@@ -129,3 +129,14 @@ TEST_F(InspectCommand, NamesOfTheFileStayText)
     EXPECT_EQ(html.find("<script>alert"), std::string::npos);
     EXPECT_NE(html.find(R"(\u003cscript\u003ealert(1))"), std::string::npos);
 }
+
+TEST_F(InspectCommand, RejectsAMaterialOrMeshThatIsNotThere)
+{
+    const std::vector<std::string> bake = {"--bake", "--material", "leaf"};
+    for (const auto &[option, value, what] :
+         {std::tuple("--material", "laef", "there is no material laef"), {"--mesh", "0,7", "there is no mesh 7"}}) {
+        std::vector<std::string> more = bake;
+        more.insert(more.end(), {option, value});
+        expectRefusal(cardGlb(), what, more);
+    }
+}
