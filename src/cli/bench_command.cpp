@@ -147,7 +147,8 @@ int benchCommand(const BenchOptions &options)
     if (options.part)
         return runPart(*options.part, options.device);
     const std::filesystem::path page = outputFor(options.output, "vellum-bench.html");
-    const std::filesystem::path data = std::filesystem::path(page).replace_extension(".json");
+    std::filesystem::path data = page;
+    data.replace_extension(".json");
     if (isStandardStream(page))
         throw UsageError("--output is a web page or a folder for it, not stdout");
     checkSuffix(page, {".html", ".htm"});

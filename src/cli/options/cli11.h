@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "core/utf8_path.h"
@@ -10,9 +11,15 @@
 namespace CLI::detail
 {
 
-// CLI11's templates look this up, and must therefore come after it. Their own conversion assigns the text, from which a
-// path of Windows would take each byte as a character.
+// CLI11's templates look these up, and must therefore come after them. Their own conversion assigns the text, from which
+// a path of Windows would take each byte as a character.
 inline bool lexical_cast(const std::string &input, std::filesystem::path &output)
+{
+    output = vellum::utf8Path(input);
+    return true;
+}
+
+inline bool lexical_cast(const std::string &input, std::optional<std::filesystem::path> &output)
 {
     output = vellum::utf8Path(input);
     return true;
