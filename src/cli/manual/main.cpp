@@ -23,7 +23,7 @@ int main(int argc, char **argv)
         file << text;
         file.close();
         if (!file)
-            std::fprintf(stderr, "%s cannot be written\n", utf8Text(folder / name).c_str());
+            std::fprintf(stderr, "%s cannot be written\n", vellum::utf8Text(folder / name).c_str());
         written = written && !file.fail();
     };
     const std::vector<ReferenceCommand> commands = readCommands();
