@@ -19,6 +19,7 @@
 #include "cli/check/schedule.h"
 #include "cli/check/worker.h"
 #include "cli/vulkan/layer_path.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -52,7 +53,7 @@ std::vector<CaseId> readCaseList(const std::filesystem::path &path)
             cases.push_back(*id);
     });
     if (cases.empty())
-        throw UsageError(path.string() + " lists no cases");
+        throw UsageError(utf8Text(path) + " lists no cases");
     return cases;
 }
 
@@ -265,7 +266,7 @@ CaseId caseOf(const std::filesystem::path &path)
     const Reproducer reproducer = readReproducer(path);
     const std::optional<CaseId> id = parseCase(reproducer.name);
     if (!id || id->api != reproducer.api || id->group->name != reproducer.group)
-        throw UsageError(path.string() + ": there is no case " + reproducer.name);
+        throw UsageError(utf8Text(path) + ": there is no case " + reproducer.name);
     return *id;
 }
 

@@ -20,7 +20,7 @@ namespace
 
 constexpr const char *kDetails = R"(
 vellum help SUBCOMMAND, vellum SUBCOMMAND --help and the manual page vellum-SUBCOMMAND explain each. Wherever a file is
-read, - is stdin. vellum run returns the exit code of the program that it runs.
+read, - is stdin. The suffix of an output must be that of its format. vellum run returns the exit code of the program that it runs.
 )";
 
 std::vector<std::string> subcommandNames(const CLI::App &app)

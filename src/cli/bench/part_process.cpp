@@ -9,6 +9,7 @@
 
 #include "cli/base/system/child_process.h"
 #include "cli/base/system/interrupt.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -33,7 +34,7 @@ std::vector<std::string> argumentsOf(const Part &part, const BenchDevice &device
     if (device.device)
         words.insert(words.end(), {"--device", *device.device});
     if (device.layerFolder)
-        words.insert(words.end(), {"--layer-path", device.layerFolder->string()});
+        words.insert(words.end(), {"--layer-path", utf8Text(*device.layerFolder)});
     return words;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "cli/base/error.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -103,10 +104,10 @@ void forEachLine(const std::filesystem::path &path,
     for (size_t number = 1; std::getline(file, line); ++number) {
         line.erase(line.find_last_not_of(" \t\r") + 1);
         if (!line.empty() && line.front() != '#')
-            use(line, path.string() + ":" + std::to_string(number));
+            use(line, utf8Text(path) + ":" + std::to_string(number));
     }
     if (!file.eof())
-        throw UsageError(path.string() + " cannot be read");
+        throw UsageError(utf8Text(path) + " cannot be read");
 }
 
 void Expectations::addBaseline(const std::filesystem::path &path)

@@ -3,6 +3,7 @@
 
 #include "cli/base/error.h"
 #include "cli/base/output_file.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -23,14 +24,14 @@ OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::
 {
     std::error_code error;
     if (std::filesystem::exists(path_, error) && !std::filesystem::is_directory(path_, error))
-        throw Error(path_.string() + " cannot be written: it is not a directory");
+        throw Error(utf8Text(path_) + " cannot be written: it is not a directory");
     const bool foreign = std::filesystem::is_directory(path_, error) && !std::filesystem::is_empty(path_, error) &&
                          !std::filesystem::exists(path_ / kResults, error);
     if (foreign && !force)
-        throw Error(path_.string() + " has files that vellum check did not write; --force writes into it");
+        throw Error(utf8Text(path_) + " has files that vellum check did not write; --force writes into it");
     std::filesystem::create_directories(path_ / kFailures, error);
     if (error)
-        throw Error(path_.string() + " cannot be written: " + error.message());
+        throw Error(utf8Text(path_) + " cannot be written: " + error.message());
 }
 
 std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
@@ -43,7 +44,7 @@ std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
                                      finished.outcome.reproducer}));
     for (const check::OutcomeFile &file : finished.outcome.files)
         writeText(path_ / kFailures / (name + "." + file.extension), file.bytes);
-    return path.string();
+    return utf8Text(path);
 }
 
 void OutputFolder::writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const
