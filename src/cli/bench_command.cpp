@@ -9,8 +9,10 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/output_file.h"
 #include "cli/base/progress.h"
+#include "cli/base/standard_streams.h"
 #include "cli/base/system/interrupt.h"
 #include "cli/bench/bench_report.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -145,9 +147,11 @@ int benchCommand(const BenchOptions &options)
     if (options.part)
         return runPart(*options.part, options.device);
     const std::filesystem::path page = outputFor(options.output, "vellum-bench.html");
-    const std::filesystem::path data = std::filesystem::path(page).replace_extension(".json");
-    if (page == data || page == "-")
-        throw UsageError("--output is a web page or a folder for it: " + page.string() + " is neither");
+    std::filesystem::path data = page;
+    data.replace_extension(".json");
+    if (isStandardStream(page))
+        throw UsageError("--output is a web page or a folder for it, not stdout");
+    checkSuffix(page, {".html", ".htm"});
     checkWritable(page, options.force);
     checkWritable(data, options.force);
     Run run(options);
@@ -165,7 +169,7 @@ int benchCommand(const BenchOptions &options)
         complete = complete && result.failure.empty();
     for (const std::string &sentence : verdict)
         fmt::print("{}\n", sentence);
-    fmt::print("Report: {}, {}\n", page.string(), data.string());
+    fmt::print("Report: {}, {}\n", utf8Text(page), utf8Text(data));
     if (Interruptible::interrupted()) {
         std::fflush(stdout);
         Interruptible::die();

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check_options.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 #include <thread>
 
 #include "cli/base/error.h"
+#include "cli/base/output_file.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 
@@ -122,6 +123,10 @@ void checkTogether(const CheckOptions &options)
     if (options.replay &&
         (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
         throw UsageError("--replay runs one case, so it takes no option that selects cases");
+    if (options.results)
+        checkSuffix(*options.results, {".csv"});
+    if (options.junit)
+        checkSuffix(*options.junit, {".xml"});
     if (!options.implementation.empty() && !options.layer)
         throw UsageError("--implementation is for the layer, which --no-layer does without");
 }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum run`
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
@@ -13,10 +12,12 @@
 #include "cli/base/system/this_process.h"
 #include "cli/info/manifests.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/run/message_summary.h"
 #include "cli/vulkan/layer_path.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -122,7 +123,7 @@ int run(const RunOptions &options, const std::vector<std::string> &commandLine)
         return kNotRun;
     }
     applySettings(options);
-    setVariable("VELLUM_REPORT_FILE", messages.path().string());
+    setVariable("VELLUM_REPORT_FILE", utf8Text(messages.path()));
     const int code = runProgram(words);
     if (code == 126 || code == 127)
         return code;

@@ -97,6 +97,73 @@ TEST(BakeCommand, ReportsWhatEachPrimitiveGot)
         << outcome.output;
 }
 
+TEST(BakeCommand, ReportsExclusionsThatMatchNothing)
+{
+    const TemporaryFolder folder;
+    const std::string tree = (folder / "tree.glb").string();
+    writeFile(tree, cardGlb());
+    writeFile(folder / "other.glb", cardGlb({{R"("name": "leaf")", R"("name": "glass")"}}));
+    const auto bake = [&](std::vector<std::string> arguments) {
+        arguments.insert(arguments.begin(), {"bake", "--force", "-o", (folder / "out").string()});
+        return runVellum(arguments);
+    };
+    const Outcome outcome = bake({tree, (folder / "other.glb").string(), "--exclude-material", "gl*",
+                                  "--exclude-material", "laef", "--exclude-mesh", "nothing[0-9]"});
+    EXPECT_EQ(outcome.exitCode, 0);
+    EXPECT_EQ(outcome.errors, "vellum: --exclude-material laef matches no material\n"
+                              "vellum: --exclude-mesh nothing[0-9] matches no mesh\n");
+    const Outcome inspected = runVellum({"inspect", tree, "--bake", "--exclude-material", "laef", "--json"});
+    EXPECT_EQ(inspected.exitCode, 0);
+    EXPECT_EQ(inspected.errors, "vellum: --exclude-material laef matches no material\n");
+}
+
+// One state for each triangle, in the smallest micromap that the extension has.
+TEST(BakeCommand, ABudgetOfNothing)
+{
+    const TemporaryFolder folder;
+    const std::string tree = (folder / "tree.glb").string();
+    writeFile(tree, cardGlb());
+    const Outcome outcome = runVellum({"bake", tree, "--budget", "0", "--json"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    const StoredMicromaps stored = readMicromaps(Document(folder / "tree.omm.glb"));
+    ASSERT_EQ(stored.micromaps.size(), 1u);
+    EXPECT_EQ(stored.micromaps[0].data.size() + stored.micromaps[0].triangles.size() * sizeof(MicromapTriangle), 9u);
+    for (const auto &[place, primitive] : stored.primitives)
+        for (const int32_t index : primitive.indices)
+            EXPECT_LT(index, 0);
+}
+
+TEST(BakeCommand, NamesOutsideAscii)
+{
+    const TemporaryFolder folder;
+    const fs::path in = folder.path() / u8"\u00e4\u6a39";
+    fs::create_directory(in);
+    const std::u8string text = in.u8string();
+    const std::string name(text.begin(), text.end());
+    writeFile(in / u8"\u00f6.glb", cardGlb());
+    const Outcome single = runVellum({"bake", name + "/\u00f6.glb", name + "/\u00fc-out.glb"});
+    EXPECT_EQ(single.exitCode, 0) << single.errors;
+    EXPECT_NE(single.output.find("\u00fc-out.glb"), std::string::npos) << single.output;
+    EXPECT_TRUE(fs::exists(in / u8"\u00fc-out.glb"));
+    EXPECT_EQ(runVellum({"bake", name + "/\u00f6.glb"}).exitCode, 0);
+    EXPECT_TRUE(fs::exists(in / u8"\u00f6.omm.glb"));
+    writeCardGltf(in / u8"\u00df.gltf");
+    const Outcome all = runVellum({"bake", name, "-o", name + "/\u0436", "--json"});
+    EXPECT_EQ(all.exitCode, 0) << all.errors;
+    EXPECT_TRUE(fs::exists(in / u8"\u0436/\u00f6.glb"));
+    EXPECT_EQ(bakedPrimitives(in / u8"\u0436/\u00df.gltf"), 1u);
+    EXPECT_NE(all.output.find("\u0436/\u00df.gltf"), std::string::npos) << all.output;
+    const Outcome verified = runVellum({"verify", name + "/\u0436", name + "/\u00fc-out.glb"});
+    EXPECT_EQ(verified.exitCode, 0) << verified.errors;
+    EXPECT_NE(verified.output.find("\u00df.gltf"), std::string::npos) << verified.output;
+    const Outcome inspected = runVellum({"inspect", name + "/\u00fc-out.glb", "-o", name + "/\u00e9.html"});
+    EXPECT_EQ(inspected.exitCode, 0) << inspected.errors;
+    EXPECT_TRUE(fs::exists(in / u8"\u00e9.html"));
+    const Outcome missing = runVellum({"info", name + "/\u2192.glb"});
+    EXPECT_EQ(missing.exitCode, 1);
+    EXPECT_NE(missing.errors.find("\u2192.glb"), std::string::npos) << missing.errors;
+}
+
 TEST(BakeCommand, TheInputIsNeverWritten)
 {
     const TemporaryFolder folder;

@@ -38,6 +38,9 @@ Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsign
 
 // Its stdout takes nothing: /dev/full.
 Outcome runVellumToFullDevice(const std::vector<std::string> &arguments);
+
+// Its stdout is a terminal.
+Outcome runVellumInTerminal(const std::vector<std::string> &arguments);
 #endif
 
 } // namespace vellum::test

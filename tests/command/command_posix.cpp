@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "command.h"
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <fcntl.h>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -110,6 +112,26 @@ Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsign
             setrlimit(RLIMIT_FSIZE, &limit);
         },
         [](pid_t) {});
+}
+
+Outcome runVellumInTerminal(const std::vector<std::string> &arguments)
+{
+    const int terminal = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+    if (terminal < 0 || grantpt(terminal) != 0 || unlockpt(terminal) != 0)
+        throw std::runtime_error("no terminal");
+    std::string output;
+    Outcome outcome = run(
+        arguments, {}, [] {},
+        [&](pid_t) {
+            char bytes[4096];
+            // Waits until the child has opened the terminal; fails once no process has it open.
+            for (ssize_t count = 1; count > 0; output.append(bytes, static_cast<size_t>(std::max<ssize_t>(count, 0))))
+                count = read(terminal, bytes, sizeof bytes);
+        },
+        ptsname(terminal));
+    close(terminal);
+    outcome.output = output;
+    return outcome;
 }
 
 Outcome runVellumToFullDevice(const std::vector<std::string> &arguments)

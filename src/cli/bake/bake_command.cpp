@@ -10,11 +10,13 @@
 #include <thread>
 
 #include "cli/bake/bake_report.h"
+#include "cli/bake/exclusions.h"
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/progress.h"
 #include "cli/base/standard_streams.h"
 #include "cli/base/system/interrupt.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -25,7 +27,7 @@ namespace
 class Bakery
 {
 public:
-    Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs);
+    Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions);
     std::vector<BakeFileReport> run();
 
 private:
@@ -34,6 +36,7 @@ private:
     void report(size_t job, double share);
 
     const BakeCommandOptions &options_;
+    UnmatchedExclusions &exclusions_;
     std::vector<BakeJob> jobs_;
     std::vector<BakeFileReport> reports_;
     std::vector<double> bytes_; // of the inputs
@@ -47,8 +50,8 @@ private:
     std::vector<double> shares_; // of each file, done
 };
 
-Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs)
-    : options_(options), jobs_(std::move(jobs)), reports_(jobs_.size()), order_(jobs_.size()),
+Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions)
+    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), reports_(jobs_.size()), order_(jobs_.size()),
       threads_(options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency())),
       progress_("baking"), shares_(jobs_.size())
 {
@@ -84,12 +87,14 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         report.error = error;
         return report;
     };
-    const std::string prefix = jobs_[job].input.string() + ": ";
+    const std::string prefix = utf8Text(jobs_[job].input) + ": ";
     if (!jobs_[job].problem.empty())
         return failed(prefix + jobs_[job].problem);
     options.measure = true;
     try {
-        return reportOf(jobs_[job], bakeFile(openDocument(jobs_[job].input), jobs_[job].output, options));
+        const Document document = openDocument(jobs_[job].input);
+        exclusions_.note(document);
+        return reportOf(jobs_[job], bakeFile(document, jobs_[job].output, options));
     } catch (const std::bad_alloc &) {
         return failed(prefix + "out of memory");
     } catch (const GltfError &error) {
@@ -126,11 +131,11 @@ std::vector<BakeFileReport> Bakery::run()
 namespace
 {
 
-std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options)
+std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusions)
 {
     std::vector<BakeJob> jobs = planBake(options);
     const Interruptible interruptible;
-    std::vector<BakeFileReport> reports = Bakery(options, std::move(jobs)).run();
+    std::vector<BakeFileReport> reports = Bakery(options, std::move(jobs), exclusions).run();
     if (Interruptible::interrupted()) {
         std::fprintf(stderr, "vellum: interrupted\n");
         Interruptible::die();
@@ -152,7 +157,7 @@ ExitCode printProblems(const BakeCommandOptions &options, const std::vector<Bake
         if (!options.requireMicromaps || !report.error.empty() || !report.primitives.empty())
             continue;
         if (report.failure.empty())
-            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", report.job.input.string().c_str());
+            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", utf8Text(report.job.input).c_str());
         code = worse(code, ExitCode::NoMicromaps);
     }
     return code;
@@ -176,7 +181,8 @@ int bakeCommand(BakeCommandOptions &options)
     }
     if (options.quiet && !options.json)
         discardReports();
-    const std::vector<BakeFileReport> reports = bakeAll(options);
+    UnmatchedExclusions exclusions(options.bake);
+    const std::vector<BakeFileReport> reports = bakeAll(options, exclusions);
     if (options.json)
         printJson(reports, options.dryRun);
     else if (options.table)
@@ -186,6 +192,7 @@ int bakeCommand(BakeCommandOptions &options)
     if (options.dryRun && !options.json)
         std::printf("nothing was written (--dry-run)\n");
     std::fflush(stdout);
+    exclusions.print();
     return static_cast<int>(printProblems(options, reports));
 }
 

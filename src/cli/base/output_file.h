@@ -4,8 +4,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 
 namespace vellum::cli
@@ -22,8 +24,13 @@ inline constexpr std::string_view kJsonMark = R"({"schema":"vellum/1","command":
 std::filesystem::path outputFor(const std::optional<std::filesystem::path> &said,
                                 const std::filesystem::path &standard);
 
+// Throws UsageError for an output whose name ends in the suffix of another format than these. A name without a suffix,
+// and
+// "-", fit every format.
+void checkSuffix(const std::filesystem::path &output, std::initializer_list<std::string> suffixes);
+
 // Checks before the work starts that a file, or "-" for stdout, can be written. Throws Error, also for a file that is
-// there already and was not written by this command, unless `force` is set.
+// there already and was not written by this command, and for a terminal, unless `force` is set.
 void checkWritable(const std::filesystem::path &path, bool force);
 
 // The file appears whole, whatever happens. Throws Error.

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "cli/base/numbers.h"
+#include "core/utf8_path.h"
 #include "gltf/data/image.h"
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/primitive.h"
@@ -224,7 +225,7 @@ FileReport reportFile(const Document &document)
 void print(const FileReport &r, bool verbose)
 {
     const auto most = [verbose](size_t count) { return verbose ? ~size_t{0} : count; };
-    fmt::print("file        {}: {}, {}\n", r.path.string(), r.binary ? "GLB" : "glTF text", counted(r.bytes, "byte"));
+    fmt::print("file        {}: {}, {}\n", utf8Text(r.path), r.binary ? "GLB" : "glTF text", counted(r.bytes, "byte"));
     for (size_t i = 0; i < r.extensions.size(); ++i) {
         const auto &[name, required] = r.extensions[i];
         const char *meaning = meaningOf(name);
@@ -261,7 +262,7 @@ void print(const FileReport &r, bool verbose)
 
 void write(const FileReport &r, JsonWriter &json)
 {
-    json.beginObject().member("file", r.path.string()).member("binary", r.binary).member("bytes", r.bytes);
+    json.beginObject().member("file", utf8Text(r.path)).member("binary", r.binary).member("bytes", r.bytes);
     json.list("extensions", r.extensions, [&](const FileReport::Extension &extension) {
         json.beginObject().member("name", extension.name).member("required", extension.required).end();
     });

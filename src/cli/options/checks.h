@@ -2,9 +2,10 @@
 // Checks of option values, with messages that name the range: "must be between 0 and 1, got 2".
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
+
+#include "cli/options/cli11.h"
 
 namespace vellum::cli
 {

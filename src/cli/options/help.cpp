@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/options/help.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdlib>
 #include <fmt/format.h>
 #include <sstream>
 
 #include "cli/base/system/streams.h"
+#include "cli/options/cli11.h"
 
 namespace vellum::cli
 {

@@ -17,10 +17,7 @@ namespace
 
 bool isGltf(const std::filesystem::path &path)
 {
-    std::string extension = utf8Text(path.extension());
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return extension == ".gltf";
+    return suffixOf(path) == ".gltf";
 }
 
 // The first part of the name of the file of micromaps: `tree.omm` for `tree.gltf` and `tree.omm.gltf`.
@@ -57,7 +54,7 @@ void writeFiles(const Document &document, const std::filesystem::path &output, c
     for (const FilesBeside::Copy &copy : beside.copies)
         files.copy(copy.from, copy.to);
     if (rewritten.buffer.size() != 0)
-        files.writeOnce(folderOf(output) / rewritten.bufferName, rewritten.buffer);
+        files.writeOnce(folderOf(output) / utf8Path(rewritten.bufferName), rewritten.buffer);
     files.write(output, rewritten.file);
     files.publish();
 }
