@@ -111,7 +111,7 @@ void Runner::Slot::begin(const CaseId &id)
 {
     const RunSettings &settings = runner_.settings_;
     if (process_ == nullptr) {
-        check::SessionOptions options = settings.worker;
+        WorkerOptions options = settings.worker;
         options.api = id.api;
         process_ = std::make_unique<WorkerProcess>(options);
         open_ = false;
@@ -331,7 +331,7 @@ void Runner::run(Schedule &schedule)
         reportMissing(schedule);
 }
 
-DeviceSummary askForDevice(const check::SessionOptions &options, double timeout)
+DeviceSummary askForDevice(const WorkerOptions &options, double timeout)
 {
     WorkerProcess worker(options);
     worker.send({.kind = Request::Kind::Describe});

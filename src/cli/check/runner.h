@@ -19,7 +19,7 @@ namespace vellum::cli
 {
 
 struct RunSettings {
-    check::SessionOptions worker; // with any API
+    WorkerOptions worker; // with any API
     uint64_t seed = 0;
     unsigned jobs = 1;
     double timeout = 60;          // seconds of a case, of opening and of closing the device
@@ -76,6 +76,6 @@ private:
 };
 
 // The device that workers with these options test. Throws Error where there is none.
-DeviceSummary askForDevice(const check::SessionOptions &options, double timeout);
+DeviceSummary askForDevice(const WorkerOptions &options, double timeout);
 
 } // namespace vellum::cli

@@ -175,7 +175,7 @@ std::span<const Group> groups()
 
 std::shared_ptr<Session> openSession(const SessionOptions &options)
 {
-    if (options.device != "7")
+    if (options.device != 7)
         throw std::runtime_error("another device than the one that was chosen");
     const std::string behaviour = variable("VELLUM_FAKE_OPEN");
     if (behaviour == "throw")
@@ -220,7 +220,7 @@ Outcome replay(Session &session, const std::string &reproducer)
 namespace vellum::cli
 {
 
-DeviceSummary describeDevice(const check::SessionOptions &options)
+DeviceSummary describeDevice(const WorkerOptions &options)
 {
     const std::string device = check::variable("VELLUM_FAKE_DEVICE");
     if (device == "none")
