@@ -56,13 +56,14 @@ private:
     static constexpr size_t kMostConfirmations = 3;
 
     [[nodiscard]] bool timeIsOver() const { return settings_.budget && seconds() >= *settings_.budget; }
-    // The device cannot be opened any more.
+    // The device cannot be opened any more, or no worker can be started.
     [[nodiscard]] bool givesUp() const { return failedOpenings_ >= kMostFailedOpenings; }
     // Reports skipped cases. Nothing at the end of the stream.
     std::optional<CaseId> nextOf(Stream &stream);
     // Whether a failure is to be run again.
     [[nodiscard]] bool mustConfirm(const Finished &finished) const;
-    void reportMissing(Schedule &schedule);
+    void noteFailedStart(const std::string &error);
+    void reportMissing(const CaseId &id);
 
     RunSettings settings_;
     const Expectations &expectations_;
@@ -71,6 +72,8 @@ private:
     Clock::time_point start_ = Clock::now();
     double turn_ = 0;             // seconds that a worker runs the cases of one stream
     unsigned failedOpenings_ = 0; // one after the other
+    unsigned workers_ = 0;        // that exist
+    std::string whyMissing_;      // of the last one
     bool failed_ = false;
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };
