@@ -2,10 +2,14 @@
 // What `vellum bench` concludes from the rows of its parts, and which reports it replaces.
 #include <fstream>
 #include <gtest/gtest.h>
+#ifndef _WIN32
+#include <sys/resource.h>
+#endif
 
 #include "cli/base/error.h"
 #include "cli/base/output_file.h"
 #include "cli/bench/bench_report.h"
+#include "cli/bench/part_process.h"
 #include "glb_file.h"
 
 using namespace vellum::cli;
@@ -22,6 +26,19 @@ TEST(BenchReport, SelfChecksPass)
     EXPECT_FALSE(passed(R"({"row":"check","passed":0,"failed":0,"skipped":7})"));
     EXPECT_TRUE(passed(R"({"row":"frame"})"));
 }
+
+#ifndef _WIN32 // has no limit of open files
+TEST(BenchReport, APartWhoseProcessCannotBeStartedHasFailed)
+{
+    rlimit before{};
+    getrlimit(RLIMIT_NOFILE, &before);
+    const rlimit few{3, before.rlim_max};
+    setrlimit(RLIMIT_NOFILE, &few);
+    const PartResult result = runPartProcess({}, {}, 1, [] {});
+    setrlimit(RLIMIT_NOFILE, &before);
+    EXPECT_EQ(result.failure, "no pipe can be made: Too many open files");
+}
+#endif
 
 TEST(BenchReport, ReplacesReportsOfAllVersions)
 {

@@ -23,7 +23,7 @@ enum class Verdict {
     Skip,
     Crash,
     Timeout,
-    Missing, // not run, because the device could not be opened any more
+    Missing, // not run: no device could be opened any more, or no worker be started
     Flake,   // failed, and passed when it was run again
     KnownFlake,
     ExpectedFail,
