@@ -33,6 +33,13 @@ Outcome runVellum(const std::vector<std::string> &arguments,
 // Sends it a signal after some milliseconds.
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds);
 
+// Sends it a signal as soon as there is such a file or folder.
+Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, const std::filesystem::path &begun,
+                        const std::vector<std::pair<std::string, std::string>> &environment = {});
+
+// It may have so many files open at a time.
+Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsigned long count);
+
 // No file that it writes may become larger than this.
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);
 

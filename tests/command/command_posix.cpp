@@ -103,6 +103,32 @@ Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, i
         });
 }
 
+Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, const std::filesystem::path &begun,
+                        const std::vector<std::pair<std::string, std::string>> &environment)
+{
+    return run(
+        arguments, environment, [] {},
+        [&](pid_t child) {
+            siginfo_t ended{};
+            while (!std::filesystem::exists(begun) && ended.si_pid == 0) {
+                std::this_thread::sleep_for(std::chrono::milliseconds(10));
+                waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOHANG | WNOWAIT);
+            }
+            kill(child, signal);
+        });
+}
+
+Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsigned long count)
+{
+    return run(
+        arguments, {},
+        [&] {
+            const rlimit limit{count, count};
+            setrlimit(RLIMIT_NOFILE, &limit);
+        },
+        [](pid_t) {});
+}
+
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes)
 {
     return run(
