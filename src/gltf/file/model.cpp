@@ -345,7 +345,7 @@ Buffer ModelReader::bufferOf(const Members &buffer, size_t index) const
         const bool embedded = isDataUri(text);
         const std::string what = buffer.place() + (embedded ? ": " : " (" + text + "): ");
         try {
-            result.own = embedded ? readDataUri(text).bytes : readWholeFile(fileOfUri(folder_, text));
+            result.own = embedded ? readDataUri(text).bytes : readFileOfUri(folder_, text);
         } catch (const GltfUnsupported &error) {
             throw GltfUnsupported(what + error.what());
         } catch (const GltfError &error) {
