@@ -100,6 +100,12 @@ CommandState *CommandStates::get(VkCommandBuffer commandBuffer) const
     return state;
 }
 
+void CommandStates::keep(VkCommandBuffer commandBuffer, std::shared_ptr<const void> used) const
+{
+    if (CommandState *const state = get(commandBuffer); state && used)
+        state->used.insert(std::move(used));
+}
+
 void CommandState::forgetBindings()
 {
     computePipeline = VK_NULL_HANDLE;
@@ -151,6 +157,7 @@ VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer comman
     if (const auto state = device.states.get(commandBuffer)) {
         state->forgetBindings();
         state->scratch.reset();
+        state->used.clear();
         state->conditionalRendering.reset();
         state->rejectedTransformFeedback = false;
         state->descriptorsWait = false;

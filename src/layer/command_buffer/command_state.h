@@ -44,6 +44,8 @@ struct CommandState {
     // A barrier from builds to transfers to structure descriptors was recorded.
     bool descriptorsWait = false;
     ScratchMemory scratch; // of injected work; lives as long as the recorded commands
+    // What the recorded commands use: buffers that were found by addresses.
+    std::unordered_set<std::shared_ptr<const void>> used;
 
     void forgetBindings();
 };
@@ -63,6 +65,8 @@ public:
     void removePool(VkCommandPool pool); // with all command buffers in it
     // Null for a command buffer that the application did not allocate. Valid until the command buffer is freed.
     [[nodiscard]] CommandState *get(VkCommandBuffer commandBuffer) const;
+    // Keeps what a command uses that is about to be recorded, for as long as the command exists.
+    void keep(VkCommandBuffer commandBuffer, std::shared_ptr<const void> used) const;
 
 private:
     static void changed();

@@ -3,9 +3,9 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <mutex>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -22,7 +22,8 @@ struct DeviceCommandBuffers;
 
 inline constexpr uint32_t kPushBytes = 128; // required minimum of maxPushConstantsSize
 
-// The compute pipelines of the injected work. Each is created when it is first needed.
+// The compute pipelines of the injected work. Each is created when it is first needed, without a lock: compilation
+// takes long, and other threads record meanwhile. Of threads that create the same one, the first to finish provides it.
 class InjectedPipelines
 {
 public:
@@ -37,9 +38,9 @@ public:
 private:
     GpuContext context_;
     uint32_t pushBytes_ = kPushBytes;
-    std::mutex mutex_;
+    [[nodiscard]] VkPipeline createPipeline(InjectedShader shader) const;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
-    std::array<VkPipeline, kInjectedShaders> pipelines_{};
+    std::array<std::atomic<VkPipeline>, kInjectedShaders> pipelines_{};
 };
 
 // A sequence of injected commands. The destructor restores the application's compute pipeline or shader, push constants

@@ -66,7 +66,8 @@ void warnOfUntranslated(const Driver &driver, const Barrier &barrier)
 class DriverDependency
 {
 public:
-    DriverDependency(const DeviceCommandBuffers &device, const VkDependencyInfo &application)
+    DriverDependency(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                     const VkDependencyInfo &application)
         : driver_(device.driver), info_(application), chain_(application.pNext),
           memory_(application.pMemoryBarriers, application.pMemoryBarriers + application.memoryBarrierCount),
           buffers_(application.pBufferMemoryBarriers,
@@ -74,7 +75,7 @@ public:
           images_(application.pImageMemoryBarriers,
                   application.pImageMemoryBarriers + application.imageMemoryBarrierCount)
     {
-        addRanges(device);
+        addRanges(device, commandBuffer);
         info_.pNext = chain_.head();
         info_.pMemoryBarriers = translated(memory_, info_.memoryBarrierCount);
         info_.pBufferMemoryBarriers = translated(buffers_, info_.bufferMemoryBarrierCount);
@@ -93,14 +94,14 @@ private:
         count = static_cast<uint32_t>(barriers.size());
         return barriers.data();
     }
-    void addRanges(const DeviceCommandBuffers &device)
+    void addRanges(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
     {
         const auto *ranges =
             findInChain<VkMemoryRangeBarriersInfoKHR>(info_.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
         if (!ranges)
             return;
         if (device.driver.ownAddressCommands) {
-            addRangeBarriers(device.buffers, *ranges, memory_, buffers_);
+            addRangeBarriers(device, commandBuffer, *ranges, memory_, buffers_);
             chain_.remove(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
         } else if (auto *own =
                        chain_.edit<VkMemoryRangeBarriersInfoKHR>(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)) {
@@ -139,14 +140,14 @@ VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
 
 void cmdPipelineBarrier2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
-    const DriverDependency driver(device, *info);
+    const DriverDependency driver(device, commandBuffer, *info);
     device.driver.next.CmdPipelineBarrier2(commandBuffer, &driver.info());
 }
 
 void cmdSetEvent2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkEvent event,
                   const VkDependencyInfo *info)
 {
-    const DriverDependency driver(device, *info);
+    const DriverDependency driver(device, commandBuffer, *info);
     device.driver.next.CmdSetEvent2(commandBuffer, event, &driver.info());
 }
 
@@ -162,7 +163,7 @@ void cmdWaitEvents2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
     std::deque<DriverDependency> own;
     std::vector<VkDependencyInfo> driverInfos;
     for (uint32_t i = 0; i < count; ++i)
-        driverInfos.push_back(own.emplace_back(device, infos[i]).info());
+        driverInfos.push_back(own.emplace_back(device, commandBuffer, infos[i]).info());
     device.driver.next.CmdWaitEvents2(commandBuffer, count, events, driverInfos.data());
 }
 

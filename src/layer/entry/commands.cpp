@@ -79,7 +79,7 @@ const Row kRows[] = {
     row<destroyBuffer>("vkDestroyBuffer", Scope::Provided),
     row<getDeviceBufferMemoryRequirements>("vkGetDeviceBufferMemoryRequirements", Scope::Provided),
     row<allocateMemory>("vkAllocateMemory", Scope::Emulated),
-    row<freeMemory>("vkFreeMemory", Scope::Emulated),
+    row<freeMemory>("vkFreeMemory", Scope::Provided),
     row<bindBufferMemory>("vkBindBufferMemory", Scope::Provided),
     row<bindBufferMemory2>("vkBindBufferMemory2", Scope::Provided),
     row<mapMemory>("vkMapMemory", Scope::Emulated),

@@ -109,14 +109,14 @@ struct DataCopy {
     VkBufferCopy region{};
 };
 
-DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
+DataCopy dataCopyOf(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, const MicromapBuild &build)
 {
     const MicromapExtent &extent = build.extent;
     if (extent.share || extent.lossy || extent.units == 0)
         return {};
     const VkDeviceAddress from = build.data.deviceAddress;
-    const AddressMap::Location source = device.buffers.addresses.find(from);
-    if (!source.buffer || (device.buffers.infos.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
+    const AddressMap::Location source = device.buffers.addresses.find(from, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+    if (!source.buffer)
         return {};
     const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
     const uint64_t bytes = std::min(source.bytes, extent.units * kDataUnitBytes);
@@ -125,6 +125,7 @@ DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
     const VkDeviceAddress to = micromapAddress(device.driver, build.target) + begin;
     if (from < to + bytes && to < from + bytes)
         return {};
+    device.commands.states.keep(commandBuffer, source.owner);
     return {source.buffer, build.target.buffer, {source.offset, build.target.offset + begin, bytes}};
 }
 
@@ -168,14 +169,14 @@ uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangle
 }
 
 // Prepares the pass in place, if the build can use it: the layer must know the buffer of the scratch memory.
-void prepareInPlace(const DeviceMicromaps &device, OneBuild &build)
+void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, OneBuild &build)
 {
     MicromapPush &push = build.push;
-    const AddressMap::Location location = device.buffers.addresses.find(push.scratch);
-    const VkFlags64 wanted = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostInPlace ||
-        (device.buffers.infos.get(location.buffer).usage & wanted) != wanted)
+    const AddressMap::Location location = device.buffers.addresses.covering(
+        push.scratch, kScratchTables * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
+    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostInPlace)
         return;
+    device.commands.states.keep(commandBuffer, location.owner);
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
     const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
     const uint64_t end = std::min({near, uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes}});
@@ -202,7 +203,7 @@ public:
     {
         OneBuild build;
         build.micromapOffset = given.target.offset;
-        build.copy = dataCopyOf(device_, given);
+        build.copy = dataCopyOf(device_, commandBuffer_, given);
         build.push = pushOf(device_, given);
         if (build.copy.from)
             build.push.flags |= kBuildVerbatim;
@@ -210,7 +211,7 @@ public:
             lossy_.emplace_back().push = coarseningOf(build.push, given.extent);
             build.push = coarsenedOf(build.push, given.extent);
         }
-        prepareInPlace(device_, build);
+        prepareInPlace(device_, commandBuffer_, build);
         builds_.push_back(build);
     }
 

@@ -108,6 +108,7 @@ std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, Vk
     structure->buffer = range.buffer;
     structure->offset = range.offset;
     structure->size = range.size;
+    structure->bufferOwner = range.owner;
     structure->type = type;
     return structure;
 }
@@ -336,12 +337,15 @@ void publishMicromap(DeviceState &device, AccelerationStructure &structure)
 
 void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure)
 {
-    if (device.buffers.addresses.addressOf(structure->buffer) != 0)
-        return publishMicromap(device, *structure);
     if (!device.driver.enabled.khr || !canHoldMicromap(*structure))
         return;
-    std::lock_guard lock(device.unboundMutex);
-    device.unboundMicromaps.push_back(structure);
+    {
+        // The mutex: bufferHasAddress() comes after the address is known, and only once.
+        std::lock_guard lock(device.unboundMutex);
+        if (device.buffers.addresses.addressOf(structure->buffer) == 0)
+            return device.unboundMicromaps.push_back(structure);
+    }
+    publishMicromap(device, *structure);
 }
 
 void bufferHasAddress(DeviceState &device, VkBuffer buffer)

@@ -28,6 +28,7 @@ struct AccelerationStructure {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
+    AddressMap::Owner bufferOwner; // of vkCreateAccelerationStructure2KHR
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
     VkDeviceAddress reference =

@@ -220,13 +220,13 @@ private:
         const bool hostKnowsRange = push.from == kFromArray && push.range == 0 && bytes > 0;
         if (!hostKnowsRange || (device_.buffers.infos.get(target.buffer).usage & VK_BUFFER_USAGE_TRANSFER_DST_BIT) == 0)
             return;
-        const AddressMap::Location source =
-            addresses.onlyCovering(push.source, bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
-        const AddressMap::Location patched =
-            addresses.onlyCovering(push.target, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+        const AddressMap::Location source = addresses.covering(push.source, bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+        const AddressMap::Location patched = addresses.covering(push.target, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
         const auto overlaps = [&](VkDeviceAddress to) { return push.source < to + bytes && to < push.source + bytes; };
         if (!source.buffer || !patched.buffer || overlaps(push.target) || overlaps(push.tail))
             return;
+        device_.commands.states.keep(commandBuffer_, source.owner);
+        device_.commands.states.keep(commandBuffer_, patched.owner);
         part.transfers = {source.buffer,
                           patched.buffer,
                           target.buffer,
