@@ -12,6 +12,7 @@
 #include "core/curve.h"
 #include "core/records.h"
 #include "layer/base/pnext.h"
+#include "layer/base/system.h"
 #include "layer/base/undo.h"
 #include "layer/entry/device.h"
 #include "layer/entry/ray_tracing_extensions.h"
@@ -105,6 +106,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     if (!nextCreate)
         return VK_ERROR_INITIALIZATION_FAILED;
 
+    stayLoaded();
     auto instance = std::make_unique<Instance>();
     instance->settings = readSettings(info->pNext);
     instance->report.apply(instance->settings);
