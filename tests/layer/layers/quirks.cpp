@@ -71,8 +71,8 @@ std::span<const Quirk> allQuirks()
         {"scratch", Level::Garbage,
          "builds need more scratch memory, updates still more than those, and write to all of it"},
         {"capable", Level::IndirectBuilds,
-         "features that lavapipe lacks: accelerationStructureIndirectBuild, accelerationStructureHostCommands, and "
-         "bufferDeviceAddressCaptureReplay"},
+         "features that lavapipe lacks: accelerationStructureIndirectBuild, accelerationStructureHostCommands, "
+         "bufferDeviceAddressCaptureReplay and accelerationStructureCaptureReplay"},
     };
     return quirks;
 }
