@@ -453,4 +453,25 @@ TEST(Driver, UnknownExtensionForRayTracing)
     EXPECT_EQ(std::ranges::count(messages, "VELLUM-unknown-extension", &Message::id), 1);
 }
 
+// A device of several physical devices, of which lavapipe has one: the layer rejects it before the driver is asked.
+TEST(Driver, GroupOfPhysicalDevices)
+{
+    for (const Api api : {Api::Ext, Api::Khr}) {
+        Gpu gpu(Options{.validation = false, .spy = false, .micromaps = false, .api = api});
+        const std::array physical{gpu.physical(), gpu.physical()};
+        const char *extension =
+            api == Api::Ext ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME : VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME;
+        for (const uint32_t count : {1u, 2u}) {
+            auto group = vkInit<VkDeviceGroupDeviceCreateInfo>(
+                {.physicalDeviceCount = count, .pPhysicalDevices = physical.data()});
+            EXPECT_EQ(createDevice(gpu,
+                                   {"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
+                                    "VK_KHR_device_address_commands", extension},
+                                   &group),
+                      count == 1 ? VK_SUCCESS : VK_ERROR_FEATURE_NOT_PRESENT);
+            EXPECT_EQ(std::ranges::count(warningsOf(gpu), "VELLUM-device-features", &Message::id), count == 1 ? 0 : 1);
+        }
+    }
+}
+
 } // namespace
