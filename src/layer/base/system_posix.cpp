@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/auxv.h>
 #include <sys/mman.h>
@@ -103,6 +104,17 @@ void stopInDebugger()
 }
 
 #if defined(__linux__) && defined(MAP_FIXED_NOREPLACE)
+
+void stayLoaded()
+{
+    static const char ofThisLibrary = 0;
+    Dl_info info{};
+    if (dladdr(&ofThisLibrary, &info) == 0 || !info.dli_fname)
+        return;
+    // The flag stays after dlclose.
+    if (void *library = dlopen(info.dli_fname, RTLD_LAZY | RTLD_NOLOAD | RTLD_NODELETE))
+        dlclose(library);
+}
 
 void *mapMemoryAt(void *address, size_t bytes)
 {

@@ -149,6 +149,12 @@ void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer co
 
 void cmdWriteMarkerToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
 {
+    if (!device.driver.ownAddressCommands) {
+        VkMemoryMarkerInfoAMD own = *info;
+        if (device.driver.emulated())
+            own.stage = driverStage(info->stage);
+        return device.driver.next.CmdWriteMarkerToMemoryAMD(commandBuffer, &own);
+    }
     const AddressLookup lookup(device, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
     const auto target = lookup.find(info->dstRange, {.member = "dstRange",
                                                      .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,

@@ -188,7 +188,7 @@ private:
                 isFirst = device_.shaderWarnings.isFirst(kId, stageCode(device_, stage)) || isFirst;
         }
         if (isFirst)
-            device_.driver.report().warning(
+            device_.objects.warnings.warn(
                 kId,
                 message("traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: ") +
                     (device_.driver.emulated() ? "where they meet micromaps, every hit on their geometry is non-opaque"
