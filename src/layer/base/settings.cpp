@@ -11,11 +11,11 @@
 #include <fstream>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <sstream>
 #include <variant>
 #include <vector>
 
+#include "core/hash.h"
 #include "core/utf8_path.h"
 #include "layer/base/pnext.h"
 #include "layer/base/system.h"
@@ -68,9 +68,16 @@ constexpr std::pair<const char *, bool> kBooleans[] = {
 void reportOnce(const std::string &text)
 {
     static std::mutex mutex;
-    static auto &printed = *new std::set<std::string>; // never destroyed: instances may be created by exit handlers
+    // Hashes: never destroyed, since instances may be created by exit handlers, and not on the heap, where they would
+    // stay when the layer is unloaded. 0: unused.
+    static std::array<uint64_t, 256> printed;
+    const uint64_t hash = Hash::of(text) | 1;
     std::lock_guard lock(mutex);
-    if (printed.insert(text).second)
+    const auto known = std::ranges::find_if(printed, [hash](uint64_t other) { return other == 0 || other == hash; });
+    const bool isNew = known == printed.end() || *known == 0;
+    if (known != printed.end())
+        *known = hash;
+    if (isNew)
         std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
 }
 

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// Allocations by operator new of the program of a test.
+#pragma once
+
+#include <atomic>
+
+namespace vellum::test
+{
+
+extern thread_local long allocationsLeft;  // of this thread before one fails; negative: none fails
+extern std::atomic<long> allocationsAlive; // by all threads
+
+} // namespace vellum::test
