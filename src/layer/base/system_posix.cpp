@@ -103,8 +103,6 @@ void stopInDebugger()
     std::raise(SIGTRAP);
 }
 
-#if defined(__linux__) && defined(MAP_FIXED_NOREPLACE)
-
 void stayLoaded()
 {
     static const char ofThisLibrary = 0;
@@ -115,6 +113,8 @@ void stayLoaded()
     if (void *library = dlopen(info.dli_fname, RTLD_LAZY | RTLD_NOLOAD | RTLD_NODELETE))
         dlclose(library);
 }
+
+#if defined(__linux__) && defined(MAP_FIXED_NOREPLACE)
 
 void *mapMemoryAt(void *address, size_t bytes)
 {

@@ -340,17 +340,21 @@ RuleLimits DeviceCreation::ruleLimits(const EnabledFeatures &enabled) const
 }
 
 void DeviceCreation::startValidation(Device &added) const
-{
+try {
     const EnabledFeatures &enabled = added.driver.enabled;
-    if (enabled.any() && instance_.settings.validate.any())
-        added.validation =
-            createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
-    if (added.validation)
-        added.validation->traces.storingStages = storingStages(info_);
-    if (added.validation && !added.driver.providesMicromaps())
+    if (!enabled.any() || !instance_.settings.validate.any())
+        return;
+    auto validation =
+        createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
+    if (!validation)
+        return;
+    validation->traces.storingStages = storingStages(info_);
+    validation->facts = factsOf(added.driver, info_);
+    added.validation = std::move(validation);
+    if (!added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
-    if (added.validation)
-        added.validation->facts = factsOf(added.driver, info_);
+} catch (const std::bad_alloc &) { // the device exists: it works without validation
+    added.driver.report().error("VELLUM-device-tables", "no memory for validation, which is therefore off");
 }
 
 } // namespace
