@@ -356,6 +356,8 @@ int checkCommand(const CheckOptions &options)
     try {
         device = askForDevice({.device = options.device, .layer = options.layer}, options.timeout);
         removeMissing(options, device, selection);
+    } catch (const UsageError &) {
+        throw;
     } catch (const Error &error) {
         if (Interruptible::interrupted())
             Interruptible::die();

@@ -27,6 +27,13 @@ double since(Clock::time_point begin)
     return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
+// The line by which the layer reports a setting that it ignores; empty if there is none.
+std::string settingFaultIn(const std::string &printed)
+{
+    const size_t begin = printed.find("VELLUM-setting: ");
+    return begin == std::string::npos ? std::string() : printed.substr(begin, printed.find('\n', begin) - begin);
+}
+
 } // namespace
 
 std::string causeOf(const check::Outcome &outcome)
@@ -386,6 +393,8 @@ DeviceSummary askForDevice(const WorkerOptions &options, double timeout)
                                : "listing the Vulkan devices takes too long");
     if (answer.event->kind == Event::Kind::Error)
         throw Error(answer.event->message);
+    if (const std::string fault = settingFaultIn(worker.printed()); !fault.empty())
+        throw UsageError(fault);
     return answer.event->device;
 }
 

@@ -298,6 +298,14 @@ TEST_F(Check, WithoutADeviceNothingRuns)
     EXPECT_EQ(run({"good.*"}, {"--api", "khr"}, {{"VELLUM_FAKE_DEVICE", "ext"}}).outcome.exitCode, kNotRun);
 }
 
+TEST_F(Check, SettingsThatTheLayerIgnoresAreUsageErrors)
+{
+    const CheckRun check = run({"good.*"}, {}, {{"VELLUM_FAKE_DEVICE", "setting"}});
+    EXPECT_EQ(check.outcome.exitCode, 2);
+    EXPECT_EQ(check.outcome.errors, "vellum: VELLUM-setting: there is no setting VELLUM_VALIDTE\n");
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+}
+
 #ifndef _WIN32 // sends Ctrl-C to all processes of a console only
 TEST_F(Check, Interruption)
 {

@@ -245,6 +245,8 @@ DeviceSummary describeDevice(const WorkerOptions &options)
         throw Error("there is no Vulkan device");
     if (device == "crash")
         test::crash();
+    if (device == "setting")
+        std::fputs("chatter\nvellum: VELLUM-setting: there is no setting VELLUM_VALIDTE\nmore", stderr);
     return {7,
             options.device.value_or("fake"),
             "fake",
