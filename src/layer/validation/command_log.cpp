@@ -139,7 +139,7 @@ void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool
 VkResult resetCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool, VkCommandPoolResetFlags flags)
 {
     CommandLogAccess::clearPool(device.logs, pool);
-    return device.next.ResetCommandPool(handle, pool, flags);
+    return layer::resetCommandPool(device.commands, handle, pool, flags);
 }
 
 VkResult allocateCommandBuffers(DeviceValidation &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,
@@ -186,7 +186,7 @@ VkResult resetCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuf
 {
     if (const auto log = device.logs.get(commandBuffer))
         CommandLogAccess::reset(*log);
-    return device.next.ResetCommandBuffer(commandBuffer, flags);
+    return layer::resetCommandBuffer(device.commands, commandBuffer, flags);
 }
 
 void cmdBindPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
