@@ -117,6 +117,9 @@ namespace vellum::layer
     X(DestroyPrivateDataSlot)                                                                                          \
     X(AllocateCommandBuffers)                                                                                          \
     X(FreeCommandBuffers)                                                                                              \
+    X(ResetCommandBuffer)                                                                                              \
+    X(ResetCommandPool)                                                                                                \
+    X(TrimCommandPool)                                                                                                 \
     X(DestroyCommandPool)                                                                                              \
     X(BeginCommandBuffer)                                                                                              \
     X(CmdBindPipeline)                                                                                                 \

@@ -160,6 +160,9 @@ const Row kRows[] = {
 
     row<allocateCommandBuffers>("vkAllocateCommandBuffers", Scope::Provided),
     row<freeCommandBuffers>("vkFreeCommandBuffers", Scope::Provided),
+    row<resetCommandBuffer>("vkResetCommandBuffer", Scope::Provided),
+    row<resetCommandPool>("vkResetCommandPool", Scope::Provided),
+    row<trimCommandPool>("vkTrimCommandPool", Scope::Provided),
     row<destroyCommandPool>("vkDestroyCommandPool", Scope::Provided),
     row<beginCommandBuffer>("vkBeginCommandBuffer", Scope::Provided),
     row<cmdBindPipeline>("vkCmdBindPipeline", Scope::Provided),

@@ -327,7 +327,59 @@ VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, uint32_t size
     SPY_NEXT(vkCmdSetRayTracingPipelineStackSizeKHR)(handle, size);
 }
 
+// --- traces ---
+
+// What the traces of a command buffer with SIMULTANEOUS_USE read, which two queues may execute at once. No other trace
+// of it may have written that: then it would overlap, or have the same address.
+struct TracedWith {
+    std::vector<VkStridedDeviceAddressRegionKHR> hitTables;
+    std::vector<VkDeviceAddress> commands;
+};
+std::map<VkCommandBuffer, TracedWith> tracedWith;
+
+VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer handle, const VkStridedDeviceAddressRegionKHR *raygen,
+                                        const VkStridedDeviceAddressRegionKHR *miss,
+                                        const VkStridedDeviceAddressRegionKHR *hit,
+                                        const VkStridedDeviceAddressRegionKHR *callable, uint32_t width,
+                                        uint32_t height, uint32_t depth)
+{
+    {
+        std::lock_guard lock(mutex);
+        if (const auto found = tracedWith.find(handle); found != tracedWith.end()) {
+            for (const VkStridedDeviceAddressRegionKHR &other : found->second.hitTables) {
+                const bool overlaps = hit->deviceAddress < other.deviceAddress + other.size &&
+                                      other.deviceAddress < hit->deviceAddress + hit->size;
+                if (overlaps && (hit->deviceAddress != other.deviceAddress || hit->size != other.size))
+                    tell("vkCmdTraceRaysKHR: hit tables of a command buffer that may run twice at once overlap");
+            }
+            found->second.hitTables.push_back(*hit);
+        }
+    }
+    SPY_NEXT(vkCmdTraceRaysKHR)(handle, raygen, miss, hit, callable, width, height, depth);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect2(VkCommandBuffer handle, VkDeviceAddress command)
+{
+    {
+        std::lock_guard lock(mutex);
+        if (const auto found = tracedWith.find(handle); found != tracedWith.end()) {
+            if (std::ranges::find(found->second.commands, command) != found->second.commands.end())
+                tell("vkCmdTraceRaysIndirect2KHR: commands of a command buffer that may run twice at once are one");
+            found->second.commands.push_back(command);
+        }
+    }
+    SPY_NEXT(vkCmdTraceRaysIndirect2KHR)(handle, command);
+}
+
 } // namespace
+
+void noteUsage(VkCommandBuffer commands, VkCommandBufferUsageFlags usage)
+{
+    std::lock_guard lock(mutex);
+    tracedWith.erase(commands);
+    if ((usage & VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT) != 0)
+        tracedWith.try_emplace(commands);
+}
 
 std::span<const Row> pipelines()
 {
@@ -339,6 +391,8 @@ std::span<const Row> pipelines()
         {"vkCreateRayTracingPipelinesKHR", SPY_FUNCTION(createRayTracingPipelines)},
         {"vkCmdBindPipeline", SPY_FUNCTION(cmdBindPipeline)},
         {"vkCmdSetRayTracingPipelineStackSizeKHR", SPY_FUNCTION(cmdSetStackSize)},
+        {"vkCmdTraceRaysKHR", SPY_FUNCTION(cmdTraceRays)},
+        {"vkCmdTraceRaysIndirect2KHR", SPY_FUNCTION(cmdTraceRaysIndirect2)},
     };
     return rows;
 }

@@ -175,6 +175,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const 
         std::lock_guard lock(mutex);
         updates.erase(handle);
     }
+    noteUsage(handle, info->flags);
     return SPY_NEXT(vkBeginCommandBuffer)(handle, info);
 }
 
