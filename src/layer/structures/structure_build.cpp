@@ -188,6 +188,7 @@ private:
                    "memory for the layer's tables");
             return false;
         }
+        device_.commands.states.keep(commandBuffer_, slots->use());
         becomesTopLevel(target, count, layout.bytes());
         fit(part, layout.bytes());
         VkAccelerationStructureGeometryInstancesDataKHR &instances = build.geometries[0].geometry.instances;
