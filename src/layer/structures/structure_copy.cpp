@@ -165,8 +165,11 @@ void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer
     if (const auto state = device.commands.states.get(commandBuffer))
         state->scratch.restart();
     InjectedWork work(device.commands, commandBuffer);
+    const bool top = copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    if (!work.prepare(top ? InjectedShader::TlasInstances : InjectedShader::StructureCopy))
+        return;
     work.barrier();
-    if (copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
+    if (top) {
         const TopLevelLayout layout(device.driver, 0, mostInstances(device, source, target));
         recordTopLevelCopy(work, device, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
                            kFromStructure);
