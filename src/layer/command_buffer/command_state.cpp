@@ -35,6 +35,7 @@ void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFla
     state.pushes.push_back(std::move(push));
 }
 
+// Gives back what the recorded commands used; with `all`, also memory for further ones.
 void releaseCommands(CommandState &state, bool all)
 {
     if (all)

@@ -45,7 +45,7 @@ struct CommandState {
     // A barrier from builds to transfers to structure descriptors was recorded.
     bool descriptorsWait = false;
     ScratchMemory scratch; // of injected work; lives as long as the recorded commands
-    // What the recorded commands use: buffers that were found by addresses.
+    // What the recorded commands use: buffers that were found by addresses, slots of instances.
     std::unordered_set<std::shared_ptr<const void>> used;
 
     void forgetBindings();

@@ -93,14 +93,20 @@ bool InjectedWork::rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffe
     return true;
 }
 
-bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
+VkPipeline InjectedWork::pipelineOf(InjectedShader shader)
 {
     const VkPipeline pipeline = device_.injected.get(shader);
-    if (!pipeline) {
+    if (!pipeline)
         device_.driver.report().error("VELLUM-injected-pipeline",
                                       "the driver could not create the pipeline of a shader of the layer");
+    return pipeline;
+}
+
+bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
+{
+    const VkPipeline pipeline = pipelineOf(shader);
+    if (!pipeline)
         return false;
-    }
     const DeviceTable &next = device_.driver.next;
     if (!disturbed_ && state_ && device_.driver.keepsOldPushConstants)
         pushed_ = pushedConstants(); // here, since the destructor must not allocate

@@ -61,6 +61,9 @@ public:
     // driver's builds.
     static bool rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command);
 
+    // Creates the pipeline of a shader, if there is none yet: for work that must not stop in the middle. Returns false
+    // and reports an error if that fails.
+    bool prepare(InjectedShader shader) { return pipelineOf(shader) != VK_NULL_HANDLE; }
     // Runs at least `invocations` invocations of a shader. Returns false and reports an error if it has no pipeline.
     template <typename Push>
     bool dispatch(InjectedShader shader, const Push &push, uint64_t invocations, uint32_t groupSize)
@@ -91,6 +94,7 @@ private:
     bool runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer, VkDeviceSize offset);
     // The application's push constants; zero where it has pushed none.
     [[nodiscard]] std::vector<std::byte> pushedConstants() const;
+    [[nodiscard]] VkPipeline pipelineOf(InjectedShader shader);
     // Binds the pipeline of a shader and its push constants.
     bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
 

@@ -215,15 +215,29 @@ public:
         builds_.push_back(build);
     }
 
+    // Nothing is recorded if the driver cannot create a pipeline: a part of the passes would leave a micromap that
+    // leads to data that was not written.
     void record()
+    {
+        passes();
+        recording_ = prepared_;
+        if (recording_)
+            passes();
+    }
+
+private:
+    // Records all passes; or, if not recording_, prepares their pipelines.
+    void passes()
     {
         const bool share = any([](const OneBuild &build) { return build.shares(); });
         const bool parts = any([](const OneBuild &build) { return build.hasParts(); });
-        work_.barrier();
+        barrier();
         if (!lossy_.empty())
             coarsen();
-        for (const OneBuild &build : builds_)
-            prepare(build);
+        for (const OneBuild &build : builds_) {
+            if (recording_)
+                prepare(build);
+        }
         stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
             const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
             return build.inPlace || build.triangles() == 0 ? 0 : words;
@@ -245,7 +259,12 @@ public:
             stage(InjectedShader::MicromapOwners, sharedTriangles);
     }
 
-private:
+    void barrier()
+    {
+        if (recording_)
+            work_.barrier();
+    }
+
     static uint64_t sharedTriangles(const OneBuild &build) { return build.shares() ? build.triangles() : 0; }
 
     // Workgroups of the stages whose dispatch has these arguments.
@@ -328,9 +347,12 @@ private:
                 continue;
             MicromapPush push = build.push;
             push.flags |= flags;
-            work_.dispatch(shader, push, count, groupSize);
+            if (recording_)
+                work_.dispatch(shader, push, count, groupSize);
+            else
+                prepared_ = prepared_ && work_.prepare(shader);
         }
-        work_.barrier();
+        barrier();
     }
 
     // The same for a stage that builds in place only need if some triangle cannot use its data in place.
@@ -342,14 +364,16 @@ private:
             if (groups.x == 0 || (shader == InjectedShader::MicromapFold && build.shares()))
                 continue;
             some = true;
-            if (build.inPlace)
+            if (!recording_)
+                prepared_ = prepared_ && work_.prepare(shader);
+            else if (build.inPlace)
                 work_.dispatchIndirect(shader, build.push, build.scratch,
                                        build.scratchOffset + (kScratchArguments + arguments) * 4);
             else
                 work_.dispatch(shader, build.push, groups);
         }
         if (some)
-            work_.barrier();
+            barrier();
     }
 
     DeviceMicromaps &device_;
@@ -357,6 +381,8 @@ private:
     InjectedWork work_;
     std::vector<OneBuild> builds_;
     std::vector<OneBuild> lossy_; // for the passes that coarsen
+    bool recording_ = false;
+    bool prepared_ = true; // all pipelines until now
 };
 
 } // namespace

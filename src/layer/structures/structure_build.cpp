@@ -59,6 +59,7 @@ public:
         for (Part &part : parts_)
             prepare(part);
         InjectedWork work(device_.commands, commandBuffer_);
+        skipUnrecordable(work);
         patchInstances(work);
         orderDescriptorsAfterBuilds();
         runDriver();
@@ -152,6 +153,16 @@ private:
         fitBottomLevel(part, bytes);
     }
 
+    // Without the shaders for its records a build is skipped: the driver would replace the structure, and its
+    // descriptor would still lead to the records of what it was.
+    void skipUnrecordable(InjectedWork &work)
+    {
+        for (Part &part : parts_) {
+            if (!part.skipped && (part.tail || part.build.topLevel))
+                part.skipped = !work.prepare(part.tail ? InjectedShader::BlasRecords : InjectedShader::TlasInstances);
+        }
+    }
+
     // Limits the range that the driver may write to what the build needs.
     void fitBottomLevel(Part &part, VkDeviceSize bytes)
     {
@@ -188,6 +199,7 @@ private:
                    "memory for the layer's tables");
             return false;
         }
+        device_.commands.states.keep(commandBuffer_, slots->use());
         becomesTopLevel(target, count, layout.bytes());
         fit(part, layout.bytes());
         VkAccelerationStructureGeometryInstancesDataKHR &instances = build.geometries[0].geometry.instances;
