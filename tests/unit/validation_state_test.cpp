@@ -109,7 +109,7 @@ protected:
         device.driver.next.DestroyCommandPool = device.next.DestroyCommandPool;
         device.driver.next.AllocateCommandBuffers = allocateCommandBuffers;
         device.driver.next.FreeCommandBuffers = freeCommandBuffers;
-        device.next.ResetCommandPool = [](VkDevice, VkCommandPool, VkCommandPoolResetFlags) { return answer; };
+        device.driver.next.ResetCommandPool = [](VkDevice, VkCommandPool, VkCommandPoolResetFlags) { return answer; };
         device.next.QueueSubmit = [](VkQueue, uint32_t, const VkSubmitInfo *, VkFence) { return answer; };
         device.next.QueueSubmit2 = [](VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence) { return answer; };
         device.next.QueueBindSparse = [](VkQueue, uint32_t, const VkBindSparseInfo *, VkFence) { return answer; };
