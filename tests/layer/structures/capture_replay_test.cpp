@@ -2,6 +2,7 @@
 // Capture and replay of addresses, as capture tools use it: what one process has recorded is played in another, with
 // all memory and structures at their earlier addresses, and with the bytes that the first process wrote, in which
 // instances name bottom-level structures by these addresses.
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -247,24 +248,30 @@ TEST(CaptureReplay, AnotherAddress)
 
 TEST(CaptureReplay, InAnotherProcess)
 {
-    const std::string file =
-        (std::filesystem::temp_directory_path() / ("vellum-captured-" + std::to_string(getpid()))).string();
+    namespace fs = std::filesystem;
+    const fs::path folder = fs::temp_directory_path() / ("vellum-capture-" + std::to_string(getpid()));
+    fs::create_directories(folder);
     for (const bool replays : {false, true}) {
-        SCOPED_TRACE(replays ? "replay" : "capture");
+        const fs::path log = folder / "log"; // run_cases.py reads the output of this process
         const pid_t child = fork();
         if (child == 0) {
-            setenv(kFile, file.c_str(), 1);
+            setenv(kFile, (folder / "captured").c_str(), 1);
             if (replays)
                 setenv(kReplays, "1", 1);
+            if (std::freopen(log.c_str(), "w", stdout) == nullptr || dup2(fileno(stdout), 2) < 0)
+                _exit(1);
             execl("/proc/self/exe", "layer_tests", "--gtest_filter=CaptureReplayRun.DISABLED_Run",
                   "--gtest_also_run_disabled_tests", nullptr);
             _exit(1);
         }
         int status = 1;
         waitpid(child, &status, 0);
-        ASSERT_EQ(status, 0);
+        std::ifstream file(log);
+        const std::string text{std::istreambuf_iterator<char>(file), {}};
+        EXPECT_EQ(status, 0) << (replays ? "replay: " : "capture: ") << text;
+        EXPECT_NE(text.find("[  PASSED  ] 1 test."), std::string::npos) << text;
     }
-    std::filesystem::remove(file);
+    fs::remove_all(folder);
 }
 
 } // namespace
