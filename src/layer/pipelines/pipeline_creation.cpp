@@ -160,7 +160,7 @@ private:
             usesMicromaps = usesMicromaps || with;
             return VK_SUCCESS;
         }
-        if (usesMicromaps) {
+        if ((flagsOf(info) & kMicromapPipelineFlag) != 0) {
             constexpr const char *kId = "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598";
             const std::string text = message("uses opacity micromaps, but library " + std::to_string(*without) +
                                              " was created without the bit");
@@ -169,8 +169,8 @@ private:
             // If no library has it, the pipeline can be created without micromaps.
             if (with || !device_.driver.report().tolerates(kId, text))
                 return VK_ERROR_VALIDATION_FAILED_EXT;
-            usesMicromaps = false;
         }
+        usesMicromaps = false; // where only the setting assume_micromaps has set it, without a message
         if (!with)
             return VK_SUCCESS;
         device_.driver.report().notAvailable("a ray tracing pipeline of libraries with and without the micromap bit");
@@ -201,7 +201,8 @@ private:
     // A pipeline whose micromaps, if it has any, are the driver's.
     VkResult passOn(VkRayTracingPipelineCreateInfoKHR &info)
     {
-        const VkFlags64 added = isAssumed(device_.driver, info) ? kMicromapPipelineFlag : 0;
+        const bool addsBit = !device_.driver.emulated() && isAssumed(device_.driver, info);
+        const VkFlags64 added = addsBit ? kMicromapPipelineFlag : 0;
         if (!changeFlags(info, unknownPipelineFlags(device_.driver), added))
             return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(info.pNext) && !stages_.rewrite(info.pStages, info.stageCount))

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <random>
 
+#include "check/gpu/programs/pipeline_libraries.h"
 #include "harness/program/labels.h"
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"
@@ -394,13 +395,41 @@ protected:
         Setting() { setenv("VELLUM_ASSUME_MICROMAPS", "1", 1); }
         ~Setting() { unsetenv("VELLUM_ASSUME_MICROMAPS"); }
     };
-    explicit LibraryStagesAssumed(const Setting & = {}) : LibraryStages(Options{.oldValidation = false}) {}
+    explicit LibraryStagesAssumed(const Setting & = {}) : LibraryStages({.oldValidation = false, .newer = true}) {}
 };
 
 TEST_F(LibraryStagesAssumed, RandomPlans)
 {
     flags_ = 0;
     expectRandom(10, 6);
+}
+
+// The setting does not concern a library that promises to meet no micromaps, nor a pipeline that links it.
+TEST_F(LibraryStagesAssumed, LibraryThatDisallowsMicromaps)
+{
+    if (!gpu().has("VK_KHR_maintenance5"))
+        GTEST_SKIP() << "no VkPipelineCreateFlags2CreateInfo";
+    const PipelineScene plain(gpu(), {.micromaps = false});
+    const auto make = [&](Device &, const PipelineSetup &from) {
+        const auto disallows = vkInit<newer::PipelineCreateFlags2CreateInfo>(
+            {.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | newer::kPipelineDisallowOpacityMicromap});
+        PipelineSetup library = partOf(from, std::array{1u, 2u, 3u});
+        library.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+        PipelineInfo info(gpu(), library);
+        info.get().flags = 0;
+        info.get().pNext = &disallows;
+        VkPipeline handle = VK_NULL_HANDLE;
+        VT_CHECK(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
+                                                         nullptr, &handle));
+        std::vector<RayPipeline> libraries;
+        libraries.emplace_back(gpu(), handle);
+        PipelineSetup linking = partOf(from, std::array{0u});
+        linking.libraries = {handle};
+        return MadePipeline{RayPipeline(gpu(), linking), {}, std::move(libraries)};
+    };
+    PipelineTracer tracer(gpu(), {.flags = 0, .make = make});
+    for (const uint32_t flags : opacityRayFlags(false))
+        plain.expect(tracer, flags);
 }
 
 } // namespace
