@@ -99,3 +99,12 @@ foreach(example IN LISTS examples)
   install(DIRECTORY examples/${example} DESTINATION ${CMAKE_INSTALL_DOCDIR}/examples COMPONENT doc
           PATTERN __pycache__ EXCLUDE)
 endforeach()
+# After everything that the documents may lead to.
+install(CODE "
+  foreach(path IN ITEMS ROOT=${CMAKE_INSTALL_DOCDIR} HEADERS=${CMAKE_INSTALL_INCLUDEDIR}/vellum
+          SCHEMA=${CMAKE_INSTALL_DATADIR}/vellum/schema.json)
+    string(REGEX MATCH \"^([A-Z]+)=(.*)$\" path \${path})
+    cmake_path(APPEND CMAKE_INSTALL_PREFIX \${CMAKE_MATCH_2} OUTPUT_VARIABLE installed) # which may be absolute
+    set(\${CMAKE_MATCH_1} \$ENV{DESTDIR}\${installed})
+  endforeach()
+  include(\"${PROJECT_SOURCE_DIR}/cmake/installed_links.cmake\")" COMPONENT doc)

@@ -6,7 +6,8 @@ set(CMAKE_SYSTEM_PROCESSOR AMD64)
 set(CMAKE_C_COMPILER x86_64-w64-mingw32-gcc-posix)
 set(CMAKE_CXX_COMPILER x86_64-w64-mingw32-g++-posix)
 set(CMAKE_RC_COMPILER x86_64-w64-mingw32-windres)
-set(CMAKE_CROSSCOMPILING_EMULATOR wine) # for programs that run during the build
+# For programs that run during the build; with a prefix of its own, not the user's.
+set(CMAKE_CROSSCOMPILING_EMULATOR env WINEPREFIX=${CMAKE_BINARY_DIR}/wine WINEDLLOVERRIDES=mscoree,mshtml= wine)
 
 # Libraries of which the headers are enough come from /usr/include, which must not be on the compiler's path as a whole.
 set(VELLUM_STAGED ${CMAKE_BINARY_DIR}/staged)
@@ -31,5 +32,6 @@ string(APPEND flags " -fno-ipa-ra")
 set(CMAKE_C_FLAGS_INIT "${flags} -D__USE_MINGW_ANSI_STDIO=1")
 set(CMAKE_CXX_FLAGS_INIT "${flags} -D__USE_MINGW_ANSI_STDIO=1")
 foreach(type EXE SHARED MODULE)
-  set(CMAKE_${type}_LINKER_FLAGS_INIT "-static")
+  set(CMAKE_${type}_LINKER_FLAGS_INIT "-static -Wl,--no-insert-timestamp") # equal for equal objects
+  set(CMAKE_${type}_LINKER_FLAGS_RELEASE_INIT "-s")
 endforeach()

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // VK_KHR_opacity_micromap and VK_KHR_device_address_commands for programs with older Vulkan headers: all types, values
 // and prototypes that the installed headers lack. Include it instead of vulkan/vulkan.h, in C or C++; the installed
-// headers must be of Vulkan 1.3.239 or newer. Source: xml/vk.xml of KhronosGroup/Vulkan-Docs, version 1.4.360.
+// headers must be of Vulkan 1.3.239 or newer. Source: xml/vk.xml of KhronosGroup/Vulkan-Docs, version 1.4.363.
 //
 // Loaders do not export the commands; get them from vkGetDeviceProcAddr.
 #ifndef VELLUM_VULKAN_OPACITY_MICROMAP_H_

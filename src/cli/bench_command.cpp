@@ -9,8 +9,10 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/output_file.h"
 #include "cli/base/progress.h"
+#include "cli/base/standard_streams.h"
 #include "cli/base/system/interrupt.h"
 #include "cli/bench/bench_report.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -19,6 +21,7 @@ namespace
 
 // What a part found about the device; empty if the part failed.
 struct Found {
+    std::string name;
     std::string ext = "none", khr = "none";
     bool rayTracingPipelines = false;
 };
@@ -32,6 +35,7 @@ Found foundBy(const PartResult &result)
     row.Parse(result.rows.front().data(), result.rows.front().size());
     if (row.HasParseError())
         return found;
+    found.name = row["name"].GetString();
     found.ext = row["VK_EXT_opacity_micromap"].GetString();
     found.khr = row["VK_KHR_opacity_micromap"].GetString();
     found.rayTracingPipelines = row["rayTracingPipelines"].GetBool();
@@ -83,6 +87,8 @@ public:
         std::vector<Implementation> implementations;
         const Found emulated = describe("emulated");
         pipelines_ = emulated.rayTracingPipelines;
+        fmt::print("Device: {}\n", emulated.name);
+        std::fflush(stdout);
         if (emulated.khr == "emulated")
             implementations.push_back({"emulated", MicromapApi::Khr});
         if (describe("ext").khr == "translated")
@@ -145,9 +151,11 @@ int benchCommand(const BenchOptions &options)
     if (options.part)
         return runPart(*options.part, options.device);
     const std::filesystem::path page = outputFor(options.output, "vellum-bench.html");
-    const std::filesystem::path data = std::filesystem::path(page).replace_extension(".json");
-    if (page == data || page == "-")
-        throw UsageError("--output is a web page or a folder for it: " + page.string() + " is neither");
+    std::filesystem::path data = page;
+    data.replace_extension(".json");
+    if (isStandardStream(page))
+        throw UsageError("--output is a web page or a folder for it, not stdout");
+    checkSuffix(page, {".html", ".htm"});
     checkWritable(page, options.force);
     checkWritable(data, options.force);
     Run run(options);
@@ -160,12 +168,12 @@ int benchCommand(const BenchOptions &options)
     const std::string json = benchJson(run.results(), verdict, run.elapsed());
     write(data, json);
     write(page, benchPage(json));
-    bool complete = true;
+    bool complete = selfChecksPassed(run.results());
     for (const PartResult &result : run.results())
         complete = complete && result.failure.empty();
     for (const std::string &sentence : verdict)
         fmt::print("{}\n", sentence);
-    fmt::print("Report: {}, {}\n", page.string(), data.string());
+    fmt::print("Report: {}, {}\n", utf8Text(page), utf8Text(data));
     if (Interruptible::interrupted()) {
         std::fflush(stdout);
         Interruptible::die();

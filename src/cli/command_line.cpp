@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/command_line.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 
@@ -9,6 +8,7 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/version.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "gltf/micromaps/stored_micromaps.h"
@@ -42,7 +42,10 @@ std::vector<std::string> optionNames(const CLI::App &app)
 
 [[noreturn]] void rejectSubcommand(const CLI::App &app, const std::string &word)
 {
-    throw UsageError(word + " is not a vellum subcommand" + suggestion(word, subcommandNames(app)));
+    std::vector<std::string> candidates = subcommandNames(app);
+    const std::vector<std::string> options = optionNames(app); // vellum version
+    candidates.insert(candidates.end(), options.begin(), options.end());
+    throw UsageError(word + " is not a vellum subcommand" + suggestion(word, candidates));
 }
 
 std::function<int()> declareHelpCommand(CLI::App &app)

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum info`
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
+#include "cli/base/input_files.h"
 #include "cli/base/standard_streams.h"
 #include "cli/info/file_report.h"
 #include "cli/info/loader_report.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "gltf/file/gltf_error.h"
@@ -24,6 +25,7 @@ features and what provides micromaps. Run this first if something does not work:
 is a line on stderr.
 
 With files: their contents, their micromaps, and the alpha-tested primitives that vellum bake would skip, with the reasons.
+Folders are searched recursively.
 
 Examples:
   vellum info
@@ -77,21 +79,22 @@ ExitCode infoOnFile(const InfoOptions &options, const std::filesystem::path &fil
 
 ExitCode infoOnFiles(const InfoOptions &options)
 {
+    const std::vector<std::filesystem::path> files = gltfFiles(options.files);
     auto code = ExitCode::Success;
     JsonWriter json;
     beginReport(json, "info");
     json.key("files").beginArray();
-    for (size_t i = 0; i < options.files.size(); ++i) {
+    for (size_t i = 0; i < files.size(); ++i) {
         try {
-            code = worse(code, infoOnFile(options, options.files[i], json));
+            code = worse(code, infoOnFile(options, files[i], json));
         } catch (const GltfError &error) {
             code = worse(code, ExitCode::Failed);
             if (options.json)
-                json.beginObject().member("file", options.files[i].string()).member("error", error.what()).end();
+                json.beginObject().member("file", utf8Text(files[i])).member("error", error.what()).end();
             std::fflush(stdout);
             std::fprintf(stderr, "vellum: %s\n", error.what());
         }
-        if (!options.json && i + 1 < options.files.size())
+        if (!options.json && i + 1 < files.size())
             std::printf("\n");
     }
     if (options.json)
@@ -107,7 +110,8 @@ std::function<int()> declareInfoCommand(CLI::App &app)
     CLI::App &command = *app.add_subcommand("info", "Reports what devices and glTF files have, and what is missing");
     command.footer(kInfoDetails +
                    exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::InvalidMicromaps}));
-    command.add_option("FILE", options->files, "glTF files; without one, this machine")
+    command
+        .add_option("FILE", options->files, "glTF files (.glb, .gltf) or folders of them; without one, this machine")
         ->type_name("[FILE]...")
         ->group(kInput);
     command.option_defaults()->group(kOutput);

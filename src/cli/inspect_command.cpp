@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <fmt/format.h>
 #include <memory>
 #include <optional>
 
 #include "cli/bake/bake_options.h"
+#include "cli/bake/exclusions.h"
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/numbers.h"
@@ -17,9 +17,11 @@
 #include "cli/inspect/page.h"
 #include "cli/inspect/tally.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/picture/png.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -146,12 +148,12 @@ void printJson(const InspectOptions &options, const InspectedFile &file)
     const Tally tally = tallyOf(file);
     JsonWriter json;
     beginReport(json, "inspect");
-    json.key("files").beginArray().beginObject().member("file", options.input.string()).member("bytes", file.bytes);
+    json.key("files").beginArray().beginObject().member("file", utf8Text(options.input)).member("bytes", file.bytes);
     json.member("baked", file.baked).member("extension", file.stored.extension);
     json.key("outputs").beginArray();
     for (const auto &path : {options.picture, options.html})
         if (path)
-            json.value(path->string());
+            json.value(utf8Text(*path));
     json.end();
     writeSurface(file.surface, json);
     writeMicromaps(summariesOf(file.stored.micromaps), json);
@@ -179,9 +181,11 @@ void placeOutputs(InspectOptions &options)
         return;
     if (!said && isStandardStream(options.input))
         throw UsageError("reading from stdin needs an output: -o FILE");
+    if (said)
+        checkSuffix(*said, {".html", ".htm", ".png"});
     std::filesystem::path standard = options.input;
     const std::filesystem::path output = outputFor(said, standard.replace_extension(".html"));
-    auto &place = output.extension() == ".png" ? options.picture : options.html;
+    auto &place = suffixOf(output) == ".png" ? options.picture : options.html;
     if (place)
         throw UsageError(std::string("--output and ") + (&place == &options.html ? "--html" : "--picture") +
                          " exclude each other");
@@ -204,6 +208,10 @@ void finishInspect(InspectOptions &options)
             *ranges = parseRanges(*text, option);
     if (writesToStdout(options) && (options.json || options.html == options.picture))
         throw UsageError("stdout takes only one of the page, the picture and --json");
+    if (options.html)
+        checkSuffix(*options.html, {".html", ".htm"});
+    if (options.picture)
+        checkSuffix(*options.picture, {".png"});
     options.drawing.outlines = !options.noOutlines;
     options.drawing.whole = selection.meshes.empty() && selection.primitives.empty() && selection.triangles.empty();
     for (const auto &path : {options.html, options.picture})
@@ -220,6 +228,9 @@ int inspectCommand(InspectOptions &options)
     if (options.quiet && !options.json)
         discardReports();
     const Document document = openDocument(options.input);
+    UnmatchedExclusions exclusions(options.baking);
+    exclusions.note(document);
+    exclusions.print();
     const InspectedFile file = inspectFile(document, options.selection, options.bake ? &options.baking : nullptr);
     if (!options.json)
         printFile(file);
@@ -236,7 +247,7 @@ int inspectCommand(InspectOptions &options)
         printJson(options, file);
     for (const auto &path : {options.picture, options.html})
         if (path && !options.json && !isStandardStream(*path))
-            fmt::print("wrote       {}\n", path->string());
+            fmt::print("wrote       {}\n", utf8Text(*path));
     return static_cast<int>(ExitCode::Success);
 }
 

@@ -20,6 +20,7 @@
 #include "cli/scene/baked_scene.h"
 #include "cli/scene/grove.h"
 #include "cli/vulkan/layer_path.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -29,7 +30,8 @@ namespace
 std::filesystem::path withSuffix(const std::filesystem::path &path, const char *suffix)
 {
     std::filesystem::path result = path;
-    return result.replace_filename(path.stem().string() + suffix + path.extension().string());
+    (result.replace_extension() += suffix) += path.extension();
+    return result;
 }
 
 // Of --mode compare, in the order in which they are written; of other modes only the first is.
@@ -66,11 +68,12 @@ void printScene(const RenderOptions &options, const DeviceInfo &device, const Re
     fmt::print("device      {}\n", device.name);
     fmt::print("rays        by {}\n",
                options.settings.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline");
-    fmt::print("micromaps   {}\n", !tracesMicromaps(options)
-                                       ? "not used"
+    fmt::print("micromaps   {}\n", options.mode == Mode::Alpha ? "not used"
+                                   : !tracesMicromaps(options)
+                                       ? "drawn, not used by the rays"
                                        : fmt::format("{}, {}", nameOf(options.api), device.implementation));
     fmt::print("scene       {}: {} masked and {} solid triangles{}\n",
-               options.input ? options.input->filename().string() : "the built-in grove",
+               options.input ? utf8Text(options.input->filename()) : "the built-in grove",
                grouped(scene.maskedTriangles()), grouped(scene.solidTriangles()), describeInstances(options, scene));
     std::fflush(stdout);
 }
@@ -117,7 +120,7 @@ void writePicture(const std::filesystem::path &path, const Picture &picture, std
 {
     writeData(path, encodePng(picture), data);
     if (!isStandardStream(path))
-        fmt::print("wrote       {}\n", path.string());
+        fmt::print("wrote       {}\n", utf8Text(path));
     std::fflush(stdout); // timing may follow
 }
 
@@ -220,13 +223,13 @@ void writeComparison(const RenderOptions &options, const DeviceInfo &device, Con
     const Quartiles ratio = timing.ratio();
     JsonWriter json;
     beginReport(json, "render");
-    json.member("file", options.input ? options.input->string() : "").member("device", device.name);
+    json.member("file", options.input ? utf8Text(*options.input) : "").member("device", device.name);
     json.member("extension", nameOf(options.api)).member("implementation", device.implementation);
     json.member("trace", options.settings.trace == Trace::Query ? "query" : "pipeline");
     json.member("width", options.settings.width).member("height", options.settings.height);
     json.key("outputs").beginArray();
     for (const auto &path : picturesOf(options, difference.pixels != 0))
-        json.value(path.string());
+        json.value(utf8Text(path));
     json.end().key("frameMs").beginObject().member("alpha", timing.a()).member("omm", timing.b()).end();
     json.key("timeRatio").beginObject().member("median", ratio.middle).member("low", ratio.low);
     json.member("high", ratio.high).member("pairs", timing.pairs()).end();

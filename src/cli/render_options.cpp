@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/render_options.h"
 
-#include <CLI/CLI.hpp>
 #include <map>
 #include <memory>
 
@@ -10,6 +9,7 @@
 #include "cli/base/output_file.h"
 #include "cli/base/standard_streams.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/render_command.h"
@@ -157,8 +157,7 @@ void declareDevice(CLI::App &command, RenderOptions &options, RawOptions &raw)
     takesWords(*command.add_option("-a,--api", raw.api,
                                    "The extension to use: VK_KHR_opacity_micromap or VK_EXT_opacity_micromap [khr]"),
                {"khr", "ext"});
-    command.add_option("-d,--device", options.device, "The Vulkan device: its number or a part of its name")
-        ->type_name("DEVICE");
+    addDeviceOption(command, options.device);
     command.add_flag("--no-layer", raw.noLayer, "Do not enable the layer");
     command
         .add_option("--layer-path", options.layerFolder,
@@ -179,6 +178,7 @@ void checkTogether(const RenderOptions &options, const RawOptions &raw)
 {
     if (raw.operand && raw.output)
         throw UsageError("OUT and --output exclude each other");
+    checkSuffix(options.output, {".png"});
     if (isStandardStream(options.output) && options.mode == Mode::Compare)
         throw UsageError("--mode compare writes several pictures, so not to stdout");
     if (options.json && options.mode != Mode::Compare)

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum spirv`
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <fmt/format.h>
@@ -12,11 +11,13 @@
 #include "cli/base/output_file.h"
 #include "cli/base/standard_streams.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/spirv/module_file.h"
 #include "cli/spirv/report.h"
 #include "cli/spirv/stages.h"
+#include "core/utf8_path.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::cli
@@ -27,7 +28,8 @@ namespace
 constexpr const char *kSpirvDetails = R"(
 With VK_KHR_opacity_micromap alone, ray queries use micromaps only in entry points with the execution mode
 OpacityMicromapIdKHR, which some compilers cannot express. This adds it to compiled modules, removes it, or lists what a
-module declares. A module that needs no change is written as it is. - is stdin or stdout.
+module declares. A module that needs no change is written as it is. - is stdin or stdout. An existing SPIR-V module is
+replaced, as compilers do; the input itself, and any other file, only with --force.
 
 --lint exits with 1 for ray queries without the mode, a mode that has no effect or is invalid, and code that the layer
 cannot emulate micromaps for.
@@ -36,7 +38,7 @@ The output of --rewrite needs the layer: it reads tables of the layer at address
 bug reports and for work on the layer.
 
 Examples:
-  vellum spirv --enable-micromaps shader.spv -o shader.omm.spv
+  vellum spirv --enable-micromaps shader.spv shader.omm.spv
       in all entry points with ray queries
   vellum spirv --enable-micromaps=7 --default true shader.spv -o shader.omm.spv
       unless specialization constant 7 is false
@@ -68,7 +70,10 @@ void declareSpirv(CLI::App &command, SpirvOptions &options)
 {
     command.footer(kSpirvDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
     command.option_defaults()->group(kInput);
-    command.add_option("IN", options.inputs, "A SPIR-V module; with --lint several")->type_name("IN...")->required();
+    command
+        .add_option("IN", options.inputs, "A SPIR-V module, and OUT, the same as -o OUT; with --lint several modules")
+        ->type_name("IN... [OUT]")
+        ->required();
     command.option_defaults()->group("Action");
     command.add_flag("--enable-micromaps{always}", options.enable,
                      "Add the execution mode: always, or by the specialization constant of this number "
@@ -98,20 +103,26 @@ void declareSpirv(CLI::App &command, SpirvOptions &options)
     takesWords(api, {"ext", "khr"});
     command.option_defaults()->group(kOutput);
     command.add_option("-o,--output", options.output, "The module to write")->type_name("OUT");
-    command.add_flag("--force", options.force, "Replace an existing file");
+    command.add_flag("--force", options.force, "Replace the input, or a file that is no SPIR-V module");
     command.add_flag("--json", options.json, "Print JSON instead of text");
     command.add_flag("-q,--quiet", options.quiet, "Print errors only")->group(kGeneral);
 }
 
-void checkSpirv(const SpirvOptions &options)
+void checkSpirv(SpirvOptions &options)
 {
+    if (!options.lint && !options.output && options.inputs.size() == 2) {
+        options.output = options.inputs.back();
+        options.inputs.pop_back();
+    }
     const bool enables = !options.enable.empty();
     if (int{enables} + int{options.disable} + int{options.rewrite} + int{options.lint} != 1)
         throw UsageError("one of --enable-micromaps, --disable, --rewrite and --lint is needed");
     if (options.lint && (options.output || !options.entryPoints.empty()))
         throw UsageError("--lint excludes --output and --entry");
     if (!options.lint && (options.inputs.size() != 1 || !options.output))
-        throw UsageError("one module and --output are needed");
+        throw UsageError("one module and an output are needed: IN OUT, or IN -o OUT");
+    if (options.output)
+        checkSuffix(*options.output, {".spv", ".spirv", suffixOf(options.inputs.front())});
     if (options.initial && (!enables || options.enable == kAlways))
         throw UsageError("--default is for --enable-micromaps=CONSTANT_ID");
     if (!options.rewrite && options.stage)
@@ -172,7 +183,7 @@ void describeModule(std::span<const uint32_t> words, SpirvFile &file)
 
 SpirvFile lintFile(const std::filesystem::path &path)
 {
-    SpirvFile file{.path = path.string()};
+    SpirvFile file{.path = utf8Text(path)};
     try {
         const std::vector<uint32_t> words = readModule(path);
         file.bytes = words.size() * 4;
@@ -207,7 +218,7 @@ SpirvFile changeFile(const SpirvOptions &options, std::optional<DataOutput> &str
 {
     const std::filesystem::path &input = options.inputs.front();
     const std::vector<uint32_t> words = readModule(input);
-    SpirvFile file{.path = input.string(), .bytes = words.size() * 4};
+    SpirvFile file{.path = utf8Text(input), .bytes = words.size() * 4};
     std::vector<uint32_t> changed;
     try {
         changed = edited(words, options);
@@ -218,10 +229,10 @@ SpirvFile changeFile(const SpirvOptions &options, std::optional<DataOutput> &str
     } catch (const UsageError &) {
         throw;
     } catch (const Error &error) {
-        throw Error(input.string() + ": " + error.what());
+        throw Error(utf8Text(input) + ": " + error.what());
     }
     const std::span<const uint32_t> result = changed.empty() ? words : changed;
-    file.output = {options.output->string(), result.size_bytes(), !changed.empty()};
+    file.output = {utf8Text(*options.output), result.size_bytes(), !changed.empty()};
     if (stream)
         stream->write(bytesOf(result));
     else
@@ -234,13 +245,25 @@ const char *actionOf(const SpirvOptions &options)
     return options.rewrite ? "rewrite" : options.disable ? "disable" : "enable";
 }
 
+// Whether the output is a module, which has no place for a mark of who wrote it, and not the input.
+bool replacesModule(const SpirvOptions &options)
+{
+    std::error_code error;
+    if (std::filesystem::equivalent(options.inputs.front(), *options.output, error))
+        return false;
+    try {
+        return !isStandardStream(*options.output) && !readModule(*options.output).empty();
+    } catch (const Error &) {
+        return false;
+    }
+}
+
 int changeCommand(const SpirvOptions &options)
 {
+    checkWritable(*options.output, options.force || replacesModule(options));
     std::optional<DataOutput> stream;
     if (isStandardStream(*options.output))
         stream.emplace(options.quiet && !options.json ? DataOutput::Reports::Discarded : DataOutput::Reports::ToStderr);
-    else
-        checkWritable(*options.output, options.force);
     const SpirvFile file = changeFile(options, stream);
     if (stream)
         stream->finish();
@@ -253,7 +276,7 @@ int changeCommand(const SpirvOptions &options)
     return static_cast<int>(ExitCode::Success);
 }
 
-int spirvCommand(const SpirvOptions &options)
+int spirvCommand(SpirvOptions &options)
 {
     checkSpirv(options);
     const bool toStdout = options.output && isStandardStream(*options.output);

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
-
 #include <cstdio>
+#include <fmt/format.h>
 #include <memory>
 
 #include "cli/base/error.h"
+#include "cli/base/input_files.h"
 #include "cli/base/progress.h"
 #include "cli/base/standard_streams.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 #include "cli/verify/verify_report.h"
@@ -25,13 +25,13 @@ outcome anywhere in the micro-triangle, edges included, in exact arithmetic. Cou
 but do not hold with the margins that GPUs have around a micro-triangle, and states that are unknown without need. 2-state
 data is an approximation; how good it is, is printed.
 
-Of several exit codes the smallest is returned.
+Folders are searched recursively. Of several exit codes the smallest is returned.
 
 Examples:
   vellum verify ash.omm.glb
       a table, and the first findings
-  vellum verify --strict *.glb && echo fine
-      fails for anything that could be better
+  vellum verify --strict baked/ && echo fine
+      all .glb and .gltf files in a folder; fails for anything that could be better
   vellum verify --exact ash.omm.glb
       for micromaps that were baked without tolerances
   vellum verify --json ash.omm.glb | jq .files[0].counts.wrong
@@ -39,7 +39,7 @@ Examples:
 )";
 
 struct VerifyOptions {
-    std::vector<std::string> files;
+    std::vector<std::filesystem::path> files;
     verify::FileOptions file;
     bool exact = false;
     bool strict = false;
@@ -50,9 +50,14 @@ struct VerifyOptions {
 
 void declareVerify(CLI::App &command, VerifyOptions &options)
 {
-    command.footer(kVerifyDetails + exitStatus({}));
+    command.footer(kVerifyDetails +
+                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::InvalidMicromaps,
+                               ExitCode::WrongClaims, ExitCode::UncertainClaims, ExitCode::NeedlesslyUnknown,
+                               ExitCode::NoMicromaps}));
     command.option_defaults()->group(kInput);
-    command.add_option("FILE", options.files, "The .glb and .gltf files")->type_name("FILE...")->required();
+    command.add_option("FILE", options.files, "glTF files (.glb, .gltf) or folders of them")
+        ->type_name("FILE...")
+        ->required();
     command
         .add_option(
             "--blend-cutoff", options.file.blendCutoff,
@@ -89,10 +94,10 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
         ->type_name("COUNT");
 }
 
-VerifiedFile verifyFile(const std::string &path, const VerifyOptions &options)
+VerifiedFile verifyFile(const std::filesystem::path &path, const VerifyOptions &options)
 {
-    VerifiedFile file{path, {}, {}, {}};
-    Progress progress("verifying " + path);
+    VerifiedFile file{utf8Text(path), {}, {}, {}};
+    Progress progress("verifying " + file.path);
     verify::FileOptions fileOptions = options.file;
     fileOptions.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     try {
@@ -117,7 +122,7 @@ int verifyCommand(VerifyOptions &options)
         discardReports();
     std::vector<VerifiedFile> files;
     auto code = ExitCode::Success;
-    for (const std::string &path : options.files) {
+    for (const std::filesystem::path &path : gltfFiles(options.files)) {
         VerifiedFile file = verifyFile(path, options);
         code = worse(code, exitCodeOf(file, options.strict));
         if (!file.error.empty())

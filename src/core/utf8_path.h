@@ -20,4 +20,13 @@ inline std::string utf8Text(const std::filesystem::path &path)
     return {text.begin(), text.end()};
 }
 
+// ".glb" of "tree.GLB": what a file's name says of its format.
+inline std::string suffixOf(const std::filesystem::path &path)
+{
+    std::string suffix = utf8Text(path.extension());
+    for (char &c : suffix)
+        c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    return suffix;
+}
+
 } // namespace vellum

@@ -97,6 +97,73 @@ TEST(BakeCommand, ReportsWhatEachPrimitiveGot)
         << outcome.output;
 }
 
+TEST(BakeCommand, ReportsExclusionsThatMatchNothing)
+{
+    const TemporaryFolder folder;
+    const std::string tree = (folder / "tree.glb").string();
+    writeFile(tree, cardGlb());
+    writeFile(folder / "other.glb", cardGlb({{R"("name": "leaf")", R"("name": "glass")"}}));
+    const auto bake = [&](std::vector<std::string> arguments) {
+        arguments.insert(arguments.begin(), {"bake", "--force", "-o", (folder / "out").string()});
+        return runVellum(arguments);
+    };
+    const Outcome outcome = bake({tree, (folder / "other.glb").string(), "--exclude-material", "gl*",
+                                  "--exclude-material", "laef", "--exclude-mesh", "nothing[0-9]"});
+    EXPECT_EQ(outcome.exitCode, 0);
+    EXPECT_EQ(outcome.errors, "vellum: --exclude-material laef matches no material\n"
+                              "vellum: --exclude-mesh nothing[0-9] matches no mesh\n");
+    const Outcome inspected = runVellum({"inspect", tree, "--bake", "--exclude-material", "laef", "--json"});
+    EXPECT_EQ(inspected.exitCode, 0);
+    EXPECT_EQ(inspected.errors, "vellum: --exclude-material laef matches no material\n");
+}
+
+// One state for each triangle, in the smallest micromap that the extension has.
+TEST(BakeCommand, ABudgetOfNothing)
+{
+    const TemporaryFolder folder;
+    const std::string tree = (folder / "tree.glb").string();
+    writeFile(tree, cardGlb());
+    const Outcome outcome = runVellum({"bake", tree, "--budget", "0", "--json"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    const StoredMicromaps stored = readMicromaps(Document(folder / "tree.omm.glb"));
+    ASSERT_EQ(stored.micromaps.size(), 1u);
+    EXPECT_EQ(stored.micromaps[0].data.size() + stored.micromaps[0].triangles.size() * sizeof(MicromapTriangle), 9u);
+    for (const auto &[place, primitive] : stored.primitives)
+        for (const int32_t index : primitive.indices)
+            EXPECT_LT(index, 0);
+}
+
+TEST(BakeCommand, NamesOutsideAscii)
+{
+    const TemporaryFolder folder;
+    const fs::path in = folder.path() / u8"\u00e4\u6a39";
+    fs::create_directory(in);
+    const std::u8string text = in.u8string();
+    const std::string name(text.begin(), text.end());
+    writeFile(in / u8"\u00f6.glb", cardGlb());
+    const Outcome single = runVellum({"bake", name + "/\u00f6.glb", name + "/\u00fc-out.glb"});
+    EXPECT_EQ(single.exitCode, 0) << single.errors;
+    EXPECT_NE(single.output.find("\u00fc-out.glb"), std::string::npos) << single.output;
+    EXPECT_TRUE(fs::exists(in / u8"\u00fc-out.glb"));
+    EXPECT_EQ(runVellum({"bake", name + "/\u00f6.glb"}).exitCode, 0);
+    EXPECT_TRUE(fs::exists(in / u8"\u00f6.omm.glb"));
+    writeCardGltf(in / u8"\u00df.gltf");
+    const Outcome all = runVellum({"bake", name, "-o", name + "/\u0436", "--json"});
+    EXPECT_EQ(all.exitCode, 0) << all.errors;
+    EXPECT_TRUE(fs::exists(in / u8"\u0436/\u00f6.glb"));
+    EXPECT_EQ(bakedPrimitives(in / u8"\u0436/\u00df.gltf"), 1u);
+    EXPECT_NE(all.output.find("\u0436/\u00df.gltf"), std::string::npos) << all.output;
+    const Outcome verified = runVellum({"verify", name + "/\u0436", name + "/\u00fc-out.glb"});
+    EXPECT_EQ(verified.exitCode, 0) << verified.errors;
+    EXPECT_NE(verified.output.find("\u00df.gltf"), std::string::npos) << verified.output;
+    const Outcome inspected = runVellum({"inspect", name + "/\u00fc-out.glb", "-o", name + "/\u00e9.html"});
+    EXPECT_EQ(inspected.exitCode, 0) << inspected.errors;
+    EXPECT_TRUE(fs::exists(in / u8"\u00e9.html"));
+    const Outcome missing = runVellum({"info", name + "/\u2192.glb"});
+    EXPECT_EQ(missing.exitCode, 1);
+    EXPECT_NE(missing.errors.find("\u2192.glb"), std::string::npos) << missing.errors;
+}
+
 TEST(BakeCommand, TheInputIsNeverWritten)
 {
     const TemporaryFolder folder;
@@ -191,6 +258,34 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     EXPECT_EQ(outside.exitCode, 1);
     EXPECT_TRUE(entries(folder / "other").empty());
 }
+
+#ifndef _WIN32 // where links need rights that tests do not have
+TEST(BakeCommand, CopiesNothingThatALinkLeadsOutTo)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "secret.txt", {'s'});
+    std::string json = writeCardGltf(folder / "in/tree.gltf");
+    // Vellum does not read it, but would copy it.
+    json.insert(json.rfind('}'), R"(, "extras": {"uri": "sound.ogg"})");
+    writeFile(folder / "in/tree.gltf", {json.begin(), json.end()});
+    const std::vector<std::string> bake = {"bake", (folder / "in/tree.gltf").string(), "-o",
+                                           (folder / "out").string() + "/"};
+    for (const fs::path &target : {fs::path("../secret.txt"), folder / "secret.txt"}) {
+        fs::create_symlink(target, folder / "in/sound.ogg");
+        const Outcome outcome = runVellum(bake);
+        EXPECT_EQ(outcome.exitCode, 1);
+        EXPECT_NE(outcome.errors.find("a link leads out of the file's folder"), std::string::npos) << outcome.errors;
+        EXPECT_FALSE(fs::exists(folder / "out"));
+        fs::remove(folder / "in/sound.ogg");
+    }
+    // Links that stay inside are copied as what they lead to.
+    writeFile(folder / "in/inside.ogg", {'i'});
+    fs::create_symlink("inside.ogg", folder / "in/sound.ogg");
+    EXPECT_EQ(runVellum(bake).exitCode, 0);
+    EXPECT_EQ(readFile(folder / "out/sound.ogg"), Bytes{'i'});
+    EXPECT_FALSE(fs::is_symlink(folder / "out/sound.ogg"));
+}
+#endif
 
 TEST(BakeCommand, NothingThatIsReadIsWritten)
 {
@@ -346,6 +441,66 @@ TEST(BakeCommand, AnInterruptedBakeLeavesNothing)
         EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"slow.glb"}));
         EXPECT_EQ(readFile(folder / "slow.glb"), slowGlb());
     }
+}
+
+TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesLeavesNothing)
+{
+    for (const int signal : {SIGINT, SIGTERM, SIGKILL}) {
+        const TemporaryFolder folder;
+        fs::create_directories(folder / "in");
+        for (const char *name : {"in/a.gltf", "in/b.gltf"})
+            writeCardGltf(folder / name);
+        const std::vector<std::string> before = entries(folder.path());
+        const Outcome outcome =
+            interruptStoppedVellum({"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1"},
+                                   signal, VELLUM_STOPPED_WRITE);
+        EXPECT_EQ(outcome.signal, signal) << outcome.exitCode;
+        std::vector<std::string> after = entries(folder.path());
+        if (signal == SIGKILL)
+            std::erase(after, "out"); // nobody is left to remove the folder
+        EXPECT_EQ(after, before);
+        if (signal == SIGKILL)
+            continue;
+        EXPECT_EQ(outcome.output, "");
+        for (const char *name : {"a.gltf", "b.gltf"})
+            EXPECT_NE(outcome.errors.find(std::string(name) + ": not baked: interrupted\n"), std::string::npos)
+                << outcome.errors;
+        EXPECT_NE(outcome.errors.find("interrupted: 0 of 2 files were baked\n"), std::string::npos) << outcome.errors;
+    }
+}
+
+// What is done stays, and both that and the rest are reported.
+TEST(BakeCommand, AnInterruptedBakeReportsWhatIsDone)
+{
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "in");
+    writeFile(folder / "in/small.glb", cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}}));
+    // The larger file comes first, and does not end; the other is done meanwhile.
+    writeFile(folder / "in/large.glb", slowGlb());
+    const Outcome outcome = interruptVellum(
+        {"bake", (folder / "in").string(), "-o", (folder / "out").string(), "--level", "12", "-j", "2", "--json"},
+        SIGINT, folder / "out/small.glb");
+    EXPECT_EQ(outcome.signal, SIGINT);
+    EXPECT_EQ(entries(folder / "out"), (std::vector<std::string>{"small.glb"}));
+    EXPECT_NE(outcome.errors.find("interrupted: 1 of 2 files were baked\n"), std::string::npos) << outcome.errors;
+    const JsonTree json(outcome.output);
+    const std::vector<JsonValue> files = json.root()["files"].children();
+    ASSERT_EQ(files.size(), 2u);
+    EXPECT_EQ(files[0]["error"].string(), (folder / "in/large.glb").string() + ": not baked: interrupted");
+    EXPECT_FALSE(files[1]["error"].exists());
+}
+
+TEST(BakeCommand, BakesWhereNoThreadCanBeStarted)
+{
+    const TemporaryFolder folder;
+    for (const char *name : {"in/a.glb", "in/b.glb", "in/c.glb"}) {
+        fs::create_directories(folder / "in");
+        writeFile(folder / name, cardGlb());
+    }
+    const Outcome outcome =
+        runVellumWithoutThreads({"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "4"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.signal << outcome.errors;
+    EXPECT_EQ(entries(folder / "out"), (std::vector<std::string>{"a.glb", "b.glb", "c.glb"}));
 }
 
 TEST(BakeCommand, AFullDiskLeavesNothing)

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "command.h"
+#include "glb_file.h"
 #include "gltf/data/decompress.h"
 #include "gltf/data/image.h"
 
@@ -83,6 +84,7 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
     const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
         {{"bak"}, "bak is not a vellum subcommand; did you mean bake?"},
         {{"help", "rendr"}, "rendr is not a vellum subcommand; did you mean render?"},
+        {{"version"}, "version is not a vellum subcommand; did you mean --version?"},
         {{"xyzzy"}, "xyzzy is not a vellum subcommand"},
         {{"--verison"}, "--verison is not an option of vellum; did you mean --version? (see vellum --help)"},
         {{"bake", "a.glb", "--levle", "3"}, "--levle is not an option of vellum bake; did you mean --level?"},
@@ -106,6 +108,18 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
         {{"render", "--mode", "compare", "-o", "-"}, "--mode compare writes several pictures, so not to stdout"},
         {{"render", "--samples", "0"}, "--samples must be a whole number between 1 and 256, got 0"},
         {{"render", "--zoom", "nan"}, "--zoom must be between 0.05 and 20, got nan"},
+        {{"bake", "a.glb", "notes.txt"},
+         "notes.txt is the name of another kind of file: the output's must end in .glb"},
+        {{"bake", "a.gltf", "-o", "a.jpg"}, "a.jpg is the name of another kind of file: the output's must end in .glb"},
+        {{"inspect", "a.glb", "p.jpg"}, "p.jpg is the name of another kind of file: the output's must end in .html or"},
+        {{"inspect", "a.glb", "--html", "p.png"}, "p.png is the name of another kind of file"},
+        {{"inspect", "a.glb", "--picture", "p.html"}, "p.html is the name of another kind of file"},
+        {{"render", "a.glb", "out.jpg"}, "out.jpg is the name of another kind of file: the output's must end in .png"},
+        {{"spirv", "--disable", "a.spv", "-o", "a.txt"}, "a.txt is the name of another kind of file"},
+        {{"bench", "-o", "a.json"}, "a.json is the name of another kind of file: the output's must end in .html"},
+        {{"bench", "-o", "-"}, "--output is a web page or a folder for it, not stdout"},
+        {{"check", "--results", "a.json"}, "a.json is the name of another kind of file: the output's must end in .csv"},
+        {{"check", "--junit", "a.json"}, "a.json is the name of another kind of file: the output's must end in .xml"},
         {{"render", "--json"}, "--json is for --mode compare"},
         {{"verify", "a.glb", "--barycentric-tolerance", "2000"},
          "--barycentric-tolerance must be between 0 and 1024, got 2000"},
@@ -116,5 +130,72 @@ TEST(CommandLine, ErrorsNameTheOptionAndItsRange)
         EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
         EXPECT_TRUE(outcome.errors.starts_with("vellum: " + message)) << outcome.errors;
         EXPECT_EQ(outcome.output, "");
+    }
+}
+
+#ifndef _WIN32
+TEST(CommandLine, BinaryOutputsDoNotGoToATerminal)
+{
+    for (const std::vector<std::string> &arguments : {std::vector<std::string>{"bake", "a.glb", "-"},
+                                                      {"inspect", "a.glb", "-"},
+                                                      {"inspect", "a.glb", "--picture", "-"},
+                                                      {"render", "a.glb", "-"},
+                                                      {"spirv", "--disable", "a.spv", "-o", "-"}}) {
+        const Outcome outcome = runVellumInTerminal(arguments);
+        EXPECT_EQ(outcome.exitCode, 2) << outcome.errors;
+        EXPECT_EQ(outcome.errors,
+                  "vellum: stdout is a terminal: redirect it, or give an output file; --force writes to it\n");
+        EXPECT_EQ(outcome.output, "");
+    }
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", cardGlb());
+    const Outcome forced = runVellumInTerminal({"bake", (folder / "card.glb").string(), "-", "--force"});
+    EXPECT_EQ(forced.exitCode, 0) << forced.errors;
+    EXPECT_TRUE(forced.output.starts_with("glTF")) << forced.output.size();
+}
+#endif
+
+TEST(CommandLine, DirectoriesAreNotReadAsFiles)
+{
+    const TemporaryFolder folder;
+    std::filesystem::create_directory(folder / "layer.json"); // in place of a manifest
+    const std::string name = folder.path().string();
+    for (const std::vector<std::string> &arguments : {std::vector<std::string>{"spirv", "--lint", name},
+                                                      {"spirv", "--disable", name, "-o", "a.spv"},
+                                                      {"inspect", name, "-o", "a.html"},
+                                                      {"render", name, "-o", "a.png"},
+                                                      {"check", "--replay", name},
+                                                      {"check", "--caselist", name},
+                                                      {"check", "--skips", name},
+                                                      {"check", "--flakes", name},
+                                                      {"check", "--baseline", name}}) {
+        const Outcome outcome = runVellum(arguments);
+        EXPECT_EQ(outcome.exitCode, arguments[0] == "check" ? 2 : 1) << outcome.errors;
+        EXPECT_EQ(outcome.errorLines(), 1) << outcome.errors;
+        EXPECT_TRUE(has(outcome.errors, name) && !has(outcome.errors, "basic_")) << outcome.errors;
+    }
+    const Outcome info = runVellum({"info", "--layer-path", name});
+    EXPECT_FALSE(has(info.errors, "basic_")) << info.errors;
+}
+
+TEST(CommandLine, WhatReadsFilesTakesFolders)
+{
+    const TemporaryFolder folder;
+    std::filesystem::create_directories(folder / "deep/deeper");
+    std::filesystem::create_directory(folder / "empty");
+    const std::string deep = (folder / "deep").string();
+    writeFile(folder / "deep/b.glb", cardGlb());
+    writeFile(folder / "deep/deeper/a.GLB", cardGlb());
+    writeFile(folder / "deep/notes.txt", {'x'});
+    for (const char *subcommand : {"info", "verify"}) {
+        const Outcome outcome = runVellum({subcommand, deep, "--json"});
+        EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+        const size_t first = outcome.output.find("b.glb\"");
+        const size_t second = outcome.output.find("a.GLB\"");
+        EXPECT_TRUE(first < second && second != std::string::npos) << outcome.output;
+        EXPECT_FALSE(has(outcome.output, "notes.txt")) << outcome.output;
+        const Outcome empty = runVellum({subcommand, (folder / "empty").string()});
+        EXPECT_EQ(empty.exitCode, 1);
+        EXPECT_TRUE(has(empty.errors, "empty has no .glb or .gltf files")) << empty.errors;
     }
 }

@@ -98,12 +98,30 @@ TEST_F(SpirvCommand, StandardStreams)
     EXPECT_EQ(modeOf(out), spirv::MicromapMode{When::Always});
 }
 
-TEST_F(SpirvCommand, ReplacesFilesByForceOnly)
+// As compilers do; but not the input, nor what is no module.
+TEST_F(SpirvCommand, ReplacesModules)
 {
     EXPECT_EQ(run({"--enable-micromaps", queries, "-o", out}).exitCode, 0);
-    const auto before = readModule(out);
-    expectFailure(run({"--disable", queries, "-o", out}), "--force");
-    EXPECT_EQ(readModule(out), before);
+    const auto enabled = readModule(out);
+    EXPECT_EQ(run({"--enable-micromaps", queries, "-o", out}).exitCode, 0);
+    EXPECT_EQ(readModule(out), enabled);
+    EXPECT_EQ(run({"--disable", queries, "-o", out}).exitCode, 0);
+    EXPECT_EQ(modeOf(out), spirv::MicromapMode{});
+    const auto disabled = readModule(out);
+    expectFailure(run({"--enable-micromaps", out, "-o", out}), "--force");
+    EXPECT_EQ(readModule(out), disabled);
+    writeFile(folder / "text.spv", {'t', 'e', 'x', 't'});
+    expectFailure(run({"--enable-micromaps", queries, folder / "text.spv"}), "--force");
+    EXPECT_EQ(readFile(folder / "text.spv"), (Bytes{'t', 'e', 'x', 't'}));
+}
+
+TEST_F(SpirvCommand, TakesOutAsAnOperand)
+{
+    const Outcome outcome = run({"--enable-micromaps", queries, out});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_EQ(modeOf(out), spirv::MicromapMode{When::Always});
+    expectUsageError({"--enable-micromaps", queries, anyHit, "-o", out}, "IN OUT");
+    expectUsageError({"--enable-micromaps", queries, anyHit, out}, "IN OUT");
 }
 
 TEST_F(SpirvCommand, Rewrites)
@@ -171,7 +189,7 @@ TEST_F(SpirvCommand, UsageErrors)
 {
     expectUsageError({queries, "-o", out}, "one of --enable-micromaps, --disable, --rewrite and --lint");
     expectUsageError({"--disable", "--lint", queries}, "one of --enable-micromaps, --disable, --rewrite and --lint");
-    expectUsageError({"--enable-micromaps", queries}, "--output");
+    expectUsageError({"--enable-micromaps", queries}, "an output");
     expectUsageError({"--enable-micromaps=seven", queries, "-o", out}, "seven");
     expectUsageError({"--enable-micromaps", "--default", "true", queries, "-o", out}, "--default");
     expectUsageError({"--disable", "--stage", "miss", queries, "-o", out}, "--stage");

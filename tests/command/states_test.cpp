@@ -104,7 +104,7 @@ TEST_F(States, NeedNoMicromapsOfTheDevice)
 {
     const Png png = draw({"--level", "5", "--no-layer"});
     EXPECT_GT(countShades(png, kOpaque), 100);
-    EXPECT_NE(lineOf(outcome, "micromaps").find("not used"), std::string::npos) << outcome.output;
+    EXPECT_NE(lineOf(outcome, "micromaps").find("drawn, not used by the rays"), std::string::npos) << outcome.output;
 }
 
 TEST_F(States, SideBySideWithThePictureByMicromaps)

@@ -4,6 +4,7 @@
 // are inputs as they are, and what is found can be looked at with the usual tools.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -28,7 +29,8 @@ inline constexpr uint32_t kOtherStage = 0x80;        // whose entry point has an
 inline constexpr uint32_t kNoEntryPoint = 0x100;     // of a name that the module does not have
 inline constexpr uint32_t kConstantFlags = 0x200;    // all rays have the same hidden flags
 inline constexpr uint32_t kQueriesDeclare = 0x400;   // ray queries need the execution mode to use micromaps
-inline constexpr uint32_t kAllOptions = 0x7ff;
+inline constexpr uint32_t kEitherHits = 0x800;       // for a library: Prologue::EitherHits, whatever the two bits
+inline constexpr uint32_t kAllOptions = 0xfff;
 
 struct SpirvInput {
     spirv::RewriteOptions options;
@@ -73,8 +75,12 @@ inline void readOptions(std::span<const uint32_t> words, SpirvInput &input)
     const uint32_t constant = (bits & kConstantFlags) != 0 ? 0x481 : 0;
     const uint32_t fixed = (bits & kInPayload) != 0 ? 0x80 : 0x481;
     const spirv::HiddenFlags hidden{fixed, constant & fixed};
-    input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Prologue>(bits >> kPrologueShift & 3),
-                                   hidden};
+    // by position, so that inputs keep their meaning
+    constexpr std::array prologues{spirv::Prologue::None, spirv::Prologue::TriangleHits, spirv::Prologue::BoxHits,
+                                   spirv::Prologue::BoxCulling};
+    const spirv::Prologue prologue =
+        (bits & kEitherHits) != 0 ? spirv::Prologue::EitherHits : prologues[bits >> kPrologueShift & 3];
+    input.options.pipelineStage = {input.entryPoint, model, prologue, hidden};
 }
 
 } // namespace vellum::fuzz

@@ -63,8 +63,10 @@ TEST_F(InspectCommand, RejectsWrongChoices)
 {
     expectRefusal(cardGlb(), "--triangle must be a number, a range like 3-9, or several with commas, got 3-",
                   {"--bake", "--triangle", "3-"});
-    expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--mesh", "77"});
-    expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--material", "nobody"});
+    expectRefusal(cardGlb(), "no triangle with a micromap", {"--bake", "--triangle", "77"});
+    // Also where others are there.
+    expectRefusal(cardGlb(), "there is no mesh 77", {"--bake", "--mesh", "0,77"});
+    expectRefusal(cardGlb(), "there is no material laef", {"--bake", "--material", "leaf", "--material", "laef"});
     expectRefusal(cardGlb(), "--size", {"--bake", "--size", "7"});
     expectRefusal(cardGlb(), "is not a directory", {"--bake", "--picture", (folder / "a" / "b.png").string()});
 }

@@ -51,8 +51,8 @@ class Commit(unittest.TestCase):
         self.assertIn(f'kCommit = "{first}";', self.header(self.checkout))
         second = self.commit("second")
         self.assertIn(f'kCommit = "{second}";', self.header(self.checkout))
-        archive = run("scripts/archive", self.path, folder=self.checkout).strip()
-        run("tar", "-xf", archive, "-C", self.path)
+        archive = run("scripts/archive", self.path / "new/folder", folder=self.checkout).strip()
+        run("tar", "-xf", archive, "-C", pathlib.Path(archive).parent)
         self.assertIn(f'kCommit = "{second}";', self.header(pathlib.Path(archive.removesuffix(".tar.gz"))))
 
     def test_header_is_written_only_if_it_differs(self):

@@ -4,7 +4,8 @@
 
 - every command, type and value that the registry (vk.xml) has for the extensions is on the page;
 - every test that the page names exists. Names are suite and case; one that begins with a dot belongs to the suite before
-  it, "*" stands for any rest, MS for MicromapStructure.
+  it, "*" stands for any rest, MS for MicromapStructure;
+- the header for older Vulkan headers is of the version that the page names, the only one that states it.
 
 usage: check_coverage.py [REGISTRY [ROOT]]
 """
@@ -15,6 +16,8 @@ import xml.etree.ElementTree as ElementTree
 import findings
 
 PAGE = "docs/coverage.md"
+RULES = "docs/validation.md"
+HEADER = "include/vellum/vulkan_opacity_micromap.h"
 EXTENSIONS = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap",
               "VK_KHR_device_address_commands")
 # What a structure or a type of flags stands for, and values that another extension or none gives a meaning.
@@ -60,10 +63,22 @@ def missing_tests(page, tests):
                 yield f"{suite}.{case}"
 
 
+def check_versions(root, page):
+    """The registry's version stands on the page, and in the header, which is used without it."""
+    version = re.search(r"Vulkan (1\.4\.\d+) \(", page)
+    stated = version[1] if version else None
+    header = re.findall(r"\b1\.4\.\d+\b", (root / HEADER).read_text(encoding="utf-8"))
+    if stated is None or header != [stated]:
+        yield f"{HEADER}: the registry's version is {header}, in {PAGE} {stated}"
+    for other in re.findall(r"Vulkan (1\.4\.\d+)", (root / RULES).read_text(encoding="utf-8")):
+        yield f"{RULES}: states the registry's version {other}, as {PAGE} does"
+
+
 def check(registry, root):
     page = (root / PAGE).read_text(encoding="utf-8")
     wanted, tests = of_registry(registry), of_sources(root)
     found = [f"{PAGE}: nothing about {name}" for name in sorted(wanted) if not is_named(name, page)]
+    found += check_versions(root, page)
     found += [f"{PAGE}: there is no test {name}" for name in sorted(set(missing_tests(page, tests)))]
     return found, len(wanted)
 

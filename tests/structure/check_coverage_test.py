@@ -14,7 +14,9 @@ REGISTRY = """<registry><extensions>
   <extension name="VK_EXT_other"><require><command name="vkOtherEXT"/></require></extension>
 </extensions></registry>
 """
-PAGE = """| part | tests |
+PAGE = """Of Vulkan 1.4.300 (1 January 2025).
+
+| part | tests |
 |---|---|
 | vkOneEXT, VkOneFlagsEXT | Suite.First, .Second, MSOther.\\* |
 | VK_ONE_EXT | `layer_khr.*`, Suite\\*.Fi\\* |
@@ -25,10 +27,15 @@ TEST_P(MicromapStructureOther, Third)
 """
 
 
-def run(page=PAGE, tests=TESTS):
+HEADER = "// xml/vk.xml, version 1.4.300.\n"
+RULES = "By the page of coverage.\n"
+
+
+def run(page=PAGE, tests=TESTS, header=HEADER, rules=RULES):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
-        for name, text in {"docs/coverage.md": page, "vk.xml": REGISTRY, "tests/layer/some_test.cpp": tests}.items():
+        for name, text in {"docs/coverage.md": page, "vk.xml": REGISTRY, "tests/layer/some_test.cpp": tests,
+                           "include/vellum/vulkan_opacity_micromap.h": header, "docs/validation.md": rules}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
         result = subprocess.run([sys.executable, str(CHECK), str(root / "vk.xml"), folder], stdout=subprocess.PIPE,
@@ -50,6 +57,10 @@ class CheckCoverage(unittest.TestCase):
         self.expect_finding("nothing about vkOneEXT\n", page=PAGE.replace("vkOneEXT, ", ""))
         self.expect_finding("nothing about VkOneFlagBitsEXT\n", page=PAGE.replace("VkOneFlagsEXT", "VkOne"))
         self.expect_finding("nothing about VK_ONE_BIT_EXT\n", page=PAGE.replace("VK_ONE_EXT", "VK_ONES"))
+
+    def test_versions(self):
+        self.expect_finding("version is ['1.4.299'], in docs/coverage.md 1.4.300\n", header=HEADER.replace("300", "299"))
+        self.expect_finding("states the registry's version 1.4.301", rules="Those of Vulkan 1.4.301.\n")
 
     def test_missing_tests(self):
         self.expect_finding("there is no test Suite.Second\n", tests=TESTS.replace("Second", "Last"))

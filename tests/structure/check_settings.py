@@ -3,7 +3,7 @@
 """Checks that the layer's manifest has the settings of the table in the code, and docs/settings.md as well.
 
 The table is settings_table.h; the manifest gets it when the build is configured. The table of the page is generated from
-it: with --write, it is written anew.
+it: with --write, it is written anew. Values that documents give to settings ("VELLUM_REPORT=error") are those of the table.
 
 usage: check_settings.py [--write] [ROOT]
 """
@@ -65,6 +65,26 @@ def write(root):
     page.write_text(generated(page.read_text(encoding="utf-8"), settings.read(root / CODE)), encoding="utf-8")
 
 
+def is_value(row, value):
+    if row["type"] == "BOOL":
+        return value in ("0", "1", "true", "false")
+    if row["type"] == "INT":
+        return value.isdigit()
+    names = {flag["key"] for flag in row.get("flags", ())}
+    if row["type"] == "FLAGS":
+        return value == "all" or set(value.split(",")) <= names
+    return not names or value in names
+
+
+def wrong_values(root, rows):
+    """In the documents, of the settings of the table."""
+    by_name = {row["env"]: row for row in rows}
+    for page in sorted({*root.glob("*.md"), *root.glob("docs/**/*.md"), *root.glob(".github/**/*.md")}):
+        for name, value in re.findall(r"\b(VELLUM_[A-Z_]+)=([\w,/.-]+)", page.read_text(encoding="utf-8")):
+            if name in by_name and not is_value(by_name[name], value.rstrip(",.")):
+                yield f"{page.relative_to(root)}: {name} has no value {value}"
+
+
 def check(root):
     rows = settings.read(root / CODE)
     code_has, manifest = {row["key"]: row for row in rows}, of_manifest(root, rows)
@@ -78,6 +98,7 @@ def check(root):
     page = (root / PAGE).read_text(encoding="utf-8")
     if page != generated(page, rows):
         found.append(f"{PAGE}: the table is stale; run tests/structure/check_settings.py --write")
+    found += wrong_values(root, rows)
     return found, len(rows)
 
 

@@ -56,6 +56,12 @@ class CheckSettings(unittest.TestCase):
         self.assertIn(f"{check_settings.MANIFEST}: strict is", out)
         self.assertIn(f"{check_settings.MANIFEST}: validate is not there", out)
 
+    def test_values_in_documents(self):
+        for value, expected in (("all", 0), ("core,sync", 0), ("1", 1), ("cpre", 1)):
+            code, out = run(check_settings.PAGE, "## Notes", f"With `VELLUM_VALIDATE={value}`\n\n## Notes")
+            self.assertEqual(code, expected, out)
+            self.assertEqual(f"VELLUM_VALIDATE has no value {value}" in out, bool(expected))
+
     def test_stale_page(self):
         code, out = run(check_settings.PAGE, "| `VELLUM_STRICT` ", "| `VELLUM_STRICTER` ")
         self.assertEqual(code, 1)

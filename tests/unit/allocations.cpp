@@ -8,7 +8,6 @@ namespace vellum::test
 {
 
 thread_local long allocationsLeft = -1;
-std::atomic<long> allocationsAlive = 0;
 
 } // namespace vellum::test
 
@@ -20,13 +19,10 @@ void *operator new(size_t size)
     void *memory = std::malloc(size == 0 ? 1 : size);
     if (!memory)
         throw std::bad_alloc();
-    ++allocationsAlive;
     return memory;
 }
 void operator delete(void *memory) noexcept
 {
-    if (memory)
-        --vellum::test::allocationsAlive;
     std::free(memory);
 }
 void operator delete(void *memory, size_t) noexcept

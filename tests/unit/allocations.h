@@ -2,12 +2,9 @@
 // Allocations by operator new of the program of a test.
 #pragma once
 
-#include <atomic>
-
 namespace vellum::test
 {
 
-extern thread_local long allocationsLeft;  // of this thread before one fails; negative: none fails
-extern std::atomic<long> allocationsAlive; // by all threads
+extern thread_local long allocationsLeft; // of this thread before one fails; negative: none fails
 
 } // namespace vellum::test

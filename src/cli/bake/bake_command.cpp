@@ -2,7 +2,6 @@
 #include "cli/bake/bake_command.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
 #include <mutex>
 #include <numeric>
@@ -10,36 +9,41 @@
 #include <thread>
 
 #include "cli/bake/bake_report.h"
+#include "cli/bake/exclusions.h"
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
 #include "cli/base/progress.h"
 #include "cli/base/standard_streams.h"
 #include "cli/base/system/interrupt.h"
+#include "core/parallel.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
 namespace
 {
 
+constexpr const char *kNotBaked = "not baked: interrupted";
+
 // Bakes files on several threads: many files at a time, and the last ones with several threads each.
 class Bakery
 {
 public:
-    Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs);
+    Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions);
     std::vector<BakeFileReport> run();
 
 private:
-    void work();
+    void bakeNext(size_t i);
     BakeFileReport bakeOne(size_t job, unsigned threads);
     void report(size_t job, double share);
 
     const BakeCommandOptions &options_;
+    UnmatchedExclusions &exclusions_;
     std::vector<BakeJob> jobs_;
     std::vector<BakeFileReport> reports_;
     std::vector<double> bytes_; // of the inputs
     std::vector<size_t> order_; // the largest first
     unsigned threads_;
-    std::atomic<size_t> next_{0};
     std::mutex reporting_;
     Progress progress_;
     double total_ = 0;
@@ -47,8 +51,8 @@ private:
     std::vector<double> shares_; // of each file, done
 };
 
-Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs)
-    : options_(options), jobs_(std::move(jobs)), reports_(jobs_.size()), order_(jobs_.size()),
+Bakery::Bakery(const BakeCommandOptions &options, std::vector<BakeJob> jobs, UnmatchedExclusions &exclusions)
+    : options_(options), exclusions_(exclusions), jobs_(std::move(jobs)), reports_(jobs_.size()), order_(jobs_.size()),
       threads_(options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency())),
       progress_("baking"), shares_(jobs_.size())
 {
@@ -84,12 +88,18 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         report.error = error;
         return report;
     };
-    const std::string prefix = jobs_[job].input.string() + ": ";
+    const std::string prefix = utf8Text(jobs_[job].input) + ": ";
+    if (Interruptible::interrupted())
+        return failed(prefix + kNotBaked);
     if (!jobs_[job].problem.empty())
         return failed(prefix + jobs_[job].problem);
     options.measure = true;
     try {
-        return reportOf(jobs_[job], bakeFile(openDocument(jobs_[job].input), jobs_[job].output, options));
+        const Document document = openDocument(jobs_[job].input);
+        exclusions_.note(document);
+        return reportOf(jobs_[job], bakeFile(document, jobs_[job].output, options));
+    } catch (const BakeCancelled &) {
+        return failed(prefix + kNotBaked);
     } catch (const std::bad_alloc &) {
         return failed(prefix + "out of memory");
     } catch (const GltfError &error) {
@@ -99,43 +109,28 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
     }
 }
 
-void Bakery::work()
+void Bakery::bakeNext(size_t i)
 {
-    for (size_t i = next_++; i < order_.size() && !Interruptible::interrupted(); i = next_++) {
-        const size_t left = order_.size() - i;
-        const unsigned threads = left >= threads_ ? 1 : threads_ / static_cast<unsigned>(left);
-        const size_t job = order_[i];
-        reports_[job] = bakeOne(job, threads);
-        report(job, 1);
-    }
+    const size_t left = order_.size() - i;
+    const unsigned threads = left >= threads_ ? 1 : threads_ / static_cast<unsigned>(left);
+    const size_t job = order_[i];
+    reports_[job] = bakeOne(job, threads);
+    report(job, 1);
 }
 
 std::vector<BakeFileReport> Bakery::run()
 {
-    std::vector<std::thread> workers;
-    for (size_t i = 1; i < std::min<size_t>(threads_, jobs_.size()); ++i)
-        workers.emplace_back([this] { work(); });
-    work();
-    for (std::thread &worker : workers)
-        worker.join();
+    struct NoState {
+    };
+    inParallel<NoState>(threads_, jobs_.size(), [this](size_t i, NoState &) { bakeNext(i); });
     return std::move(reports_);
 }
 
-} // namespace
-
-namespace
-{
-
-std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options)
+std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusions)
 {
     std::vector<BakeJob> jobs = planBake(options);
     const Interruptible interruptible;
-    std::vector<BakeFileReport> reports = Bakery(options, std::move(jobs)).run();
-    if (Interruptible::interrupted()) {
-        std::fprintf(stderr, "vellum: interrupted\n");
-        Interruptible::die();
-    }
-    return reports;
+    return Bakery(options, std::move(jobs), exclusions).run();
 }
 
 // What went wrong goes to stderr, a line each.
@@ -152,7 +147,7 @@ ExitCode printProblems(const BakeCommandOptions &options, const std::vector<Bake
         if (!options.requireMicromaps || !report.error.empty() || !report.primitives.empty())
             continue;
         if (report.failure.empty())
-            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", report.job.input.string().c_str());
+            std::fprintf(stderr, "vellum: %s: no primitive got a micromap\n", utf8Text(report.job.input).c_str());
         code = worse(code, ExitCode::NoMicromaps);
     }
     return code;
@@ -176,7 +171,8 @@ int bakeCommand(BakeCommandOptions &options)
     }
     if (options.quiet && !options.json)
         discardReports();
-    const std::vector<BakeFileReport> reports = bakeAll(options);
+    UnmatchedExclusions exclusions(options.bake);
+    const std::vector<BakeFileReport> reports = bakeAll(options, exclusions);
     if (options.json)
         printJson(reports, options.dryRun);
     else if (options.table)
@@ -186,7 +182,16 @@ int bakeCommand(BakeCommandOptions &options)
     if (options.dryRun && !options.json)
         std::printf("nothing was written (--dry-run)\n");
     std::fflush(stdout);
-    return static_cast<int>(printProblems(options, reports));
+    const ExitCode code = printProblems(options, reports);
+    if (!Interruptible::interrupted()) {
+        exclusions.print();
+        return static_cast<int>(code);
+    }
+    const auto baked = std::count_if(reports.begin(), reports.end(),
+                                     [](const BakeFileReport &report) { return report.error.empty(); });
+    std::fprintf(stderr, "vellum: interrupted: %zu of %zu files were baked\n", static_cast<size_t>(baked),
+                 reports.size());
+    Interruptible::die();
 }
 
 } // namespace vellum::cli

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bake/bake_options.h"
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <limits>
@@ -10,9 +9,10 @@
 
 #include "cli/bake/bake_command.h"
 #include "cli/base/error.h"
+#include "cli/base/output_file.h"
 #include "cli/base/standard_streams.h"
-#include "cli/base/system/streams.h"
 #include "cli/options/checks.h"
+#include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/help.h"
 
@@ -30,7 +30,8 @@ skipped loses its micromap.
 
 Without OUT, NAME.omm.glb is written beside the input. OUT can be a folder; several inputs, and folders, need -o FOLDER.
 Folders are searched recursively, and files keep their place below the output folder. Inputs are never modified. Outputs
-appear whole or not at all. An existing file is replaced only if vellum bake wrote it, or with --force.
+appear whole or not at all. An existing file is replaced only if vellum bake wrote it, or with --force. After Ctrl-C or
+SIGTERM the files that are done stay and are reported, the others are listed, and the command ends by the signal.
 
 A .glb stays a .glb. A .gltf stays a .gltf: its micromaps go into NAME.omm-DIGEST.bin beside it, and the files that it
 names are copied if the output is in another folder.
@@ -133,7 +134,9 @@ void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
     command
         .add_option(
             "--budget", raw.budget,
-            "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where that loses least [none]")
+            "Most bytes of micromaps for a file, like 500K or 2M: levels are lowered where that loses least. 0: one "
+            "state "
+            "for each triangle; what then remains are the 9 bytes of an empty micromap for each material [none]")
         ->type_name("BYTES");
     takesWords(*command.add_option("--states", raw.states,
                                    "4: opaque, transparent and two unknown states, exact. 2: an approximation [4]"),
@@ -201,8 +204,8 @@ void checkTogether(const BakeCommandOptions &options)
         throw UsageError("--report and --json exclude each other");
     if (options.json && options.output == "-")
         throw UsageError("--json and an output to stdout exclude each other");
-    if (options.output == "-" && !options.dryRun && isTerminal(stdout))
-        throw UsageError("stdout is a terminal: redirect it, or give an output file");
+    if (options.output == "-" && !options.dryRun)
+        checkWritable(*options.output, options.force);
 }
 
 } // namespace

@@ -5,8 +5,11 @@
 
 #include "cli/bake/bake_command.h"
 #include "cli/base/error.h"
+#include "cli/base/input_files.h"
+#include "cli/base/output_file.h"
 #include "cli/base/standard_streams.h"
 #include "cli/base/system/files.h"
+#include "core/utf8_path.h"
 #include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
@@ -19,43 +22,10 @@ namespace
 
 namespace fs = std::filesystem;
 
-std::string lowerExtension(const fs::path &path)
-{
-    std::string extension = path.extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return extension;
-}
-
-bool isInside(const fs::path &path, const fs::path &folder)
-{
-    const fs::path relative = path.lexically_relative(folder);
-    return !relative.empty() && *relative.begin() != "..";
-}
-
-// The glTF files in a folder and in all folders in it, except those in `except`.
-std::vector<fs::path> findFiles(const fs::path &folder, const fs::path &except)
-{
-    std::vector<fs::path> found;
-    std::error_code error;
-    fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied, error);
-    for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
-        const std::string extension = lowerExtension(entry->path());
-        std::error_code unreadable;
-        if ((extension == ".glb" || extension == ".gltf") && entry->is_regular_file(unreadable) &&
-            !isInside(fs::weakly_canonical(entry->path(), unreadable), except))
-            found.push_back(entry->path());
-    }
-    if (error)
-        throw Error(folder.string() + " cannot be searched: " + error.message());
-    std::sort(found.begin(), found.end());
-    return found;
-}
-
 fs::path besideInput(const fs::path &input)
 {
     fs::path output = input;
-    return output.replace_filename(input.stem().string() + ".omm" + input.extension().string());
+    return output.replace_extension(".omm") += input.extension();
 }
 
 // One name for each location in the file system. A link at the location is replaced itself.
@@ -86,8 +56,8 @@ void checkDistinct(const std::vector<BakeJob> &jobs)
     for (const BakeJob &job : jobs) {
         const auto [found, isNew] = inputOf.try_emplace(locationOf(job.output), job.input);
         if (!isNew)
-            throw UsageError(found->second.string() + " and " + job.input.string() + " would both be written to " +
-                             job.output.string());
+            throw UsageError(utf8Text(found->second) + " and " + utf8Text(job.input) + " would both be written to " +
+                             utf8Text(job.output));
     }
 }
 
@@ -150,9 +120,9 @@ std::string Conflicts::problemOf(size_t number)
         return problems_[number];
     if (const auto id = idOf(job.output))
         if (const auto read = reads_.find(*id); read != reads_.end() && read->second != job.input)
-            return "the output " + job.output.string() + " is read for " + read->second.string();
+            return "the output " + utf8Text(job.output) + " is read for " + utf8Text(read->second);
     if (!force_ && !isReplaceable(job))
-        return "the output " + job.output.string() + " exists and was not written by vellum bake; --force replaces it";
+        return "the output " + utf8Text(job.output) + " exists and was not written by vellum bake; --force replaces it";
     std::map<fs::path, Write> writes = {{locationOf(job.output), {job.input, {}}}};
     for (const FilesBeside::Copy &copy : beside_[number].copies)
         writes.try_emplace(locationOf(copy.to), Write{job.input, copy.from});
@@ -161,10 +131,10 @@ std::string Conflicts::problemOf(size_t number)
         std::error_code error;
         if (other != writes_.end() &&
             (write.copied.empty() || other->second.copied.empty() || !sameBytes(write.copied, other->second.copied)))
-            return location.string() + " would be another file for " + other->second.input.string();
+            return utf8Text(location) + " would be another file for " + utf8Text(other->second.input);
         if (other == writes_.end() && !write.copied.empty() && fs::exists(location, error) &&
             !sameBytes(write.copied, location))
-            return location.string() + " exists and differs from " + write.copied.string();
+            return utf8Text(location) + " exists and differs from " + utf8Text(write.copied);
     }
     writes_.merge(writes);
     return "";
@@ -183,17 +153,19 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
     const bool toFolder =
         options.output && (several || !options.output->has_filename() || fs::is_directory(*options.output, ignored));
     if (toFolder && fs::exists(*options.output, ignored) && !fs::is_directory(*options.output, ignored))
-        throw UsageError(options.output->string() + " is a file, and several inputs need an output folder");
+        throw UsageError(utf8Text(*options.output) + " is a file, and several inputs need an output folder");
     const fs::path output = toFolder ? fs::weakly_canonical(*options.output, ignored) : fs::path();
     if (toFolder && isStandardStream(options.inputs.front()))
         throw UsageError("stdin needs an output file, not a folder");
+    if (options.output && !toFolder)
+        checkSuffix(*options.output, {".glb", ".gltf", suffixOf(options.inputs.front())});
     std::vector<BakeJob> jobs;
     for (const fs::path &input : options.inputs) {
         if (fs::is_directory(input, ignored)) {
             // Outputs below the folder are not baked again. A folder that is its own output fails file by file.
             const fs::path folder = fs::weakly_canonical(input, ignored);
             const bool within = output != folder && isInside(output, folder);
-            for (const fs::path &file : findFiles(input, within ? output : fs::path()))
+            for (const fs::path &file : gltfFilesIn(input, within ? output : fs::path()))
                 jobs.push_back({file, *options.output / file.lexically_relative(input), {}});
         } else {
             jobs.push_back({input,
@@ -204,7 +176,7 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
         }
     }
     if (jobs.empty())
-        throw Error(options.inputs.front().string() + " has no .glb or .gltf files");
+        throw Error(utf8Text(options.inputs.front()) + " has no .glb or .gltf files");
     checkDistinct(jobs);
     Conflicts conflicts(jobs, options.force);
     for (size_t i = 0; i < jobs.size(); ++i)

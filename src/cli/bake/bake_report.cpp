@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "cli/base/numbers.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -130,12 +131,12 @@ void write(const BakedReport &primitive, JsonWriter &json)
 
 void write(const BakeFileReport &file, JsonWriter &json)
 {
-    json.beginObject().member("file", file.job.input.string());
+    json.beginObject().member("file", utf8Text(file.job.input));
     if (!file.error.empty()) {
         json.member("error", file.error).end();
         return;
     }
-    json.member("output", file.job.output.string());
+    json.member("output", utf8Text(file.job.output));
     json.member("bytes", file.inputBytes).member("outputBytes", file.outputBytes);
     if (!file.failure.empty())
         json.member("failure", file.failure);
@@ -156,7 +157,7 @@ std::string failureOf(const BakeJob &job, const DocumentBake &bake)
                                     [](const SkippedPrimitive &skipped) { return skipped.unsupported(); });
     if (!bake.primitives.empty() || first == bake.skipped.end())
         return "";
-    return fmt::format("{}: none of its alpha-tested primitives could be baked: {}: {}", job.input.string(),
+    return fmt::format("{}: none of its alpha-tested primitives could be baked: {}: {}", utf8Text(job.input),
                        first->name, first->reason);
 }
 
@@ -223,7 +224,7 @@ void printLines(const std::vector<BakeFileReport> &files)
 {
     for (const BakeFileReport &file : files)
         if (file.error.empty()) {
-            fmt::print("{}: {}\n", file.job.output.string(), summary(file));
+            fmt::print("{}: {}\n", utf8Text(file.job.output), summary(file));
             printReplacedLoss(file);
         }
 }
@@ -233,7 +234,7 @@ void printTable(const std::vector<BakeFileReport> &files)
     for (const BakeFileReport &file : files) {
         if (!file.error.empty())
             continue;
-        fmt::print("{} -> {}: {}\n", file.job.input.string(), file.job.output.string(), summary(file));
+        fmt::print("{} -> {}: {}\n", utf8Text(file.job.input), utf8Text(file.job.output), summary(file));
         fmt::print("  {} bytes became {}{}\n", grouped(file.inputBytes), grouped(file.outputBytes),
                    file.replaced ? ", its micromaps were replaced" : "");
         printReplacedLoss(file);

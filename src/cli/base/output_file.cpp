@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/base/output_file.h"
 
+#include <algorithm>
 #include <fstream>
-#include <string>
 
 #include "cli/base/error.h"
+#include "cli/base/standard_streams.h"
 #include "cli/base/system/files.h"
+#include "cli/base/system/streams.h"
+#include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
 
@@ -15,14 +18,22 @@ namespace vellum::cli
 namespace
 {
 
+bool isOwnJson(std::string_view start)
+{
+    if (!start.starts_with(kJsonMark[0]))
+        return false;
+    start.remove_prefix(kJsonMark[0].size());
+    const size_t number = std::min(start.find_first_not_of("0123456789"), start.size());
+    return number != 0 && start.substr(number).starts_with(kJsonMark[1]);
+}
+
 bool isOwnOutput(const std::filesystem::path &path)
 {
     std::string start(1024, '\0');
     std::ifstream file(path, std::ios::binary);
     file.read(start.data(), static_cast<std::streamsize>(start.size()));
     start.resize(static_cast<size_t>(file.gcount()));
-    return start.find(kPngMark) != std::string::npos || start.find(kHtmlMark) != std::string::npos ||
-           start.starts_with(kJsonMark);
+    return start.find(kPngMark) != std::string::npos || start.find(kHtmlMark) != std::string::npos || isOwnJson(start);
 }
 
 } // namespace
@@ -36,20 +47,35 @@ std::filesystem::path outputFor(const std::optional<std::filesystem::path> &said
     return folder ? *said / standard.filename() : *said;
 }
 
+void checkSuffix(const std::filesystem::path &output, std::initializer_list<std::string> suffixes)
+{
+    const std::string suffix = suffixOf(output);
+    if (suffix.empty() || std::ranges::find(suffixes, suffix) != suffixes.end())
+        return;
+    std::string list;
+    for (const std::string &fitting : suffixes)
+        if (!fitting.empty() && list.find(fitting) == std::string::npos)
+            list += (list.empty() ? "" : " or ") + fitting;
+    throw UsageError(utf8Text(output) + " is the name of another kind of file: the output's must end in " + list);
+}
+
 void checkWritable(const std::filesystem::path &path, bool force)
 {
-    if (path == "-")
+    if (isStandardStream(path)) {
+        if (!force && isTerminal(stdout))
+            throw UsageError("stdout is a terminal: redirect it, or give an output file; --force writes to it");
         return;
+    }
     const std::filesystem::path folder = path.parent_path().empty() ? "." : path.parent_path();
     std::error_code error;
     if (!std::filesystem::is_directory(folder, error))
-        throw Error(path.string() + " cannot be written: " + folder.string() + " is not a directory");
+        throw Error(utf8Text(path) + " cannot be written: " + utf8Text(folder) + " is not a directory");
     if (std::filesystem::is_directory(path, error))
-        throw Error(path.string() + " cannot be written: it is a directory");
+        throw Error(utf8Text(path) + " cannot be written: it is a directory");
     if (const std::string problem = problemOfFolder(folder); !problem.empty())
-        throw Error(path.string() + " cannot be written: " + problem);
+        throw Error(utf8Text(path) + " cannot be written: " + problem);
     if (!force && std::filesystem::exists(path, error) && !isOwnOutput(path))
-        throw Error(path.string() + " exists and was not written by vellum; --force replaces it");
+        throw Error(utf8Text(path) + " exists and was not written by vellum; --force replaces it");
 }
 
 void writeWhole(const std::filesystem::path &path, std::span<const uint8_t> bytes)

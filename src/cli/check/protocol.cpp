@@ -3,16 +3,16 @@
 
 #include <array>
 #include <charconv>
-#include <fstream>
-#include <iterator>
 #include <rapidjson/document.h>
 #include <rapidjson/stringbuffer.h>
 #include <rapidjson/writer.h>
 
 #include "cli/base/error.h"
+#include "cli/base/input_files.h"
 #include "cli/base/report_parts.h"
 #include "cli/check/case_id.h"
 #include "cli/check/expectations.h"
+#include "core/utf8_path.h"
 #include "gltf/file/json_writer.h"
 
 namespace vellum::cli
@@ -146,7 +146,7 @@ std::string write(const Request &request)
     JsonWriter json(JsonStyle::Compact);
     json.beginObject().member("request", kRequests.at(static_cast<size_t>(request.kind)));
     json.member("group", request.group).member("seed", hexadecimal(request.seed));
-    json.member("document", request.document.string()).member("timeout", hexadecimal(request.timeout));
+    json.member("document", utf8Text(request.document)).member("timeout", hexadecimal(request.timeout));
     json.member("shrinkSeconds", hexadecimal(request.shrinkSeconds)).end();
     return json.text();
 }
@@ -157,7 +157,7 @@ Request parseRequest(const std::string &line)
     return {kindOf<Request::Kind>(reader.text("request"), kRequests),
             reader.text("group"),
             reader.hexNumber("seed"),
-            reader.text("document"),
+            utf8Path(reader.text("document")),
             static_cast<uint32_t>(reader.hexNumber("timeout")),
             static_cast<uint32_t>(reader.hexNumber("shrinkSeconds"))};
 }
@@ -191,8 +191,12 @@ Event parseEvent(const std::string &line)
     event.kind = kindOf<Event::Kind>(reader.text("event"), kEvents);
     switch (event.kind) {
     case Event::Kind::Device:
-        event.device = {reader.hexNumber("number"),  reader.text("name"),         reader.text("implementation"),
-                        reader.text("khr") == "yes", reader.text("ext") == "yes", {}};
+        event.device = {static_cast<uint32_t>(reader.hexNumber("number")),
+                        reader.text("name"),
+                        reader.text("implementation"),
+                        reader.text("khr") == "yes",
+                        reader.text("ext") == "yes",
+                        {}};
         reader.forEach("knownFaults", [&](const rapidjson::Value &fault) {
             event.device.knownFaults.push_back({Reader::textOf(fault, "text"), Reader::textOf(fault, "response")});
         });
@@ -218,21 +222,26 @@ std::string write(const Reproducer &reproducer)
 
 Reproducer readReproducer(const std::filesystem::path &path)
 {
-    std::ifstream file(path, std::ios::binary);
-    const std::string text(std::istreambuf_iterator<char>(file), {});
-    if (!file)
-        throw UsageError(path.string() + " cannot be read");
+    std::string text;
+    try {
+        text = readFile(path);
+    } catch (const Error &error) {
+        throw UsageError(error.what());
+    }
     try {
         const Reader reader(text);
         if (reader.text("command") != "check --replay")
             throw Error("no reproducer of vellum check");
+        if (const std::string schema = reader.text("schema"); schema != kReportSchema)
+            throw Error("is by the schema " + schema + ", which this version of vellum does not read; it reads " +
+                        kReportSchema);
         const std::string api = reader.text("api");
         if (api != "khr" && api != "ext")
             throw Error("\"api\" must be khr or ext, got " + api);
         return {reader.text("name"), api == "khr" ? check::Api::Khr : check::Api::Ext, reader.text("group"),
                 reader.hexNumber("seed"), reader.json("case")};
     } catch (const Error &error) {
-        throw UsageError(path.string() + ": " + error.what());
+        throw UsageError(utf8Text(path) + ": " + error.what());
     }
 }
 

@@ -6,6 +6,8 @@
 #include <set>
 
 #include "cli/base/numbers.h"
+#include "core/utf8_path.h"
+#include "gltf/alpha_textures.h"
 #include "gltf/data/image.h"
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/primitive.h"
@@ -58,11 +60,8 @@ public:
         report_.path = document_.path();
         report_.binary = document_.binary();
         report_.bytes = document_.bytes().size();
-        for (const std::string &name : model_.extensionsUsed) {
-            const bool required = std::find(model_.extensionsRequired.begin(), model_.extensionsRequired.end(), name) !=
-                                  model_.extensionsRequired.end();
-            report_.extensions.push_back({name, required});
-        }
+        for (const std::string &name : model_.extensionsUsed)
+            report_.extensions.push_back({name, model_.extensionsRequired.contains(name)});
         report_.scenes = model_.scenes.size();
         report_.nodes = model_.nodes.size();
         report_.meshes = model_.meshes.size();
@@ -136,13 +135,14 @@ void FileReader::readPrimitives()
 
 void FileReader::readImages()
 {
+    ImageDecoder decoder(document_);
     for (size_t i = 0; i < model_.images.size(); ++i) {
         FileReport::Image &image = report_.images.emplace_back();
         try {
             const EncodedImage encoded = readEncodedImage(document_, static_cast<int>(i));
             image.bytes = encoded.bytes().size();
             image.type = typeOf(encoded.bytes());
-            const vellum::Image decoded = decodeImage(document_, static_cast<int>(i), encoded);
+            const vellum::Image decoded = decoder.decode(static_cast<int>(i), encoded);
             image.width = decoded.width;
             image.height = decoded.height;
         } catch (const GltfError &error) {
@@ -224,7 +224,7 @@ FileReport reportFile(const Document &document)
 void print(const FileReport &r, bool verbose)
 {
     const auto most = [verbose](size_t count) { return verbose ? ~size_t{0} : count; };
-    fmt::print("file        {}: {}, {}\n", r.path.string(), r.binary ? "GLB" : "glTF text", counted(r.bytes, "byte"));
+    fmt::print("file        {}: {}, {}\n", utf8Text(r.path), r.binary ? "GLB" : "glTF text", counted(r.bytes, "byte"));
     for (size_t i = 0; i < r.extensions.size(); ++i) {
         const auto &[name, required] = r.extensions[i];
         const char *meaning = meaningOf(name);
@@ -261,7 +261,7 @@ void print(const FileReport &r, bool verbose)
 
 void write(const FileReport &r, JsonWriter &json)
 {
-    json.beginObject().member("file", r.path.string()).member("binary", r.binary).member("bytes", r.bytes);
+    json.beginObject().member("file", utf8Text(r.path)).member("binary", r.binary).member("bytes", r.bytes);
     json.list("extensions", r.extensions, [&](const FileReport::Extension &extension) {
         json.beginObject().member("name", extension.name).member("required", extension.required).end();
     });

@@ -9,6 +9,7 @@
 #include "cli/base/version.h"
 #include "cli/info/loader_system.h"
 #include "cli/vulkan/layer_path.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -42,7 +43,7 @@ std::vector<std::string> commandsToTurnOn(const LoaderReport &report, const std:
     if (!report.layerFound && !folder.empty()) {
         // The loader ignores VK_ADD_LAYER_PATH where VK_LAYER_PATH is set.
         const char *name = variable("VK_LAYER_PATH") ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
-        commands.push_back(commandToSet(name, folder.string(), isSet(name)));
+        commands.push_back(commandToSet(name, utf8Text(folder), isSet(name)));
     }
     if (!report.layerOnByVariable)
         commands.push_back(commandToSet("VK_INSTANCE_LAYERS", kLayerName, isSet("VK_INSTANCE_LAYERS")));
@@ -57,11 +58,11 @@ void explainLayer(LoaderReport &report, const std::filesystem::path &folder)
             "that run as administrator, such as this one");
     for (const Manifest &manifest : report.layers)
         if (!manifest.problem.empty())
-            report.problems.push_back("the layer's manifest " + manifest.path.string() + ": " + manifest.problem);
+            report.problems.push_back("the layer's manifest " + utf8Text(manifest.path) + ": " + manifest.problem);
     if (report.layers.empty())
         report.problems.push_back(
             std::string("there is no manifest of the layer, neither where the loader looks nor ") +
-            (folder.empty() ? "beside this program" : "in " + folder.string()));
+            (folder.empty() ? "beside this program" : "in " + utf8Text(folder)));
 }
 
 void explainNoDevice(LoaderReport &report)
@@ -135,9 +136,9 @@ const char *nameOf(Provider provider)
 
 void printManifest(const char *what, const Manifest &manifest)
 {
-    fmt::print("{:<11} {} (from {})\n", what, manifest.path.string(), manifest.from);
+    fmt::print("{:<11} {} (from {})\n", what, utf8Text(manifest.path), manifest.from);
     if (!manifest.library.empty())
-        fmt::print("            library {}\n", manifest.library.string());
+        fmt::print("            library {}\n", utf8Text(manifest.library));
     if (!manifest.problem.empty())
         fmt::print("            {}\n", manifest.problem);
 }
@@ -147,9 +148,9 @@ void write(const std::vector<Manifest> &manifests, JsonWriter &json)
     json.beginArray();
     for (const Manifest &m : manifests)
         json.beginObject()
-            .member("path", m.path.string())
+            .member("path", utf8Text(m.path))
             .member("from", m.from)
-            .member("library", m.library.string())
+            .member("library", utf8Text(m.library))
             .member("problem", m.problem)
             .end();
     json.end();
@@ -158,7 +159,7 @@ void write(const std::vector<Manifest> &manifests, JsonWriter &json)
 void print(const DeviceDetails &d)
 {
     const auto yes = [](bool has) { return has ? "yes" : "no"; };
-    fmt::print("\ndevice      {} ({}), Vulkan {}\n", d.name, d.kind, d.version);
+    fmt::print("\n{:<11} {} ({}), Vulkan {}\n", fmt::format("device {}", d.number), d.name, d.kind, d.version);
     fmt::print("driver      {}\n", d.driver);
     fmt::print("ray tracing acceleration structures: {}, ray queries: {}, pipelines: {}\n",
                yes(d.accelerationStructures), yes(d.rayQueries), yes(d.rayTracingPipelines));
@@ -187,7 +188,7 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
     report.turnOn = commandsToTurnOn(report, folder);
     for (const Manifest &manifest : report.drivers)
         if (!manifest.problem.empty())
-            report.problems.push_back("the driver's manifest " + manifest.path.string() + ": " + manifest.problem);
+            report.problems.push_back("the driver's manifest " + utf8Text(manifest.path) + ": " + manifest.problem);
     explainLayer(report, folder);
     if (!folder.empty())
         addLayerFolder(folder);

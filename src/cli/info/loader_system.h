@@ -24,6 +24,8 @@ std::vector<ManifestPlace> systemPlaces(ManifestKind kind);
 std::string problemOfFormat(const std::filesystem::path &library);
 // Loads it as the loader does, since what it depends on may be missing. Empty if that works.
 std::string problemOfLoading(const std::filesystem::path &library);
+// Why the loader does not find a manifest in its folder.
+std::string problemOfListing(const std::filesystem::path &manifest);
 // Whether a library_path is relative to its manifest. A bare name is for the system's search.
 bool isRelativeToManifest(const std::string &library);
 

@@ -7,6 +7,7 @@
 
 #include "cli/base/system/this_process.h"
 #include "cli/info/loader_system.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -37,7 +38,7 @@ std::vector<ManifestPlace> systemPlaces(ManifestKind kind)
     const auto add = [&](const fs::path &base) {
         const fs::path folder = base / "vulkan" / (kind == ManifestKind::Driver ? "icd.d" : "explicit_layer.d");
         if (std::none_of(places.begin(), places.end(), [&](const ManifestPlace &p) { return p.path == folder; }))
-            places.push_back({folder, folder.string()});
+            places.push_back({folder, utf8Text(folder)});
     };
     const auto addFrom = [&](const char *name, const std::string &standard) {
         const std::string value = variable(name).value_or("");
@@ -65,13 +66,18 @@ std::string problemOfFormat(const fs::path &library)
     std::ifstream file(library, std::ios::binary);
     Elf64_Ehdr header{}; // of which the first fields are those of Elf32_Ehdr
     if (!file.read(reinterpret_cast<char *>(&header), 20) || std::memcmp(header.e_ident, ELFMAG, SELFMAG) != 0)
-        return "its library " + library.string() + " is not a shared library, or cannot be read";
+        return "its library " + utf8Text(library) + " is not a shared library, or cannot be read";
     Elf64_Ehdr own{};
     std::ifstream self("/proc/self/exe", std::ios::binary);
     if (!self.read(reinterpret_cast<char *>(&own), 20))
         return "";
     if (header.e_ident[EI_CLASS] != own.e_ident[EI_CLASS] || header.e_machine != own.e_machine)
-        return "its library " + library.string() + " is for another kind of processor than this program";
+        return "its library " + utf8Text(library) + " is for another kind of processor than this program";
+    return "";
+}
+
+std::string problemOfListing(const fs::path &)
+{
     return "";
 }
 
@@ -83,7 +89,7 @@ std::string problemOfLoading(const fs::path &library)
         return "";
     }
     const char *error = dlerror();
-    return "its library cannot be loaded: " + std::string(error != nullptr ? error : library.string());
+    return "its library cannot be loaded: " + std::string(error != nullptr ? error : utf8Text(library));
 }
 
 bool isRelativeToManifest(const std::string &library)

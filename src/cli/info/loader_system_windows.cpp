@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cstring>
 #include <fstream>
 
 #include "cli/base/system/windows_text.h"
 #include "cli/info/loader_system.h"
 #include "core/registry_windows.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -105,10 +107,19 @@ std::string problemOfFormat(const fs::path &library)
     if (!file.read(reinterpret_cast<char *>(&dos), sizeof dos) || dos.e_magic != IMAGE_DOS_SIGNATURE ||
         !file.seekg(dos.e_lfanew) || !file.read(reinterpret_cast<char *>(&headers), kFirstFields) ||
         headers.Signature != IMAGE_NT_SIGNATURE)
-        return "its library " + library.string() + " is not a DLL, or cannot be read";
+        return "its library " + utf8Text(library) + " is not a DLL, or cannot be read";
     if (headers.FileHeader.Machine != ownMachine())
-        return "its library " + library.string() + " is for another kind of processor than this program";
+        return "its library " + utf8Text(library) + " is for another kind of processor than this program";
     return "";
+}
+
+// Khronos' loader lists folders by functions that take text of the system's code page, to which it passes UTF-8.
+std::string problemOfListing(const fs::path &manifest)
+{
+    const std::wstring folder = fs::absolute(manifest).parent_path().wstring();
+    return std::ranges::all_of(folder, [](wchar_t c) { return c < 0x80; })
+               ? ""
+               : "Khronos' loader cannot list its folder, whose path has letters outside ASCII";
 }
 
 std::string problemOfLoading(const fs::path &library)
@@ -116,7 +127,7 @@ std::string problemOfLoading(const fs::path &library)
     const HMODULE module =
         LoadLibraryExW(library.c_str(), nullptr, library.is_absolute() ? LOAD_WITH_ALTERED_SEARCH_PATH : 0);
     if (module == nullptr)
-        return "its library cannot be loaded: " + library.string() + ": " + lastMessage();
+        return "its library cannot be loaded: " + utf8Text(library) + ": " + lastMessage();
     FreeLibrary(module);
     return "";
 }

@@ -8,6 +8,7 @@
 #include "cli/base/system/this_process.h"
 #include "cli/info/loader_system.h"
 #include "cli/vulkan/layer_path.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -36,7 +37,7 @@ std::string problemOfLibrary(const fs::path &library)
 {
     std::error_code error;
     if (!fs::exists(library, error))
-        return "its library " + library.string() + " does not exist";
+        return "its library " + utf8Text(library) + " does not exist";
     return problemOfFormat(library);
 }
 
@@ -60,13 +61,22 @@ void readManifest(Manifest &manifest, const char *kind)
         return;
     }
     const std::string library = json[kind]["library_path"].GetString();
-    manifest.library = library;
+    manifest.library = utf8Path(library);
     if (isRelativeToManifest(library)) {
         manifest.library = (manifest.path.parent_path() / manifest.library).lexically_normal();
         manifest.problem = problemOfLibrary(manifest.library);
     }
     if (manifest.problem.empty())
         manifest.problem = problemOfLoading(manifest.library);
+}
+
+// Of a variable that is a list.
+std::vector<fs::path> listedPaths(const char *name)
+{
+    std::vector<fs::path> paths;
+    for (const std::string &part : listOf(variable(name).value_or("")))
+        paths.push_back(utf8Path(part));
+    return paths;
 }
 
 bool namesLayer(const fs::path &path)
@@ -83,7 +93,7 @@ std::vector<Manifest> findDriverManifests()
 {
     std::vector<Manifest> manifests;
     const auto addNamed = [&](const char *name) {
-        for (const std::string &part : listOf(variable(name).value_or(""))) {
+        for (const fs::path &part : listedPaths(name)) {
             std::error_code error;
             if (fs::is_directory(part, error))
                 for (const fs::path &path : manifestsIn(part))
@@ -111,7 +121,7 @@ std::vector<Manifest> findLayerManifests(const fs::path &folder)
 {
     std::vector<ManifestPlace> places;
     const auto addNamed = [&](const char *name) {
-        for (const std::string &part : listOf(variable(name).value_or("")))
+        for (const fs::path &part : listedPaths(name))
             places.push_back({part, name});
     };
     if (variable("VK_LAYER_PATH")) {
@@ -134,6 +144,8 @@ std::vector<Manifest> findLayerManifests(const fs::path &folder)
                 continue;
             manifests.push_back({path, {}, place.from, ""});
             readManifest(manifests.back(), "layer");
+            if (manifests.back().problem.empty())
+                manifests.back().problem = problemOfListing(path);
         }
     }
     return manifests;

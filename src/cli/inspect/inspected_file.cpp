@@ -8,6 +8,8 @@
 #include "cli/base/error.h"
 #include "cli/base/progress.h"
 #include "cli/base/report_parts.h"
+#include "core/utf8_path.h"
+#include "gltf/alpha_textures.h"
 #include "gltf/micromaps/file_bake.h"
 
 namespace vellum::cli
@@ -32,23 +34,48 @@ uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const St
 class Inspector
 {
 public:
-    Inspector(const Document &document, const Selection &selection) : document_(document), selection_(selection) {}
+    Inspector(const Document &document, const Selection &selection)
+        : document_(document), selection_(selection), decoder_(document)
+    {
+    }
 
     InspectedFile inspect(const DocumentBakeOptions *bake);
 
 private:
+    void checkSelection() const;
     void bakeAll(DocumentBakeOptions options);
     [[nodiscard]] std::string nothingMade() const;
     void addRecords();
     void addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micromap);
     uint32_t useMaterial(int index);
+    std::shared_ptr<const Image> useImage(int index);
 
     const Document &document_;
     const Selection &selection_;
     InspectedFile file_;
     std::vector<uint32_t> firstRecord_; // of each micromap
     std::map<int, uint32_t> materials_;
+    ImageDecoder decoder_;
+    std::map<int, std::shared_ptr<const Image>> images_;
 };
+
+// What is chosen by name or number must be there, each for itself.
+void Inspector::checkSelection() const
+{
+    const gltf_json::Model &model = document_.model();
+    const std::string prefix = utf8Text(document_.path()) + ": there is no ";
+    for (const NumberRange &range : selection_.meshes)
+        if (range.first >= model.meshes.size())
+            throw Error(prefix + "mesh " + std::to_string(range.first));
+    for (const std::string &material : selection_.materials) {
+        const Selection one{.meshes = {}, .primitives = {}, .triangles = {}, .materials = {material}};
+        bool there = false;
+        for (size_t i = 0; i < model.materials.size(); ++i)
+            there = there || one.hasMaterial(static_cast<int>(i), model.materials[i].name);
+        if (!there)
+            throw Error(prefix + "material " + material);
+    }
+}
 
 void Inspector::bakeAll(DocumentBakeOptions options)
 {
@@ -73,11 +100,19 @@ void Inspector::addRecords()
         const StoredMicromap &micromap = file_.stored.micromaps[m];
         firstRecord_.push_back(static_cast<uint32_t>(file_.records.size()));
         if (file_.records.size() + micromap.triangles.size() > std::numeric_limits<int32_t>::max())
-            throw Error(document_.path().string() + ": too many micromap triangles to inspect");
+            throw Error(utf8Text(document_.path()) + ": too many micromap triangles to inspect");
         const StateCounter counter(micromap.data);
         for (const MicromapTriangle &triangle : micromap.triangles)
             file_.records.push_back({m, triangle, counter.count(triangle)});
     }
+}
+
+std::shared_ptr<const Image> Inspector::useImage(int index)
+{
+    std::shared_ptr<const Image> &image = images_[index];
+    if (!image)
+        image = std::make_shared<Image>(decoder_.decode(index));
+    return image;
 }
 
 uint32_t Inspector::useMaterial(int index)
@@ -88,7 +123,7 @@ uint32_t Inspector::useMaterial(int index)
     InspectedMaterial material{.index = index, .material = readMaterial(document_, index), .image = {}, .problem = {}};
     try {
         if (material.material.image >= 0)
-            material.image = readImage(document_, material.material.image);
+            material.image = useImage(material.material.image);
     } catch (const GltfUnsupported &error) { // the micromaps can be looked at without
         material.problem = error.what();
     }
@@ -105,7 +140,7 @@ void Inspector::addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micr
     if (!selection_.hasMaterial(source.material, name))
         return;
     if (micromap.indices.size() != source.triangleCount())
-        throw Error(document_.path().string() + ": " + document_.nameOf(place) + " has " +
+        throw Error(utf8Text(document_.path()) + ": " + document_.nameOf(place) + " has " +
                     std::to_string(micromap.indices.size()) + " micromap indices for " +
                     std::to_string(source.triangleCount()) + " triangles");
     InspectedPrimitive primitive{.place = place,
@@ -131,14 +166,15 @@ void Inspector::addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micr
 
 InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
 {
-    const std::string path = document_.path().string();
-    file_.name = document_.path().filename().string();
+    const std::filesystem::path &path = document_.path();
+    file_.name = utf8Text(path.filename());
     file_.bytes = document_.bytes().size();
     for (const std::filesystem::path &file : filesBeside(document_.root(), path, path).read) {
         std::error_code unreadable;
         const uintmax_t bytes = std::filesystem::file_size(file, unreadable);
         file_.bytes += unreadable ? 0 : bytes;
     }
+    checkSelection();
     file_.meshCount = document_.model().meshes.size();
     file_.primitiveCount = trianglePrimitives(document_).size();
     if (bake != nullptr)
@@ -146,7 +182,7 @@ InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
     else
         file_.stored = readMicromaps(document_);
     if (file_.stored.primitives.empty())
-        throw Error(path + ": " +
+        throw Error(utf8Text(path) + ": " +
                     (bake != nullptr ? nothingMade()
                                      : "no primitive has a micromap; vellum bake makes them, and --bake shows what it "
                                        "would make"));
@@ -155,7 +191,7 @@ InspectedFile Inspector::inspect(const DocumentBakeOptions *bake)
     for (const auto &[place, micromap] : file_.stored.primitives)
         addPrimitive(place, micromap);
     if (file_.primitives.empty())
-        throw Error(path + ": no triangle with a micromap is among those chosen");
+        throw Error(utf8Text(path) + ": no triangle with a micromap is among those chosen");
     return std::move(file_);
 }
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/manual/commands_of.h"
 
-#include <CLI/CLI.hpp>
-
 #include "cli/command_line.h"
+#include "cli/options/cli11.h"
 #include "cli/options/help.h"
 
 namespace vellum::cli

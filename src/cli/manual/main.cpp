@@ -7,6 +7,7 @@
 
 #include "cli/manual/completions.h"
 #include "cli/manual/man_page.h"
+#include "core/utf8_path.h"
 
 int main(int argc, char **argv)
 {
@@ -22,7 +23,7 @@ int main(int argc, char **argv)
         file << text;
         file.close();
         if (!file)
-            std::fprintf(stderr, "%s cannot be written\n", (folder / name).string().c_str());
+            std::fprintf(stderr, "%s cannot be written\n", vellum::utf8Text(folder / name).c_str());
         written = written && !file.fail();
     };
     const std::vector<ReferenceCommand> commands = readCommands();

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "cli/base/system/this_process.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -15,7 +16,8 @@ bool hasManifest(const std::filesystem::path &folder)
 {
     std::error_code error;
     for (const auto &entry : std::filesystem::directory_iterator(folder, error)) {
-        if (entry.path().extension() != ".json")
+        std::error_code unreadable;
+        if (entry.path().extension() != ".json" || !entry.is_regular_file(unreadable))
             continue;
         std::ifstream file(entry.path());
         const std::string text(std::istreambuf_iterator<char>(file), {});
@@ -45,7 +47,7 @@ void addLayerFolder(const std::filesystem::path &folder)
     // The loader ignores VK_ADD_LAYER_PATH where the user has set VK_LAYER_PATH.
     const char *name = variable("VK_LAYER_PATH") ? "VK_LAYER_PATH" : "VK_ADD_LAYER_PATH";
     const std::string old = variable(name).value_or("");
-    setVariable(name, old.empty() ? folder.string() : old + kListSeparator + folder.string());
+    setVariable(name, old.empty() ? utf8Text(folder) : old + kListSeparator + utf8Text(folder));
 }
 
 void offerLayer(const std::optional<std::filesystem::path> &folder)

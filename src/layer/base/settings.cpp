@@ -11,11 +11,11 @@
 #include <fstream>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <variant>
 #include <vector>
 
-#include "core/hash.h"
 #include "core/utf8_path.h"
 #include "layer/base/pnext.h"
 #include "layer/base/system.h"
@@ -39,7 +39,8 @@ constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
 #undef VELLUM_ROW
 
 // Variables with the prefix of settings that are none: those of the tests, of the Python module, and of `vellum run`.
-constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY", "FAIL_ON"};
+constexpr const char *kOtherVariables[] = {"TEST_",   "ORACLE_", "STRESS",  "LOWER_",
+                                           "FORCING", "LIBRARY", "FAIL_ON", "REQUIRE_CHECKS"};
 
 #define VELLUM_LEVEL(name, value, label, description) {#name, ReportLevel::value},
 constexpr std::pair<const char *, ReportLevel> kLevels[] = {
@@ -68,17 +69,17 @@ constexpr std::pair<const char *, bool> kBooleans[] = {
 void reportOnce(const std::string &text)
 {
     static std::mutex mutex;
-    // Hashes: never destroyed, since instances may be created by exit handlers, and not on the heap, where they would
-    // stay when the layer is unloaded. 0: unused.
-    static std::array<uint64_t, 256> printed;
-    const uint64_t hash = Hash::of(text) | 1;
+    static auto &printed = *new std::set<std::string>; // never destroyed: instances may be created by exit handlers
     std::lock_guard lock(mutex);
-    const auto known = std::ranges::find_if(printed, [hash](uint64_t other) { return other == 0 || other == hash; });
-    const bool isNew = known == printed.end() || *known == 0;
-    if (known != printed.end())
-        *known = hash;
-    if (isNew)
-        std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
+    if (!printed.insert(text).second)
+        return;
+    std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
+    // So that `vellum run` fails. The setting report_file itself is not known yet.
+    const std::string file = environmentVariable(std::string(kVariablePrefix) + "REPORT_FILE").value_or("");
+    std::string line = std::string("error ") + kMessagePrefix + "VELLUM-setting: " + text + "\n";
+    std::replace(line.begin(), line.end() - 1, '\n', ' ');
+    if (!file.empty() && !appendToFile(file, line))
+        std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
 }
 
 std::string trimmed(const std::string &text)

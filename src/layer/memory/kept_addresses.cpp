@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/memory/kept_addresses.h"
 
-#include <cstddef>
 #include <cstdio>
 #include <fstream>
 #include <mutex>
-#include <new>
 #include <set>
 #include <utility>
 
@@ -19,8 +17,7 @@ namespace vellum::layer
 namespace
 {
 
-// The files in use by the devices of this process. Never destroyed, since a device may outlive static objects, and not
-// on the heap, where it would stay when the layer is unloaded.
+// The files in use by the devices of this process. Never destroyed, since a device may outlive static objects.
 struct OpenFiles {
     std::mutex mutex;
     std::set<std::pair<std::string, int>> taken;
@@ -28,8 +25,7 @@ struct OpenFiles {
 
 OpenFiles &openFiles()
 {
-    alignas(OpenFiles) static std::byte storage[sizeof(OpenFiles)];
-    static auto &files = *new (storage) OpenFiles;
+    static auto &files = *new OpenFiles;
     return files;
 }
 

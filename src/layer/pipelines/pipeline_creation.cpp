@@ -188,7 +188,7 @@ private:
                 isFirst = device_.shaderWarnings.isFirst(kId, stageCode(device_, stage)) || isFirst;
         }
         if (isFirst)
-            device_.driver.report().warning(
+            device_.objects.warnings.warn(
                 kId,
                 message("traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: ") +
                     (device_.driver.emulated() ? "where they meet micromaps, every hit on their geometry is non-opaque"
@@ -308,11 +308,11 @@ private:
     VkResult addMicromapPipeline(VkRayTracingPipelineCreateInfoKHR &info)
     {
         const VkFlags64 flags = flagsOf(info);
+        const bool isLibrary = (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0;
         records_.back() = std::make_shared<RayTracingPipeline>();
         RayTracingPipeline &record = *records_.back();
         record.ownGroups = info.groupCount;
-        record.hasNullGroup =
-            (flags & (VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) == 0;
+        record.hasNullGroup = !isLibrary && (flags & VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR) == 0;
         if (pipelines_ && record.hasNullGroup) {
             record.standIn = PooledMemory(device_.buffers.hitRecords, kGroupHandleBytes);
             if (!record.standIn.address())
@@ -321,12 +321,13 @@ private:
         StageRewrite rewrite;
         rewrite.hidden = hiddenFlags(info, traceStages(info, record));
         rewrite.hasCode = !binariesOf(info.pNext);
+        rewrite.forLibrary = isLibrary;
         if (!changeFlags(info, unknownPipelineFlags(device_.driver) | kNoNullShaderFlags, 0))
             return VK_ERROR_INITIALIZATION_FAILED;
         if (rewrite.hidden.inPayload()) {
             record.payloads = payloadTypes(device_, info, rewrite.payloads);
             // Other pipelines may trace rays with other payloads to the groups of a library.
-            if ((flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+            if (!isLibrary)
                 rewrite.hidden.payload = record.payloads.common();
         }
         record.hidden = {true, rewrite.hidden.fixed, rewrite.hidden.constant};
@@ -336,6 +337,8 @@ private:
         MicromapStages &own = micromapStages_.emplace_back(device_, modules_, std::move(rewrite));
         if (const VkResult result = own.add(info, record.hasNullGroup); result != VK_SUCCESS)
             return result;
+        if (isLibrary)
+            own.noteStages(record);
         ownAnyHitGroups_.back() = own.ownAnyHitGroups;
         info.stageCount = static_cast<uint32_t>(own.stages.size());
         info.pStages = own.stages.data();

@@ -159,7 +159,7 @@ void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool
 
 VkResult resetCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool, VkCommandPoolResetFlags flags)
 {
-    const VkResult result = device.next.ResetCommandPool(handle, pool, flags);
+    const VkResult result = layer::resetCommandPool(device.commands, handle, pool, flags);
     if (result == VK_SUCCESS)
         CommandLogAccess::resetPool(device.logs, pool);
     return result;
@@ -209,7 +209,7 @@ VkResult endCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffe
 
 VkResult resetCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkCommandBufferResetFlags flags)
 {
-    const VkResult result = device.next.ResetCommandBuffer(commandBuffer, flags);
+    const VkResult result = layer::resetCommandBuffer(device.commands, commandBuffer, flags);
     const auto log = result == VK_SUCCESS ? device.logs.get(commandBuffer) : nullptr;
     if (log)
         CommandLogAccess::reset(*log);

@@ -8,6 +8,7 @@
 
 #include "cli/base/error.h"
 #include "cli/base/system/files.h"
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
@@ -28,7 +29,11 @@ std::string problemOfFolder(const std::filesystem::path &folder)
 
 TemporaryFile::TemporaryFile()
 {
-    std::string name = (std::filesystem::temp_directory_path() / "vellum-XXXXXX").string();
+    std::error_code error;
+    const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+    if (error)
+        throw Error("the folder for temporary files (TMPDIR) cannot be used: " + error.message());
+    std::string name = utf8Text(folder / "vellum-XXXXXX");
     const int descriptor = mkstemp(name.data());
     if (descriptor < 0)
         throw Error(name + " cannot be written");
