@@ -216,6 +216,37 @@ TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
     EXPECT_TRUE(device.logs.get(commands)->steps.empty());
 }
 
+// A wait for an event has nothing to do with what set another event of the same handle, or this one before the host
+// did.
+TEST_F(ValidationState, EventsAreForgotten)
+{
+    device.next.SetEvent = [](VkDevice, VkEvent) { return answer; };
+    device.next.ResetEvent = [](VkDevice, VkEvent) { return answer; };
+    device.next.DestroyEvent = [](VkDevice, VkEvent, const VkAllocationCallbacks *) {};
+    const auto event = handle<VkEvent>(0x10);
+    const sync::Scope write{VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                            VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR};
+    uint64_t memory = 0;
+    const auto hazards = [&](const auto &change) {
+        sync::Tracker &tracker = device.sync.tracker;
+        sync::Access access;
+        access.range = {++memory, 0, 64};
+        access.scope = write;
+        access.writes = true;
+        tracker.beginBatch(1, 0, {});
+        tracker.setEvent(1, 0x10);
+        tracker.access(1, {&access, 1});
+        change();
+        const sync::Barrier barrier{write, write, {}};
+        tracker.waitEvent(1, 0x10, {&barrier, 1});
+        return tracker.access(1, {&access, 1}).size();
+    };
+    EXPECT_EQ(hazards([] {}), 1u);
+    EXPECT_EQ(hazards([&] { validation::destroyEvent(device, {}, event, nullptr); }), 0u);
+    EXPECT_EQ(hazards([&] { validation::setEvent(device, {}, event); }), 0u);
+    EXPECT_EQ(hazards([&] { validation::resetEvent(device, {}, event); }), 0u);
+}
+
 // ------------------------------------------------------------------------------------------ what commands cost
 
 // Those of one pool are not looked for among all others: that would take minutes.

@@ -260,5 +260,24 @@ VkResult getEventStatus(DeviceValidation &device, VkDevice handle, VkEvent event
     return result;
 }
 
+// What commands did to an event before the host changes it, or destroys it, says nothing about later waits.
+VkResult setEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    return device.next.SetEvent(handle, event);
+}
+
+VkResult resetEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    return device.next.ResetEvent(handle, event);
+}
+
+void destroyEvent(DeviceValidation &device, VkDevice handle, VkEvent event, const VkAllocationCallbacks *allocator)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    device.next.DestroyEvent(handle, event, allocator);
+}
+
 } // namespace validation
 } // namespace vellum::layer
