@@ -117,6 +117,17 @@ class TestMatrix(unittest.TestCase):
         self.assertEqual(run.returncode, 2)
         self.assertIn("vkd3d needs --vkd3d", run.stdout)
 
+    def test_khronos(self):
+        cases = "a,Pass,0.1\\nb,Skip,0.1\\nc,Fail,0.1\\n"
+        write = 'while [ "$1" != --out ]; do shift; done; mkdir -p "$2"; printf "%s" >"$2/results.csv"; exit %d'
+        for text, result in ((write % (cases, 1), "**failed**: 3 cases: 1 Pass, 1 Skip, 1 Fail; failed: exit status 1"),
+                             (write % ("a,Pass,0.1\\n", 0), "1 cases: 1 Pass"),
+                             (write % ("a,Skip,0.1\\n", 0), "**failed**: 1 cases: 1 Skip: nothing was tested"),
+                             ("exit 2", "**failed**: no case ran, exit status 2")):
+            self.script("scripts/run-cts", text)
+            self.matrix("--deqp", "/bin/true", "khronos-queries")
+            self.assertEqual(self.row("khronos-queries")[2], result)
+
     def vkd3d(self, value, geometries="3"):
         self.script("build/vkd3d/tests/d3d12", VKD3D.replace("VALUE", value).replace("GEOMETRIES", geometries))
         return self.matrix("--vkd3d", self.checkout / "build/vkd3d", "vkd3d").returncode
