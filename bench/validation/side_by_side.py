@@ -18,7 +18,6 @@ import json
 import os
 import pathlib
 import re
-import shlex
 import signal
 import subprocess
 import sys
@@ -53,11 +52,8 @@ class Place:
     def command(self, *words):
         if not self.root:
             return list(words)
-        folder = CHECKOUT.parents[-2]  # the first below the root of this machine
-        mounts = [("proc", "--bind"), ("sys", "--bind"), ("dev", "--rbind"), (str(folder).lstrip("/"), "--rbind")]
-        (self.root / str(folder).lstrip("/")).mkdir(parents=True, exist_ok=True)
-        script = " && ".join(f"mount {how} /{what} {shlex.quote(str(self.root / what))}" for what, how in mounts)
-        return ["unshare", "--mount", "sh", "-c", f'{script} && exec chroot {shlex.quote(str(self.root))} "$@"', "sh", *words]
+        folder = str(CHECKOUT.parents[-2])  # the first below the root of this machine
+        return [str(CHECKOUT / "scripts/scratch-root"), "run", "--bind", folder, str(self.root), *words]
 
     def driver(self):
         found = sorted((self.root or pathlib.Path("/")).glob(DRIVER.lstrip("/")))

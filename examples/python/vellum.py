@@ -6,7 +6,8 @@
     mesh = vellum.BakeInput(textures=[texture], uvs=array("f", ...), indices=array("I", ...))
     micromap = vellum.bake([mesh], level=5)
 
-Numbers go into members by name, whatever supports the buffer protocol (bytes, array, numpy arrays) into pointers.
+Numbers go into members by name, whatever supports the buffer protocol (bytes, array, numpy arrays) into pointers. The
+type of their elements must be right: nothing is converted. numpy's own is float64 and int64; asarray(..., "f4") is right.
 The library is $VELLUM_LIBRARY, or what the system's loader finds.
 """
 import ctypes
@@ -37,11 +38,40 @@ class Error(Exception):
         self.result = result
 
 
+# The elements that are right for a format: kinds, and their bytes.
+_ELEMENTS = {FORMAT_R8_UNORM: ("u", 1), FORMAT_R16_UNORM: ("u", 2), FORMAT_R16_SFLOAT: ("f", 2),
+             FORMAT_R32_SFLOAT: ("f", 4), FORMAT_R16G16_UNORM: ("u", 2), FORMAT_R16G16_SFLOAT: ("f", 2),
+             FORMAT_R32G32_SFLOAT: ("f", 4)}
+_KINDS = {**dict.fromkeys("BHILQN", "u"), **dict.fromkeys("bhilqn", "i"), **dict.fromkeys("efdg", "f")}
+
+
 def _buffer(value):
     """The address and size of a buffer, which must be kept as long as they are used."""
-    view = memoryview(value).cast("B")
-    kept = (c_uint8 * len(view)).from_buffer_copy(view)
-    return kept, len(view)
+    view = memoryview(value)
+    if not view.c_contiguous:
+        raise TypeError("a buffer whose elements are not one after another; a numpy array: numpy.ascontiguousarray()")
+    data = view.tobytes()
+    kept = (c_uint8 * len(data)).from_buffer_copy(data)
+    return kept, len(data)
+
+
+def _element(value):
+    """Kind and bytes of a buffer's elements: ("f", 8) is float64. Those of another byte order have no kind."""
+    view = memoryview(value)
+    code = view.format[1:] if view.format[0] in "@=<" else view.format
+    return _KINDS.get(code, view.format), view.itemsize
+
+
+def _nameOf(element):
+    kind, size = element
+    return {"u": "uint", "i": "int", "f": "float"}.get(kind, f"'{kind}' of ") + str(8 * size)
+
+
+def _requireElements(name, value, allowed):
+    """Bytes would be misread if they were of another type."""
+    element = _element(value)
+    if element not in allowed:
+        raise TypeError(f"{name} are {_nameOf(element)}, expected {' or '.join(map(_nameOf, allowed))}")
 
 
 class Texture(ctypes.Structure):
@@ -52,6 +82,10 @@ class Texture(ctypes.Structure):
 
     def __init__(self, texels, **members):
         library.vellumInitTexture(byref(self), sizeof(self))
+        # Bytes can be any format's.
+        format = members.get("format", FORMAT_R8_UNORM)
+        if format in _ELEMENTS:
+            _requireElements("texels", texels, [_ELEMENTS[format]] + [("u", 1)] * (_ELEMENTS[format] != ("u", 1)))
         self._texels, self.texelsSize = _buffer(texels)
         self.texels = ctypes.addressof(self._texels)
         for name, value in members.items():
@@ -66,24 +100,38 @@ class BakeInput(ctypes.Structure):
                 ("cutoff", c_double)]
 
     def __init__(self, textures, uvs, indices=None, **members):
-        """uvs: two floats for each vertex. indices: three for each triangle, of 1, 2 or 4 bytes; or none."""
+        """uvs: two numbers of uvFormat (float32 without it) for each vertex, or its bytes. indices: three for each
+        triangle, integers of 1, 2 or 4 bytes; or none."""
         library.vellumInitBakeInput(byref(self), sizeof(self))
         self._kept = [list(textures)]
         self.textures = (Texture * len(textures))(*textures)
         self.textureCount = len(textures)
+        format = members.get("uvFormat", FORMAT_R32G32_SFLOAT)
+        if format not in (FORMAT_R16G16_UNORM, FORMAT_R16G16_SFLOAT, FORMAT_R32G32_SFLOAT):
+            raise ValueError(f"uvFormat {format} is not a format of texture coordinates")
+        _requireElements("uvs", uvs, [_ELEMENTS[format], ("u", 1)])
         kept, self.uvsSize = _buffer(uvs)
         self._kept.append(kept)
         self.uvs = ctypes.addressof(kept)
-        self.triangleCount = self.uvsSize // 24
+        vertexBytes = 2 * _ELEMENTS[format][1]
+        stride = members.get("uvStride", 0) or vertexBytes
+        vertices = 1 + (self.uvsSize - vertexBytes) // stride if self.uvsSize >= vertexBytes else 0
+        if indices is None and vertices % 3 != 0:
+            raise ValueError(f"{vertices} vertices are no whole number of triangles")
+        self.triangleCount = vertices // 3
         if indices is not None:
+            _requireElements("indices", indices, [(kind, size) for size in (1, 2, 4) for kind in "ui"])
             size = memoryview(indices).itemsize
             kept, self.indicesSize = _buffer(indices)
             self._kept.append(kept)
             self.indices = ctypes.addressof(kept)
             self.indexType = INDEX_TYPES[size]
+            if self.indicesSize % (3 * size) != 0:
+                raise ValueError(f"{self.indicesSize // size} indices are no whole number of triangles")
             self.triangleCount = self.indicesSize // size // 3
         for name, value in members.items():
             if name in ("levels", "formats"):
+                _requireElements(name, value, [("u", 1)])
                 kept, count = _buffer(value)
                 if count != self.triangleCount:
                     raise ValueError(f"{count} {name} for {self.triangleCount} triangles")

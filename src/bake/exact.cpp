@@ -21,6 +21,42 @@ int fractionBits(double value)
     return std::max(0, -exponent);
 }
 
+// Products of two numbers that are within this are added up without overflow.
+constexpr int64_t kSmall = int64_t{1} << 61;
+__extension__ using Int128 = __int128;
+
+// Whether a closed triangle, which may be a segment or a point, touches a box less its right or bottom side where those
+// are open. Two convex sets are apart if and only if they are along x, along y or across an edge. The box without its
+// side is the union of those that end a little before it: they must overlap by more than a point where an end moves.
+template <typename Point>
+bool touchesSmall(const std::array<Point, 3> &corners, int64_t left, int64_t top, int64_t right, int64_t bottom,
+                  bool openRight, bool openBottom)
+{
+    const auto [minX, maxX] = std::minmax({corners[0].x, corners[1].x, corners[2].x});
+    const auto [minY, maxY] = std::minmax({corners[0].y, corners[1].y, corners[2].y});
+    if (maxX < left || maxY < top || (openRight ? minX >= right : minX > right) ||
+        (openBottom ? minY >= bottom : minY > bottom))
+        return false;
+    for (size_t i = 0; i < 3; ++i) {
+        const Point &start = corners[i];
+        const Point &end = corners[(i + 1) % 3];
+        const Int128 normalX = start.y - end.y;
+        const Int128 normalY = end.x - start.x;
+        const auto along = [&](int64_t x, int64_t y) { return normalX * x + normalY * y; };
+        const Int128 edge = along(start.x, start.y);
+        const Int128 other = along(corners[(i + 2) % 3].x, corners[(i + 2) % 3].y);
+        const Int128 most = along(normalX > 0 ? right : left, normalY > 0 ? bottom : top);
+        const Int128 least = along(normalX > 0 ? left : right, normalY > 0 ? top : bottom);
+        const bool mostIsOpen = (normalX > 0 && openRight) || (normalY > 0 && openBottom);
+        const bool leastIsOpen = (normalX < 0 && openRight) || (normalY < 0 && openBottom);
+        const Int128 from = std::min(edge, other);
+        const Int128 to = std::max(edge, other);
+        if ((mostIsOpen ? from >= most : from > most) || (leastIsOpen ? to <= least : to < least))
+            return false;
+    }
+    return true;
+}
+
 BigInt cross(const BigInt &ax, const BigInt &ay, const BigInt &bx, const BigInt &by)
 {
     return ax * by - ay * bx;
@@ -103,6 +139,19 @@ ExactTriangle::ExactTriangle(const AlphaTexture &texture, double cutoff, const T
         vertices_[i].x = vertices_[i].x - vertices_[0].x;
         vertices_[i].y = vertices_[i].y - vertices_[0].y;
     }
+
+    small_ = shiftX_ < 60 && shiftY_ < 60;
+    const auto whole = [&](float coordinate, int bits, uint32_t size) {
+        const double scaled = std::ldexp(double{coordinate}, bits);
+        small_ = small_ && std::abs(scaled) * size < static_cast<double>(kSmall / 2);
+        return small_ ? static_cast<int64_t>(scaled) * size : 0;
+    };
+    for (size_t i = 0; i < 3; ++i)
+        smallVertices_[i] = {whole(uvs[i].u, bitsX, texture.width), whole(uvs[i].v, bitsY, texture.height)};
+    for (size_t i = 1; i < 3; ++i) {
+        smallVertices_[i].x -= smallVertices_[0].x;
+        smallVertices_[i].y -= smallVertices_[0].y;
+    }
 }
 
 ExactTriangle::Point ExactTriangle::place(LatticePoint point) const
@@ -177,10 +226,33 @@ bool ExactTriangle::touches(const std::array<Point, 3> &corners, const Box &box,
     return any && left && above;
 }
 
-bool ExactTriangle::crossesNearest(const std::array<Point, 3> &corners, const Cell &cell) const
+// None where the micro-triangle is far from the cell, or has too many digits.
+std::optional<std::array<ExactTriangle::SmallPoint, 3>>
+ExactTriangle::smallCorners(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const
 {
-    const BigInt middleX = BigInt(1) << (shiftX_ - 1);
-    const BigInt middleY = BigInt(1) << (shiftY_ - 1);
+    if (!small_)
+        return std::nullopt;
+    bool fits = true;
+    // As place(), less where the cell begins.
+    const auto along = [&](int64_t base, int64_t first, int64_t second, const LatticePoint &point, unsigned shift,
+                           int64_t begin) {
+        const Int128 sum = (static_cast<Int128>(base) << level_) + static_cast<Int128>(first) * point.i +
+                           static_cast<Int128>(second) * point.j;
+        const Int128 place = 2 * sum - (Int128{1} << (shift - 1)) - static_cast<Int128>(begin) * (Int128{1} << shift);
+        fits = fits && place > -kSmall && place < kSmall;
+        return static_cast<int64_t>(place);
+    };
+    std::array<SmallPoint, 3> corners{};
+    const auto &[base, first, second] = smallVertices_;
+    for (size_t i = 0; i < 3; ++i)
+        corners[i] = {along(base.x, first.x, second.x, lattice[i], shiftX_, cell.x),
+                      along(base.y, first.y, second.y, lattice[i], shiftY_, cell.y)};
+    return fits ? std::optional(corners) : std::nullopt;
+}
+
+template <typename Touches>
+bool ExactTriangle::crossesNearest(const Cell &cell, Touches &&touchesQuarter) const
+{
     bool opaque = false;
     bool transparent = false;
     const float texels[] = {cell.f00, cell.f10, cell.f01, cell.f11};
@@ -190,12 +262,7 @@ bool ExactTriangle::crossesNearest(const std::array<Point, 3> &corners, const Ce
         const bool newTransparent = !std::isfinite(texel) || double{texel} < cutoff_;
         if ((!newOpaque || opaque) && (!newTransparent || transparent))
             continue;
-        // A position half way between two centres reads the texel behind it.
-        const bool right = quarter % 2 != 0;
-        const bool bottom = quarter / 2 != 0;
-        const Box box{right ? middleX : BigInt(0), bottom ? middleY : BigInt(0), right ? middleX << 1 : middleX,
-                      bottom ? middleY << 1 : middleY};
-        if (touches(corners, box, !right, !bottom)) {
+        if (touchesQuarter(quarter % 2 != 0, quarter / 2 != 0)) {
             opaque = opaque || newOpaque;
             transparent = transparent || newTransparent;
         }
@@ -203,18 +270,46 @@ bool ExactTriangle::crossesNearest(const std::array<Point, 3> &corners, const Ce
     return opaque && transparent;
 }
 
-bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const
+// A position half way between two centres reads the texel behind it.
+bool ExactTriangle::crossesNearest(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const
 {
-    const BigInt unitX = BigInt(1) << shiftX_;
-    const BigInt unitY = BigInt(1) << shiftY_;
+    if (const auto corners = smallCorners(lattice, cell)) {
+        const int64_t middleX = int64_t{1} << (shiftX_ - 1);
+        const int64_t middleY = int64_t{1} << (shiftY_ - 1);
+        return crossesNearest(cell, [&](bool right, bool bottom) {
+            return touchesSmall(*corners, right ? middleX : 0, bottom ? middleY : 0, right ? 2 * middleX : middleX,
+                                bottom ? 2 * middleY : middleY, !right, !bottom);
+        });
+    }
+    const std::array<Point, 3> corners = cornersIn(lattice, cell);
+    const BigInt middleX = BigInt(1) << (shiftX_ - 1);
+    const BigInt middleY = BigInt(1) << (shiftY_ - 1);
+    return crossesNearest(cell, [&](bool right, bool bottom) {
+        const Box box{right ? middleX : BigInt(0), bottom ? middleY : BigInt(0), right ? middleX << 1 : middleX,
+                      bottom ? middleY << 1 : middleY};
+        return touches(corners, box, !right, !bottom);
+    });
+}
+
+std::array<ExactTriangle::Point, 3> ExactTriangle::cornersIn(const std::array<LatticePoint, 3> &lattice,
+                                                             const Cell &cell) const
+{
     std::array<Point, 3> corners;
     for (size_t i = 0; i < 3; ++i) {
         corners[i] = place(lattice[i]);
         corners[i].x = corners[i].x - (BigInt(cell.x) << shiftX_);
         corners[i].y = corners[i].y - (BigInt(cell.y) << shiftY_);
     }
+    return corners;
+}
+
+bool ExactTriangle::crosses(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const
+{
     if (filter_ == Filter::Nearest)
-        return crossesNearest(corners, cell);
+        return crossesNearest(lattice, cell);
+    const BigInt unitX = BigInt(1) << shiftX_;
+    const BigInt unitY = BigInt(1) << shiftY_;
+    const std::array<Point, 3> corners = cornersIn(lattice, cell);
     const Box box{BigInt(0), BigInt(0), unitX, unitY};
     if (!allFinite(cell))
         return touches(corners, box, false, false);

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <optional>
 
 #include "bake/bake.h"
 #include "bake/numbers/big_int.h"
@@ -36,14 +38,26 @@ private:
         BigInt x;
         BigInt y;
     };
+    // The same in integers of the machine: for nearly all triangles, and many times as fast.
+    struct SmallPoint {
+        int64_t x;
+        int64_t y;
+    };
     struct Rational;
     struct Range;
     struct Box;
     struct Patch;
 
     [[nodiscard]] Point place(LatticePoint point) const;
+    // Seen from the cell.
+    [[nodiscard]] std::array<Point, 3> cornersIn(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const;
     [[nodiscard]] Patch patch(const Cell &cell) const;
-    [[nodiscard]] bool crossesNearest(const std::array<Point, 3> &corners, const Cell &cell) const;
+    [[nodiscard]] std::optional<std::array<SmallPoint, 3>> smallCorners(const std::array<LatticePoint, 3> &lattice,
+                                                                        const Cell &cell) const;
+    // `touchesQuarter(right, bottom)` returns whether the micro-triangle touches a quarter of the cell.
+    template <typename Touches>
+    [[nodiscard]] bool crossesNearest(const Cell &cell, Touches &&touchesQuarter) const;
+    [[nodiscard]] bool crossesNearest(const std::array<LatticePoint, 3> &lattice, const Cell &cell) const;
     [[nodiscard]] bool touches(const std::array<Point, 3> &corners, const Box &box, bool openRight,
                                bool openBottom) const;
 
@@ -53,6 +67,8 @@ private:
     unsigned shiftX_; // a texel is 2^shiftX_ units of x
     unsigned shiftY_;
     std::array<Point, 3> vertices_; // vertex 0, and the other two from there
+    std::array<SmallPoint, 3> smallVertices_;
+    bool small_; // they are the same
 };
 
 } // namespace vellum

@@ -21,6 +21,7 @@ namespace
 
 // What a part found about the device; empty if the part failed.
 struct Found {
+    std::string name;
     std::string ext = "none", khr = "none";
     bool rayTracingPipelines = false;
 };
@@ -34,6 +35,7 @@ Found foundBy(const PartResult &result)
     row.Parse(result.rows.front().data(), result.rows.front().size());
     if (row.HasParseError())
         return found;
+    found.name = row["name"].GetString();
     found.ext = row["VK_EXT_opacity_micromap"].GetString();
     found.khr = row["VK_KHR_opacity_micromap"].GetString();
     found.rayTracingPipelines = row["rayTracingPipelines"].GetBool();
@@ -85,6 +87,8 @@ public:
         std::vector<Implementation> implementations;
         const Found emulated = describe("emulated");
         pipelines_ = emulated.rayTracingPipelines;
+        fmt::print("Device: {}\n", emulated.name);
+        std::fflush(stdout);
         if (emulated.khr == "emulated")
             implementations.push_back({"emulated", MicromapApi::Khr});
         if (describe("ext").khr == "translated")
@@ -164,7 +168,7 @@ int benchCommand(const BenchOptions &options)
     const std::string json = benchJson(run.results(), verdict, run.elapsed());
     write(data, json);
     write(page, benchPage(json));
-    bool complete = true;
+    bool complete = selfChecksPassed(run.results());
     for (const PartResult &result : run.results())
         complete = complete && result.failure.empty();
     for (const std::string &sentence : verdict)

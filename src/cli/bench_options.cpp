@@ -23,7 +23,7 @@ nothing of the machine or its user.
 
 Exit status:
   0  everything was measured
-  1  some part failed; the report has the others
+  1  some part failed, and the report has the others; or a case of the self-check failed, or none passed
   2  usage error
 
 Examples:
@@ -60,7 +60,7 @@ std::function<int()> declareBenchCommand(CLI::App &app)
         ->type_name("FILE");
     command.add_flag("--force", options->force, "Replace a file that vellum did not write");
     command.option_defaults()->group(kDevice);
-    command.add_option("-d,--device", options->device.device, "The Vulkan device: a number or a part of its name");
+    addDeviceOption(command, options->device.device);
     command
         .add_option("--layer-path", options->device.layerFolder,
                     "Folder of the layer's manifest, instead of the one installed with this program")

@@ -18,6 +18,7 @@
 #include "cli/check/runner.h"
 #include "cli/check/schedule.h"
 #include "cli/check/worker.h"
+#include "cli/options/checks.h"
 #include "cli/vulkan/layer_path.h"
 #include "core/utf8_path.h"
 
@@ -26,7 +27,6 @@ namespace vellum::cli
 namespace
 {
 
-constexpr int kNotRun = 125;
 constexpr double kQuickSeconds = 110;
 constexpr double kSecondsBetweenWrites = 30;
 
@@ -64,6 +64,16 @@ std::vector<check::Api> apisOf(const CheckOptions &options)
     return {*options.api == "khr" ? check::Api::Khr : check::Api::Ext};
 }
 
+// "khr.levels.*", "ext.levels.*", ...
+std::vector<std::string> groupFilters(const CaseSelection &selection)
+{
+    std::vector<std::string> filters;
+    for (const check::Api api : selection.apis)
+        for (const check::Group &group : check::groups())
+            filters.push_back(fmt::format("{}.{}.*", nameOf(api), group.name));
+    return filters;
+}
+
 CaseSelection selectionOf(const CheckOptions &options)
 {
     CaseSelection selection;
@@ -74,6 +84,9 @@ CaseSelection selectionOf(const CheckOptions &options)
         selection.list = readCaseList(*options.caseList);
         selection.listed = true;
     }
+    if (const std::optional<std::string> filter = idleFilter(selection))
+        throw UsageError("--filter " + *filter + " matches no case" + suggestion(*filter, groupFilters(selection)) +
+                         "; vellum check --list prints them");
     return selection;
 }
 
@@ -104,15 +117,18 @@ RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
     return settings;
 }
 
-// Without the extensions that the device lacks, unless --api or --caselist names them: their cases are then skipped.
+// Without the extensions that the device lacks, unless --api, --caselist or --filter names them: their cases are then
+// skipped.
 void removeMissing(const CheckOptions &options, const DeviceSummary &device, CaseSelection &selection)
 {
     const auto lacks = [&](check::Api api) { return !device.has(api); };
     if (std::all_of(selection.apis.begin(), selection.apis.end(), lacks))
         throw Error(device.name + " has no " +
                     (selection.apis.size() > 1 ? "opacity micromaps" : extensionOf(selection.apis.front())));
-    if (!options.api)
-        std::erase_if(selection.apis, lacks);
+    CaseSelection rest = selection;
+    std::erase_if(rest.apis, lacks);
+    if (!options.api && !idleFilter(rest))
+        selection = std::move(rest);
 }
 
 int list(const CheckOptions &options)
@@ -188,6 +204,16 @@ public:
     }
 
     [[nodiscard]] size_t size() const { return results_.size(); }
+    // Why nothing was tested; empty where something was.
+    [[nodiscard]] std::string notTested() const
+    {
+        const auto skipped = [](const CaseResult &result) { return result.status == check::Status::Skip; };
+        if (!std::all_of(results_.begin(), results_.end(), skipped))
+            return {};
+        if (results_.empty())
+            return "no case has ended in time";
+        return "all cases were skipped, the first because: " + results_.front().cause();
+    }
     [[nodiscard]] bool failed() const
     {
         return std::any_of(results_.begin(), results_.end(),
@@ -251,13 +277,26 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
             progress->update(std::min<size_t>(options.minutes ? share : std::max(share, cases), 1000), 1000);
         });
     running = &runner;
-    runner.run(schedule);
+    std::string error;
+    try {
+        runner.run(schedule);
+    } catch (const std::exception &caught) { // such as no memory: what was found before is written
+        error = caught.what();
+    }
     const bool interrupted = Interruptible::interrupted();
     progress.reset();
     results.write(runner.seconds(), interrupted);
     if (interrupted)
         Interruptible::die();
-    return static_cast<int>(results.failed() ? ExitCode::Failed : ExitCode::Success);
+    if (!error.empty())
+        throw Error("the run ended early: " + error);
+    if (results.failed())
+        return static_cast<int>(ExitCode::Failed);
+    if (const std::string why = results.notTested(); !why.empty()) {
+        std::fprintf(stderr, "vellum: nothing was tested: %s\n", why.c_str());
+        return static_cast<int>(ExitCode::NotRun);
+    }
+    return static_cast<int>(ExitCode::Success);
 }
 
 // The case of --replay.
@@ -283,9 +322,13 @@ int replay(const CheckOptions &options, const DeviceSummary &device, const CaseI
     runner.run(schedule);
     if (Interruptible::interrupted())
         Interruptible::die();
+    if (!result)
+        throw Error("the case was not run");
     fmt::print("{}: {}\n", nameOf(id), causeOf(result->outcome));
     if (!result->outcome.detail.empty())
         fmt::print("{}\n", result->outcome.detail);
+    if (result->verdict == Verdict::Skip)
+        return static_cast<int>(ExitCode::NotRun);
     return static_cast<int>(isSuccess(result->verdict) ? ExitCode::Success : ExitCode::Failed);
 }
 
@@ -308,17 +351,19 @@ int checkCommand(const CheckOptions &options)
         selection.apis = {selection.list.front().api};
     }
     const Expectations expectations = expectationsOf(options);
-    if (casesOf(selection).empty() && !selection.endless)
+    if (makeSchedule(selection).streams() == 0)
         throw UsageError("no case is selected; vellum check --list prints them");
     DeviceSummary device;
     try {
         device = askForDevice({.device = options.device, .layer = options.layer}, options.timeout);
         removeMissing(options, device, selection);
+    } catch (const UsageError &) {
+        throw;
     } catch (const Error &error) {
         if (Interruptible::interrupted())
             Interruptible::die();
         std::fprintf(stderr, "vellum: %s\n", error.what());
-        return kNotRun;
+        return static_cast<int>(ExitCode::NotRun);
     }
     if (options.replay)
         return replay(options, device, selection.list.front());

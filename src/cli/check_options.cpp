@@ -28,22 +28,17 @@ three failing cases of each cause as files for --replay, with what explains them
 
 The files of --baseline, --skips and --flakes are those of deqp-runner. A baseline has a line NAME,STATUS for each known
 failure; an earlier failures.csv is one. Skips and flakes are regular expressions that match a part of a name, one a line;
-lines that begin with # are comments.
-
-Exit status:
-  0    no failure; known failures and flakes are none
-  1    failures, or cases of the baseline that improved
-  2    usage error: nothing was run
-  125  nothing was run: there is no device with opacity micromaps
+lines that begin with # are comments. Known failures and known flakes do not fail a run; cases of the baseline that improved
+do. A filter, a line of a baseline and an expression that match no case are usage errors.
 
 Examples:
   vellum check --quick
       about two minutes, on the most powerful device
   vellum check --device radeon --no-layer --jobs 4 --baseline fails.txt --skips skips.txt --output results
       the driver's own micromaps, in continuous integration
-  vellum check --filter 'khr.update.*' --minutes 60 --seed 7
+  vellum check --filter 'khr.updates.*' --minutes 60 --seed 7
       new cases of one group for an hour
-  vellum check --replay vellum-check/failures/khr.update.0012.json
+  vellum check --replay vellum-check/failures/khr.updates.0012.json
       one failure again
 )";
 
@@ -95,8 +90,7 @@ void declareDevice(CLI::App &command, CheckOptions &options)
     command.option_defaults()->group(kDevice);
     takesWords(*command.add_option("-a,--api", options.api, "The extension to test [those that the device has]"),
                {"khr", "ext", "both"});
-    command.add_option("-d,--device", options.device, "The Vulkan device: its number or a part of its name")
-        ->type_name("DEVICE");
+    addDeviceOption(command, options.device);
     command.add_flag("!--no-layer", options.layer, "Do not enable the layer: test the driver's own micromaps");
     takesWords(*command.add_option("--implementation", options.implementation,
                                    "Who implements micromaps, as the layer's setting of that name [auto]"),
@@ -139,7 +133,8 @@ std::function<int()> declareCheckCommand(CLI::App &app)
     options->jobs = std::clamp(std::thread::hardware_concurrency(), 1U, kMostJobs);
     CLI::App &command =
         *app.add_subcommand("check", "Tests the opacity micromaps of a Vulkan device with random cases");
-    command.footer(kCheckDetails);
+    command.footer(kCheckDetails +
+                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::NotRun}));
     declareSelection(command, *options);
     declareOutput(command, *options);
     declareDevice(command, *options);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstdio>
 #include <exception>
+#include <new>
+#include <stdexcept>
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
@@ -21,6 +23,8 @@ int main(int argc, char **argv)
     } catch (const vellum::cli::UsageError &error) {
         std::fprintf(stderr, "vellum: %s\n", error.what());
         code = vellum::cli::ExitCode::Usage;
+    } catch (const std::logic_error &error) { // such as "stoul", which tells users nothing
+        std::fprintf(stderr, "vellum: internal error (%s); please report it\n", error.what());
     } catch (const std::exception &error) {
         std::fprintf(stderr, "vellum: %s\n", error.what());
     }

@@ -157,8 +157,7 @@ void declareDevice(CLI::App &command, RenderOptions &options, RawOptions &raw)
     takesWords(*command.add_option("-a,--api", raw.api,
                                    "The extension to use: VK_KHR_opacity_micromap or VK_EXT_opacity_micromap [khr]"),
                {"khr", "ext"});
-    command.add_option("-d,--device", options.device, "The Vulkan device: its number or a part of its name")
-        ->type_name("DEVICE");
+    addDeviceOption(command, options.device);
     command.add_flag("--no-layer", raw.noLayer, "Do not enable the layer");
     command
         .add_option("--layer-path", options.layerFolder,

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cli/base/error.h"
+#include "cli/base/exit_code.h"
 #include "cli/base/system/child_process.h"
 #include "cli/base/system/files.h"
 #include "cli/base/system/this_process.h"
@@ -24,36 +25,31 @@ namespace vellum::cli
 namespace
 {
 
-constexpr int kMessagesFailed = 122;
-constexpr int kNotRun = 125;
-
 constexpr const char *kRunDetails = R"(
 Runs a program with the layer on, in it and in the processes that it starts, and prints how many errors and warnings the
 layer reported, with the first message of each kind. What the program does with its output and its input is unchanged;
 the summary is on stderr. Options come before the program, separated by --.
 
 Messages: an error is input that the layer rejected, a warning one that it tolerated, or that probably has no effect.
-
-Exit status:
-  {}
-  122       the program succeeded, but there were messages of the severity of --fail-on
-  125       the program was not run: the layer is not found, or would be ignored
-  126, 127  the program cannot be executed; there is no such program
-  2         usage error
-
-Environment:
-  VELLUM_FAIL_ON
-      error, warning or never, without --fail-on
+Without --require-checks, a program that uses no micromaps passes: nothing is checked then, which the summary states.
 
 Examples:
   vellum run -- ./viewer scene.glb
       fails if the program fails or the layer rejects something
-  vellum run --fail-on warning --validate -- ./tests --gtest_filter='Rays.*'
-      for continuous integration)";
+  vellum run --validate --fail-on warning --require-checks -- ./tests --gtest_filter='Rays.*'
+      for continuous integration
+
+Environment:
+  VELLUM_FAIL_ON
+      error, warning or never, without --fail-on
+  VELLUM_REQUIRE_CHECKS
+      1 is --require-checks
+)";
 
 struct RunOptions {
     std::vector<std::string> program;
     std::string failOn;
+    bool requireChecks = false;
     bool assumeMicromaps = false;
     std::string implementation; // empty: not given
     bool strict = false;
@@ -66,6 +62,25 @@ std::vector<std::string> wordsBehindSeparator(const std::vector<std::string> &wo
 {
     const auto separator = std::find(words.begin(), words.end(), "--");
     return {separator == words.end() ? separator : separator + 1, words.end()};
+}
+
+// The values of the layer's setting `validate`.
+CLI::Validator partsOfValidation()
+{
+    return CLI::Validator(
+        [](std::string &text) {
+            const std::vector<std::string> parts = {"core", "gpu", "sync", "all", "none"};
+            for (size_t at = 0; at <= text.size();) {
+                const size_t end = std::min(text.find(',', at), text.size());
+                const std::string part = text.substr(at, end - at);
+                if (std::ranges::find(parts, part) == parts.end())
+                    return fmt::format("must be core, gpu, sync, several of them with commas, all or none, got {}{}",
+                                       text, suggestion(part, parts));
+                at = end + 1;
+            }
+            return std::string();
+        },
+        "");
 }
 
 // Lets the loader find and load the layer in programs that inherit the environment.
@@ -102,12 +117,13 @@ void applySettings(const RunOptions &options)
         setVariable("VELLUM_MESSAGE_LIMIT", "0"); // every message is counted
 }
 
-// Whether messages fail a program that succeeds.
-bool fails(const MessageSummary &summary, const std::string &failOn)
+// Why the layer's messages fail a program that succeeds; empty where they do not.
+std::string failureOf(const MessageSummary &summary, const RunOptions &options)
 {
-    if (failOn == "never")
-        return false;
-    return summary.errors != 0 || (failOn == "warning" && summary.warnings != 0);
+    const bool counts = options.failOn != "never";
+    if (counts && (summary.errors != 0 || (options.failOn == "warning" && summary.warnings != 0)))
+        return "because of messages of the layer (--fail-on " + options.failOn + ")";
+    return options.requireChecks && summary.devices == 0 ? "because nothing was checked (--require-checks)" : "";
 }
 
 int run(const RunOptions &options, const std::vector<std::string> &commandLine)
@@ -115,26 +131,27 @@ int run(const RunOptions &options, const std::vector<std::string> &commandLine)
     std::vector<std::string> words = wordsBehindSeparator(commandLine);
     if (words.empty())
         words = options.program;
-    const TemporaryFile messages;
+    std::optional<TemporaryFile> messages;
     try {
+        messages.emplace();
         turnLayerOn(options.layerFolder);
-    } catch (const Error &error) {
+        applySettings(options);
+        setVariable("VELLUM_REPORT_FILE", utf8Text(messages->path()));
+    } catch (const std::exception &error) {
         std::fprintf(stderr, "vellum: %s\n", error.what());
-        return kNotRun;
+        return static_cast<int>(ExitCode::NotRun);
     }
-    applySettings(options);
-    setVariable("VELLUM_REPORT_FILE", utf8Text(messages.path()));
     const int code = runProgram(words);
-    if (code == 126 || code == 127)
+    if (code == static_cast<int>(ExitCode::NotExecutable) || code == static_cast<int>(ExitCode::NoProgram))
         return code;
-    std::ifstream lines(messages.path());
+    std::ifstream lines(messages->path());
     const MessageSummary summary = readMessages(lines);
     print(summary);
-    if (code != 0 || !fails(summary, options.failOn))
+    const std::string failure = failureOf(summary, options);
+    if (code != 0 || failure.empty())
         return code;
-    std::fprintf(stderr, "vellum run: failed, because of messages of the layer (--fail-on %s)\n",
-                 options.failOn.c_str());
-    return kMessagesFailed;
+    std::fprintf(stderr, "vellum run: failed, %s\n", failure.c_str());
+    return static_cast<int>(ExitCode::MessagesFailed);
 }
 
 } // namespace
@@ -144,7 +161,9 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
     const auto options = std::make_shared<RunOptions>();
     CLI::App &command =
         *app.add_subcommand("run", "Runs a program with the layer on, and fails if the layer reports errors");
-    command.footer(fmt::format(kRunDetails, kExitCodesOfPrograms));
+    command.footer(kRunDetails + exitStatus({ExitCode::Usage, ExitCode::MessagesFailed, ExitCode::NotRun,
+                                             ExitCode::NotExecutable, ExitCode::NoProgram},
+                                            kExitCodesOfPrograms));
     command.add_option("PROGRAM", options->program, "The program and its arguments")
         ->type_name("-- PROGRAM [ARGUMENT]...")
         ->group(kInput)
@@ -155,12 +174,18 @@ std::function<int()> declareRunCommand(CLI::App &app, const std::vector<std::str
         "Least severity of messages that fail a program that succeeds [VELLUM_FAIL_ON, or else error]");
     takesWords(failOn, {"error", "warning", "never"});
     failOn.envname("VELLUM_FAIL_ON")->group(kOutput);
+    command
+        .add_flag("--require-checks", options->requireChecks,
+                  "Fail if nothing was checked: no device of the program used micromaps through the layer")
+        ->envname("VELLUM_REQUIRE_CHECKS")
+        ->group(kOutput);
     command.option_defaults()->group("Layer");
     command.add_flag("--strict", options->strict, "Reject what breaks a rule even where it does no harm");
     command
         .add_flag("--validate{all}", options->validate,
                   "Check the rules of the extensions, all or those named: --validate=core,gpu,sync")
-        ->type_name("PARTS");
+        ->type_name("PARTS")
+        ->check(partsOfValidation());
     CLI::Option &implementation = *command.add_option("--implementation", options->implementation,
                                                       "Who implements micromaps: the driver where it has them, the "
                                                       "driver only, its EXT extension, or the layer [auto]");

@@ -50,7 +50,10 @@ struct VerifyOptions {
 
 void declareVerify(CLI::App &command, VerifyOptions &options)
 {
-    command.footer(kVerifyDetails + exitStatus({}));
+    command.footer(kVerifyDetails +
+                   exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage, ExitCode::InvalidMicromaps,
+                               ExitCode::WrongClaims, ExitCode::UncertainClaims, ExitCode::NeedlesslyUnknown,
+                               ExitCode::NoMicromaps}));
     command.option_defaults()->group(kInput);
     command.add_option("FILE", options.files, "glTF files (.glb, .gltf) or folders of them")
         ->type_name("FILE...")

@@ -186,12 +186,14 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // word 4: number of geometry records or of instances
 // word 5: of a BLAS: 16-byte units of the tail without data units, which come last
 // word 6: of a BLAS: 16-byte units of the driver's part of a compacted copy; 0: its size was not queried
+//         of a TLAS: the first of its instance slots
 // word 7: of kDescriptorBoxes: which geometries are opaque: bit (geometry % 32), which is valid for any number of
 //         geometries if all are alike
 //         of others, and for kDescriptorBoxes in word 6: serial of the deserialization that wrote the descriptor; 0: it
 //         was not written by one
 // A descriptor of instances in serialized data has the address of the handles in words 6, 7.
 VELLUM_CONST uint kDescriptorWords = 8u;
+VELLUM_CONST uint kDescriptorFirstSlot = 6u;
 VELLUM_CONST uint kDescriptorUnbuilt = 0u; // nothing was built
 VELLUM_CONST uint kDescriptorBottom = 1u;  // a BLAS with geometry records
 VELLUM_CONST uint kDescriptorTop = 2u;     // a TLAS

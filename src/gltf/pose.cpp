@@ -10,6 +10,9 @@ namespace vellum
 namespace
 {
 
+// Of joints and weights; they are in memory together.
+constexpr int kMostSets = 8;
+
 const gltf_json::Primitive &primitiveAt(const Document &document, PrimitivePlace place)
 {
     return document.model().meshes.at(place.mesh).primitives.at(place.primitive);
@@ -86,6 +89,9 @@ void moveBySkin(const Document &document, PrimitivePlace place, const std::vecto
     const gltf_json::Primitive &primitive = primitiveAt(document, place);
     std::vector<Set> sets;
     for (int n = 0; primitive.attribute("JOINTS_" + std::to_string(n)) >= 0; ++n) {
+        if (n == kMostSets)
+            throw GltfUnsupported(document.nameOf(place) + " has more than " + std::to_string(kMostSets) +
+                                  " sets of joints");
         const auto read = [&](const std::string &name) { return readAttribute(document, place, name, 4); };
         sets.push_back({read("JOINTS_" + std::to_string(n)), read("WEIGHTS_" + std::to_string(n))});
     }

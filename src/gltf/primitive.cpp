@@ -16,6 +16,9 @@ namespace vellum
 namespace
 {
 
+// How many numbers are read in the time that Draco takes for a byte, an index or a vertex.
+constexpr uint64_t kDracoNumbers = 64;
+
 // The corners of triangles, three for each, in the order and winding of glTF 2.0, 3.7.2.1 ("Overview" of meshes).
 std::vector<uint32_t> unfold(int mode, std::vector<uint32_t> corners)
 {
@@ -100,7 +103,10 @@ void PrimitiveReader::readDraco()
         throw GltfError(what_ + ": KHR_draco_mesh_compression has no buffer view, or no attributes");
     if (source_.mode != gltf_json::kTriangles)
         throw GltfUnsupported(what_ + " is a strip or fan compressed by Draco");
-    draco_.emplace(views_.bytes(*view, what_), what_);
+    const auto encoded = views_.bytes(*view, what_);
+    views_.countRead(kDracoNumbers * encoded.size(), what_);
+    draco_.emplace(encoded, what_);
+    views_.countRead(kDracoNumbers * (draco_->vertexCount() + draco_->indices().size()), what_);
 }
 
 // -1 where the attribute is not compressed.

@@ -5,6 +5,7 @@
 #include <map>
 #include <tuple>
 
+#include "gltf/alpha_textures.h"
 #include "gltf/data/accessor.h"
 #include "gltf/matrix.h"
 #include "gltf/pose.h"
@@ -36,7 +37,10 @@ Transform toTransform(const Matrix &matrix, const std::string &what)
 class Reader
 {
 public:
-    Reader(const Document &document, SceneUse use) : document_(document), model_(document.model()), use_(use) {}
+    Reader(const Document &document, SceneUse use)
+        : document_(document), model_(document.model()), use_(use), imageDecoder_(document)
+    {
+    }
 
     Scene read();
 
@@ -51,6 +55,7 @@ private:
     [[nodiscard]] std::vector<Matrix> gpuInstances(const gltf_json::Node &node, const std::string &what) const;
     // Nothing for a mesh without triangles.
     std::optional<uint32_t> useMesh(const MeshKey &key);
+    const std::vector<Matrix> &jointsOf(int skin);
     void addPrimitive(PrimitivePlace place, const MeshKey &key, const std::vector<Matrix> &joints);
     uint32_t useMaterial(int index);
     int useImage(const Material &material);
@@ -63,8 +68,10 @@ private:
     std::vector<bool> seen_;    // by node
     std::vector<int> nodes_;    // with a mesh, in the order in which they are met
     std::map<MeshKey, std::optional<uint32_t>> meshes_;
-    std::vector<double> reach_; // by mesh of the scene: the largest coordinate
+    std::vector<double> reach_;                 // by mesh of the scene: the largest coordinate
+    std::map<int, std::vector<Matrix>> joints_; // by skin
     std::map<int, uint32_t> materials_;
+    ImageDecoder imageDecoder_;
     std::map<int, int> images_;
     size_t vertices_ = 0;
     size_t corners_ = 0;
@@ -77,7 +84,7 @@ int Reader::useImage(const Material &material)
     int &place = images_[material.image] = -1;
     try {
         scene_.images.push_back(material.image < 0 ? Image{1, 1, {255, 255, 255, 255}}
-                                                   : readImage(document_, material.image));
+                                                   : imageDecoder_.decode(material.image));
     } catch (const GltfUnsupported &) {
         // Only its colour is missing then.
         if (material.masked())
@@ -134,6 +141,13 @@ void Reader::addPrimitive(PrimitivePlace place, const MeshKey &key, const std::v
     geometry.place = place;
 }
 
+const std::vector<Matrix> &Reader::jointsOf(int skin)
+{
+    const auto known = joints_.find(skin);
+    return known != joints_.end() ? known->second
+                                  : joints_.emplace(skin, jointMatrices(document_, skin, world_)).first->second;
+}
+
 std::optional<uint32_t> Reader::useMesh(const MeshKey &key)
 {
     const auto known = meshes_.find(key);
@@ -142,9 +156,8 @@ std::optional<uint32_t> Reader::useMesh(const MeshKey &key)
     const auto &[index, node, weights] = key;
     if (index < 0 || static_cast<size_t>(index) >= model_.meshes.size())
         throw GltfError("mesh " + std::to_string(index) + " does not exist");
-    std::vector<Matrix> joints;
-    if (node >= 0)
-        joints = jointMatrices(document_, model_.nodes[static_cast<size_t>(node)].skin, world_);
+    const std::vector<Matrix> none;
+    const std::vector<Matrix> &joints = node >= 0 ? jointsOf(model_.nodes[static_cast<size_t>(node)].skin) : none;
     Mesh mesh{static_cast<uint32_t>(scene_.geometries.size()), 0};
     const size_t primitives = model_.meshes[static_cast<size_t>(index)].primitives.size();
     for (uint32_t i = 0; i < primitives; ++i)

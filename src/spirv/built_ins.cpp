@@ -5,14 +5,12 @@
 
 #include "spirv/module/integers.h"
 #include "spirv/module/opcodes.h"
+#include "spirv/module/uses.h"
 
 namespace vellum::spirv
 {
 namespace
 {
-
-// Longest chain of copies. Only malformed modules have longer ones.
-constexpr int kMaxCopies = 64;
 
 // Words of the memory operands that begin at word i of an instruction (SPIR-V specification, 3.26).
 uint32_t memoryOperandWords(const Module &module, Instruction in, uint32_t i)
@@ -70,16 +68,7 @@ bool BuiltIns::lacksHiddenFlags() const
 
 BuiltIns::Restored BuiltIns::pointedTo(Id pointer) const
 {
-    // An access chain without indices is also a copy.
-    const auto isCopy = [](Instruction in) {
-        return in.opcode == spv::OpCopyObject ||
-               ((in.opcode == spv::OpAccessChain || in.opcode == spv::OpInBoundsAccessChain) && in.count == 4);
-    };
-    Instruction in = module_.definition(pointer);
-    for (int i = 0; i < kMaxCopies && isCopy(in); ++i) {
-        pointer = module_.word(in, 3);
-        in = module_.definition(pointer);
-    }
+    pointer = copiedFrom(module_, pointer);
     if (customIndex_.contains(pointer))
         return Restored::CustomIndex;
     return incomingFlags_.contains(pointer) ? Restored::RayFlags : Restored::Nothing;

@@ -83,6 +83,7 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     case Prologue::None: code_.value(spv::OpFunctionCall, none, {application_}); break;
     case Prologue::TriangleHits: decideTriangle(); break;
     case Prologue::BoxHits: decideBox(); break;
+    case Prologue::EitherHits: decideEither(); break;
     default: cullBox(); break;
     }
     code_.put(spv::OpReturn, {});
@@ -97,13 +98,19 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
 // Ignored hits are rejected, and opaque ones accepted without the application's shader. Others run it.
 void EntryWrapper::decideTriangle()
 {
-    const Id uint = types_.uint32();
+    const Id barycentrics = readBarycentrics();
+    const Id hit = resolveTriangle(barycentrics, applicationFlags());
     const Id boolean = types_.boolean();
+    ignoreIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitIgnored)}));
+    callIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)}));
+}
+
+Id EntryWrapper::resolveTriangle(Id barycentrics, Id flags)
+{
+    const Id uint = types_.uint32();
     const Id slot = readBuiltIn(spv::BuiltInInstanceCustomIndexKHR);
     const Id geometry = readBuiltIn(spv::BuiltInRayGeometryIndexKHR);
     const Id primitive = readBuiltIn(spv::BuiltInPrimitiveId);
-    const Id barycentrics = readBarycentrics();
-    const Id flags = applicationFlags();
     const Id record = types_.get(spv::OpTypeVector, {uint, 4});
     const Id instance = code_.value(spv::OpFunctionCall, record, {linker_.function("vellumInstance"), slot});
     const Id hit = code_.value(spv::OpFunctionCall, uint,
@@ -114,8 +121,7 @@ void EntryWrapper::decideTriangle()
         if (module_.version() >= kVersion14) // before, an interface holds inputs and outputs only
             entry_.push_back(knownIndex_);
     }
-    ignoreIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitIgnored)}));
-    callIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)}));
+    return hit;
 }
 
 // The driver runs an any-hit shader for boxes that are not opaque. The hidden flag Opaque makes them opaque.
@@ -124,6 +130,42 @@ void EntryWrapper::decideBox()
     const Id flags = applicationFlags();
     ignoreIf(hasBits(types_, flags, shared::kRayCullNoOpaque, code_));
     callIf(code_.value(spv::OpLogicalNot, types_.boolean(), {hasBits(types_, flags, shared::kRayOpaque, code_)}));
+}
+
+// As above, by the kind of the hit: those of triangles are the driver's, and above what intersection shaders may report
+// (VUID-RuntimeSpirv-OpReportIntersectionKHR-06998).
+void EntryWrapper::decideEither()
+{
+    constexpr uint32_t kMostReportedKind = 127;
+    const Id barycentrics = readBarycentrics();
+    if (!error_.empty()) { // only boxes have such attributes
+        error_.clear();
+        decideBox();
+        return;
+    }
+    const Id uint = types_.uint32();
+    const Id boolean = types_.boolean();
+    const Id either = module_.newId(), triangle = module_.newId(), decided = module_.newId();
+    code_.put(spv::OpBranch, {either});
+    code_.put(spv::OpLabel, {either});
+    const Id flags = applicationFlags();
+    const Id box = code_.value(
+        spv::OpSelect, uint,
+        {hasBits(types_, flags, shared::kRayCullNoOpaque, code_), types_.uintConstant(shared::kHitIgnored),
+         code_.value(spv::OpSelect, uint,
+                     {hasBits(types_, flags, shared::kRayOpaque, code_), types_.uintConstant(shared::kHitOpaque),
+                      types_.uintConstant(shared::kHitNonOpaque)})});
+    const Id isTriangle = code_.value(spv::OpUGreaterThan, boolean,
+                                      {readBuiltIn(spv::BuiltInHitKindKHR), types_.uintConstant(kMostReportedKind)});
+    code_.put(spv::OpSelectionMerge, {decided, spv::SelectionControlMaskNone});
+    code_.put(spv::OpBranchConditional, {isTriangle, triangle, decided});
+    code_.put(spv::OpLabel, {triangle});
+    const Id resolved = resolveTriangle(barycentrics, flags);
+    code_.put(spv::OpBranch, {decided});
+    code_.put(spv::OpLabel, {decided});
+    const Id hit = code_.value(spv::OpPhi, uint, {box, either, resolved, triangle});
+    ignoreIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitIgnored)}));
+    callIf(code_.value(spv::OpIEqual, boolean, {hit, types_.uintConstant(shared::kHitNonOpaque)}));
 }
 
 // A box that is culled does not run its intersection shader (Vulkan, "Ray Opacity Culling").

@@ -36,7 +36,10 @@ private:
     bool selectEntryPoint(const PipelineStage &stage);
     void decideTriangle();
     void decideBox();
+    void decideEither();
     void cullBox();
+    // What becomes of a hit on a triangle: vellumResolve.
+    Id resolveTriangle(Id barycentrics, Id flags);
     void ignoreIf(Id condition);
     // Calls the application's function if the condition is true, and returns.
     void callIf(Id condition);

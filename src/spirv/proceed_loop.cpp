@@ -212,7 +212,7 @@ void insertDecision(Module &module, Function &function, const ProceedLoop &loop,
     if (!bodyIsNext)
         edges = function.predecessors[next.label];
     std::vector<Instruction> phis;
-    for (Instruction &phi : header.code) {
+    for (const Instruction phi : header.code) {
         if (phi.opcode != spv::OpPhi)
             continue;
         const Id result = module.result(phi);
@@ -234,8 +234,10 @@ void insertDecision(Module &module, Function &function, const ProceedLoop &loop,
             value = operands[1];
         }
         for (uint32_t i = kFirstPair; i + 1 < phi.count; i += 2)
-            if (module.word(phi, i + 1) == next.label)
-                phi = module.with(module.with(phi, i, value), i + 1, target);
+            if (module.word(phi, i + 1) == next.label) {
+                module.set(phi, i, value);
+                module.set(phi, i + 1, target);
+            }
     }
     if (bodyIsNext) {
         Instruction &merge = header.code[header.code.size() - 2];
@@ -253,10 +255,10 @@ void insertDecision(Module &module, Function &function, const ProceedLoop &loop,
     check.behind.insert(check.behind.end(), decision.out.begin(), decision.out.end());
     check.behind.push_back(module.make(spv::OpBranchConditional, {handled, target, loop.body}));
 
-    for (Instruction &phi : function.blocks[function.indices[loop.body]].code)
+    for (const Instruction phi : function.blocks[function.indices[loop.body]].code)
         for (uint32_t i = kFirstPair; phi.opcode == spv::OpPhi && i + 1 < phi.count; i += 2)
             if (module.word(phi, i + 1) == check.label)
-                phi = module.with(phi, i + 1, label);
+                module.set(phi, i + 1, label);
     std::ranges::replace(function.predecessors[loop.body], check.label, label);
     function.predecessors[target].push_back(label);
     if (bodyIsNext) {

@@ -34,6 +34,7 @@ enum class Prologue {
     None,
     TriangleHits, // any-hit shader of triangle hit groups
     BoxHits,      // any-hit shader of procedural hit groups
+    EitherHits,   // any-hit shader of a library, which hit groups of both kinds may name
     BoxCulling    // intersection shader
 };
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/hash.h"
+#include "gltf/alpha_textures.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/primitive.h"
 
@@ -37,15 +38,16 @@ class FileVerifier
 {
 public:
     FileVerifier(const Document &document, const FileOptions &options)
-        : document_(document), options_(options), changing_(document)
+        : document_(document), options_(options), changing_(document), textures_(document)
     {
     }
     FileReport operator()();
 
 private:
     void describe();
-    void verifyMaterial(int number, const std::vector<PrimitivePlace> &places);
-    void verifyPrimitive(PrimitivePlace place, const Material &material, const Texels &texels);
+    std::optional<GltfError> readTexels(const Material &material);
+    void verifyMaterial(const Material &material, const std::vector<PrimitivePlace> &places);
+    void verifyPrimitive(PrimitivePlace place, const Material &material);
     void skip(PrimitivePlace place, const std::string &reason);
     [[nodiscard]] std::string cautionFor(PrimitivePlace place, const Primitive &primitive,
                                          const Material &material) const;
@@ -56,6 +58,9 @@ private:
     const Document &document_;
     const FileOptions &options_;
     ChangingAlpha changing_;
+    AlphaTextures textures_;
+    std::shared_ptr<const AlphaTexture> texture_;
+    std::optional<Texels> texels_; // of texture_
     FileReport report_;
     // Of the primitives with one material, by a hash of what decides their results: into report_.primitives.
     std::map<uint64_t, size_t> verified_;
@@ -127,7 +132,7 @@ const PrimitiveReport *FileVerifier::twinOf(PrimitivePlace place, const std::vec
     return same ? &other : nullptr;
 }
 
-void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &material, const Texels &texels)
+void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &material)
 {
     const Primitive primitive = readPrimitive(document_, place, Positions::Skip);
     const PrimitiveMicromap &stored = report_.stored.primitives.at(place);
@@ -171,37 +176,44 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
             options_.progress(done_ + stored.indices.size(), total_);
     } else {
         options.work = work_;
-        report.result = verify(texels, triangles, *report_.stored.of(place), options);
+        report.result = verify(*texels_, triangles, *report_.stored.of(place), options);
         report_.work += report.result.work;
         work_ -= std::min(work_, report.result.work);
     }
     report_.primitives.push_back(std::move(report));
 }
 
-// The texture is read once for all primitives that have it, and only one at a time.
-void FileVerifier::verifyMaterial(int number, const std::vector<PrimitivePlace> &places)
+// Where the image of a material cannot be read, says why.
+std::optional<GltfError> FileVerifier::readTexels(const Material &material)
 {
-    Material material;
-    AlphaTexture texture;
-    std::optional<Texels> texels;
-    std::optional<GltfError> unreadable;
     try {
-        material = readMaterial(document_, number);
-        if (material.masked()) {
-            texture = alphaTexture(material, material.image < 0 ? Image{} : readImage(document_, material.image));
-        } else {
-            texture.width = texture.height = 1;
-            texture.alpha = {1};
+        if (!material.masked()) {
+            AlphaTexture opaque;
+            opaque.width = opaque.height = 1;
+            opaque.alpha = {1};
+            texels_.reset();
+            texture_ = std::make_shared<AlphaTexture>(std::move(opaque));
+        } else if (const auto texture = textures_.of(material); texture != texture_ || !texels_) {
+            textures_.images().account(texture->alpha.size());
+            texels_.reset();
+            texture_ = texture;
         }
-        texels.emplace(texture);
+        if (!texels_)
+            texels_.emplace(*texture_);
+        return std::nullopt;
     } catch (const GltfError &error) {
-        unreadable = error;
+        return error;
     }
+}
+
+void FileVerifier::verifyMaterial(const Material &material, const std::vector<PrimitivePlace> &places)
+{
+    const std::optional<GltfError> unreadable = readTexels(material);
     verified_.clear();
     for (const PrimitivePlace place : places) {
         try {
-            if (texels)
-                verifyPrimitive(place, material, *texels);
+            if (!unreadable)
+                verifyPrimitive(place, material);
             else
                 skip(place, document_.reasonOf(place, *unreadable));
         } catch (const GltfError &error) {
@@ -219,12 +231,23 @@ FileReport FileVerifier::operator()()
         return std::move(report_);
     report_.stored = std::move(checked.stored);
     describe();
-    std::map<int, std::vector<PrimitivePlace>> byMaterial;
+    std::map<int, std::vector<PrimitivePlace>> places;
     const auto &meshes = document_.model().meshes;
     for (const auto &[place, primitive] : report_.stored.primitives)
-        byMaterial[meshes.at(place.mesh).primitives.at(place.primitive).material].push_back(place);
-    for (const auto &[material, places] : byMaterial)
-        verifyMaterial(material, places);
+        places[meshes.at(place.mesh).primitives.at(place.primitive).material].push_back(place);
+    // Those with the same texture one after another: it is read once, and only one at a time.
+    std::multimap<TextureKey, std::pair<Material, int>> materials;
+    for (const auto &[number, its] : places) {
+        try {
+            const Material material = readMaterial(document_, number);
+            materials.emplace(textureKeyOf(material), std::pair(material, number));
+        } catch (const GltfError &error) {
+            for (const PrimitivePlace place : its)
+                skip(place, document_.reasonOf(place, error));
+        }
+    }
+    for (const auto &[key, material] : materials)
+        verifyMaterial(material.first, places[material.second]);
     const auto byPlace = [](const auto &a, const auto &b) { return a.place < b.place; };
     std::sort(report_.primitives.begin(), report_.primitives.end(), byPlace);
     std::sort(report_.unverified.begin(), report_.unverified.end(), byPlace);

@@ -45,8 +45,10 @@ std::array<MicroCorners, 4> childrenOnCurve(const MicroCorners &corners)
 
 TriangleWalk::TriangleWalk(const Texels &texels, const TriangleCorners &triangle, const Claims &claims,
                            const Options &options, uint64_t work, std::vector<Finding> *list)
-    : texels_(texels), claims_(claims), options_(options), list_(list),
-      region_(texels, triangle, options.tolerances, options.rule()), bare_(texels, triangle, kNone, options.rule()),
+    : texels_(texels), claims_(claims),
+      factored_(std::any_of(triangle.alpha.begin(), triangle.alpha.end(), [](float alpha) { return alpha != 1; })),
+      options_(options), list_(list), region_(texels, triangle, options.tolerances, options.rule()),
+      bare_(texels, triangle, kNone, options.rule()),
       work_(std::min(work, kWork + kWorkForMicroTriangle * microTriangleCount(claims.level)))
 {
     region_.work = bare_.work = work_;
@@ -75,6 +77,13 @@ Counts TriangleWalk::operator()()
 bool TriangleWalk::approximate() const
 {
     return claims_.data != nullptr && claims_.format == Format::TwoState && !options_.strictTwoState;
+}
+
+// What a baker need not decide: triangles far away, and whole triangles with factors, each of which needs a map of the
+// texture of its own, or, where the factors of a triangle differ, another method.
+bool TriangleWalk::mayBeUnknown() const
+{
+    return region_.far() || (factored_ && claims_.data == nullptr);
 }
 
 void TriangleWalk::walk(const Branch &branch)
@@ -142,7 +151,7 @@ void TriangleWalk::settled(const Branch &branch, State truth)
     for (uint32_t i = 0; i < number; ++i) {
         const State state = stateOf(branch.first + i);
         count(state);
-        if (state == truth || (isUnknown(state) && region_.far()))
+        if (state == truth || (isUnknown(state) && mayBeUnknown()))
             continue;
         const Kind kind = isUnknown(state) ? Kind::Needless : Kind::Wrong;
         Witness witness;
@@ -194,7 +203,7 @@ void TriangleWalk::judgeClaim(const Branch &leaf, State state)
 
 void TriangleWalk::judgeUnknown(const Branch &leaf, State state)
 {
-    if (region_.far())
+    if (mayBeUnknown())
         return;
     const Verdict verdict = region_(leaf.corners, leaf.level, Ask::Both);
     if (verdict.notOpaque == Answer::No || verdict.notTransparent == Answer::No)

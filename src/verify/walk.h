@@ -50,9 +50,11 @@ private:
     void report(Kind kind, uint32_t micro, State state, const Witness &witness);
     void count(State state, uint64_t number = 1);
     [[nodiscard]] bool approximate() const;
+    [[nodiscard]] bool mayBeUnknown() const;
 
     const Texels &texels_;
     Claims claims_;
+    bool factored_; // the value is not that of the texture alone
     const Options &options_;
     std::vector<Finding> *list_;
     Region region_; // with tolerances

@@ -259,6 +259,34 @@ TEST(BakeCommand, TakesTheFilesOfAGltfAlong)
     EXPECT_TRUE(entries(folder / "other").empty());
 }
 
+#ifndef _WIN32 // where links need rights that tests do not have
+TEST(BakeCommand, CopiesNothingThatALinkLeadsOutTo)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "secret.txt", {'s'});
+    std::string json = writeCardGltf(folder / "in/tree.gltf");
+    // Vellum does not read it, but would copy it.
+    json.insert(json.rfind('}'), R"(, "extras": {"uri": "sound.ogg"})");
+    writeFile(folder / "in/tree.gltf", {json.begin(), json.end()});
+    const std::vector<std::string> bake = {"bake", (folder / "in/tree.gltf").string(), "-o",
+                                           (folder / "out").string() + "/"};
+    for (const fs::path &target : {fs::path("../secret.txt"), folder / "secret.txt"}) {
+        fs::create_symlink(target, folder / "in/sound.ogg");
+        const Outcome outcome = runVellum(bake);
+        EXPECT_EQ(outcome.exitCode, 1);
+        EXPECT_NE(outcome.errors.find("a link leads out of the file's folder"), std::string::npos) << outcome.errors;
+        EXPECT_FALSE(fs::exists(folder / "out"));
+        fs::remove(folder / "in/sound.ogg");
+    }
+    // Links that stay inside are copied as what they lead to.
+    writeFile(folder / "in/inside.ogg", {'i'});
+    fs::create_symlink("inside.ogg", folder / "in/sound.ogg");
+    EXPECT_EQ(runVellum(bake).exitCode, 0);
+    EXPECT_EQ(readFile(folder / "out/sound.ogg"), Bytes{'i'});
+    EXPECT_FALSE(fs::is_symlink(folder / "out/sound.ogg"));
+}
+#endif
+
 TEST(BakeCommand, NothingThatIsReadIsWritten)
 {
     const TemporaryFolder folder;
@@ -413,6 +441,66 @@ TEST(BakeCommand, AnInterruptedBakeLeavesNothing)
         EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"slow.glb"}));
         EXPECT_EQ(readFile(folder / "slow.glb"), slowGlb());
     }
+}
+
+TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesLeavesNothing)
+{
+    for (const int signal : {SIGINT, SIGTERM, SIGKILL}) {
+        const TemporaryFolder folder;
+        fs::create_directories(folder / "in");
+        for (const char *name : {"in/a.gltf", "in/b.gltf"})
+            writeCardGltf(folder / name);
+        const std::vector<std::string> before = entries(folder.path());
+        const Outcome outcome =
+            interruptStoppedVellum({"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1"},
+                                   signal, VELLUM_STOPPED_WRITE);
+        EXPECT_EQ(outcome.signal, signal) << outcome.exitCode;
+        std::vector<std::string> after = entries(folder.path());
+        if (signal == SIGKILL)
+            std::erase(after, "out"); // nobody is left to remove the folder
+        EXPECT_EQ(after, before);
+        if (signal == SIGKILL)
+            continue;
+        EXPECT_EQ(outcome.output, "");
+        for (const char *name : {"a.gltf", "b.gltf"})
+            EXPECT_NE(outcome.errors.find(std::string(name) + ": not baked: interrupted\n"), std::string::npos)
+                << outcome.errors;
+        EXPECT_NE(outcome.errors.find("interrupted: 0 of 2 files were baked\n"), std::string::npos) << outcome.errors;
+    }
+}
+
+// What is done stays, and both that and the rest are reported.
+TEST(BakeCommand, AnInterruptedBakeReportsWhatIsDone)
+{
+    const TemporaryFolder folder;
+    fs::create_directories(folder / "in");
+    writeFile(folder / "in/small.glb", cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}}));
+    // The larger file comes first, and does not end; the other is done meanwhile.
+    writeFile(folder / "in/large.glb", slowGlb());
+    const Outcome outcome = interruptVellum(
+        {"bake", (folder / "in").string(), "-o", (folder / "out").string(), "--level", "12", "-j", "2", "--json"},
+        SIGINT, folder / "out/small.glb");
+    EXPECT_EQ(outcome.signal, SIGINT);
+    EXPECT_EQ(entries(folder / "out"), (std::vector<std::string>{"small.glb"}));
+    EXPECT_NE(outcome.errors.find("interrupted: 1 of 2 files were baked\n"), std::string::npos) << outcome.errors;
+    const JsonTree json(outcome.output);
+    const std::vector<JsonValue> files = json.root()["files"].children();
+    ASSERT_EQ(files.size(), 2u);
+    EXPECT_EQ(files[0]["error"].string(), (folder / "in/large.glb").string() + ": not baked: interrupted");
+    EXPECT_FALSE(files[1]["error"].exists());
+}
+
+TEST(BakeCommand, BakesWhereNoThreadCanBeStarted)
+{
+    const TemporaryFolder folder;
+    for (const char *name : {"in/a.glb", "in/b.glb", "in/c.glb"}) {
+        fs::create_directories(folder / "in");
+        writeFile(folder / name, cardGlb());
+    }
+    const Outcome outcome =
+        runVellumWithoutThreads({"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "4"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.signal << outcome.errors;
+    EXPECT_EQ(entries(folder / "out"), (std::vector<std::string>{"a.glb", "b.glb", "c.glb"}));
 }
 
 TEST(BakeCommand, AFullDiskLeavesNothing)

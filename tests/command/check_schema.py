@@ -17,9 +17,10 @@ import xml.etree.ElementTree
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "inspect"))
 import made_up  # noqa: E402
-from schema import faults  # noqa: E402
+from schema import faults, strict  # noqa: E402
 
-VELLUM, SCHEMA, CHECK = sys.argv[1], json.loads(pathlib.Path(sys.argv[2]).read_text(encoding="utf-8")), sys.argv[3]
+VELLUM, READERS, CHECK = sys.argv[1], json.loads(pathlib.Path(sys.argv[2]).read_text(encoding="utf-8")), sys.argv[3]
+SCHEMA = strict(READERS)
 
 
 def report(*arguments, code=0, program=VELLUM):
@@ -85,11 +86,18 @@ with tempfile.TemporaryDirectory() as name:
         assert [p.get("value") for p in suite.iter("property")] == faults_of_device != []
         assert int(suite.get("failures")) == len(suite.findall("testcase/failure"))
 
+    # Readers take what later versions add; the strict schema does not.
+    for change in (lambda v: v.update(more=1), lambda v: v["files"][0].update(more=1),
+                   lambda v: v["files"][0]["surface"].update(more=1), lambda v: v["files"][0]["micromaps"][0].update(more={})):
+        later = copy.deepcopy(bake)
+        change(later)
+        assert not faults(later, READERS) and faults(later, SCHEMA), later
+
     # The schema is no use if it takes everything.
     assert faults({}, SCHEMA) and faults([], SCHEMA)
     for change in (lambda v: v.update(schema="vellum/0"), lambda v: v["files"][0].pop("bytes"),
-                   lambda v: v["files"][0].update(more=1), lambda v: v["files"][0]["surface"].update(known="much"),
+                   lambda v: v["files"][0]["surface"].update(known="much"),
                    lambda v: v["files"][0]["micromaps"][0].update(bytes=-1)):
         wrong = copy.deepcopy(bake)
         change(wrong)
-        assert faults(wrong, SCHEMA), wrong
+        assert faults(wrong, READERS) and faults(wrong, SCHEMA), wrong

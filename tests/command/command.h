@@ -32,6 +32,18 @@ Outcome runVellum(const std::vector<std::string> &arguments,
 #ifndef _WIN32
 // Sends it a signal after some milliseconds.
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds);
+// Sends it a signal while it writes a file: when it stops itself, as stopped_write.cpp makes it.
+Outcome interruptStoppedVellum(const std::vector<std::string> &arguments, int signal, const std::string &preloaded);
+
+// No thread of it can be started.
+Outcome runVellumWithoutThreads(const std::vector<std::string> &arguments);
+
+// Sends it a signal as soon as there is such a file or folder.
+Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, const std::filesystem::path &begun,
+                        const std::vector<std::pair<std::string, std::string>> &environment = {});
+
+// It may have so many files open at a time.
+Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsigned long count);
 
 // No file that it writes may become larger than this.
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes);

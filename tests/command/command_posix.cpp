@@ -37,7 +37,7 @@ std::string textOf(const std::filesystem::path &path)
     for (const auto &[name, value] : environment)
         setenv(name.c_str(), value.c_str(), 1);
     // Under the sanitizers, only faults are wanted here; drivers keep memory to the end.
-    setenv("ASAN_OPTIONS", "detect_leaks=0", 1);
+    setenv("ASAN_OPTIONS", "detect_leaks=0:verify_asan_link_order=0", 1);
     // Pictures are small: most of the time would go into compiling shaders. See
     // tests/layer/harness/program/test_main.cpp.
     setenv("GALLIVM_PERF", "nopt", 0);
@@ -101,6 +101,58 @@ Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, i
             std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
             kill(child, signal);
         });
+}
+
+Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, const std::filesystem::path &begun,
+                        const std::vector<std::pair<std::string, std::string>> &environment)
+{
+    return run(
+        arguments, environment, [] {},
+        [&](pid_t child) {
+            siginfo_t ended{};
+            while (!std::filesystem::exists(begun) && ended.si_pid == 0) {
+                std::this_thread::sleep_for(std::chrono::milliseconds(10));
+                waitid(P_PID, static_cast<id_t>(child), &ended, WEXITED | WNOHANG | WNOWAIT);
+            }
+            kill(child, signal);
+        });
+}
+
+Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsigned long count)
+{
+    return run(
+        arguments, {},
+        [&] {
+            const rlimit limit{count, count};
+            setrlimit(RLIMIT_NOFILE, &limit);
+        },
+        [](pid_t) {});
+}
+
+Outcome interruptStoppedVellum(const std::vector<std::string> &arguments, int signal, const std::string &preloaded)
+{
+    return run(
+        arguments, {{"LD_PRELOAD", preloaded}}, [] {},
+        [&](pid_t child) {
+            siginfo_t state{};
+            if (waitid(P_PID, static_cast<id_t>(child), &state, WSTOPPED | WEXITED | WNOWAIT) != 0 ||
+                state.si_code != CLD_STOPPED)
+                return; // it ended without writing anything
+            kill(child, signal);
+            kill(child, SIGCONT);
+        });
+}
+
+Outcome runVellumWithoutThreads(const std::vector<std::string> &arguments)
+{
+    return run(
+        arguments, {},
+        [] {
+            // New threads get a stack of that size, which is more than there are addresses.
+            const rlimit limit{rlim_t{1} << 47, RLIM_INFINITY};
+            setrlimit(RLIMIT_STACK, &limit);
+        },
+        [](pid_t) {});
 }
 
 Outcome runVellumWithFileLimit(const std::vector<std::string> &arguments, unsigned long bytes)

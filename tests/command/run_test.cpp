@@ -110,6 +110,45 @@ TEST(Run, SaysWhenNothingWasChecked)
     expectLine(outcome, "vellum run: no device used micromaps through the layer: nothing was checked\n");
 }
 
+TEST(Run, ChecksThatAreRequired)
+{
+    const std::vector<std::string> required = {"--require-checks"};
+    const Outcome outcome = runScript(required, "true");
+    EXPECT_EQ(outcome.exitCode, kMessagesFailed);
+    expectLine(outcome, "vellum run: failed, because nothing was checked (--require-checks)\n");
+    EXPECT_EQ(runScript({"--require-checks", "--fail-on", "never"}, "true").exitCode, kMessagesFailed);
+    EXPECT_EQ(runScript({}, "true", {{"VELLUM_REQUIRE_CHECKS", "1"}}).exitCode, kMessagesFailed);
+    EXPECT_EQ(runScript(required, "exit 3").exitCode, 3);
+    EXPECT_EQ(runProgram(required, {"right"}).exitCode, 0);
+    EXPECT_EQ(runProgram({}, {"right"}, {{"VELLUM_REQUIRE_CHECKS", "1"}}).errors,
+              "vellum run: no errors, no warnings, 1 device checked\n");
+}
+
+TEST(Run, PartsOfValidationAreChecked)
+{
+    for (const char *wrong : {"--validate=cpre", "--validate=core,", "--validate=core gpu", "--validate=core,gpuu"}) {
+        const Outcome outcome = runScript({wrong}, "echo run");
+        EXPECT_EQ(outcome.exitCode, 2) << outcome.errors;
+        EXPECT_EQ(outcome.output, "");
+        EXPECT_NE(outcome.errors.find("must be core, gpu, sync, several of them with commas, all or none, got "),
+                  std::string::npos)
+            << outcome.errors;
+    }
+    for (const char *right : {"--validate", "--validate=core,gpu,sync", "--validate=none"})
+        EXPECT_EQ(runScript({right}, "true").exitCode, 0) << right;
+}
+
+TEST(Run, SettingsThatAreIgnoredFail)
+{
+    const std::pair<std::string, std::string> wrong[] = {
+        {"VELLUM_VALIDATE", "al"}, {"VK_VELLUM_STRICT", "maybe"}, {"VELLUM_VALIDTE", "all"}};
+    for (const auto &variable : wrong) {
+        const Outcome outcome = runProgram({}, {"right"}, {variable});
+        EXPECT_EQ(outcome.exitCode, kMessagesFailed) << outcome.errors;
+        expectLine(outcome, "  error   VELLUM-setting: ");
+    }
+}
+
 TEST(Run, ExitCodesOfTheProgram)
 {
     EXPECT_EQ(runScript({}, "exit 3").exitCode, 3);
@@ -176,6 +215,17 @@ TEST(Run, WithoutTheLayerNothingRuns)
     EXPECT_EQ(outcome.output, "");
     EXPECT_EQ(outcome.exitCode, kNotRun) << outcome.errors;
 }
+
+#ifndef _WIN32 // asks the system for the folder
+TEST(Run, WithoutAFileForMessagesNothingRuns)
+{
+    const Outcome outcome = runVellum({"run", "--", "echo", "run"}, {{"TMPDIR", "/nowhere"}});
+    EXPECT_EQ(outcome.exitCode, kNotRun);
+    EXPECT_EQ(outcome.output, "");
+    EXPECT_TRUE(outcome.errors.starts_with("vellum: the folder for temporary files (TMPDIR) cannot be used: "))
+        << outcome.errors;
+}
+#endif
 
 TEST(Run, WrongCommandLines)
 {

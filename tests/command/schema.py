@@ -7,6 +7,18 @@ KNOWN = {"$schema", "$id", "title", "description", "$defs", "$ref", "type", "pro
          "additionalProperties", "items", "enum", "const", "oneOf"}
 
 
+def strict(schema):
+    """The schema for our own reports, without members that it does not name: others find a misspelt one nowhere."""
+    if isinstance(schema, list):
+        return [strict(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    changed = {name: strict(part) for name, part in schema.items()}
+    if isinstance(schema.get("properties"), dict) and "additionalProperties" not in schema:
+        changed["additionalProperties"] = False
+    return changed
+
+
 def is_type(value, name):
     return isinstance(value, TYPES[name]) and not (isinstance(value, bool) and name in ("integer", "number"))
 

@@ -2,76 +2,29 @@
 // Fuzz target of the glTF reader: whatever is in a file, reading it ends soon and takes no more memory than its bytes
 // can be worth, and what is wrong is told as one GltfError.
 //
-// The first byte says what the rest is: a whole file, the JSON of a file whose binary chunk is always the same, an
-// image, a mesh of Draco's, or a stream of meshopt's.
+// The first byte says what the rest is: a whole file, the JSON of a file whose binary chunk is always the same, such a
+// JSON with a part to repeat, an image, a mesh of Draco's, or a stream of meshopt's.
 #include <cstring>
-#include <filesystem>
 #include <string>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "check.h"
 #include "gltf/data/decompress.h"
 #include "gltf/data/draco_mesh.h"
 #include "gltf/data/image.h"
 #include "gltf/file/gltf_error.h"
+#include "gltf_input.h"
 #include "read_everything.h"
 
 using namespace vellum;
+using namespace vellum::test;
 
 namespace
 {
 
-using Bytes = std::vector<uint8_t>;
-using Input = std::span<const uint8_t>;
-
-// A file that is not on any disk.
-class MemoryFile
-{
-public:
-    explicit MemoryFile(Input bytes) : file_(memfd_create("gltf", 0))
-    {
-        FUZZ_CHECK(file_ >= 0 && write(file_, bytes.data(), bytes.size()) == static_cast<ssize_t>(bytes.size()));
-    }
-    ~MemoryFile() { close(file_); }
-    MemoryFile(const MemoryFile &) = delete;
-    MemoryFile &operator=(const MemoryFile &) = delete;
-    [[nodiscard]] std::filesystem::path path() const { return "/proc/self/fd/" + std::to_string(file_); }
-
-private:
-    int file_;
-};
-
-void appendWord(Bytes &bytes, size_t word)
-{
-    for (unsigned i = 0; i < 4; ++i)
-        bytes.push_back(static_cast<uint8_t>(word >> 8 * i));
-}
-
-Bytes glbOf(Input json)
-{
-    constexpr size_t kBinaryBytes = 1024;
-    const size_t padded = (json.size() + 3) / 4 * 4;
-    Bytes file;
-    appendWord(file, 0x46546c67);
-    appendWord(file, 2);
-    appendWord(file, 28 + padded + kBinaryBytes);
-    appendWord(file, padded);
-    appendWord(file, 0x4e4f534a);
-    file.insert(file.end(), json.begin(), json.end());
-    file.resize(20 + padded, ' ');
-    appendWord(file, kBinaryBytes);
-    appendWord(file, 0x004e4942);
-    // Small numbers, most of which are valid indices.
-    for (size_t i = 0; i < kBinaryBytes; ++i)
-        file.push_back(static_cast<uint8_t>(i % 4 == 0 ? i / 4 % 6 : 0));
-    return file;
-}
-
 void readFile(Input bytes)
 {
     const MemoryFile file(bytes);
-    const test::Reading reading = test::readEverything(file.path());
+    const Reading reading = readEverything(file.path());
     for (const std::string &error : {reading.error, reading.unsupported}) {
         FUZZ_CHECK(error.empty() || error.starts_with(file.path().string() + ": "));
         FUZZ_CHECK(error.find('\n') == std::string::npos && error.size() < 1000);
@@ -127,12 +80,13 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     // A copy of exactly that many bytes, so that AddressSanitizer sees the end.
     const Bytes copy(data + 1, data + size);
     try {
-        switch (data[0] % 5) {
+        switch (data[0] % 6) {
         case 0: readFile(copy); break;
         case 1: readFile(glbOf(copy)); break;
         case 2: readImage(copy); break;
         case 3: readDraco(copy); break;
-        default: readMeshopt(copy); break;
+        case 4: readMeshopt(copy); break;
+        default: readFile(glbOf(repeated(copy))); break;
         }
     } catch (const GltfError &error) {
         FUZZ_CHECK(std::strlen(error.what()) > 0);

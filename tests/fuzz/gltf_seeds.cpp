@@ -52,6 +52,33 @@ const char *const kCompressed =
 "byteLength": 72, "extensions": {"EXT_meshopt_compression": {"buffer": 0, "byteLength": 99, "byteStride": 12, "count": 6,
 "mode": "ATTRIBUTES", "filter": "EXPONENTIAL"}}}], "buffers": [{"byteLength": 1024}, {"byteLength": 72}]})";
 
+// A primitive that is baked; its positions are those of the binary chunk.
+const std::string kLeaf =
+    R"({"asset": {"version": "2.0"}, "meshes": [{"name": "m", "primitives": [{"attributes": {"POSITION": 0,
+"TEXCOORD_0": 1}, "material": 0}]}], "materials": [{"name": "leaf", "alphaMode": "MASK", "pbrMetallicRoughness":
+{"baseColorTexture": {"index": 0}}}], "textures": [{"source": 0, "sampler": 0}], "samplers": [{"wrapS": 33071}],
+"images": [{"uri": "data:image/png;base64,)"
+    "iVBORw0KGgoAAAANSUhEUgAAAAgAAAAICAYAAADED76LAAAAHUlEQVR42mPg5ORkAOL/UIzBxiuJrACnQoahYAUAHysxlm5lv34A"
+    "AAAASUVORK5CYII="
+    R"("}], "accessors": [{"bufferView": 0, "componentType": 5121, "count": 3, "type": "VEC3"}, {"bufferView": 1,
+"componentType": 5126, "count": 3, "type": "VEC2"}], "bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 4},
+{"buffer": 1, "byteLength": 24}], "buffers": [{"byteLength": 1024}, {"byteLength": 24, "uri": "data:;base64,)"
+    "AAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/"
+    R"("}], "nodes": [{"mesh": 0}]})";
+
+// As gltf_input.h repeats it: `part` that follows `after` is there many times.
+Bytes repeatedPart(const std::string &json, const std::string &after, const std::string &part)
+{
+    const size_t begin = json.find(after) + after.size();
+    constexpr size_t kTimes = 2000;
+    Bytes bytes;
+    for (const size_t number : {begin, part.size(), kTimes})
+        bytes.insert(bytes.end(), {static_cast<uint8_t>(number), static_cast<uint8_t>(number >> 8)});
+    const std::string text = json.substr(0, begin) + part + json.substr(begin);
+    bytes.insert(bytes.end(), text.begin(), text.end());
+    return bytes;
+}
+
 } // namespace
 
 void writeGltfSeeds(const std::filesystem::path &folder)
@@ -68,6 +95,18 @@ void writeGltfSeeds(const std::filesystem::path &folder)
     seed(1, "primitives.json", bytesOf(kPrimitives));
     seed(1, "micromaps.json", bytesOf(kMicromaps));
     seed(1, "compressed.json", bytesOf(kCompressed));
+    seed(1, "leaf.json", bytesOf(kLeaf));
+    const std::string primitive = R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0},)";
+    const std::string material =
+        R"({"alphaMode": "MASK", "alphaCutoff": 0.#1, "pbrMetallicRoughness": {"baseColorTexture":
+{"index": 0}}},)";
+    seed(5, "attributes.json", repeatedPart(kLeaf, "\"attributes\": {", "\"_#\":0,"));
+    seed(5, "primitives_of_one.json", repeatedPart(kLeaf, "\"primitives\": [", primitive));
+    seed(5, "materials.json", repeatedPart(kLeaf, "\"materials\": [", material));
+    seed(5, "targets.json", repeatedPart(kLeaf, "\"material\": 0", R"(, "_#": 0)"));
+    seed(5, "nodes.json", repeatedPart(kLeaf, "\"nodes\": [", R"({"mesh": 0, "weights": [#]},)"));
+    seed(5, "names.json", repeatedPart(kLeaf, "\"name\": \"", "#mm"));
+    seed(5, "required.json", repeatedPart(kLeaf, "{\"asset\"", R"(: {"version": "2.0"}, "x#")"));
     seed(2, "rgba.png", pngImage(8, 8, 8, PNG_COLOR_TYPE_RGBA, false, rgba));
     seed(2, "interlaced.png", pngImage(8, 4, 16, PNG_COLOR_TYPE_GRAY_ALPHA, true, Bytes(128)));
     seed(2, "image.webp", webpImage(8, 8, rgba));

@@ -20,8 +20,11 @@ fi
 [ -z "$anew" ] || rm -rf "$work/corpus"
 mkdir -p "$work/corpus" "$work/findings" "$seeds/$target"
 longest=2048
-[ "$target" != spirv_fuzz ] || longest=65536
-[ "$target" != gltf_fuzz ] || longest=8192
+seconds=10
+case $target in
+  spirv_fuzz) longest=65536 ;;
+  gltf_fuzz | inspect_fuzz) longest=131072 seconds=25 ;; # small files that ask for much work
+esac
 UBSAN_OPTIONS=print_stacktrace=1 \
-  exec "$program" -artifact_prefix="$work/findings/" -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=1024 \
+  exec "$program" -artifact_prefix="$work/findings/" -timeout=$seconds -rss_limit_mb=2048 -malloc_limit_mb=1024 \
   -max_len=$longest -len_control=0 "$@" "$work/corpus" "$seeds/$target"

@@ -20,6 +20,7 @@ int main(int argc, char **argv)
         return 2;
     const std::filesystem::path folder = argv[3];
     writeSpirvSeeds(argv[1], argv[2], emptyFolder(folder / "spirv_fuzz"));
-    writeGltfSeeds(emptyFolder(folder / "gltf_fuzz"));
+    for (const char *target : {"gltf_fuzz", "inspect_fuzz"})
+        writeGltfSeeds(emptyFolder(folder / target));
     return 0;
 }

@@ -4,6 +4,7 @@
 // are inputs as they are, and what is found can be looked at with the usual tools.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -27,11 +28,14 @@ inline constexpr uint32_t kEntryPointShift = 5;      // two bits, which one
 inline constexpr uint32_t kOtherStage = 0x80;        // whose entry point has another execution model
 inline constexpr uint32_t kNoEntryPoint = 0x100;     // of a name that the module does not have
 inline constexpr uint32_t kConstantFlags = 0x200;    // all rays have the same hidden flags
-inline constexpr uint32_t kAllOptions = 0x3ff;
+inline constexpr uint32_t kQueriesDeclare = 0x400;   // ray queries need the execution mode to use micromaps
+inline constexpr uint32_t kEitherHits = 0x800;       // for a library: Prologue::EitherHits, whatever the two bits
+inline constexpr uint32_t kAllOptions = 0xfff;
 
 struct SpirvInput {
     spirv::RewriteOptions options;
     std::string entryPoint; // what the options name
+    uint32_t model = 0;     // execution model of that entry point
 };
 
 // The options that a module carries. `input` must stay where it is.
@@ -40,8 +44,8 @@ inline void readOptions(std::span<const uint32_t> words, SpirvInput &input)
     const uint32_t bits = words.size() > kOptionsWord ? words[kOptionsWord] : 0;
     input.options = {.rootAddress = 0xfedcba9876543210, .firstSlots = 0x0123456789abcde0};
     input.options.constantQueryFlags = (bits & kQueriesKeepConstants) == 0;
-    if ((bits & kInPipeline) == 0)
-        return;
+    if ((bits & kQueriesDeclare) != 0)
+        input.options.queriesConsume = spirv::QueriesConsume::WhereDeclared;
     uint32_t skip = bits >> kEntryPointShift & 3;
     uint32_t model = 5313;
     constexpr uint32_t kOpEntryPoint = 15;
@@ -65,11 +69,18 @@ inline void readOptions(std::span<const uint32_t> words, SpirvInput &input)
         input.entryPoint += "?";
     if ((bits & kOtherStage) != 0)
         ++model;
+    input.model = model;
+    if ((bits & kInPipeline) == 0)
+        return;
     const uint32_t constant = (bits & kConstantFlags) != 0 ? 0x481 : 0;
     const uint32_t fixed = (bits & kInPayload) != 0 ? 0x80 : 0x481;
     const spirv::HiddenFlags hidden{fixed, constant & fixed};
-    input.options.pipelineStage = {input.entryPoint, model, static_cast<spirv::Prologue>(bits >> kPrologueShift & 3),
-                                   hidden};
+    // by position, so that inputs keep their meaning
+    constexpr std::array prologues{spirv::Prologue::None, spirv::Prologue::TriangleHits, spirv::Prologue::BoxHits,
+                                   spirv::Prologue::BoxCulling};
+    const spirv::Prologue prologue =
+        (bits & kEitherHits) != 0 ? spirv::Prologue::EitherHits : prologues[bits >> kPrologueShift & 3];
+    input.options.pipelineStage = {input.entryPoint, model, prologue, hidden};
 }
 
 } // namespace vellum::fuzz

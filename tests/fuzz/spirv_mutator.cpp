@@ -246,7 +246,11 @@ private:
         default: // an operand
             if (in.size() > 1) {
                 uint32_t &operand = in[1 + below(in.size() - 1)];
-                operand = below(8) == 0 ? operand ^ 1u << below(32) : value();
+                const size_t own = resultWord(in);
+                if (own != 0 && below(8) == 0)
+                    operand = in[own]; // of itself
+                else
+                    operand = below(8) == 0 ? operand ^ 1u << below(32) : value();
             }
             break;
         }

@@ -338,3 +338,45 @@ TEST(DocumentBake, NoAlphaIsNoAlphaWhateverTheTexture)
     EXPECT_EQ(bakeColored({0, 0, 0, 0}).primitives[0].micromap.indices, transparent);
     EXPECT_EQ(bakeColored({0, 0, 0, 0}, optionsOf(), "0.0").primitives[0].micromap.indices, opaque);
 }
+
+namespace
+{
+
+// Cards with the same texture, whose materials have a cutoff each.
+void writeCards(const std::filesystem::path &path, size_t count)
+{
+    std::string primitives = kPrimitive;
+    std::string materials;
+    for (size_t i = 1; i < count; ++i) {
+        primitives += R"(, {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": )" +
+                      std::to_string(i + 1) + "}";
+        materials +=
+            R"(, {"alphaMode": "MASK", "alphaCutoff": 0.)" + std::to_string(10000 + i) +
+            R"(, "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75], "baseColorTexture": {"index": 0}}})";
+    }
+    writeCardGltf(path, discPng(),
+                  {{kPrimitive, primitives}, {R"({"name": "wood"})", R"({"name": "wood"})" + materials}});
+}
+
+} // namespace
+
+// The file of the image is gone before the second of them is baked.
+TEST(DocumentBake, ReadsAnImageOnceForAllMaterials)
+{
+    for (const bool budget : {false, true}) {
+        const TemporaryFolder folder;
+        writeCards(folder / "tree.gltf", 3);
+        DocumentBakeOptions options = optionsOf();
+        if (budget)
+            options.bake.budget = 1000;
+        const DocumentBake expected = bakeDocument(Document(folder / "tree.gltf"), options);
+        ASSERT_EQ(expected.micromaps.size(), 3u);
+        options.bake.progress = [&](size_t, size_t) { std::filesystem::remove(folder / "disc.png"); };
+        const DocumentBake bake = bakeDocument(Document(folder / "tree.gltf"), options);
+        ASSERT_EQ(bake.micromaps.size(), 3u);
+        for (size_t i = 0; i < 3; ++i) {
+            EXPECT_EQ(bake.micromaps[i].data, expected.micromaps[i].data);
+            EXPECT_EQ(bake.primitives[i].micromap.micromap, i);
+        }
+    }
+}

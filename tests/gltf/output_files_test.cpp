@@ -2,6 +2,8 @@
 #include "gltf/file/output_files.h"
 
 #include <gtest/gtest.h>
+#include <set>
+#include <unistd.h>
 
 #include "bake/bake.h"
 #include "glb_file.h"
@@ -93,7 +95,7 @@ TEST(OutputFiles, WhenOneCannotAppearTheOthersDisappear)
     {
         OutputFiles files(kNever);
         files.write(folder / "one", contentOf("1"));
-        files.copy(folder / "source", folder / "two");
+        files.copy(folder / "source", folder / "two", folder.path());
         writeFile(folder / "two", {'t'}); // somebody else's, meanwhile
         EXPECT_THROW(files.publish(), GltfError);
     }
@@ -109,9 +111,9 @@ TEST(OutputFiles, CopiesDoNotReplaceWhatIsDifferent)
     writeFile(folder / "same", {'s'});
     writeFile(folder / "different", {'d'});
     OutputFiles files(kNever);
-    files.copy(folder / "source", folder / "copy");
-    files.copy(folder / "source", folder / "same");
-    EXPECT_THROW(files.copy(folder / "source", folder / "different"), GltfError);
+    files.copy(folder / "source", folder / "copy", folder.path());
+    files.copy(folder / "source", folder / "same", folder.path());
+    EXPECT_THROW(files.copy(folder / "source", folder / "different", folder.path()), GltfError);
     files.publish();
     EXPECT_EQ(textOf(folder / "copy"), "s");
     EXPECT_EQ(textOf(folder / "different"), "d");
@@ -164,4 +166,35 @@ TEST(OutputFiles, WhatIsNoFileIsNotReplaced)
     EXPECT_THROW(files.write("/dev/null", contentOf("x")), GltfError);
     EXPECT_THROW(files.write(folder / "sub", contentOf("x")), GltfError);
     EXPECT_THROW(files.write(folder / "file/x", contentOf("x")), GltfError);
+}
+
+// Process numbers come again, in containers all the time: what a process left that was killed is in nobody's way.
+TEST(OutputFiles, FilesOfAnEarlierProcessAreInNobodysWay)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "old", {'o'});
+    for (int i = 0; i < 1000; ++i)
+        writeFile(folder / (".old." + std::to_string(getpid()) + "-" + std::to_string(i) + ".tmp"), {});
+    OutputFiles files(kNever);
+    files.write(folder / "old", contentOf("new"));
+    files.publish();
+    EXPECT_EQ(textOf(folder / "old"), "new");
+    EXPECT_EQ(entries(folder.path()), 1001u);
+}
+
+TEST(OutputFiles, ATemporaryNameThatIsTakenIsFollowedByAnother)
+{
+    const std::filesystem::path path = std::filesystem::path("folder") / "tree.glb";
+    std::set<std::filesystem::path> names;
+    const std::filesystem::path free = temporaryName(
+        path, [&](const std::filesystem::path &name) { return names.insert(name).second && names.size() == 4; });
+    EXPECT_EQ(names.size(), 4u);
+    EXPECT_TRUE(names.contains(free));
+    for (const std::filesystem::path &name : names) {
+        EXPECT_EQ(name.parent_path(), "folder");
+        EXPECT_TRUE(name.filename().string().starts_with(".tree.glb.")) << name;
+    }
+    size_t tries = 0;
+    temporaryName(path, [&](const std::filesystem::path &) { return ++tries > 1000; });
+    EXPECT_LE(tries, 1000u);
 }

@@ -22,6 +22,8 @@ using namespace vellum::test;
 namespace
 {
 
+constexpr rlim_t kMostMemory = rlim_t{1} << 30;
+
 // The first error of reading everything in `path`, by a process that may have a gibibyte and ten seconds.
 std::string errorWithinLimits(const std::filesystem::path &path)
 {
@@ -30,9 +32,11 @@ std::string errorWithinLimits(const std::filesystem::path &path)
         throw std::runtime_error("no pipe");
     const pid_t child = fork();
     if (child == 0) {
-        const rlimit memory{rlim_t{1} << 30, rlim_t{1} << 30};
         const rlimit time{10, 10};
+#if !defined(__SANITIZE_ADDRESS__) // it reserves terabytes
+        const rlimit memory{kMostMemory, kMostMemory};
         setrlimit(RLIMIT_AS, &memory);
+#endif
         setrlimit(RLIMIT_CPU, &time);
         std::string text;
         try {
@@ -54,7 +58,10 @@ std::string errorWithinLimits(const std::filesystem::path &path)
         text.append(part.data(), static_cast<size_t>(size));
     close(ends[0]);
     int status = 0;
-    waitpid(child, &status, 0);
+    rusage used{};
+    wait4(child, &status, 0, &used);
+    if (static_cast<rlim_t>(used.ru_maxrss) * 1024 > kMostMemory)
+        return "used " + std::to_string(used.ru_maxrss) + " KiB";
     return WIFEXITED(status) ? text : "killed by signal " + std::to_string(WTERMSIG(status));
 }
 
@@ -475,6 +482,77 @@ TEST(GltfWrongFile, Uris)
     const std::string longName = error(bufferUri(repeated("long", 100000)));
     EXPECT_LT(longName.size(), 1000u);
     EXPECT_EQ(error(bufferUri("a\\nb")), "buffer 0 (a?b): no such file");
+}
+
+// A file that was found somewhere names files of its own folder. A link in there may lead to any other.
+TEST(GltfWrongFile, LinksThatLeadOut)
+{
+    const TemporaryFolder folder;
+    std::filesystem::create_directories(folder / "in/deep");
+    std::filesystem::create_directories(folder / "in2");
+    for (const char *name : {"outside.bin", "in2/outside.bin", "in/inside.bin", "in/deep/inside.bin"})
+        writeFile(folder / name, Bytes(4));
+    const auto link = [&](const std::string &to, const char *name) {
+        std::filesystem::create_symlink(to, folder / name);
+    };
+    const auto errorOfUri = [&](const std::string &json, const std::string &model = "in/test.gltf") {
+        writeFile(folder / "in/test.gltf", Bytes(json.begin(), json.end()));
+        const std::string text = errorWithinLimits(folder / model);
+        const std::string prefix = (folder / model).string() + ": ";
+        return text.starts_with(prefix) ? text.substr(prefix.size()) : "without the path: " + text;
+    };
+    link("../outside.bin", "in/file.bin");
+    link((folder / "outside.bin").string(), "in/absolute.bin");
+    link("file.bin", "in/twice.bin");
+    link("../in2", "in/folder");
+    link("..", "in/up");
+    for (const std::string uri : {"file.bin", "absolute.bin", "twice.bin", "folder/outside.bin", "up/outside.bin",
+                                  "deep/../file.bin", "up/in2/outside.bin"}) {
+        const bool dots = uri.find("..") != std::string::npos;
+        const std::string message =
+            dots ? "the URI leads out of the file's folder" : "a link leads out of the file's folder";
+        EXPECT_EQ(errorOfUri(bufferUri(uri)), "buffer 0 (" + uri + "): " + message);
+        EXPECT_EQ(errorOfUri(imageUri(uri)), "image 0 (" + uri + "): " + message);
+    }
+    // What is right, for comparison: links that stay inside, and links to the folder or to the model.
+    link("inside.bin", "in/near.bin");
+    link((folder / "in/deep").string(), "in/shallow");
+    link("in", "entrance");
+    link("in/test.gltf", "test.gltf");
+    link("in/inside.bin", "beside.bin");
+    for (const std::string uri : {"inside.bin", "near.bin", "shallow/inside.bin", "up/in/inside.bin"}) {
+        EXPECT_EQ(errorOfUri(bufferUri(uri)), "there are no triangles in it") << uri;
+        EXPECT_EQ(errorOfUri(bufferUri(uri), "entrance/test.gltf"), "there are no triangles in it") << uri;
+    }
+    // A link to a model is in the folder where it is.
+    EXPECT_EQ(errorOfUri(bufferUri("outside.bin"), "test.gltf"), "there are no triangles in it");
+    EXPECT_EQ(errorOfUri(bufferUri("beside.bin"), "test.gltf"), "there are no triangles in it");
+    EXPECT_EQ(errorOfUri(bufferUri("inside.bin"), "test.gltf"), "buffer 0 (inside.bin): no such file");
+}
+
+// Small files that ask for much work: all of them are read, or rejected, within the limits of a process here.
+TEST(GltfWrongFile, ManyAttributes)
+{
+    std::string attributes = "\"POSITION\": 0";
+    for (int i = 0; i < 200000; ++i)
+        attributes += ",\"_A" + std::to_string(i) + "\":0";
+    EXPECT_EQ(errorOf({{"\"POSITION\": 0", attributes}}), "without the path: none");
+    std::string required;
+    for (int i = 0; i < 200000; ++i)
+        required += std::string(i == 0 ? "" : ",") + "\"\"";
+    EXPECT_EQ(errorOf({{"\"scene\": 0", "\"extensionsRequired\": [" + required + "], \"scene\": 0"}}),
+              "without the path: none");
+}
+
+TEST(GltfWrongFile, ManyUsesOfOneAccessor)
+{
+    const std::string accessor = R"({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"})";
+    const std::string zeros = R"({"componentType": 5126, "count": 4194303, "type": "VEC3"})";
+    const std::string primitive = R"({"attributes": {"POSITION": 0}})";
+    std::string json = R"({"asset": {"version": "2.0"}, "accessors": [)" + zeros + R"(], "meshes": [{"primitives": [)" +
+                       repeated(primitive + ",", 2000) + primitive + "]}]}";
+    const std::string error = errorOf(Bytes(json.begin(), json.end()), "test.gltf");
+    EXPECT_NE(error.find("the accessors of the file are read too often"), std::string::npos) << error;
 }
 
 // What is right, for comparison: names with spaces, percent signs and more than ASCII.

@@ -105,3 +105,19 @@ TEST(PictureText, WidthsAndFitting)
     drawText(picture, -5, 18, "Vellum", Font::Title, 0xff000000u); // reaches over both sides
     EXPECT_NE(picture.pixels, std::vector<uint32_t>(400, 0xffffffffu));
 }
+
+// By a walk over the text: this one would take hours by taking off a letter at a time.
+TEST(Text, FitsALongName)
+{
+    const std::string longName(3000000, 'm');
+    const std::string fitting = fitText(longName, Font::Title, 200);
+    EXPECT_LE(textWidth(fitting, Font::Title), 200);
+    EXPECT_GT(textWidth("m" + fitting, Font::Title), 200);
+    EXPECT_TRUE(fitting.ends_with("m...")) << fitting;
+    EXPECT_EQ(fitText("short", Font::Title, 200), "short");
+    // The dots are there only where they are needed.
+    const int width = textWidth("a name", Font::Small);
+    EXPECT_EQ(fitText("a name", Font::Small, width), "a name");
+    EXPECT_NE(fitText("a name", Font::Small, width - 1), "a name");
+    EXPECT_EQ(fitText("a name", Font::Small, 0), "...");
+}

@@ -70,7 +70,9 @@ void expectFound(const Scene &scene, const std::vector<R> &results,
             if (!change.apply(changed))
                 continue;
             ++made[change.name];
-            EXPECT_NE(judge(scene.rays[i], hits.hits, changed), "") << "ray " << i << ": " << change.name;
+            const std::string fault = judge(scene.rays[i], hits.hits, changed);
+            EXPECT_NE(fault, "") << "ray " << i << ": " << change.name;
+            EXPECT_EQ(causeOf(fault).find_first_of("0123456789#"), std::string::npos) << fault;
         }
     }
     EXPECT_EQ(made.size(), all.size());

@@ -96,6 +96,16 @@ class RunCts(unittest.TestCase):
         self.assertEqual(self.statuses(), {"query.Pass.1": "Pass", "query.NotSupported.1": "Skip", "pipeline.Pass.1": "Pass",
                                            "pipeline.NotSupported.1": "Skip"})
 
+    def test_cases_of_a_pattern(self):
+        self.assertEqual(self.run_cts("--pattern", "dEQP-VK.ray_query.*").returncode, 0)
+        self.assertEqual(self.statuses(), {"query.Pass.1": "Pass", "query.NotSupported.1": "Skip"})
+
+    def test_nothing_was_tested(self):
+        result = self.run_cts(cases=["a.NotSupported.1", "a.NotSupported.2"])
+        self.assertEqual(result.returncode, 125, result.stdout)
+        self.assertIn("nothing was tested", result.stdout)
+        self.assertEqual(self.run_cts("--skips", self.file("skips", "Pass"), cases=["a.Pass.1"]).returncode, 125)
+
     def test_wrong_files(self):
         for option, line in (("--baseline", "a.Pass.1,Broken"), ("--baseline", "a.Pass.1"), ("--skips", "("), ("--flakes", "(")):
             result = self.run_cts(option, self.file("wrong", line), cases=["a.Pass.1"])

@@ -3,6 +3,9 @@
 // that nothing is read out of bounds).
 #include "support.h"
 
+#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/words.h"
+
 #include <gtest/gtest.h>
 
 #include <random>
@@ -116,6 +119,77 @@ TEST(BadModules, HugeIdBound)
     Module words = loadShader("nested.comp", "v15");
     words[3] = 0xffffffff;
     EXPECT_EQ(spirv::rewrite(words, {}).status, Status::Failed);
+}
+
+// A header's phi with many pairs for one block: one copy of the phi for each pair would need 16 GiB.
+TEST(BadModules, PhiWithManyEqualPairs)
+{
+    std::string pairs = " %u0 %entry";
+    for (int i = 0; i < 32'000; ++i)
+        pairs += " %count %next";
+    const Module words = assemble(moduleText("OpBranch %header\n%header = OpLabel\n%count = OpPhi %uint" + pairs + R"(
+          OpLoopMerge %end %next None
+          OpBranch %check
+ %check = OpLabel
+ %found = OpRayQueryProceedKHR %bool %q
+          OpBranchConditional %found %body %end
+  %body = OpLabel
+          OpBranch %next
+  %next = OpLabel
+          OpBranch %header
+   %end = OpLabel
+)"));
+    const auto result = spirv::rewrite(words, {.rootAddress = 0x1000});
+    EXPECT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_LT(result.words.size(), 2 * words.size());
+}
+
+// Many entry points, each of which calls all of a long chain of functions.
+TEST(BadModules, ManyEntryPointsOfManyFunctions)
+{
+    constexpr uint32_t kMany = 30'000, kVoid = 1, kProc = 2, kFirst = 10;
+    Module words = assemble("OpCapability Shader\nOpCapability RayQueryKHR\nOpMemoryModel Logical GLSL450\n");
+    words[3] = kFirst + 2 * kMany;
+    for (uint32_t i = 0; i < kMany; ++i)
+        words.insert(words.end(), {5u << 16 | 15, 5, kFirst + i, 'm', 0}); // OpEntryPoint GLCompute
+    words.insert(words.end(), {2u << 16 | 19, kVoid, 3u << 16 | 33, kProc, kVoid});
+    for (uint32_t i = 0; i < kMany; ++i) {
+        words.insert(words.end(), {5u << 16 | 54, kVoid, kFirst + i, 0, kProc, 2u << 16 | 248, kFirst + kMany + i});
+        if (i + 1 < kMany)
+            words.insert(words.end(), {4u << 16 | 57, kVoid, 0, kFirst + i + 1});
+        words.insert(words.end(), {1u << 16 | 253, 1u << 16 | 56});
+    }
+    std::string error;
+    const auto entries = spirv::readEntryPoints(words, error);
+    ASSERT_TRUE(entries) << error;
+    EXPECT_EQ(entries->size(), kMany);
+}
+
+// The first type of a module may be one that nobody here knows. Decorations still come before it.
+TEST(Modules, DecorationsBeforeAnUnknownType)
+{
+    constexpr uint32_t kUnknown = 0xfff0;
+    Module words = loadShader("nested.comp", "v15");
+    size_t at = 5;
+    while ((words[at] & 0xffff) != 19) // OpTypeVoid
+        at += words[at] >> 16;
+    words.insert(words.begin() + static_cast<ptrdiff_t>(at), {2u << 16 | kUnknown, words[3]++});
+    const auto result = spirv::rewrite(words, {.rootAddress = 0x1000});
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    size_t lastDecoration = 0, unknown = 0;
+    spirv::visitInstructions(result.words, [&](spirv::Words in) {
+        const auto position = static_cast<size_t>(in.data() - result.words.data());
+        if (const uint32_t opcode = spirv::opcodeOf(in); opcode == 71 || opcode == 72) // OpDecorate, OpMemberDecorate
+            lastDecoration = position;
+        else if (opcode == kUnknown)
+            unknown = position;
+        return true;
+    });
+    EXPECT_GT(unknown, lastDecoration);
+    Module without = result.words;
+    without.erase(without.begin() + static_cast<ptrdiff_t>(unknown),
+                  without.begin() + static_cast<ptrdiff_t>(unknown + 2));
+    EXPECT_EQ(validate(without), "");
 }
 
 } // namespace

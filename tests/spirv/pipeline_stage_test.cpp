@@ -38,6 +38,7 @@ std::string rewriteStage(const Stage &stage, const char *variant = "v15")
 
 constexpr Stage kTriangles{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits};
 constexpr Stage kBoxes{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Prologue::BoxHits};
+constexpr Stage kEither{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Prologue::EitherHits};
 constexpr Stage kEmpty{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits};
 constexpr Stage kCulling{"box.rint", spv::ExecutionModelIntersectionKHR, Prologue::BoxCulling};
 constexpr Stage kTrace{"trace.rgen", spv::ExecutionModelRayGenerationKHR, Prologue::None};
@@ -46,8 +47,10 @@ TEST(PipelineStages, AreValidInEveryVersion)
 {
     for (const char *variant : {"v15", "v14", "v16"})
         for (const Stage &stage :
-             {kTriangles, kBoxes, kEmpty, kCulling, kTrace,
+             {kTriangles, kBoxes, kEither, kEmpty, kCulling, kTrace,
               Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::BoxHits},
+              Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::EitherHits},
+              Stage{"struct_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::EitherHits},
               Stage{"matrix_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits},
               Stage{"integer_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits},
               Stage{"struct_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::TriangleHits},
@@ -86,6 +89,21 @@ TEST(PipelineStages, BoxesAreNotLookedUp)
     EXPECT_EQ(count(text, "vellumResolve"), 0u);
     EXPECT_EQ(count(text, "OpFunctionCall %bool %vellumCullsBox"), 1u);
     EXPECT_EQ(count(text, "OpFunctionCall %void %main"), 1u);
+}
+
+// In a library, whose any-hit shaders groups of triangles and of boxes may name: the hit kind decides.
+TEST(PipelineStages, EitherKindOfHit)
+{
+    const std::string text = rewriteStage(kEither);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumResolve"), 1u);
+    EXPECT_EQ(count(text, "BuiltIn HitKind"), 1u);
+    EXPECT_EQ(count(text, "OpFunctionCall %void %main"), 1u);
+    EXPECT_EQ(count(text, "OpFunctionCall %uint %vellumCustomIndex"), 1u);
+    // Attributes that no triangle has.
+    const std::string boxes =
+        rewriteStage({"short_attributes.rahit", spv::ExecutionModelAnyHitKHR, Prologue::EitherHits});
+    EXPECT_EQ(count(boxes, "vellumResolve"), 0u);
+    EXPECT_EQ(count(boxes, "OpFunctionCall %void %main"), 1u);
 }
 
 TEST(PipelineStages, RayFlagsAreHidden)
@@ -138,8 +156,9 @@ const spirv::HiddenFlags kInPayload{.fixed = 0};
 TEST(PipelineStages, AreValidInEveryVersionWithFlagsInPayloads)
 {
     for (const char *variant : {"v15", "v14", "v16"}) {
-        for (const Stage &stage : {kTriangles, kBoxes, kEmpty, kCulling, kTrace,
+        for (const Stage &stage : {kTriangles, kBoxes, kEither, kEmpty, kCulling, kTrace,
                                    Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::BoxHits},
+                                   Stage{"empty.rahit", spv::ExecutionModelAnyHitKHR, Prologue::EitherHits},
                                    Stage{"any_hit.rahit", spv::ExecutionModelAnyHitKHR, Prologue::None},
                                    Stage{"forward.rchit", spv::ExecutionModelClosestHitKHR, Prologue::None},
                                    Stage{"hit.rchit", spv::ExecutionModelClosestHitKHR, Prologue::None},

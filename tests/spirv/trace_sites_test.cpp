@@ -133,6 +133,34 @@ TEST(TraceSites, AreThoseOfOneEntryPoint)
     EXPECT_EQ(count(disassemble(marked), "OpFunctionCall"), 2u);
 }
 
+// Copies of structures and of pointers to them are followed.
+TEST(TraceSites, AreFoundThroughCopies)
+{
+    std::string text = kArray;
+    text.replace(text.find("%s1 = OpLoad"), 4, "%c1 = OpLoad %structure %p1\n%s1 = OpCopyObject %structure %c1\n;");
+    text.replace(text.find("%s3 = OpLoad %structure %p3"), 27,
+                 "%c3 = OpCopyObject %sp %p3\n%s3 = OpLoad %structure %c3");
+    const Module words = assemble(text);
+    ASSERT_EQ(validate(words), "");
+    const TraceSite first{true, spirv::StructureBinding{2, 5, 1}}, third{true, spirv::StructureBinding{2, 5, 0}};
+    EXPECT_EQ(spirv::traceSites(words, {"one", spv::ExecutionModelGLCompute}).front(), first);
+    EXPECT_EQ(spirv::traceSites(words, {"two", spv::ExecutionModelGLCompute}), std::vector{third});
+}
+
+// Ids that are copies of themselves, directly or through each other, end the search.
+TEST(TraceSites, CopiesOfThemselves)
+{
+    const std::vector<TraceSite> unknown{{true, {}}};
+    for (const char *copies :
+         {"%s3 = OpCopyObject %structure %s3", "%c3 = OpCopyObject %structure %s3\n%s3 = OpCopyObject %structure %c3",
+          "%c3 = OpAccessChain %sp %c3\n%s3 = OpLoad %structure %c3",
+          "%c3 = OpAccessChain %sp %c3 %zero\n%s3 = OpLoad %structure %c3", "%s3 = OpPhi %structure %s3 %lg"}) {
+        std::string text = kArray;
+        text.replace(text.find("%s3 = OpLoad %structure %p3"), 27, copies);
+        EXPECT_EQ(spirv::traceSites(assemble(text), {"two", spv::ExecutionModelGLCompute}), unknown) << copies;
+    }
+}
+
 TEST(TraceSites, MalformedModulesHaveNone)
 {
     Module words = assemble(kArray);

@@ -9,8 +9,11 @@ Extensions matter that, by the registry (vk.xml), have to do with ray tracing, s
 - they bring SPIR-V extensions or capabilities, or flags for pipelines, shaders or acceleration structures.
 
 The page has each in backticks, in the first column of a table whose second column says what the layer does, or in the list
-of those that pass through. The table of hidden ones is generated from the code; with --write, it is written anew. Extensions
-that the registry at hand is too old to have may be there.
+of those that pass through. The table of conflicting ones is generated from the code; with --write, it is written anew.
+Extensions that the registry at hand is too old to have may be there.
+
+The code has a list of every extension whose name says that it is for ray tracing, as others are reported when a program
+enables them: those of the registry must be in it, and those in it must be on the page.
 
 usage: check_extensions.py [--write] [REGISTRY [ROOT]]
 """
@@ -20,9 +23,9 @@ import xml.etree.ElementTree as ElementTree
 import findings
 
 PLACE = "docs/extensions.md"
-HIDDEN = "src/layer/entry/hidden_extensions.cpp"
+CODE = "src/layer/entry/ray_tracing_extensions.cpp"
 DISPLACEMENT = "VK_NV_displacement_micromap"
-BEGIN, END = "<!-- begin hidden -->\n", "<!-- end hidden -->\n"
+BEGIN, END = "<!-- begin conflicting -->\n", "<!-- end conflicting -->\n"
 MATTERS = {
     "VkAccelerationStructureKHR", "VkMicromapEXT", "VkShaderModule", "VkShaderEXT", "VkPipelineCache",
     "VkPipelineBinaryKHR", "VkRayTracingPipelineCreateInfoKHR", "VkPipelineShaderStageCreateInfo",
@@ -93,20 +96,35 @@ def described(page):
     return rows
 
 
-def hidden_table(code):
-    """Of the rows of kHidden: name, reason, and whether translated micromaps hide the extension as well."""
-    lines = ["| extension | why | also hidden from translated micromaps |", "|---|---|---|"]
-    for row in re.findall(r"^    \{((?:\"VK_|newer::).*?)\},$", code, re.M | re.S):
+def array(code, name):
+    """The text of an array of the code."""
+    return re.search(rf" {name}\[\] = {{(.*?)}};$", code, re.M | re.S)[1]
+
+
+def conflicting_rows(code):
+    """Of the rows of kConflicting: name, reason, and whether it conflicts with translated micromaps as well."""
+    for row in re.findall(r"^    \{((?:\"VK_|newer::).*?)\},$", array(code, "kConflicting"), re.M | re.S):
         name = re.match(r'"(VK_\w+)"', row)
         reason = re.findall(r'"([^"]*)"', row)[1 if name else 0]
-        lines.append(f"| `{name[1] if name else DISPLACEMENT}` | {reason} | {'yes' if 'Translated::' in row else 'no'} |")
+        yield name[1] if name else DISPLACEMENT, reason, "NotBeside" in row
+
+
+def conflicting_table(code):
+    lines = ["| extension | why | also with translated micromaps |", "|---|---|---|"]
+    lines += [f"| `{name}` | {reason} | {'yes' if translated else 'no'} |"
+              for name, reason, translated in conflicting_rows(code)]
     return "\n".join(lines) + "\n"
+
+
+def known(code):
+    """The extensions for ray tracing that the code knows."""
+    return {name for name, _, _ in conflicting_rows(code)} | set(re.findall(r'"(VK_\w+)"', array(code, "kCompatible")))
 
 
 def generated(root):
     page = (root / PLACE).read_text(encoding="utf-8")
     before, rest = page.split(BEGIN)
-    return before + BEGIN + hidden_table((root / HIDDEN).read_text(encoding="utf-8")) + END + rest.split(END)[1]
+    return before + BEGIN + conflicting_table((root / CODE).read_text(encoding="utf-8")) + END + rest.split(END)[1]
 
 
 def write(root):
@@ -122,7 +140,13 @@ def check(registry_path, root):
     found += [f"{PLACE}: {name} is there {len(texts)} times" for name, texts in rows.items() if len(texts) > 1]
     found += [f"{PLACE}: an empty cell about {name}" for name, texts in rows.items() if not all(texts)]
     if page != generated(root):
-        found.append(f"{PLACE}: the table of hidden extensions is stale; run tests/structure/check_extensions.py --write")
+        found.append(f"{PLACE}: the table of conflicting extensions is stale; "
+                     "run tests/structure/check_extensions.py --write")
+    code = (root / CODE).read_text(encoding="utf-8")
+    parts = re.findall(r'"(\w+)"', array(code, "kRayTracing"))
+    found += [f"{CODE}: {name} is neither in kConflicting nor in kCompatible" for name in sorted(registry.extensions)
+              if any(part in name for part in parts) and name not in known(code)]
+    found += [f"{PLACE}: nothing about {name}, which {CODE} knows" for name in sorted(known(code) - set(rows))]
     return found, len(wanted)
 
 

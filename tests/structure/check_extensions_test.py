@@ -37,29 +37,33 @@ ROWS = {"VK_EXT_structure": "kept", "VK_EXT_command": "kept", "VK_EXT_flag": "ke
         "VK_EXT_language": "kept", "VK_EXT_of_a_shader": "kept"}
 
 
-CODE = """constexpr HiddenExtension kHidden[] = {
+CODE = """constexpr ConflictingExtension kConflicting[] = {
     {newer::kDisplacementMicromapExtension, "it extends the driver's",
-     newer::kDisplacementMicromapFeatures, 1},
-    {"VK_EXT_hidden", "its instances differ",
-     static_cast<VkStructureType>(1000478000), 1, HiddenExtension::Translated::NotBesideKhr},
+     newer::kDisplacementMicromapFeatures, 1, Translated::Works, true},
+    {"VK_EXT_conflicting", "its instances differ",
+     static_cast<VkStructureType>(1000478000), 1, Translated::NotBesideKhr},
+};
+constexpr std::string_view kRayTracing[] = {"depends"};
+constexpr std::string_view kCompatible[] = {
+    "VK_EXT_depends",
 };
 """
-TABLE = """| extension | why | also hidden from translated micromaps |
+TABLE = """| extension | why | also with translated micromaps |
 |---|---|---|
 | `VK_NV_displacement_micromap` | it extends the driver's | no |
-| `VK_EXT_hidden` | its instances differ | yes |
+| `VK_EXT_conflicting` | its instances differ | yes |
 """
 
 
-def run(rows, passed=(), table=TABLE, options=()):
-    page = ["# Page\n\n## Hidden\n<!-- begin hidden -->", table + "<!-- end hidden -->\n", "## Handled\n",
+def run(rows, passed=(), table=TABLE, options=(), code=CODE):
+    page = ["# Page\n\n## Not together with micromaps\n<!-- begin conflicting -->", table + "<!-- end conflicting -->\n", "## Handled\n",
             "| extension | what |", "|---|---|"]
     page += [f"| `{name}` | {text} |" for name, text in rows]
     page += ["\n## Passed through\n", ", ".join(f"`{name}`" for name in passed)]
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
         for name, text in {"docs/extensions.md": "\n".join(page) + "\n", "vk.xml": REGISTRY,
-                           "src/layer/entry/hidden_extensions.cpp": CODE}.items():
+                           "src/layer/entry/ray_tracing_extensions.cpp": code}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
         result = subprocess.run([sys.executable, str(CHECK), *options, str(root / "vk.xml"), folder],
@@ -96,8 +100,18 @@ class CheckExtensions(unittest.TestCase):
     def test_stale_table(self):
         code, out = run(ROWS.items(), table=TABLE.replace("differ", "are alike"))
         self.assertEqual(code, 1)
-        self.assertIn("the table of hidden extensions is stale", out)
+        self.assertIn("the table of conflicting extensions is stale", out)
         self.assertEqual(run(ROWS.items(), table="", options=["--write"])[0], 0)
+
+    def test_unknown_to_the_code(self):
+        code, out = run(ROWS.items(), code=CODE.replace('"VK_EXT_depends"', '"VK_EXT_conflicting"'))
+        self.assertEqual(code, 1)
+        self.assertIn("VK_EXT_depends is neither in kConflicting nor in kCompatible", out)
+
+    def test_known_to_the_code_only(self):
+        code, out = run(ROWS.items(), code=CODE.replace('"VK_EXT_depends",', '"VK_EXT_depends", "VK_EXT_mistyped",'))
+        self.assertEqual(code, 1)
+        self.assertIn("nothing about VK_EXT_mistyped", out)
 
     def test_without_registry(self):
         result = subprocess.run([sys.executable, str(CHECK), "/nowhere/vk.xml"], stdout=subprocess.PIPE, text=True,

@@ -4,8 +4,7 @@
 
 - an include goes from a part of src/ only to a part that it may use, or to files of it, and from a subsystem only to those
   that it may use;
-- a part with subsystems has its sources in them;
-- no folder has more source files than MOST_FILES, and no source file has more lines than MOST_LINES.
+- a part with subsystems has its sources in them.
 
 usage: check_includes.py [ROOT]
 """
@@ -66,16 +65,13 @@ SUBSYSTEMS = {
                  "verify", "inspect", "bake", "", "manual"),
 }
 
-MOST_FILES = 24
-MOST_LINES = 599
-FOLDERS = ("src", "include", "tests", "bench", "examples")
 SOURCES = {".c", ".cpp", ".h", ".inc", ".glsl", ".comp", ".vert", ".frag", ".mesh", ".rgen", ".rmiss", ".rchit",
            ".rahit", ".rint", ".rcall"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*"([^"]+)"')
 
 
-def sources(root, folder):
-    return sorted(path for path in (root / folder).rglob("*") if path.suffix in SOURCES and path.is_file())
+def sources(root):
+    return sorted(path for path in (root / "src").rglob("*") if path.suffix in SOURCES and path.is_file())
 
 
 def place(path):
@@ -115,7 +111,7 @@ def finding_of_include(here, there):
 def check(root):
     root = root.resolve()
     found = []
-    for path in sources(root, "src"):
+    for path in sources(root):
         here = path.relative_to(root / "src")
         part, subsystem = place(here)
         if part not in PARTS:
@@ -127,17 +123,7 @@ def check(root):
                 there = included(root, path, match[1])
                 if there and (wrong := finding_of_include(here, there)):
                     found.append(f'src/{here}:{number}: "{match[1]}": {wrong}')
-    for folder in FOLDERS:
-        counts = {}
-        for path in sources(root, folder):
-            counts[path.parent] = counts.get(path.parent, 0) + 1
-            lines = len(path.read_text(encoding="utf-8").splitlines())
-            if lines > MOST_LINES:
-                found.append(f"{path.relative_to(root)}: {lines} lines, more than {MOST_LINES}")
-        for parent, count in counts.items():
-            if count > MOST_FILES:
-                found.append(f"{parent.relative_to(root)}: {count} source files, more than {MOST_FILES}")
-    return found, sum(len(sources(root, folder)) for folder in FOLDERS)
+    return found, len(sources(root))
 
 
 if __name__ == "__main__":

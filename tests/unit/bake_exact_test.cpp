@@ -69,6 +69,47 @@ TEST(BakeExact, EqualsExactArithmeticOnGrids)
     RecordProperty("mixed", std::to_string(sum.mixed));
 }
 
+// So near to a side of texels that the machine's integers do not hold them.
+TEST(BakeExact, EqualsExactArithmeticBesideASide)
+{
+    test::TestRandom random(4);
+    Tally sum;
+    for (unsigned round = 0; round < 200 && !HasFatalFailure(); ++round) {
+        RandomCase c = caseOnGrid(random);
+        c.texture.filter = Filter::Nearest;
+        const float sign = random() % 2 == 0 ? 1.0f : -1.0f;
+        for (TriangleUvs &uvs : c.triangles)
+            for (TexCoord &uv : uvs)
+                uv.u = sign * static_cast<float>(1 + random() % 3) * 0x1p-80f;
+        SCOPED_TRACE(testing::Message() << "round " << round << ": " << c);
+        compareAll<long double>(sum, c, 0);
+    }
+    EXPECT_EQ(sum.wrong, 0u);
+    EXPECT_EQ(sum.needless, 0u);
+    EXPECT_GT(sum.mixed, sum.all / 50);
+}
+
+// Along the sides of texels rounding decides nothing: each of 16 million micro-triangles is looked at exactly. All of
+// them read what lies behind the side.
+TEST(BakeExact, TakesNoMinutesAlongASide)
+{
+    AlphaTexture texture;
+    texture.width = 2;
+    texture.height = 2;
+    texture.alpha = {1, 0, 0, 0};
+    texture.filter = Filter::Nearest;
+    BakeOptions options;
+    options.exactly().level = 12;
+    const std::vector<TriangleUvs> triangles = {
+        {TexCoord{0, 0.5f}, {0.25f, 0.5f}, {0.4375f, 0.5f}},       // of no area, under the opaque texel
+        {TexCoord{0.5f, 0}, {0.5f, 0.3f}, {0.5f, 0.125f}},         // right of it
+        {TexCoord{0.5f, 0.5f}, {0.625f, 0.375f}, {0.75f, 0.25f}}}; // and at its corner
+    for (const TriangleUvs &triangle : triangles) {
+        const BakeResult result = bake(texture, {&triangle, 1}, options);
+        EXPECT_EQ(result.micromap.indices, std::vector<int32_t>{specialIndex(State::Transparent)});
+    }
+}
+
 // Any textures and coordinates, in long double: what is within its rounding of the cutoff may be either.
 TEST(BakeExact, EqualsTheMathematicsAnywhere)
 {

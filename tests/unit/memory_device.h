@@ -35,6 +35,9 @@ public:
     [[nodiscard]] const layer::GpuContext &context() const { return context_; }
     // Buffers and pieces of memory that exist, of all such devices.
     static long alive() { return alive_; }
+    // The memory that exists, and how often some was allocated.
+    static VkDeviceSize allocatedBytes() { return allocatedBytes_; }
+    static long allocations() { return allocations_; }
 
 private:
     struct BufferState {
@@ -65,13 +68,22 @@ private:
     static VKAPI_ATTR VkResult VKAPI_CALL allocateMemory(VkDevice, const VkMemoryAllocateInfo *info,
                                                          const VkAllocationCallbacks *, VkDeviceMemory *memory)
     {
-        *memory = reinterpret_cast<VkDeviceMemory>(::operator new (info->allocationSize, std::align_val_t{kPage}));
+        // Its size is in the page before it.
+        void *bytes = ::operator new (kPage + info->allocationSize, std::align_val_t{kPage});
+        *static_cast<VkDeviceSize *>(bytes) = info->allocationSize;
+        *memory = reinterpret_cast<VkDeviceMemory>(static_cast<std::byte *>(bytes) + kPage);
         ++alive_;
+        ++allocations_;
+        allocatedBytes_ += info->allocationSize;
         return VK_SUCCESS;
     }
     static VKAPI_ATTR void VKAPI_CALL freeMemory(VkDevice, VkDeviceMemory memory, const VkAllocationCallbacks *)
     {
-        ::operator delete (reinterpret_cast<void *>(memory), std::align_val_t{kPage});
+        if (!memory)
+            return;
+        void *bytes = reinterpret_cast<std::byte *>(memory) - kPage;
+        allocatedBytes_ -= *static_cast<VkDeviceSize *>(bytes);
+        ::operator delete (bytes, std::align_val_t{kPage});
         --alive_;
     }
     static VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory(VkDevice, VkBuffer buffer, VkDeviceMemory memory,
@@ -91,7 +103,8 @@ private:
         return reinterpret_cast<VkDeviceAddress>(reinterpret_cast<BufferState *>(info->buffer)->bytes);
     }
 
-    inline static std::atomic<long> alive_{0};
+    inline static std::atomic<long> alive_{0}, allocations_{0};
+    inline static std::atomic<VkDeviceSize> allocatedBytes_{0};
     layer::DeviceTable table_{};
     layer::GpuContext context_{};
 };

@@ -210,6 +210,20 @@ TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
     EXPECT_EQ(printed(&chain), "");
 }
 
+TEST_F(SettingsTest, FaultsAreAppendedToTheReportFile)
+{
+    write("");
+    const std::filesystem::path report = folder_ / "report";
+    set("VELLUM_REPORT_FILE", report.string().c_str());
+    set("VELLUM_STRICT", "per\nhaps");
+    EXPECT_NE(printed(), "");
+    EXPECT_EQ(printed(), "");
+    std::ifstream lines(report);
+    const std::string text(std::istreambuf_iterator<char>(lines), {});
+    EXPECT_EQ(text, "error VELLUM-setting: strict is \"per haps\" (VELLUM_STRICT) and must be 1, true, on, 0, false or "
+                    "off; the setting is ignored\n");
+}
+
 TEST_F(SettingsTest, AFileThatIsNotThere)
 {
     set("VK_LAYER_SETTINGS_PATH", (folder_ / "nowhere").string().c_str());

@@ -193,7 +193,10 @@ public:
                                                       .pQueueCreateInfos = &queue,
                                                       .enabledExtensionCount = kExtensions.size(),
                                                       .ppEnabledExtensionNames = kExtensions.data()});
-        VT_CHECK(vkCreateDevice(gpu.physical(), &info, nullptr, &handle));
+        // The layer's own micromaps are not available there.
+        if (const VkResult result = vkCreateDevice(gpu.physical(), &info, nullptr, &handle);
+            result != VK_ERROR_FEATURE_NOT_PRESENT)
+            VT_CHECK(result);
     }
     GroupDevice(const GroupDevice &) = delete;
     GroupDevice &operator=(const GroupDevice &) = delete;
@@ -205,6 +208,10 @@ public:
 void replayOfGroup(Gpu &gpu, bool wrong)
 {
     const GroupDevice device(gpu);
+    if (device.handle == VK_NULL_HANDLE) {
+        gpu.takeMessages();
+        GTEST_SKIP() << "a driver's own micromaps only";
+    }
     const auto info = vkInit<VkAccelerationStructureCreateInfo2KHR>(
         {.createFlags = wrong ? VkFlags{VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR} : 0,
          .addressRange = {65536, 2048},

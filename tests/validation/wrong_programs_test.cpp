@@ -151,7 +151,10 @@ TEST_P(WrongPrograms, AreReported)
             std::erase(ids, "VELLUM-not-available");
         return ids;
     };
-    EXPECT_EQ(run(false), std::vector<std::string>()) << "the right program: " << texts;
+    const std::vector<std::string> right = run(false);
+    if (IsSkipped())
+        return;
+    EXPECT_EQ(right, std::vector<std::string>()) << "the right program: " << texts;
     std::vector<std::string> ids = run(true);
     if (program.perhaps)
         std::erase(ids, program.perhaps);

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "card_file.h"
+#include "gltf/micromaps/file_bake.h"
 #include "verify_cases.h"
 
 using namespace vellum;
@@ -32,6 +33,20 @@ FileReport verifyCard(const CardFile &card, const FileOptions &options = {})
     const TemporaryFolder folder;
     writeFile(folder / "card.glb", card.bytes());
     return verify::verifyDocument(Document(folder / "card.glb"), options);
+}
+
+// The file of a card with these alphas of its vertices, baked and verified.
+FileReport verifyBaked(const std::vector<float> &alphas)
+{
+    CardFile card;
+    card.extension = false;
+    card.alphas = alphas;
+    const TemporaryFolder folder;
+    writeFile(folder / "card.glb", card.bytes());
+    FileBakeOptions options;
+    options.bake.level = 4;
+    bakeFile(folder / "card.glb", folder / "baked.glb", options);
+    return verify::verifyDocument(Document(folder / "baked.glb"), {});
 }
 
 // All of the card in one state.
@@ -244,4 +259,48 @@ TEST(VerifyFile, CautionsOfAnotherImage)
     writeFile(folder / "card.glb", packGlb(json, Bytes(bytes.begin() + 28 + length, bytes.end())));
     const FileReport report = verify::verifyDocument(Document(folder / "card.glb"), {});
     EXPECT_EQ(report.primitives.at(0).caution, "its texture has an image that is not supported (KHR_texture_basisu)");
+}
+
+// The baker gives up triangles whose vertices have different alphas, or alphas that no texture has. That can be proven
+// to be more than is needed, and is nothing to complain about in a file that was just baked.
+TEST(VerifyFile, FindsNothingInABakedFileWithVertexAlphas)
+{
+    for (const std::vector<float> &alphas : {std::vector<float>{1, 1, 1, 1},
+                                             {0.25f, 0.5f, 0.375f, 0.125f},
+                                             {0.1f, 0.1f, 0.1f, 0.2f},
+                                             {0, 0, 0, 0.25f},
+                                             {2, 2, 2, 2},
+                                             {0.75f, 0.75f, 0.75f, 0.75f},
+                                             {1, 0.9f, 0.8f, 1}}) {
+        const FileReport report = verifyBaked(alphas);
+        ASSERT_EQ(report.primitives.size(), 1u);
+        for (size_t kind = 0; kind < verify::kKinds; ++kind)
+            EXPECT_EQ(report.counts().findings[kind], 0u) << kind << ' ' << alphas[0];
+    }
+    // Micro-triangles of such a triangle that are unknown one by one do count.
+    CardFile card = bakedCard();
+    card.alphas = {0.25f, 0.25f, 0.25f, 0.125f};
+    std::fill(card.micromap.data.begin(), card.micromap.data.end(), uint8_t{0xff});
+    EXPECT_EQ(verifyCard(card).counts().of(Kind::Needless), 2 * microTriangleCount(3));
+}
+
+// Materials that read the same texture, each with its own cutoff: the file of the image is gone before the second.
+TEST(VerifyFile, ReadsAnImageOnceForAllMaterials)
+{
+    const TemporaryFolder folder;
+    std::string json =
+        writeCardGltf(folder / "tree.gltf", discPng(),
+                      {{R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0})",
+                        R"({"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0},
+             {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 2})"},
+                       {R"({"name": "wood"})", R"({"name": "wood"}, {"alphaMode": "MASK", "alphaCutoff": 0.7,
+             "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.75], "baseColorTexture": {"index": 0}}})"}});
+    FileBakeOptions bake;
+    bake.bake.level = 3;
+    bakeFile(folder / "tree.gltf", folder / "baked.gltf", bake);
+    FileOptions options;
+    options.progress = [&](size_t, size_t) { std::filesystem::remove(folder / "disc.png"); };
+    const FileReport report = verify::verifyDocument(Document(folder / "baked.gltf"), options);
+    EXPECT_TRUE(report.unverified.empty()) << report.unverified[0].reason;
+    EXPECT_EQ(report.primitives.size(), 2u);
 }

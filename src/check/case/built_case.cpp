@@ -157,12 +157,12 @@ void BuiltCase::runOnThreads(const Work &work)
             errors[t] = std::current_exception();
         }
     };
-    std::vector<std::thread> threads;
-    for (size_t t = 1; t < count; ++t)
-        threads.emplace_back(share, t);
-    share(0);
-    for (std::thread &thread : threads)
-        thread.join();
+    {
+        std::vector<std::jthread> threads;
+        for (size_t t = 1; t < count; ++t)
+            threads.emplace_back(share, t);
+        share(0);
+    }
     for (const std::exception_ptr &error : errors) {
         if (error)
             std::rethrow_exception(error);

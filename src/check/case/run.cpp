@@ -3,6 +3,7 @@
 
 #include "check/case/built_case.h"
 #include "check/case/trace.h"
+#include "check/oracle/query_judge.h"
 
 namespace vellum::check
 {
@@ -34,20 +35,6 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
     if (const auto lacks = missingFor(gpu, c.trace))
         return *lacks;
     return sceneRule(gpu, c.trace, after).value_or("");
-}
-
-// A fault without what varies from case to case: numbers become #.
-std::string causeOf(const std::string &fault)
-{
-    std::string cause;
-    for (const char x : fault.substr(0, fault.find('\n'))) {
-        const bool digit = x >= '0' && x <= '9';
-        if (!digit)
-            cause += x;
-        else if (cause.empty() || cause.back() != '#')
-            cause += '#';
-    }
-    return cause;
 }
 
 std::string described(const oracle::Scene &scene, size_t ray)
@@ -87,14 +74,14 @@ Verdict run(Device &gpu, const Case &c)
         verdict.wrongRays.push_back(static_cast<uint32_t>(i));
         if (!verdict.ray) {
             verdict.ray = static_cast<uint32_t>(i);
-            verdict.cause = causeOf(faults[i]);
+            verdict.cause = oracle::causeOf(faults[i]);
             verdict.detail = described(after, i) + ": " + faults[i];
         }
     }
     for (const std::string &fault : gpu.takeFaults()) {
         verdict.detail += (verdict.detail.empty() ? "" : "\n") + fault;
         if (verdict.cause.empty())
-            verdict.cause = causeOf(fault);
+            verdict.cause = oracle::causeOf(fault);
     }
     return verdict;
 }

@@ -48,8 +48,8 @@ Arena::Place Arena::take(VkDeviceSize size, VkDeviceSize alignment)
 void Arena::give(const Place &place)
 {
     if (!intactBeside(place))
-        gpu_.fault("guard bytes beside offset " + std::to_string(place.offset) + " of buffer " +
-                   std::to_string(place.block) + " have changed");
+        gpu_.fault("guard bytes have changed (beside offset " + std::to_string(place.offset) + " of buffer " +
+                   std::to_string(place.block) + ")");
     const std::lock_guard lock(mutex_);
     blocks_[place.block]->pieces.give(static_cast<size_t>(place.offset));
 }
@@ -67,8 +67,8 @@ void Arena::expectIntact(const std::string &when) const
         const Pieces &pieces = blocks_[b]->pieces;
         counts_.guardBytes += pieces.guardBytes();
         if (const auto damage = pieces.damage()) {
-            gpu_.fault(when + ": the guard byte at offset " + std::to_string(*damage) + " of buffer " +
-                       std::to_string(b) + " has changed");
+            gpu_.fault(when + ": a guard byte has changed (at offset " + std::to_string(*damage) + " of buffer " +
+                       std::to_string(b) + ")");
         }
     }
 }
@@ -112,10 +112,10 @@ void Arena::Snapshot::expectOnlyChanged(std::span<const Range> ranges, const std
             last = before[i] != now[i] ? i : last;
         }
         const auto piece = pieces.upTo(offset).value_or(std::pair<size_t, size_t>{});
-        arena_.gpu_.fault(operation + ": " + std::to_string(changed) +
-                          " bytes changed that it may not write to, from offset " + std::to_string(offset) + " to " +
-                          std::to_string(last) + " of buffer " + std::to_string(b) + "; the piece before begins at " +
-                          std::to_string(piece.first) + " and has " + std::to_string(piece.second) + " bytes");
+        arena_.gpu_.fault(operation + ": bytes changed that it may not write to (" + std::to_string(changed) +
+                          " bytes from offset " + std::to_string(offset) + " to " + std::to_string(last) +
+                          " of buffer " + std::to_string(b) + "; the piece before begins at " +
+                          std::to_string(piece.first) + " and has " + std::to_string(piece.second) + " bytes)");
     }
 }
 

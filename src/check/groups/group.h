@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -43,7 +42,7 @@ struct Outcome {
 
 // What a process tests.
 struct SessionOptions {
-    std::optional<std::string> device; // its number; where it is still to be chosen, also a part of its name
+    uint32_t device = 0; // its number in Vulkan's list
     Api api = Api::Khr;
     bool layer = true; // whether our layer is enabled
 };

@@ -21,7 +21,7 @@ Device &Session::device(Memory memory)
 {
     std::unique_ptr<Device> &device = devices_[memory];
     if (!device) {
-        DeviceOptions options{.physicalDevice = static_cast<uint32_t>(std::stoul(options_.device.value_or("0"))),
+        DeviceOptions options{.physicalDevice = options_.device,
                               .api = options_.api,
                               .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
                                              VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5"},

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "check/oracle/pipeline_judge.h"
 
+#include "check/oracle/query_judge.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -83,9 +85,7 @@ private:
     template <class T>
     static std::string describe(const char *what, const T &x)
     {
-        return std::string(what) + ": instance " + std::to_string(x.instance) + " geometry " +
-               std::to_string(x.geometry) + " primitive " + std::to_string(x.primitive) + " custom index " +
-               std::to_string(x.customIndex);
+        return what + inWords(x);
     }
 
     std::string visitFault()
@@ -151,7 +151,7 @@ private:
         if (result_.invocations != 1)
             return "more than one closest-hit or miss shader";
         if (result_.flags != ray_.flags)
-            return "ray flags read back as " + std::to_string(result_.flags);
+            return "ray flags read back wrong (" + std::to_string(result_.flags) + ")";
         if (result_.tMin < ray_.tMin || result_.tMin > ray_.tMin)
             return "tMin read back wrong";
         if (result_.committed == kNone) {
@@ -170,9 +170,9 @@ private:
         });
         if (!placed(*hit, result_, result_.hitKind) ||
             (!(othersReported && tolerance_.reportChangesAttributes) && !attributed(*hit, result_)))
-            return describe("place of the committed hit", result_) + " t " + std::to_string(result_.t) + " u " +
-                   std::to_string(result_.u) + " v " + std::to_string(result_.v) + " hit kind " +
-                   std::to_string(result_.hitKind);
+            return describe("place of the committed hit", result_) + " (t " + std::to_string(result_.t) + ", u " +
+                   std::to_string(result_.u) + ", v " + std::to_string(result_.v) + ", hit kind " +
+                   std::to_string(result_.hitKind) + ")";
         if (result_.record != 100 + recordOf(*hit))
             return "record of the committed hit";
         return mayStay(double{result_.t}) ? "" : "the committed hit is not the nearest";

@@ -10,7 +10,7 @@ namespace vellum::check::oracle
 std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Result &result)
 {
     if (result.flags != ray.flags)
-        return "ray flags read back as " + std::to_string(result.flags);
+        return "ray flags read back wrong (" + std::to_string(result.flags) + ")";
     if (result.tMin < ray.tMin || result.tMin > ray.tMin)
         return "tMin read back wrong";
     if (result.candidateCount > kCapacity)
@@ -23,9 +23,7 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
             return names(h, c) && h.box == c.box() && (h.box || h.opacity == Opacity::NonOpaque);
         });
         if (hit == hits.end())
-            return "a candidate that is none: instance " + std::to_string(c.instance) + " geometry " +
-                   std::to_string(c.geometry) + " primitive " + std::to_string(c.primitive) + " custom index " +
-                   std::to_string(c.customIndex);
+            return "a candidate that is none" + inWords(c);
         if (hit->box) {
             generated |= c.confirmed();
             if (c.boxOpaque() != (hit->opacity == Opacity::Opaque))
@@ -73,8 +71,7 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
             continue;
         if (std::none_of(result.candidates.begin(), result.candidates.end(),
                          [&h](const Candidate &c) { return names(h, c); }))
-            return "a candidate was left out: instance " + std::to_string(h.instance) + " geometry " +
-                   std::to_string(h.geometry) + " primitive " + std::to_string(h.primitive);
+            return "a candidate was left out" + inWords(h);
     }
     return {};
 }

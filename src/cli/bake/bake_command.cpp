@@ -2,7 +2,6 @@
 #include "cli/bake/bake_command.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
 #include <mutex>
 #include <numeric>
@@ -16,12 +15,15 @@
 #include "cli/base/progress.h"
 #include "cli/base/standard_streams.h"
 #include "cli/base/system/interrupt.h"
+#include "core/parallel.h"
 #include "core/utf8_path.h"
 
 namespace vellum::cli
 {
 namespace
 {
+
+constexpr const char *kNotBaked = "not baked: interrupted";
 
 // Bakes files on several threads: many files at a time, and the last ones with several threads each.
 class Bakery
@@ -31,7 +33,7 @@ public:
     std::vector<BakeFileReport> run();
 
 private:
-    void work();
+    void bakeNext(size_t i);
     BakeFileReport bakeOne(size_t job, unsigned threads);
     void report(size_t job, double share);
 
@@ -42,7 +44,6 @@ private:
     std::vector<double> bytes_; // of the inputs
     std::vector<size_t> order_; // the largest first
     unsigned threads_;
-    std::atomic<size_t> next_{0};
     std::mutex reporting_;
     Progress progress_;
     double total_ = 0;
@@ -88,6 +89,8 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         return report;
     };
     const std::string prefix = utf8Text(jobs_[job].input) + ": ";
+    if (Interruptible::interrupted())
+        return failed(prefix + kNotBaked);
     if (!jobs_[job].problem.empty())
         return failed(prefix + jobs_[job].problem);
     options.measure = true;
@@ -95,6 +98,8 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
         const Document document = openDocument(jobs_[job].input);
         exclusions_.note(document);
         return reportOf(jobs_[job], bakeFile(document, jobs_[job].output, options));
+    } catch (const BakeCancelled &) {
+        return failed(prefix + kNotBaked);
     } catch (const std::bad_alloc &) {
         return failed(prefix + "out of memory");
     } catch (const GltfError &error) {
@@ -104,43 +109,28 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
     }
 }
 
-void Bakery::work()
+void Bakery::bakeNext(size_t i)
 {
-    for (size_t i = next_++; i < order_.size() && !Interruptible::interrupted(); i = next_++) {
-        const size_t left = order_.size() - i;
-        const unsigned threads = left >= threads_ ? 1 : threads_ / static_cast<unsigned>(left);
-        const size_t job = order_[i];
-        reports_[job] = bakeOne(job, threads);
-        report(job, 1);
-    }
+    const size_t left = order_.size() - i;
+    const unsigned threads = left >= threads_ ? 1 : threads_ / static_cast<unsigned>(left);
+    const size_t job = order_[i];
+    reports_[job] = bakeOne(job, threads);
+    report(job, 1);
 }
 
 std::vector<BakeFileReport> Bakery::run()
 {
-    std::vector<std::thread> workers;
-    for (size_t i = 1; i < std::min<size_t>(threads_, jobs_.size()); ++i)
-        workers.emplace_back([this] { work(); });
-    work();
-    for (std::thread &worker : workers)
-        worker.join();
+    struct NoState {
+    };
+    inParallel<NoState>(threads_, jobs_.size(), [this](size_t i, NoState &) { bakeNext(i); });
     return std::move(reports_);
 }
-
-} // namespace
-
-namespace
-{
 
 std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options, UnmatchedExclusions &exclusions)
 {
     std::vector<BakeJob> jobs = planBake(options);
     const Interruptible interruptible;
-    std::vector<BakeFileReport> reports = Bakery(options, std::move(jobs), exclusions).run();
-    if (Interruptible::interrupted()) {
-        std::fprintf(stderr, "vellum: interrupted\n");
-        Interruptible::die();
-    }
-    return reports;
+    return Bakery(options, std::move(jobs), exclusions).run();
 }
 
 // What went wrong goes to stderr, a line each.
@@ -192,8 +182,16 @@ int bakeCommand(BakeCommandOptions &options)
     if (options.dryRun && !options.json)
         std::printf("nothing was written (--dry-run)\n");
     std::fflush(stdout);
-    exclusions.print();
-    return static_cast<int>(printProblems(options, reports));
+    const ExitCode code = printProblems(options, reports);
+    if (!Interruptible::interrupted()) {
+        exclusions.print();
+        return static_cast<int>(code);
+    }
+    const auto baked = std::count_if(reports.begin(), reports.end(),
+                                     [](const BakeFileReport &report) { return report.error.empty(); });
+    std::fprintf(stderr, "vellum: interrupted: %zu of %zu files were baked\n", static_cast<size_t>(baked),
+                 reports.size());
+    Interruptible::die();
 }
 
 } // namespace vellum::cli

@@ -30,7 +30,8 @@ skipped loses its micromap.
 
 Without OUT, NAME.omm.glb is written beside the input. OUT can be a folder; several inputs, and folders, need -o FOLDER.
 Folders are searched recursively, and files keep their place below the output folder. Inputs are never modified. Outputs
-appear whole or not at all. An existing file is replaced only if vellum bake wrote it, or with --force.
+appear whole or not at all. An existing file is replaced only if vellum bake wrote it, or with --force. After Ctrl-C or
+SIGTERM the files that are done stay and are reported, the others are listed, and the command ends by the signal.
 
 A .glb stays a .glb. A .gltf stays a .gltf: its micromaps go into NAME.omm-DIGEST.bin beside it, and the files that it
 names are copied if the output is in another folder.

@@ -17,6 +17,11 @@ enum class ExitCode : int {
     UncertainClaims = 5, // 5 and 6 only with verify --strict
     NeedlesslyUnknown = 6,
     NoMicromaps = 7, // verify --strict, bake --require-micromaps
+    // Far from those of the programs that `run` runs; the last two are a shell's.
+    MessagesFailed = 122, // run
+    NotRun = 125,         // run, check
+    NotExecutable = 126,  // run
+    NoProgram = 127,      // run
 };
 
 struct ExitCodeMeaning {

@@ -18,14 +18,22 @@ namespace vellum::cli
 namespace
 {
 
+bool isOwnJson(std::string_view start)
+{
+    if (!start.starts_with(kJsonMark[0]))
+        return false;
+    start.remove_prefix(kJsonMark[0].size());
+    const size_t number = std::min(start.find_first_not_of("0123456789"), start.size());
+    return number != 0 && start.substr(number).starts_with(kJsonMark[1]);
+}
+
 bool isOwnOutput(const std::filesystem::path &path)
 {
     std::string start(1024, '\0');
     std::ifstream file(path, std::ios::binary);
     file.read(start.data(), static_cast<std::streamsize>(start.size()));
     start.resize(static_cast<size_t>(file.gcount()));
-    return start.find(kPngMark) != std::string::npos || start.find(kHtmlMark) != std::string::npos ||
-           start.starts_with(kJsonMark);
+    return start.find(kPngMark) != std::string::npos || start.find(kHtmlMark) != std::string::npos || isOwnJson(start);
 }
 
 } // namespace

@@ -13,11 +13,11 @@
 namespace vellum::cli
 {
 
-// In the first bytes of every PNG and HTML file that this command writes, and of the JSON that belongs to a page. A
-// file with it may be replaced.
+// In the first bytes of every PNG and HTML file that this command writes, and of the JSON that belongs to a page, whose
+// schema may have any number. A file with it may be replaced.
 inline constexpr std::string_view kPngMark("tEXtSoftware\0vellum", 19);
 inline constexpr std::string_view kHtmlMark = "<meta name=\"generator\" content=\"vellum\">";
-inline constexpr std::string_view kJsonMark = R"({"schema":"vellum/1","command":"bench",)";
+inline constexpr std::string_view kJsonMark[] = {R"({"schema":"vellum/)", R"(","command":"bench",)"};
 
 // The output for what the user said: a file, a folder (one that exists, or a name that ends in a slash) for a file with
 // the standard name, or nothing for `standard` itself.

@@ -114,6 +114,15 @@ std::vector<std::string> verdictOf(const std::vector<PartResult> &results)
     return verdict;
 }
 
+bool selfChecksPassed(const std::vector<PartResult> &results)
+{
+    for (const PartResult &result : results)
+        for (const Row &row : rowsOf(result, "check"))
+            if (row["failed"].GetUint64() != 0 || row["passed"].GetUint64() == 0)
+                return false;
+    return true;
+}
+
 std::string benchJson(const std::vector<PartResult> &results, const std::vector<std::string> &verdict, double seconds)
 {
     JsonWriter json(JsonStyle::Html);

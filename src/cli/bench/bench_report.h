@@ -13,6 +13,9 @@ namespace vellum::cli
 // What the results mean, in sentences: is the device right, what do micromaps save, what does the layer cost.
 std::vector<std::string> verdictOf(const std::vector<PartResult> &results);
 
+// Whether each self-check tested something, and found no failure.
+bool selfChecksPassed(const std::vector<PartResult> &results);
+
 // schema.json describes it. Without anything that names a person or a machine.
 std::string benchJson(const std::vector<PartResult> &results, const std::vector<std::string> &verdict, double seconds);
 

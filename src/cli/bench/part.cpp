@@ -78,10 +78,7 @@ void describe(const BenchDevice &wanted)
 {
     const Instance instance(true);
     const DeviceInfo chosen = chooseDevice(instance, wanted.device);
-    const std::vector<DeviceInfo> infos = listDevices(instance);
-    const auto index = static_cast<size_t>(
-        std::ranges::find_if(infos, [&](const DeviceInfo &i) { return i.handle == chosen.handle; }) - infos.begin());
-    const DeviceDetails details = describeDevices(instance)[index];
+    const DeviceDetails details = describeDevices(instance).at(chosen.number);
     printRow("device", [&](JsonWriter &json) { writeMembers(details, json); });
 }
 
@@ -90,7 +87,7 @@ void describe(const BenchDevice &wanted)
 void selfCheck(const Part &part, const BenchDevice &wanted)
 {
     const check::Api api = part.api == MicromapApi::Khr ? check::Api::Khr : check::Api::Ext;
-    const auto session = check::openSession({wanted.device, api, true});
+    const auto session = check::openSession({chooseDevice(Instance(true), wanted.device).number, api, true});
     const Clock clock;
     uint64_t passed = 0, failed = 0, skipped = 0, rays = 0;
     std::string first;

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <chrono>
 #include <fmt/format.h>
+#include <memory>
 #include <rapidjson/document.h>
 #include <string_view>
 
+#include "cli/base/error.h"
 #include "cli/base/system/child_process.h"
 #include "cli/base/system/interrupt.h"
 #include "core/utf8_path.h"
@@ -77,16 +79,22 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     const auto elapsed = [&] {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     };
-    ChildProcess child(argumentsOf(part, device));
-    child.closeInput();
-    const ChildProcess *const process = &child;
+    std::unique_ptr<ChildProcess> child;
+    try {
+        child = std::make_unique<ChildProcess>(argumentsOf(part, device));
+    } catch (const Error &error) { // a limit of processes or of files
+        result.failure = error.what();
+        return result;
+    }
+    child->closeInput();
+    const ChildProcess *const process = child.get();
     std::string output, errors;
     std::optional<ProcessEnd> end;
     timeout = longestWait(part, timeout);
     for (double last = 0; !end && elapsed() < last + timeout && !Interruptible::interrupted(); progress()) {
         ChildProcess::waitForAny({&process, 1}, 200);
-        end = child.end(); // first: what was written before it is read below
-        child.read(output, errors);
+        end = child->end(); // first: what was written before it is read below
+        child->read(output, errors);
         if (errors.size() > kMostErrors)
             errors.erase(0, errors.size() - kMostErrors);
         for (size_t line = output.find('\n'); line != std::string::npos; line = output.find('\n')) {

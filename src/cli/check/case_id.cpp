@@ -59,6 +59,21 @@ std::optional<CaseId> parseCase(std::string_view name)
     return CaseId{name.starts_with("khr") ? check::Api::Khr : check::Api::Ext, group, *number};
 }
 
+bool anyCase(const std::function<bool(const std::string &name)> &accepts)
+{
+    constexpr uint32_t kMostNumbers = 10000;
+    const auto inRange = [&](bool beyond) {
+        for (const check::Api api : {check::Api::Khr, check::Api::Ext})
+            for (const check::Group &group : check::groups())
+                for (uint32_t number = beyond ? group.cases : 0; number < (beyond ? kMostNumbers : group.cases);
+                     ++number)
+                    if (accepts(nameOf({api, &group, number})))
+                        return true;
+        return false;
+    };
+    return inRange(false) || inRange(true);
+}
+
 uint64_t seedOf(uint64_t seed, const CaseId &id)
 {
     Hash hash;

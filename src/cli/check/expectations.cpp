@@ -7,7 +7,11 @@
 #include <utility>
 
 #include "cli/base/error.h"
+<<<<<<< HEAD
 #include "core/utf8_path.h"
+=======
+#include "cli/check/case_id.h"
+>>>>>>> main
 
 namespace vellum::cli
 {
@@ -31,7 +35,7 @@ constexpr std::pair<Verdict, const char *> kVerdicts[] = {
 
 std::optional<Verdict> parseVerdict(const std::string &text)
 {
-    // Statuses of other test suites, which no case has here, but a shared file may.
+    // Of deqp-runner too, but no case here has them.
     if (text == "Warn" || text == "UnexpectedImprovement(Warn)")
         return Verdict::Pass;
     const auto *const found =
@@ -96,6 +100,12 @@ bool isSuccess(Verdict verdict)
     }
 }
 
+bool isImprovement(Verdict verdict)
+{
+    return verdict == Verdict::ImprovedToPass || verdict == Verdict::ImprovedToFail ||
+           verdict == Verdict::ImprovedToSkip;
+}
+
 void forEachLine(const std::filesystem::path &path,
                  const std::function<void(const std::string &line, const std::string &place)> &use)
 {
@@ -118,6 +128,9 @@ void Expectations::addBaseline(const std::filesystem::path &path)
         const std::optional<Verdict> verdict = parseVerdict(rest.substr(0, rest.find(',')));
         if (!verdict || comma == 0)
             throw UsageError(place + ": must be NAME,STATUS with a status of deqp-runner, got " + line);
+        if (!parseCase(line.substr(0, comma)))
+            throw UsageError(place + ": there is no case " + line.substr(0, comma) +
+                             "; vellum check --list prints them");
         if (!baseline_.emplace(line.substr(0, comma), *verdict).second)
             throw UsageError(place + ": " + line.substr(0, comma) + " has two results");
     });
@@ -134,6 +147,8 @@ void Expectations::addExpressions(const std::filesystem::path &path, Expressions
         } catch (const std::regex_error &) {
             throw UsageError(place + ": must be a regular expression, got " + line);
         }
+        if (!anyCase([&](const std::string &name) { return std::regex_search(name, expressions.back()); }))
+            throw UsageError(place + ": matches no case: " + line);
     });
 }
 

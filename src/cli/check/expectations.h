@@ -23,7 +23,7 @@ enum class Verdict {
     Skip,
     Crash,
     Timeout,
-    Missing, // not run, because the device could not be opened any more
+    Missing, // not run: no device could be opened any more, or no worker be started
     Flake,   // failed, and passed when it was run again
     KnownFlake,
     ExpectedFail,
@@ -34,13 +34,17 @@ enum class Verdict {
 // As results.csv has it.
 const char *nameOf(Verdict verdict);
 bool isSuccess(Verdict verdict);
+// Better than the baseline. No success: the baseline is to be updated.
+bool isImprovement(Verdict verdict);
 
 class Expectations
 {
 public:
-    // Adds the results of a file such as failures.csv: name,status[,duration]. Throws UsageError.
+    // Adds the results of a file such as failures.csv: name,status[,duration]. Throws UsageError, also for a name of no
+    // case.
     void addBaseline(const std::filesystem::path &path);
-    // Add regular expressions, one a line, which match a part of a name. Throw UsageError.
+    // Add regular expressions, one a line, which match a part of a name. Throw UsageError, also for one that matches no
+    // case.
     void addSkips(const std::filesystem::path &path) { addExpressions(path, skips_); }
     void addFlakes(const std::filesystem::path &path) { addExpressions(path, flakes_); }
 

@@ -190,8 +190,11 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
         json.beginObject().member("fault", fault.text).member("response", fault.response).end();
     });
     json.list("groups", tally.groups, [&](const GroupTally &group) { writeGroup(group, json); });
-    writeCauses("failures", tally.failures, json);
+    std::vector<CauseTally> failures = tally.failures;
+    failures.insert(failures.end(), tally.improvements.begin(), tally.improvements.end());
+    writeCauses("failures", failures, json);
     writeCauses("flakes", tally.flakes, json);
+    writeCauses("skips", tally.skips, json);
     json.list("cases", byName(results), [&](const CaseResult *result) {
         json.beginObject().member("case", nameOf(result->id)).member("result", nameOf(result->verdict));
         json.member("status", statusOf(*result)).member("seconds", result->seconds).member("rays", result->rays);
@@ -220,7 +223,9 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
                             grouped(count(group, {Status::Crash, Status::DeviceLost})),
                             grouped(count(group, {Status::Timeout})), grouped(group.rays), group.seconds);
     appendCauses("failures", tally.failures, text);
+    appendCauses("better than the baseline, which is to be updated", tally.improvements, text);
     appendCauses("flakes", tally.flakes, text);
+    appendCauses("not tested", tally.skips, text);
     if (!facts.device.knownFaults.empty())
         text += "\nknown faults of the device, and what is therefore not tested:\n";
     for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
@@ -228,7 +233,7 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
     const std::string others = otherVerdicts(tally);
     size_t failures = 0;
     for (const auto &[verdict, number] : tally.verdicts)
-        failures += isSuccess(verdict) ? 0U : number;
+        failures += isSuccess(verdict) || isImprovement(verdict) ? 0U : number;
     text += fmt::format("\n{}{}: {} in {:.1f} s, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
                         counted(results.size(), "case"), facts.seconds,
                         failures == 0 ? "no failure" : counted(failures, "failure"),

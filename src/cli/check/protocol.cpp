@@ -191,8 +191,12 @@ Event parseEvent(const std::string &line)
     event.kind = kindOf<Event::Kind>(reader.text("event"), kEvents);
     switch (event.kind) {
     case Event::Kind::Device:
-        event.device = {reader.hexNumber("number"),  reader.text("name"),         reader.text("implementation"),
-                        reader.text("khr") == "yes", reader.text("ext") == "yes", {}};
+        event.device = {static_cast<uint32_t>(reader.hexNumber("number")),
+                        reader.text("name"),
+                        reader.text("implementation"),
+                        reader.text("khr") == "yes",
+                        reader.text("ext") == "yes",
+                        {}};
         reader.forEach("knownFaults", [&](const rapidjson::Value &fault) {
             event.device.knownFaults.push_back({Reader::textOf(fault, "text"), Reader::textOf(fault, "response")});
         });
@@ -228,6 +232,9 @@ Reproducer readReproducer(const std::filesystem::path &path)
         const Reader reader(text);
         if (reader.text("command") != "check --replay")
             throw Error("no reproducer of vellum check");
+        if (const std::string schema = reader.text("schema"); schema != kReportSchema)
+            throw Error("is by the schema " + schema + ", which this version of vellum does not read; it reads " +
+                        kReportSchema);
         const std::string api = reader.text("api");
         if (api != "khr" && api != "ext")
             throw Error("\"api\" must be khr or ext, got " + api);

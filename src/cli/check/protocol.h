@@ -13,6 +13,13 @@
 namespace vellum::cli
 {
 
+// What a worker process tests.
+struct WorkerOptions {
+    std::optional<std::string> device; // as --device names it; its number once it is chosen
+    check::Api api = check::Api::Khr;
+    bool layer = true; // whether our layer is enabled
+};
+
 // To the worker. It answers each with an Event::Device; or with an Event::Begin when the device is open, and an
 // Event::End; or with an Event::Error, after which it ends.
 struct Request {
@@ -34,7 +41,7 @@ std::string write(const Request &request);
 Request parseRequest(const std::string &line);
 
 struct DeviceSummary {
-    size_t number = 0; // in Vulkan's list, for --device
+    uint32_t number = 0; // in Vulkan's list, for --device
     std::string name;
     std::string implementation; // of micromaps, in words
     bool khr = false;           // has VK_KHR_opacity_micromap

@@ -39,8 +39,8 @@ const std::string &CaseResult::cause() const
 
 std::string causeOf(const CaseResult &result)
 {
-    const bool ran = result.verdict != Verdict::Missing;
-    return std::string(ran ? nameOf(result.status) : nameOf(result.verdict)) +
+    const bool byVerdict = result.verdict == Verdict::Missing || isImprovement(result.verdict);
+    return std::string(byVerdict ? nameOf(result.verdict) : nameOf(result.status)) +
            (result.cause().empty() ? "" : ": " + result.cause());
 }
 
@@ -55,15 +55,19 @@ CheckTally tallyOf(const std::vector<CaseResult> &results)
         group.rays += result.rays;
         group.seconds += result.seconds;
         ++tally.verdicts[result.verdict];
-        if (!isSuccess(result.verdict))
+        if (isImprovement(result.verdict))
+            add(result, tally.improvements);
+        else if (!isSuccess(result.verdict))
             add(result, tally.failures);
+        else if (result.verdict == Verdict::Skip)
+            add(result, tally.skips);
         else if (result.verdict == Verdict::Flake || result.verdict == Verdict::KnownFlake)
             add(result, tally.flakes);
     }
     std::stable_sort(tally.groups.begin(), tally.groups.end(), [](const GroupTally &a, const GroupTally &b) {
         return a.api != b.api ? a.api == check::Api::Khr : a.group < b.group;
     });
-    for (std::vector<CauseTally> *causes : {&tally.failures, &tally.flakes})
+    for (std::vector<CauseTally> *causes : {&tally.failures, &tally.improvements, &tally.flakes, &tally.skips})
         std::stable_sort(causes->begin(), causes->end(),
                          [](const CauseTally &a, const CauseTally &b) { return a.count > b.count; });
     return tally;

@@ -31,7 +31,7 @@ struct CaseResult {
     [[nodiscard]] const std::string &cause() const;
 };
 
-// "Crash: SIGSEGV": results with the same are put together.
+// "Crash: SIGSEGV", "UnexpectedImprovement(Pass)": results with the same are put together.
 std::string causeOf(const CaseResult &result);
 
 // The results of one group with one extension.
@@ -54,8 +54,10 @@ struct CauseTally {
 struct CheckTally {
     std::vector<GroupTally> groups;
     std::map<Verdict, size_t> verdicts;
-    std::vector<CauseTally> failures; // most frequent first
+    std::vector<CauseTally> failures;     // most frequent first
+    std::vector<CauseTally> improvements; // upon the baseline; they fail the run as well
     std::vector<CauseTally> flakes;
+    std::vector<CauseTally> skips;
 };
 // Points to elements of `results`.
 CheckTally tallyOf(const std::vector<CaseResult> &results);

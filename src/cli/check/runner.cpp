@@ -19,11 +19,19 @@ namespace
 using Clock = std::chrono::steady_clock;
 
 constexpr int kMillisecondsOfWaiting = 20;
+constexpr double kSecondsBetweenStarts = 0.5;
 constexpr uint32_t kShrinkSeconds = 30;
 
 double since(Clock::time_point begin)
 {
     return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+// The line by which the layer reports a setting that it ignores; empty if there is none.
+std::string settingFaultIn(const std::string &printed)
+{
+    const size_t begin = printed.find("VELLUM-setting: ");
+    return begin == std::string::npos ? std::string() : printed.substr(begin, printed.find('\n', begin) - begin);
 }
 
 } // namespace
@@ -50,6 +58,8 @@ public:
 
 private:
     void begin(const CaseId &id);
+    void ask(); // a worker for current_
+    void abandon();
     void handle(const Event &event);
     void fail(check::Status status, std::string cause);
     void finish(check::Outcome outcome);
@@ -63,7 +73,8 @@ private:
     std::unique_ptr<WorkerProcess> process_;
     Stream *stream_ = nullptr;
     Clock::time_point turnBegan_;
-    std::optional<CaseId> current_;
+    std::optional<CaseId> current_; // without a process: none could be started so far
+    Clock::time_point lastStart_;
     bool open_ = false; // the device
     bool closing_ = false;
     bool separate_ = false;          // the last request was a Request::Separate
@@ -77,6 +88,12 @@ private:
 
 bool Runner::Slot::proceed(Schedule &schedule)
 {
+    if (current_ && process_ == nullptr) {
+        if (runner_.givesUp())
+            abandon();
+        else if (since(lastStart_) > kSecondsBetweenStarts)
+            ask();
+    }
     if (current_ || closing_)
         return true;
     if (failure_) {
@@ -109,14 +126,27 @@ bool Runner::Slot::proceed(Schedule &schedule)
 
 void Runner::Slot::begin(const CaseId &id)
 {
+    current_ = id;
+    ask();
+}
+
+void Runner::Slot::ask()
+{
     const RunSettings &settings = runner_.settings_;
+    const CaseId &id = *current_;
     if (process_ == nullptr) {
-        check::SessionOptions options = settings.worker;
+        WorkerOptions options = settings.worker;
         options.api = id.api;
-        process_ = std::make_unique<WorkerProcess>(options);
+        lastStart_ = Clock::now();
+        try {
+            process_ = std::make_unique<WorkerProcess>(options);
+        } catch (const Error &error) { // a limit of processes or of files
+            runner_.noteFailedStart(error.what());
+            return;
+        }
+        ++runner_.workers_;
         open_ = false;
     }
-    current_ = id;
     waitingSince_ = Clock::now();
     limit_ = settings.timeout;
     Request request{.group = std::string(id.group->name), .seed = seedOf(settings.seed, id)};
@@ -132,6 +162,16 @@ void Runner::Slot::begin(const CaseId &id)
     }
     separate_ = request.kind == Request::Kind::Separate;
     process_->send(request);
+}
+
+// No worker runs current_.
+void Runner::Slot::abandon()
+{
+    const CaseId id = *std::exchange(current_, std::nullopt);
+    if (failure_)
+        runner_.report_(*std::exchange(failure_, std::nullopt));
+    else
+        runner_.reportMissing(id);
 }
 
 void Runner::Slot::check()
@@ -181,7 +221,8 @@ void Runner::Slot::fail(check::Status status, std::string cause)
 {
     if (!open_) {
         ++runner_.failedOpenings_;
-        cause = "the device cannot be opened" + (cause.empty() ? "" : ": " + cause);
+        runner_.whyMissing_ = "the device cannot be opened";
+        cause = runner_.whyMissing_ + (cause.empty() ? "" : ": " + cause);
     }
     finish(outcomeOfEnd(status, std::move(cause), process_->printed()));
 }
@@ -236,6 +277,7 @@ void Runner::Slot::closed(check::Status status, const std::string &how)
 void Runner::Slot::drop()
 {
     process_.reset();
+    --runner_.workers_;
     closing_ = false;
     reportHeld();
 }
@@ -294,11 +336,18 @@ bool Runner::mustConfirm(const Finished &finished) const
     return confirmed == confirmed_.end() || confirmed->second < kMostConfirmations;
 }
 
-void Runner::reportMissing(Schedule &schedule)
+// While other workers run, what they use is missing here: there is no reason to give up.
+void Runner::noteFailedStart(const std::string &error)
 {
-    while (Stream *stream = schedule.choose())
-        if (const std::optional<CaseId> id = nextOf(*stream))
-            report_({*id, outcomeOfEnd(check::Status::Crash, "the device cannot be opened", ""), Verdict::Missing, 0});
+    if (workers_ != 0)
+        return;
+    ++failedOpenings_;
+    whyMissing_ = "no worker can be started: " + error;
+}
+
+void Runner::reportMissing(const CaseId &id)
+{
+    report_({id, outcomeOfEnd(check::Status::Crash, whyMissing_, ""), Verdict::Missing, 0});
 }
 
 void Runner::run(Schedule &schedule)
@@ -319,7 +368,7 @@ void Runner::run(Schedule &schedule)
             if (slot->process() != nullptr)
                 processes.push_back(slot->process());
         }
-        if (!processes.empty())
+        if (busy)
             ChildProcess::waitForAny(processes, kMillisecondsOfWaiting);
         for (const auto &slot : slots)
             slot->check();
@@ -327,11 +376,14 @@ void Runner::run(Schedule &schedule)
     }
     for (const auto &slot : slots)
         slot->stop();
-    if (givesUp() && !settings_.budget)
-        reportMissing(schedule);
+    if (!givesUp() || settings_.budget)
+        return;
+    while (Stream *stream = schedule.choose())
+        if (const std::optional<CaseId> id = nextOf(*stream))
+            reportMissing(*id);
 }
 
-DeviceSummary askForDevice(const check::SessionOptions &options, double timeout)
+DeviceSummary askForDevice(const WorkerOptions &options, double timeout)
 {
     WorkerProcess worker(options);
     worker.send({.kind = Request::Kind::Describe});
@@ -341,6 +393,8 @@ DeviceSummary askForDevice(const check::SessionOptions &options, double timeout)
                                : "listing the Vulkan devices takes too long");
     if (answer.event->kind == Event::Kind::Error)
         throw Error(answer.event->message);
+    if (const std::string fault = settingFaultIn(worker.printed()); !fault.empty())
+        throw UsageError(fault);
     return answer.event->device;
 }
 

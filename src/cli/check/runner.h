@@ -19,7 +19,7 @@ namespace vellum::cli
 {
 
 struct RunSettings {
-    check::SessionOptions worker; // with any API
+    WorkerOptions worker; // with any API
     uint64_t seed = 0;
     unsigned jobs = 1;
     double timeout = 60;          // seconds of a case, of opening and of closing the device
@@ -56,13 +56,14 @@ private:
     static constexpr size_t kMostConfirmations = 3;
 
     [[nodiscard]] bool timeIsOver() const { return settings_.budget && seconds() >= *settings_.budget; }
-    // The device cannot be opened any more.
+    // The device cannot be opened any more, or no worker can be started.
     [[nodiscard]] bool givesUp() const { return failedOpenings_ >= kMostFailedOpenings; }
     // Reports skipped cases. Nothing at the end of the stream.
     std::optional<CaseId> nextOf(Stream &stream);
     // Whether a failure is to be run again.
     [[nodiscard]] bool mustConfirm(const Finished &finished) const;
-    void reportMissing(Schedule &schedule);
+    void noteFailedStart(const std::string &error);
+    void reportMissing(const CaseId &id);
 
     RunSettings settings_;
     const Expectations &expectations_;
@@ -71,11 +72,14 @@ private:
     Clock::time_point start_ = Clock::now();
     double turn_ = 0;             // seconds that a worker runs the cases of one stream
     unsigned failedOpenings_ = 0; // one after the other
+    unsigned workers_ = 0;        // that exist
+    std::string whyMissing_;      // of the last one
     bool failed_ = false;
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };
 
-// The device that workers with these options test. Throws Error where there is none.
-DeviceSummary askForDevice(const check::SessionOptions &options, double timeout);
+// The device that workers with these options test. Throws Error where there is none, and UsageError where the layer
+// ignores a setting, so that cases would run otherwise than the environment asks for.
+DeviceSummary askForDevice(const WorkerOptions &options, double timeout);
 
 } // namespace vellum::cli

@@ -107,4 +107,15 @@ Schedule makeSchedule(const CaseSelection &selection)
     return schedule;
 }
 
+std::optional<std::string> idleFilter(const CaseSelection &selection)
+{
+    for (const std::string &filter : selection.filters) {
+        CaseSelection alone = selection;
+        alone.filters = {filter};
+        if (makeSchedule(alone).streams() == 0)
+            return filter;
+    }
+    return std::nullopt;
+}
+
 } // namespace vellum::cli

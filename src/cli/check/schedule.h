@@ -79,6 +79,8 @@ struct CaseSelection {
     [[nodiscard]] bool accepts(const CaseId &id) const;
 };
 Schedule makeSchedule(const CaseSelection &selection);
+// The first of its filters that none of its cases matches.
+std::optional<std::string> idleFilter(const CaseSelection &selection);
 // The cases of a full run that a selection has.
 std::vector<CaseId> casesOf(const CaseSelection &selection);
 

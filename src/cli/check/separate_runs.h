@@ -12,7 +12,7 @@ namespace vellum::cli
 class SeparateRuns
 {
 public:
-    SeparateRuns(check::SessionOptions options, double timeout) : options_(std::move(options)), timeout_(timeout) {}
+    SeparateRuns(WorkerOptions options, double timeout) : options_(std::move(options)), timeout_(timeout) {}
 
     // The case of a group as a reproducer; it does not run. Throws Error.
     std::string make(const std::string &group, uint64_t seed);
@@ -22,7 +22,7 @@ public:
 private:
     check::Outcome outcomeOf(const Request &request);
 
-    check::SessionOptions options_;
+    WorkerOptions options_;
     double timeout_;
     std::unique_ptr<WorkerProcess> process_;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/worker.h"
 
+#include <charconv>
 #include <exception>
 #include <iostream>
 #include <string>
@@ -22,7 +23,7 @@ namespace
 class Worker
 {
 public:
-    explicit Worker(const check::SessionOptions &options) : options_(options) {}
+    explicit Worker(const WorkerOptions &options) : options_(options) {}
 
     void send(const Event &event)
     {
@@ -41,12 +42,22 @@ public:
             return;
         }
         if (session_ == nullptr)
-            session_ = check::openSession(options_);
+            session_ = check::openSession({chosenDevice(), options_.api, options_.layer});
         send({Event::Kind::Begin, {}, {}, {}});
         send({Event::Kind::End, {}, outcomeOf(request), {}});
     }
 
 private:
+    [[nodiscard]] uint32_t chosenDevice() const
+    {
+        const std::string text = options_.device.value_or("");
+        uint32_t number = 0;
+        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+        if (error != std::errc() || end != text.data() + text.size())
+            throw Error("a worker takes a device by its number");
+        return number;
+    }
+
     check::Outcome runSeparately(const Request &request)
     {
         SeparateRuns runs(options_, request.timeout);
@@ -87,14 +98,14 @@ private:
         return *group;
     }
 
-    check::SessionOptions options_;
+    WorkerOptions options_;
     DataOutput events_{DataOutput::Reports::ToStderr};
     std::shared_ptr<check::Session> session_;
 };
 
 } // namespace
 
-int runWorker(const check::SessionOptions &options)
+int runWorker(const WorkerOptions &options)
 {
     endWithParent();
     Worker worker(options);

@@ -16,7 +16,7 @@ namespace
 constexpr size_t kMostPrinted = 4096;
 constexpr int kMillisecondsOfWaiting = 20;
 
-std::vector<std::string> argumentsOf(const check::SessionOptions &options)
+std::vector<std::string> argumentsOf(const WorkerOptions &options)
 {
     std::vector<std::string> arguments = {"check", "--worker", "--api", nameOf(options.api)};
     if (options.device)
@@ -42,7 +42,7 @@ std::string assertionIn(const std::string &printed)
 
 } // namespace
 
-WorkerProcess::WorkerProcess(const check::SessionOptions &options) : process_(argumentsOf(options)) {}
+WorkerProcess::WorkerProcess(const WorkerOptions &options) : process_(argumentsOf(options)) {}
 
 void WorkerProcess::send(const Request &request)
 {

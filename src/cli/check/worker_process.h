@@ -16,7 +16,7 @@ class WorkerProcess
 {
 public:
     // Starts `vellum check --worker` with these options. Throws Error.
-    explicit WorkerProcess(const check::SessionOptions &options);
+    explicit WorkerProcess(const WorkerOptions &options);
 
     void send(const Request &request);
     // The worker ends when it has answered.

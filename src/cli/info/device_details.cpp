@@ -160,6 +160,7 @@ std::vector<DeviceDetails> describeDevices(const Instance &instance)
         DeviceDetails &details = all.emplace_back();
         details.extensions = info.extensions;
         const std::set<std::string> &extensions = details.extensions;
+        details.number = info.number;
         details.name = info.name;
         details.kind = nameOf(info.type);
         details.version = versionText(properties.apiVersion);

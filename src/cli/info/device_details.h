@@ -22,6 +22,7 @@ struct DeviceLimit {
 };
 
 struct DeviceDetails {
+    uint32_t number = 0; // for --device
     std::string name;
     std::string driver;  // name and version, as it says
     std::string version; // of Vulkan: "1.3.289"

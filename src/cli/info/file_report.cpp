@@ -7,6 +7,7 @@
 
 #include "cli/base/numbers.h"
 #include "core/utf8_path.h"
+#include "gltf/alpha_textures.h"
 #include "gltf/data/image.h"
 #include "gltf/micromaps/document_bake.h"
 #include "gltf/primitive.h"
@@ -59,11 +60,8 @@ public:
         report_.path = document_.path();
         report_.binary = document_.binary();
         report_.bytes = document_.bytes().size();
-        for (const std::string &name : model_.extensionsUsed) {
-            const bool required = std::find(model_.extensionsRequired.begin(), model_.extensionsRequired.end(), name) !=
-                                  model_.extensionsRequired.end();
-            report_.extensions.push_back({name, required});
-        }
+        for (const std::string &name : model_.extensionsUsed)
+            report_.extensions.push_back({name, model_.extensionsRequired.contains(name)});
         report_.scenes = model_.scenes.size();
         report_.nodes = model_.nodes.size();
         report_.meshes = model_.meshes.size();
@@ -137,13 +135,14 @@ void FileReader::readPrimitives()
 
 void FileReader::readImages()
 {
+    ImageDecoder decoder(document_);
     for (size_t i = 0; i < model_.images.size(); ++i) {
         FileReport::Image &image = report_.images.emplace_back();
         try {
             const EncodedImage encoded = readEncodedImage(document_, static_cast<int>(i));
             image.bytes = encoded.bytes().size();
             image.type = typeOf(encoded.bytes());
-            const vellum::Image decoded = decodeImage(document_, static_cast<int>(i), encoded);
+            const vellum::Image decoded = decoder.decode(static_cast<int>(i), encoded);
             image.width = decoded.width;
             image.height = decoded.height;
         } catch (const GltfError &error) {

@@ -159,7 +159,7 @@ void write(const std::vector<Manifest> &manifests, JsonWriter &json)
 void print(const DeviceDetails &d)
 {
     const auto yes = [](bool has) { return has ? "yes" : "no"; };
-    fmt::print("\ndevice      {} ({}), Vulkan {}\n", d.name, d.kind, d.version);
+    fmt::print("\n{:<11} {} ({}), Vulkan {}\n", fmt::format("device {}", d.number), d.name, d.kind, d.version);
     fmt::print("driver      {}\n", d.driver);
     fmt::print("ray tracing acceleration structures: {}, ray queries: {}, pipelines: {}\n",
                yes(d.accelerationStructures), yes(d.rayQueries), yes(d.rayTracingPipelines));

@@ -9,6 +9,7 @@
 #include "cli/base/progress.h"
 #include "cli/base/report_parts.h"
 #include "core/utf8_path.h"
+#include "gltf/alpha_textures.h"
 #include "gltf/micromaps/file_bake.h"
 
 namespace vellum::cli
@@ -33,7 +34,10 @@ uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const St
 class Inspector
 {
 public:
-    Inspector(const Document &document, const Selection &selection) : document_(document), selection_(selection) {}
+    Inspector(const Document &document, const Selection &selection)
+        : document_(document), selection_(selection), decoder_(document)
+    {
+    }
 
     InspectedFile inspect(const DocumentBakeOptions *bake);
 
@@ -44,12 +48,15 @@ private:
     void addRecords();
     void addPrimitive(PrimitivePlace place, const PrimitiveMicromap &micromap);
     uint32_t useMaterial(int index);
+    std::shared_ptr<const Image> useImage(int index);
 
     const Document &document_;
     const Selection &selection_;
     InspectedFile file_;
     std::vector<uint32_t> firstRecord_; // of each micromap
     std::map<int, uint32_t> materials_;
+    ImageDecoder decoder_;
+    std::map<int, std::shared_ptr<const Image>> images_;
 };
 
 // What is chosen by name or number must be there, each for itself.
@@ -100,6 +107,14 @@ void Inspector::addRecords()
     }
 }
 
+std::shared_ptr<const Image> Inspector::useImage(int index)
+{
+    std::shared_ptr<const Image> &image = images_[index];
+    if (!image)
+        image = std::make_shared<Image>(decoder_.decode(index));
+    return image;
+}
+
 uint32_t Inspector::useMaterial(int index)
 {
     const auto [known, added] = materials_.emplace(index, static_cast<uint32_t>(file_.materials.size()));
@@ -108,7 +123,7 @@ uint32_t Inspector::useMaterial(int index)
     InspectedMaterial material{.index = index, .material = readMaterial(document_, index), .image = {}, .problem = {}};
     try {
         if (material.material.image >= 0)
-            material.image = readImage(document_, material.material.image);
+            material.image = useImage(material.material.image);
     } catch (const GltfUnsupported &error) { // the micromaps can be looked at without
         material.problem = error.what();
     }

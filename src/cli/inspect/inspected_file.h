@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,8 +29,8 @@ struct InspectedRecord {
 struct InspectedMaterial {
     int index = -1; // materials[] of the file
     Material material;
-    Image image;         // empty where there is none or it cannot be read
-    std::string problem; // why it cannot be read
+    std::shared_ptr<const Image> image; // null where there is none or it cannot be read
+    std::string problem;                // why it cannot be read
 };
 
 struct InspectedPrimitive {

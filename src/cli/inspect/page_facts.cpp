@@ -66,9 +66,16 @@ void writeMaterial(const InspectedFile &file, uint32_t number, const PageData &d
     json.member("firstShape", data.firstShape[number]).member("endShape", data.firstShape[number + 1]);
     writeTally(tallyOfMaterial(file, number), json);
     json.member("problem", material.problem);
-    if (!material.image.rgba.empty()) {
-        json.member("width", material.image.width).member("height", material.image.height);
-        json.member("texture", pngUri(pictureOf(scaledDown(material.image, limits.textureEdge))));
+    if (material.image) {
+        json.member("width", material.image->width).member("height", material.image->height);
+        // Once for all materials that have it.
+        uint32_t first = 0;
+        while (file.materials[first].image != material.image)
+            ++first;
+        if (first == number)
+            json.member("texture", pngUri(pictureOf(scaledDown(*material.image, limits.textureEdge))));
+        else
+            json.member("textureOf", first);
     }
     json.end();
 }

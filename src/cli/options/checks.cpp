@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <limits>
 #include <numeric>
-#include <optional>
 
 namespace vellum::cli
 {
@@ -90,6 +89,15 @@ void takesWords(CLI::Option &option, const std::vector<std::string> &words)
             return fmt::format("must be one of {}, got {}{}", list, text, suggestion(text, words));
         },
         ""));
+}
+
+void addDeviceOption(CLI::App &command, std::optional<std::string> &device)
+{
+    command
+        .add_option(
+            "-d,--device", device,
+            "The Vulkan device: its number, as vellum info prints it, or a part of its name [the most powerful]")
+        ->type_name("DEVICE");
 }
 
 std::string nearest(const std::string &word, const std::vector<std::string> &candidates)

@@ -153,12 +153,19 @@ std::vector<OptionGroup> optionGroups(const CLI::App &app)
     return groups;
 }
 
-std::string exitStatus(std::initializer_list<ExitCode> codes)
+std::string exitStatus(std::initializer_list<ExitCode> codes, const std::string &first)
 {
-    std::string text = "\nExit status:\n";
+    const auto listed = [&](ExitCode code) {
+        return codes.size() == 0 || std::find(codes.begin(), codes.end(), code) != codes.end();
+    };
+    size_t width = std::min(first.find("  "), first.size());
     for (const ExitCodeMeaning &meaning : exitCodes())
-        if (codes.size() == 0 || std::find(codes.begin(), codes.end(), meaning.code) != codes.end())
-            text += fmt::format("  {}  {}\n", static_cast<int>(meaning.code), meaning.text);
+        if (listed(meaning.code))
+            width = std::max(width, std::to_string(static_cast<int>(meaning.code)).size());
+    std::string text = "\nExit status:\n" + (first.empty() ? "" : "  " + first + "\n");
+    for (const ExitCodeMeaning &meaning : exitCodes())
+        if (listed(meaning.code))
+            text += fmt::format("  {:<{}}  {}\n", static_cast<int>(meaning.code), width, meaning.text);
     return text;
 }
 

@@ -41,7 +41,8 @@ struct OptionGroup {
 };
 std::vector<OptionGroup> optionGroups(const CLI::App &app);
 
-// A section of help and of a manual page: "Exit status:" and these codes; all of them for an empty list.
-std::string exitStatus(std::initializer_list<ExitCode> codes);
+// A section of help and of a manual page: "Exit status:" and these codes; all of them for an empty list. `first`: a
+// line before them, a term and its explanation.
+std::string exitStatus(std::initializer_list<ExitCode> codes, const std::string &first = {});
 
 } // namespace vellum::cli

@@ -2,6 +2,7 @@
 #include "cli/picture/picture.h"
 
 #include <algorithm>
+#include <cstddef>
 
 namespace vellum::cli
 {

@@ -66,12 +66,24 @@ void drawText(Picture &picture, int x, int y, std::string_view text, Font font, 
 
 std::string fitText(std::string_view text, Font font, int width)
 {
-    if (textWidth(text, font) <= width)
-        return std::string(text);
-    std::string fitting(text);
-    while (!fitting.empty() && textWidth(fitting + "...", font) > width)
-        fitting.pop_back();
-    return fitting + "...";
+    const Face face = faceOf(font);
+    const int most = width * 64;
+    const auto advanceOf = [&](char c) {
+        int advance = 0;
+        forEachGlyph({&c, 1}, face, [&](const Glyph &glyph) { advance = glyph.advance; });
+        return advance;
+    };
+    const int dots = 3 * advanceOf('.');
+    size_t fitting = 0; // bytes that leave room for the dots
+    int pen = 0;
+    for (size_t i = 0; i < text.size(); ++i) {
+        pen += advanceOf(text[i]);
+        if (pen > most)
+            return std::string(text.substr(0, fitting)) + "...";
+        if (pen + dots <= most)
+            fitting = i + 1;
+    }
+    return std::string(text);
 }
 
 void blendPixel(Picture &picture, int x, int y, uint32_t color, double coverage)

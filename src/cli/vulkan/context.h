@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 #include <vulkan/vulkan.h>
@@ -48,6 +49,7 @@ const char *nameOf(MicromapApi api);
 
 struct DeviceInfo {
     VkPhysicalDevice handle = VK_NULL_HANDLE;
+    uint32_t number = 0; // in Vulkan's list, for --device
     std::string name;
     std::set<std::string> extensions;
     VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
@@ -62,8 +64,10 @@ struct DeviceInfo {
 
 std::vector<DeviceInfo> listDevices(const Instance &instance);
 
-// The device that `wish` names by its number in the list or by a part of its name; without a wish, the most powerful
-// kind that has ray queries. Throws Error where there is none.
+// The device that --device names: a text of digits is a number in the list and nothing else, any other text a part of a
+// name. Of several, and without a wish of all, the most powerful kind that has ray queries, and the first of these.
+// Throws Error where there is none.
+DeviceInfo chooseDevice(std::span<const DeviceInfo> devices, const std::optional<std::string> &wish);
 DeviceInfo chooseDevice(const Instance &instance, const std::optional<std::string> &wish);
 
 // Throws Error where the device lacks the extension. `layer`: the layer was turned on.

@@ -126,6 +126,23 @@ bool contains(std::string text, std::string part)
     return text.find(part) != std::string::npos;
 }
 
+// Digits are a number even where they are a part of a name.
+bool isNamed(const DeviceInfo &device, const std::string &wish)
+{
+    if (wish.find_first_not_of("0123456789") == std::string::npos)
+        return wish == std::to_string(device.number);
+    return contains(device.name, wish);
+}
+
+// "0 (llvmpipe), 1 (Radeon)"
+std::string listOf(std::span<const DeviceInfo> devices)
+{
+    std::string list;
+    for (const DeviceInfo &device : devices)
+        list += (list.empty() ? "" : ", ") + std::to_string(device.number) + " (" + device.name + ")";
+    return list;
+}
+
 int rank(VkPhysicalDeviceType type)
 {
     switch (type) {
@@ -200,34 +217,39 @@ std::vector<DeviceInfo> listDevices(const Instance &instance)
     if (count != 0)
         check(vkEnumeratePhysicalDevices(instance.handle(), &count, handles.data()), "listing Vulkan devices");
     std::vector<DeviceInfo> devices;
-    for (const VkPhysicalDevice handle : handles)
-        devices.push_back(describe(handle));
+    for (const VkPhysicalDevice handle : handles) {
+        DeviceInfo &device = devices.emplace_back(describe(handle));
+        device.number = static_cast<uint32_t>(devices.size() - 1);
+    }
     return devices;
+}
+
+DeviceInfo chooseDevice(std::span<const DeviceInfo> devices, const std::optional<std::string> &wish)
+{
+    if (devices.empty())
+        throw Error("there is no Vulkan device");
+    const DeviceInfo *named = nullptr;
+    const DeviceInfo *best = nullptr;
+    for (const DeviceInfo &d : devices) {
+        if (wish && !isNamed(d, *wish))
+            continue;
+        named = named != nullptr ? named : &d;
+        if (d.rayQuery && (best == nullptr || rank(d.type) > rank(best->type)))
+            best = &d;
+    }
+    if (best != nullptr)
+        return *best;
+    if (!wish)
+        throw Error("no Vulkan device has ray queries (VK_KHR_ray_query and Vulkan 1.3); there is " + listOf(devices));
+    if (named == nullptr)
+        throw Error("--device " + *wish + " is neither the number of a Vulkan device nor a part of the name of one; " +
+                    "there is " + listOf(devices));
+    throw Error("the Vulkan device " + named->name + " has no ray queries");
 }
 
 DeviceInfo chooseDevice(const Instance &instance, const std::optional<std::string> &wish)
 {
-    const std::vector<DeviceInfo> devices = listDevices(instance);
-    if (devices.empty())
-        throw Error("there is no Vulkan device");
-    const DeviceInfo *best = nullptr;
-    for (size_t i = 0; i < devices.size(); ++i) {
-        const DeviceInfo &d = devices[i];
-        if (wish && *wish != std::to_string(i) && !contains(d.name, *wish))
-            continue;
-        if (wish && !d.rayQuery)
-            throw Error("the Vulkan device " + d.name + " has no ray queries");
-        if (d.rayQuery && (best == nullptr || rank(d.type) > rank(best->type)))
-            best = &d;
-    }
-    if (best == nullptr && wish)
-        throw Error("--device " + *wish + " matches no Vulkan device by number or name; there is " +
-                    devices.front().name +
-                    (devices.size() > 1 ? " and " + std::to_string(devices.size() - 1) + " more" : ""));
-    if (best == nullptr)
-        throw Error("no Vulkan device has ray queries (VK_KHR_ray_query and Vulkan 1.3); the first of " +
-                    std::to_string(devices.size()) + " is " + devices.front().name);
-    return *best;
+    return chooseDevice(listDevices(instance), wish);
 }
 
 } // namespace vellum::cli

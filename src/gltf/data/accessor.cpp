@@ -101,13 +101,16 @@ AccessorReader::AccessorReader(const BufferViews &views, int index, uint32_t wan
     if (wanted != 0 && components_ != wanted)
         throw GltfError(name_ + " has the wrong type");
     const size_t packed = componentBytes(source_.componentType, name_) * components_;
+    const auto countRead = [&] { views.countRead(uint64_t{source_.count} * components_, name_); };
     if (source_.bufferView >= 0) {
         const auto bytes = views.bytes(source_.bufferView, what_); // first: then there is such a view
         elements_ =
             elementsIn(bytes, source_.byteOffset, source_.count, strideOf(source_.bufferView, packed), packed, name_);
+        countRead();
     } else {
         if (source_.count > kMostZeros)
             throw GltfError(name_ + " has " + std::to_string(source_.count) + " elements and no buffer view");
+        countRead();
         own_.resize(source_.count * packed);
         elements_ = {own_.data(), source_.count, packed};
     }

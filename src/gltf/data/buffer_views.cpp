@@ -16,6 +16,10 @@ namespace
 constexpr uint64_t kMostExpansion = 64;
 constexpr uint64_t kAlwaysAllowed = uint64_t{64} << 20;
 
+// Some seconds, and how often each byte of a file may be read.
+constexpr uint64_t kAlwaysRead = uint64_t{1} << 29;
+constexpr uint64_t kMostReads = 1024;
+
 } // namespace
 
 std::span<const uint8_t> BufferViews::stored(int buffer, size_t offset, size_t length, const std::string &name) const
@@ -38,6 +42,18 @@ void BufferViews::account(size_t bytes) const
     if (bytes > *allowance_)
         throw GltfError("is decompressed to many times the bytes of the file");
     *allowance_ -= bytes;
+}
+
+void BufferViews::countRead(uint64_t numbers, const std::string &what) const
+{
+    const uint64_t read = read_ += numbers;
+    if (read <= kAlwaysRead)
+        return;
+    uint64_t bytes = 0;
+    for (const gltf_json::Buffer &buffer : model_.buffers)
+        bytes += buffer.data.size();
+    if (read - kAlwaysRead > kMostReads * bytes)
+        throw GltfError(what + ": the accessors of the file are read too often");
 }
 
 std::span<const uint8_t> BufferViews::decompressed(int index, const std::string &name) const

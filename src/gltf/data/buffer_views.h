@@ -2,6 +2,7 @@
 // The bytes of a file's buffer views, compressed ones included.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <map>
 #include <mutex>
@@ -32,6 +33,10 @@ public:
     // other data.
     [[nodiscard]] bool differsFromFallback(int view, const std::string &what) const;
 
+    // Counts numbers that were read. Throws GltfError, which begins with `what`, where they are many times those of the
+    // file: a small file can have many primitives that share large accessors.
+    void countRead(uint64_t numbers, const std::string &what) const;
+
 private:
     [[nodiscard]] std::span<const uint8_t> stored(int buffer, size_t offset, size_t length,
                                                   const std::string &name) const;
@@ -42,6 +47,7 @@ private:
     mutable std::mutex mutex_;
     mutable std::map<int, std::vector<uint8_t>> decompressed_;
     mutable std::optional<uint64_t> allowance_; // of bytes to decompress to
+    mutable std::atomic<uint64_t> read_{0};     // numbers
 };
 
 } // namespace vellum

@@ -12,9 +12,6 @@ namespace
 
 using namespace std::string_view_literals;
 
-// A small file can be a large image: 16384 x 16384 texels of one colour are 22 bytes of WebP. Images of real textures
-// have more than 1 byte for this many texels.
-constexpr uint64_t kMostTexelsPerByte = 1024;
 constexpr uint64_t kAlwaysAllowed = uint64_t{1} << 24;
 
 bool has(Encoded encoded, size_t offset, std::string_view bytes)

@@ -19,6 +19,10 @@ struct Image {
     std::vector<uint16_t> alpha16{};
 };
 
+// A small file can be a large image: 16384 x 16384 texels of one colour are 22 bytes of WebP. Images of real textures
+// have more than 1 byte for this many texels.
+constexpr uint64_t kMostTexelsPerByte = 1024;
+
 // Decodes to RGBA. Of colours of 16 bits the upper 8 are taken. Throws GltfError, its message beginning with `what`,
 // for anything but a whole image of at most 16,384 texels in each direction and not far more of them than its bytes can
 // be worth, and GltfUnsupported for KTX2, AVIF, DDS and those kinds of JPEG that nothing here decodes.

@@ -57,7 +57,7 @@ public:
     template <typename List>
     JsonWriter &values(std::string_view name, const List &elements)
     {
-        return list(name, elements, [this](const auto &element) { value(element); });
+        return list(name, elements, [this](const auto &element) { this->value(element); });
     }
 
     [[nodiscard]] const std::string &text() const { return text_; }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/file/model.h"
 
-#include <algorithm>
 #include <limits>
 
 #include "gltf/file/glb.h"
@@ -20,6 +19,16 @@ constexpr size_t kMostModelBytes = size_t{512} << 20;
 std::string numbered(const char *what, size_t index)
 {
     return std::string(what).append(" ").append(std::to_string(index));
+}
+
+// `value` is the member `name`.
+int indexOf(const JsonValue &value, std::string_view name, const std::string &place)
+{
+    const auto integer = value.integer();
+    if (!integer || *integer < 0 || *integer > std::numeric_limits<int>::max())
+        throw GltfError(place + ": \"" + std::string(name) + "\" is not an integer from 0 to " +
+                        std::to_string(std::numeric_limits<int>::max()));
+    return static_cast<int>(*integer);
 }
 
 // The members of one object.
@@ -189,8 +198,8 @@ Attributes attributesOf(const JsonValue &object, const std::string &place)
     Attributes attributes;
     for (const auto &[name, accessor] : object.members()) {
         std::string text = name.string().value_or("");
-        const auto index = indexIn(object, text, place);
-        attributes.emplace(std::move(text), *index);
+        const int index = indexOf(accessor, text, place);
+        attributes.emplace(std::move(text), index);
     }
     return attributes;
 }
@@ -345,7 +354,7 @@ Buffer ModelReader::bufferOf(const Members &buffer, size_t index) const
         const bool embedded = isDataUri(text);
         const std::string what = buffer.place() + (embedded ? ": " : " (" + text + "): ");
         try {
-            result.own = embedded ? readDataUri(text).bytes : readWholeFile(fileOfUri(folder_, text));
+            result.own = embedded ? readDataUri(text).bytes : readFileOfUri(folder_, text);
         } catch (const GltfUnsupported &error) {
             throw GltfUnsupported(what + error.what());
         } catch (const GltfError &error) {
@@ -409,7 +418,8 @@ Model ModelReader::read()
     readAll<std::vector<int>>("scenes", model_.scenes, [](const Members &scene) { return scene.integers("nodes"); });
     model_.scene = Members(root_, "the root").index("scene");
     model_.extensionsUsed = names("extensionsUsed");
-    model_.extensionsRequired = names("extensionsRequired");
+    for (std::string &name : names("extensionsRequired"))
+        model_.extensionsRequired.insert(std::move(name));
     for (const JsonValue &image : root_["images"].children())
         model_.images.push_back(imageOf(Members(image, numbered("image", model_.images.size()))));
     readBuffers();
@@ -426,7 +436,7 @@ int Primitive::attribute(const std::string &name) const
 
 bool Model::isRequired(const char *extension) const
 {
-    return std::find(extensionsRequired.begin(), extensionsRequired.end(), extension) != extensionsRequired.end();
+    return extensionsRequired.contains(extension);
 }
 
 std::optional<int> indexIn(const JsonValue &object, std::string_view name, const std::string &place)
@@ -434,11 +444,7 @@ std::optional<int> indexIn(const JsonValue &object, std::string_view name, const
     const JsonValue value = object[name];
     if (!value.exists())
         return std::nullopt;
-    const auto integer = value.integer();
-    if (!integer || *integer < 0 || *integer > std::numeric_limits<int>::max())
-        throw GltfError(place + ": \"" + std::string(name) + "\" is not an integer from 0 to " +
-                        std::to_string(std::numeric_limits<int>::max()));
-    return static_cast<int>(*integer);
+    return indexOf(value, name, place);
 }
 
 Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &folder)

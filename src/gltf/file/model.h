@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -163,7 +164,7 @@ struct Model {
     std::vector<std::vector<int>> scenes; // nodes
     int scene = -1;
     std::vector<std::string> extensionsUsed;
-    std::vector<std::string> extensionsRequired;
+    std::set<std::string, std::less<>> extensionsRequired;
 
     [[nodiscard]] bool isRequired(const char *extension) const;
 };

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <span>
 #include <string>
 
@@ -56,7 +57,10 @@ private:
     intptr_t file_ = -1;              // the system's
 };
 
-// A hidden name in the folder of `path`, another at each call.
-std::filesystem::path temporaryName(const std::filesystem::path &path, unsigned long process);
+// Calls create(name) with random hidden names in the folder of `path` until one of them is free: create() returns
+// whether it is, having made a file of it or failed otherwise. A name can be taken by a file that an earlier process
+// left. Returns that name, or the last one after many.
+std::filesystem::path temporaryName(const std::filesystem::path &path,
+                                    const std::function<bool(const std::filesystem::path &)> &create);
 
 } // namespace vellum

@@ -2,12 +2,16 @@
 #include "gltf/file/output_files.h"
 
 #include <algorithm>
-#include <atomic>
+#include <array>
+#include <cstdio>
 #include <fstream>
+#include <optional>
+#include <random>
 
 #include "bake/bake.h"
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/input_file.h"
 
 namespace vellum
 {
@@ -16,13 +20,25 @@ std::filesystem::path folderOf(const std::filesystem::path &path)
     return path.has_parent_path() ? path.parent_path() : ".";
 }
 
-std::filesystem::path temporaryName(const std::filesystem::path &path, unsigned long process)
+std::filesystem::path temporaryName(const std::filesystem::path &path,
+                                    const std::function<bool(const std::filesystem::path &)> &create)
 {
-    static std::atomic<unsigned> number{0};
-    std::filesystem::path name = ".";
-    name += path.filename().native().substr(0, 200);
-    name += "." + std::to_string(process) + "-" + std::to_string(number++) + ".tmp";
-    return folderOf(path) / name;
+    constexpr int kTries = 100;
+    std::random_device random;
+    std::filesystem::path name;
+    for (int i = 0; i < kTries; ++i) {
+        std::array<char, 18> digits{};
+        std::snprintf(digits.data(), digits.size(), ".%08x%08x", static_cast<unsigned>(random()),
+                      static_cast<unsigned>(random()));
+        name = ".";
+        name += path.filename().native().substr(0, 200);
+        name += digits.data();
+        name += ".tmp";
+        name = folderOf(path) / name;
+        if (create(name))
+            break;
+    }
+    return name;
 }
 
 bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b)
@@ -113,23 +129,31 @@ void OutputFiles::write(const std::filesystem::path &path, const FileContent &co
     file.finish();
 }
 
-void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem::path &to)
+void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem::path &to,
+                       const std::filesystem::path &folder)
 {
+    const auto reading = [&](auto &&read) {
+        try {
+            return read();
+        } catch (const GltfError &error) {
+            throw GltfError(utf8Text(from) + ": " + error.what());
+        }
+    };
+    std::optional<InputFile> source;
+    reading([&] {
+        source.emplace(from);
+        source->requireIn(folder);
+    });
     std::error_code error;
     if (std::filesystem::exists(to, error)) {
         if (!sameBytes(from, to))
             throw GltfError(utf8Text(to) + ": is there already and differs from " + utf8Text(from));
         return;
     }
-    std::ifstream source(from, std::ios::binary);
     NewFile &file = open(to, Existing::Keep);
     std::vector<uint8_t> bytes(size_t{1} << 20);
-    while (source) {
-        source.read(reinterpret_cast<char *>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-        put(file, std::span(bytes).first(static_cast<size_t>(source.gcount())));
-    }
-    if (!source.eof())
-        throw GltfError(utf8Text(from) + ": cannot be read");
+    while (const size_t count = reading([&] { return source->read(bytes); }))
+        put(file, std::span(bytes).first(count));
     file.finish();
 }
 

@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/input_file.h"
 #include "gltf/file/relative_uri.h"
 
 namespace vellum
@@ -49,27 +49,22 @@ std::vector<uint8_t> base64Decoded(std::string_view text)
     return bytes;
 }
 
+std::vector<uint8_t> readAll(InputFile &file)
+{
+    if (file.size() > kMostBytes)
+        throw GltfError("larger than 2 GiB");
+    std::vector<uint8_t> bytes(static_cast<size_t>(file.size()));
+    if (file.read(bytes) != bytes.size())
+        throw GltfError("cannot be read");
+    return bytes;
+}
+
 } // namespace
 
 std::vector<uint8_t> readWholeFile(const std::filesystem::path &path)
 {
-    std::error_code error;
-    const auto status = std::filesystem::status(path, error);
-    if (!std::filesystem::exists(status))
-        throw GltfError("no such file");
-    if (!std::filesystem::is_regular_file(status))
-        throw GltfError("not a file");
-    const uintmax_t size = std::filesystem::file_size(path, error);
-    if (error)
-        throw GltfError("cannot be read");
-    if (size > kMostBytes)
-        throw GltfError("larger than 2 GiB");
-    std::ifstream file(path, std::ios::binary);
-    std::vector<uint8_t> bytes(size);
-    file.read(reinterpret_cast<char *>(bytes.data()), static_cast<std::streamsize>(size));
-    if (!file || static_cast<uintmax_t>(file.gcount()) != size)
-        throw GltfError("cannot be read");
-    return bytes;
+    InputFile file(path);
+    return readAll(file);
 }
 
 std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string_view uri)
@@ -82,6 +77,21 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
     if (std::find(path->begin(), path->end(), "..") != path->end())
         throw GltfUnsupported("the URI leads out of the file's folder");
     return folder / *path;
+}
+
+std::vector<uint8_t> readFileOfUri(const std::filesystem::path &folder, std::string_view uri)
+{
+    InputFile file(fileOfUri(folder, uri));
+    file.requireIn(folder);
+    return readAll(file);
+}
+
+void InputFile::requireIn(const std::filesystem::path &folder) const
+{
+    const std::filesystem::path root = realFolder(folder);
+    const std::filesystem::path real = realPath();
+    if (root.empty() || std::mismatch(root.begin(), root.end(), real.begin(), real.end()).first != root.end())
+        throw GltfUnsupported("a link leads out of the file's folder");
 }
 
 std::string base64Encoded(std::span<const uint8_t> bytes)

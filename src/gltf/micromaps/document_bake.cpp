@@ -6,6 +6,7 @@
 #include <map>
 #include <tuple>
 
+#include "gltf/alpha_textures.h"
 #include "gltf/micromaps/changing_alpha.h"
 #include "gltf/micromaps/name_pattern.h"
 #include "gltf/primitive.h"
@@ -16,7 +17,7 @@ namespace
 {
 
 // What decides the alpha at a texture coordinate, and which of it is opaque.
-using SourceKey = std::tuple<int, Wrap, Wrap, Filter, float, std::optional<float>, float>;
+using SourceKey = std::tuple<TextureKey, std::optional<float>, float>;
 
 // A triangle of a primitive that is baked.
 struct TrianglePlace {
@@ -34,13 +35,18 @@ struct Source {
     Material material;
     std::optional<float> cutoff; // none: alphaMode BLEND's own rule
     float uvTerms = 0;
-    std::map<float, Layer> layers;    // by the vertices' alpha
-    std::vector<uint32_t> primitives; // into DocumentBake::primitives
-    bool unreadable = false;
+    std::map<float, Layer> layers;               // by the vertices' alpha
+    std::vector<uint32_t> primitives;            // into DocumentBake::primitives
+    std::shared_ptr<const AlphaTexture> texture; // while it is baked; none where the image cannot be decoded here
+    std::optional<StoredMicromap> baked;
 };
 
 // Each needs a map of the texture's cells of its own.
 constexpr size_t kMostLayers = 16;
+// How many of them are made in the time that it takes to decode the texture.
+constexpr size_t kMapsForImage = 16;
+// Of all primitives.
+constexpr size_t kMostTriangles = size_t{1} << 26;
 
 bool matches(const std::string &name, const std::vector<std::string> &patterns)
 {
@@ -52,7 +58,7 @@ class DocumentBaker
 {
 public:
     DocumentBaker(const Document &document, const DocumentBakeOptions &options)
-        : document_(document), options_(options), changing_(document)
+        : document_(document), options_(options), changing_(document), textures_(document)
     {
     }
 
@@ -65,20 +71,22 @@ private:
     Source &sourceOf(const Material &material, float uvTerms);
     void addTriangles(Source &source, const Primitive &primitive);
     void dropRareLayers();
-    AlphaTexture textureOf(Source &source);
+    void readTexture(Source &source);
     void bakeSources(std::span<Source> sources);
     // Returns the indices that are left for the next source.
-    std::span<const int32_t> takeResult(const Source &source, const Micromap &micromap,
-                                        std::span<const int32_t> indices);
+    std::span<const int32_t> takeResult(Source &source, const Micromap &micromap, std::span<const int32_t> indices);
+    void bakeAll();
+    void numberMicromaps();
 
     const Document &document_;
     const DocumentBakeOptions &options_;
     ChangingAlpha changing_;
+    AlphaTextures textures_;
     DocumentBake result_;
     std::vector<Source> sources_;
     std::map<SourceKey, size_t> sourceOf_;
     std::map<int, Material> materials_;
-    size_t total_ = 0; // triangles to bake
+    size_t total_ = 0; // triangles; from then on those to bake
     size_t done_ = 0;
 };
 
@@ -97,11 +105,10 @@ std::optional<float> DocumentBaker::cutoffOf(const Material &material) const
 Source &DocumentBaker::sourceOf(const Material &material, float uvTerms)
 {
     const std::optional<float> cutoff = cutoffOf(material);
-    const SourceKey key{material.image,        material.wrapU, material.wrapV, material.filter,
-                        material.baseColor[3], cutoff,         uvTerms};
+    const SourceKey key{textureKeyOf(material), cutoff, uvTerms};
     const auto [found, isNew] = sourceOf_.try_emplace(key, sources_.size());
     if (isNew)
-        sources_.push_back({material, cutoff, uvTerms, {}, {}, false});
+        sources_.push_back({material, cutoff, uvTerms, {}, {}, {}, {}});
     return sources_[found->second];
 }
 
@@ -183,6 +190,9 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
     if (primitive.twofold)
         return skip(place, material.name, SkipReason::AmbiguousTriangles,
                     "its uncompressed data has other triangles than its compressed data");
+    total_ += primitive.triangleCount();
+    if (total_ > kMostTriangles)
+        throw GltfError("it has more than " + std::to_string(kMostTriangles) + " alpha-tested triangles");
     const size_t declared =
         source.indices < 0 ? primitive.indices.size() : model.accessors.at(static_cast<size_t>(source.indices)).count;
     if (draco && declared / 3 != primitive.triangleCount())
@@ -216,7 +226,7 @@ void DocumentBaker::dropRareLayers()
     }
 }
 
-std::span<const int32_t> DocumentBaker::takeResult(const Source &source, const Micromap &micromap,
+std::span<const int32_t> DocumentBaker::takeResult(Source &source, const Micromap &micromap,
                                                    std::span<const int32_t> indices)
 {
     size_t count = 0;
@@ -251,42 +261,36 @@ std::span<const int32_t> DocumentBaker::takeResult(const Source &source, const M
             result_.primitives[place.primitive].micromap.indices[place.triangle] =
                 index < 0 ? index : numbers[static_cast<size_t>(index)];
         }
-    for (const uint32_t primitive : source.primitives)
-        result_.primitives[primitive].micromap.micromap = static_cast<uint32_t>(result_.micromaps.size());
-    result_.micromaps.push_back(std::move(stored));
+    source.baked = std::move(stored);
     return indices.subspan(count);
 }
 
-// One that is empty where the image cannot be decoded here.
-AlphaTexture DocumentBaker::textureOf(Source &source)
+// None where the image cannot be decoded here.
+void DocumentBaker::readTexture(Source &source)
 {
-    const Material &material = source.material;
     try {
-        return alphaTexture(material, material.image < 0 ? Image{} : readImage(document_, material.image));
+        source.texture = textures_.of(source.material);
+        textures_.images().account(source.layers.size() * source.texture->alpha.size() / kMapsForImage);
     } catch (const GltfUnsupported &error) {
-        source.unreadable = true;
         for (const uint32_t primitive : source.primitives) {
             const BakedPrimitive &baked = result_.primitives[primitive];
             skip(baked.place, baked.material, SkipReason::UnsupportedImage, document_.reasonOf(baked.place, error));
         }
-        return {};
     }
 }
 
+// Of sources whose textures were read.
 void DocumentBaker::bakeSources(std::span<Source> sources)
 {
-    std::vector<AlphaTexture> textures;
-    textures.reserve(sources.size());
     std::vector<BakeInput> inputs;
     size_t triangles = 0;
     for (Source &source : sources) {
-        textures.push_back(textureOf(source));
         for (const auto &[alpha, layer] : source.layers) {
             triangles += layer.uvs.size();
-            if (source.unreadable)
+            if (!source.texture)
                 continue;
             BakeInput &input = inputs.emplace_back();
-            input.textures = {&textures.back(), 1};
+            input.textures = {source.texture.get(), 1};
             input.triangles = layer.uvs;
             input.uvTerms = static_cast<double>(source.uvTerms);
             if (source.cutoff) {
@@ -311,10 +315,48 @@ void DocumentBaker::bakeSources(std::span<Source> sources)
     done_ += triangles;
     std::span<const int32_t> indices = result.micromap.indices;
     for (Source &source : sources) {
-        if (!source.unreadable)
+        if (source.texture)
             indices = takeResult(source, result.micromap, indices);
+        source.texture.reset();
         source.layers.clear();
     }
+}
+
+// Sources with the same texture one after another, so that it is read once.
+void DocumentBaker::bakeAll()
+{
+    std::vector<Source *> byTexture;
+    for (Source &source : sources_)
+        byTexture.push_back(&source);
+    std::stable_sort(byTexture.begin(), byTexture.end(), [](const Source *a, const Source *b) {
+        return textureKeyOf(a->material) < textureKeyOf(b->material);
+    });
+    for (Source *source : byTexture) {
+        readTexture(*source);
+        if (!options_.bake.budget)
+            bakeSources({source, 1});
+    }
+    if (options_.bake.budget)
+        bakeSources(sources_); // which of them gains most from a byte is decided over all
+}
+
+// In the order of the sources. Drops the primitives of those whose image cannot be decoded here.
+void DocumentBaker::numberMicromaps()
+{
+    std::vector<bool> dropped(result_.primitives.size());
+    for (Source &source : sources_) {
+        for (const uint32_t primitive : source.primitives) {
+            dropped[primitive] = !source.baked;
+            result_.primitives[primitive].micromap.micromap = static_cast<uint32_t>(result_.micromaps.size());
+        }
+        if (source.baked)
+            result_.micromaps.push_back(std::move(*source.baked));
+    }
+    std::vector<BakedPrimitive> kept;
+    for (size_t i = 0; i < dropped.size(); ++i)
+        if (!dropped[i])
+            kept.push_back(std::move(result_.primitives[i]));
+    result_.primitives = std::move(kept);
 }
 
 DocumentBake DocumentBaker::bake()
@@ -329,24 +371,12 @@ DocumentBake DocumentBaker::bake()
         }
     }
     dropRareLayers();
+    total_ = 0;
     for (const Source &source : sources_)
         for (const auto &[alpha, layer] : source.layers)
             total_ += layer.uvs.size();
-    if (options_.bake.budget) {
-        bakeSources(sources_); // which of them gains most from a byte is decided over all
-    } else {
-        for (Source &source : sources_)
-            bakeSources({&source, 1});
-    }
-    std::vector<bool> dropped(result_.primitives.size());
-    for (const Source &source : sources_)
-        for (const uint32_t primitive : source.primitives)
-            dropped[primitive] = source.unreadable;
-    std::vector<BakedPrimitive> kept;
-    for (size_t i = 0; i < dropped.size(); ++i)
-        if (!dropped[i])
-            kept.push_back(std::move(result_.primitives[i]));
-    result_.primitives = std::move(kept);
+    bakeAll();
+    numberMicromaps();
     std::sort(result_.skipped.begin(), result_.skipped.end(),
               [](const SkippedPrimitive &a, const SkippedPrimitive &b) { return a.place < b.place; });
     return std::move(result_);

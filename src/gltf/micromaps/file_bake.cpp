@@ -6,6 +6,7 @@
 
 #include "core/utf8_path.h"
 #include "gltf/file/gltf_error.h"
+#include "gltf/file/input_file.h"
 #include "gltf/file/output_files.h"
 #include "gltf/file/relative_uri.h"
 #include "gltf/micromaps/document_writer.h"
@@ -52,7 +53,7 @@ void writeFiles(const Document &document, const std::filesystem::path &output, c
     const FilesBeside beside = filesBeside(document.root(), document.path(), output);
     OutputFiles files(cancelled);
     for (const FilesBeside::Copy &copy : beside.copies)
-        files.copy(copy.from, copy.to);
+        files.copy(copy.from, copy.to, folderOf(document.path()));
     if (rewritten.buffer.size() != 0)
         files.writeOnce(folderOf(output) / utf8Path(rewritten.bufferName), rewritten.buffer);
     files.write(output, rewritten.file);
@@ -82,6 +83,11 @@ FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &inpu
             throw GltfError("it names the file " + utf8Text(name) +
                             ", which is not in its folder or below it, so that " + utf8Text(output) +
                             " cannot have a copy");
+        try {
+            InputFile(files.read.back()).requireIn(from);
+        } catch (const GltfError &failure) {
+            throw GltfError("it names the file " + utf8Text(name) + ", which cannot be copied: " + failure.what());
+        }
         files.copies.push_back({from / normal, to / normal});
     }
     return files;

@@ -117,6 +117,9 @@ namespace vellum::layer
     X(DestroyPrivateDataSlot)                                                                                          \
     X(AllocateCommandBuffers)                                                                                          \
     X(FreeCommandBuffers)                                                                                              \
+    X(ResetCommandBuffer)                                                                                              \
+    X(ResetCommandPool)                                                                                                \
+    X(TrimCommandPool)                                                                                                 \
     X(DestroyCommandPool)                                                                                              \
     X(BeginCommandBuffer)                                                                                              \
     X(CmdBindPipeline)                                                                                                 \
@@ -150,7 +153,9 @@ namespace vellum::layer
     X(CmdWaitEvents2)                                                                                                  \
     X(CmdWriteTimestamp2)                                                                                              \
     X(CmdWriteBufferMarker2AMD)                                                                                        \
+    X(CmdWriteMarkerToMemoryAMD)                                                                                       \
     X(QueueSubmit2)                                                                                                    \
+    X(QueueSetPerformanceConfigurationINTEL)                                                                           \
     X(QueueBeginDebugUtilsLabelEXT)                                                                                    \
     X(QueueEndDebugUtilsLabelEXT)                                                                                      \
     X(QueueInsertDebugUtilsLabelEXT)                                                                                   \
@@ -165,6 +170,7 @@ namespace vellum::layer
     X(CmdPushConstants2, CmdPushConstants2)                                                                            \
     X(MapMemory2, MapMemory2)                                                                                          \
     X(UnmapMemory2, UnmapMemory2)                                                                                      \
+    X(QueueSetPerfHintQCOM, QueueSetPerfHint)                                                                          \
     X(CreateShadersEXT, CreateShaders)                                                                                 \
     X(CmdBindShadersEXT, CmdBindShaders)                                                                               \
     X(GetShaderBinaryDataEXT, GetShaderBinaryData)                                                                     \

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <mutex>
+#include <new>
 #include <shared_mutex>
 #include <type_traits>
 #include <unordered_map>
@@ -28,8 +29,8 @@ public:
         shard.values[handle] = std::move(value);
     }
 
-    // A value whose handle is not known yet. Setting it does not allocate: for objects that the driver creates later,
-    // when nothing may fail any more.
+    // A value whose handle is not known yet. Setting it does not fail: for objects that the driver creates later, when
+    // nothing may fail any more.
     using Entry = typename Values::node_type;
     [[nodiscard]] static Entry entry(Value value)
     {
@@ -42,6 +43,10 @@ public:
     {
         Shard &shard = shardOf(handle);
         std::unique_lock lock(shard.mutex);
+        try {
+            shard.grow();
+        } catch (const std::bad_alloc &) { // look-ups take longer
+        }
         entry.key() = handle;
         if (auto known = shard.values.insert(std::move(entry)); !known.inserted)
             known.position->second = std::move(known.node.mapped());
@@ -70,7 +75,7 @@ public:
 private:
     static constexpr float kNeverRehash = 1e9f;
     struct Shard {
-        // The map grows only in grow(), and not by itself, so that insertion of an entry does not allocate.
+        // The map grows only in grow(), and not by itself, so that insertion of an entry cannot fail.
         Shard() { values.max_load_factor(kNeverRehash); }
         void grow()
         {

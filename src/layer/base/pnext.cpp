@@ -34,6 +34,10 @@ size_t structureSize(VkStructureType type)
         return sizeof(newer::BufferUsageFlags2CreateInfo);
     if (type == newer::kPipelineBinaryInfo)
         return sizeof(newer::PipelineBinaryInfo);
+    if (type == newer::kTensorMemoryBarrier)
+        return sizeof(newer::TensorMemoryBarrier);
+    if (type == newer::kTensorDependencyInfo)
+        return sizeof(newer::TensorDependencyInfo);
     if (type == newer::kPipelineOpacityMicromapFeatures)
         return sizeof(newer::PipelineOpacityMicromapFeatures);
     return 0;

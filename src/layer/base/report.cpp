@@ -114,6 +114,11 @@ void CommandReports::cover(const char *id)
     coveredIds->emplace_back(id);
 }
 
+bool CommandReports::covers(std::string_view id)
+{
+    return coveredIds && std::ranges::find(*coveredIds, id) != coveredIds->end();
+}
+
 CommandReports::~CommandReports()
 {
     if (--commandDepth == 0)
@@ -144,7 +149,7 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
                     VkObjectType type, uint64_t object) noexcept
 {
     try {
-        if (coveredIds && std::ranges::find(*coveredIds, id) != coveredIds->end())
+        if (CommandReports::covers(id))
             return;
         const std::string name = std::string(kMessagePrefix) + id;
         if (held)

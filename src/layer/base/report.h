@@ -123,6 +123,7 @@ public:
     ~CommandReports();
     // The implementation does not report this id either: validation calls it in another way than the application.
     static void cover(const char *id);
+    [[nodiscard]] static bool covers(std::string_view id);
     CommandReports(const CommandReports &) = delete;
     CommandReports &operator=(const CommandReports &) = delete;
 };

@@ -39,7 +39,8 @@ constexpr Row kRows[] = {VELLUM_SETTINGS(VELLUM_ROW)};
 #undef VELLUM_ROW
 
 // Variables with the prefix of settings that are none: those of the tests, of the Python module, and of `vellum run`.
-constexpr const char *kOtherVariables[] = {"TEST_", "ORACLE_", "STRESS", "LOWER_", "FORCING", "LIBRARY", "FAIL_ON"};
+constexpr const char *kOtherVariables[] = {"TEST_",   "ORACLE_", "STRESS",  "LOWER_",
+                                           "FORCING", "LIBRARY", "FAIL_ON", "REQUIRE_CHECKS"};
 
 #define VELLUM_LEVEL(name, value, label, description) {#name, ReportLevel::value},
 constexpr std::pair<const char *, ReportLevel> kLevels[] = {
@@ -70,8 +71,15 @@ void reportOnce(const std::string &text)
     static std::mutex mutex;
     static auto &printed = *new std::set<std::string>; // never destroyed: instances may be created by exit handlers
     std::lock_guard lock(mutex);
-    if (printed.insert(text).second)
-        std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
+    if (!printed.insert(text).second)
+        return;
+    std::fprintf(stderr, "vellum: %sVELLUM-setting: %s\n", kMessagePrefix, text.c_str());
+    // So that `vellum run` fails. The setting report_file itself is not known yet.
+    const std::string file = environmentVariable(std::string(kVariablePrefix) + "REPORT_FILE").value_or("");
+    std::string line = std::string("error ") + kMessagePrefix + "VELLUM-setting: " + text + "\n";
+    std::replace(line.begin(), line.end() - 1, '\n', ' ');
+    if (!file.empty() && !appendToFile(file, line))
+        std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
 }
 
 std::string trimmed(const std::string &text)

@@ -32,6 +32,10 @@ bool appendToFile(const std::string &file, std::string_view bytes);
 // Stops in the debugger, or ends the program if there is none.
 void stopInDebugger();
 
+// Keeps this library loaded until the process ends. Loaders unload layers when the last instance is destroyed; a layer
+// that is loaded again would have forgotten what it has printed, and lost what it never frees.
+void stayLoaded();
+
 // Zeroed memory at exactly this address; null if it is taken.
 void *mapMemoryAt(void *address, size_t bytes);
 void unmapMemory(void *address, size_t bytes);

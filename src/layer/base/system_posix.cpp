@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/auxv.h>
 #include <sys/mman.h>
@@ -100,6 +101,17 @@ bool appendToFile(const std::string &file, std::string_view bytes)
 void stopInDebugger()
 {
     std::raise(SIGTRAP);
+}
+
+void stayLoaded()
+{
+    static const char ofThisLibrary = 0;
+    Dl_info info{};
+    if (dladdr(&ofThisLibrary, &info) == 0 || !info.dli_fname)
+        return;
+    // The flag stays after dlclose.
+    if (void *library = dlopen(info.dli_fname, RTLD_LAZY | RTLD_NOLOAD | RTLD_NODELETE))
+        dlclose(library);
 }
 
 #if defined(__linux__) && defined(MAP_FIXED_NOREPLACE)

@@ -129,6 +129,14 @@ void stopInDebugger()
     DebugBreak();
 }
 
+void stayLoaded()
+{
+    static const char ofThisLibrary = 0;
+    HMODULE library = nullptr;
+    GetModuleHandleExW(GET_MODULE_HANDLE_EX_FLAG_PIN | GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS,
+                       reinterpret_cast<LPCWSTR>(&ofThisLibrary), &library);
+}
+
 void *mapMemoryAt(void *address, size_t bytes)
 {
     return VirtualAlloc(address, bytes, MEM_RESERVE | MEM_COMMIT, PAGE_READWRITE);

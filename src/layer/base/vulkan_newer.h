@@ -225,6 +225,33 @@ using PFN_GetPipelineKey = VkResult(VKAPI_PTR *)(VkDevice, const PipelineCreateI
 using PFN_GetPipelineBinaryData = VkResult(VKAPI_PTR *)(VkDevice, const PipelineBinaryDataInfo *, PipelineBinaryKey *,
                                                         size_t *, void *);
 
+// VK_ARM_tensors
+inline constexpr auto kTensorMemoryBarrier = static_cast<VkStructureType>(1000460008);
+struct TensorMemoryBarrier {
+    VkStructureType sType;
+    const void *pNext;
+    VkPipelineStageFlags2 srcStageMask;
+    VkAccessFlags2 srcAccessMask;
+    VkPipelineStageFlags2 dstStageMask;
+    VkAccessFlags2 dstAccessMask;
+    uint32_t srcQueueFamilyIndex;
+    uint32_t dstQueueFamilyIndex;
+    uint64_t tensor; // VkTensorARM
+};
+inline constexpr auto kTensorDependencyInfo = static_cast<VkStructureType>(1000460013);
+struct TensorDependencyInfo {
+    VkStructureType sType;
+    const void *pNext;
+    uint32_t tensorMemoryBarrierCount;
+    const TensorMemoryBarrier *pTensorMemoryBarriers;
+};
+
+// VK_KHR_internally_synchronized_queues
+inline constexpr auto kQueueInternallySynchronized = static_cast<VkDeviceQueueCreateFlagBits>(4);
+
+// VK_QCOM_queue_perf_hint
+using PFN_QueueSetPerfHint = VkResult(VKAPI_PTR *)(VkQueue, const void *);
+
 // VK_EXT_layer_settings
 inline constexpr const char *kLayerSettingsExtension = "VK_EXT_layer_settings";
 inline constexpr auto kLayerSettingsCreateInfo = static_cast<VkStructureType>(1000496000);

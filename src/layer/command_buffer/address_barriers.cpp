@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/command_buffer/address_barriers.h"
 
-#include "layer/memory/device_buffers.h"
+#include "layer/command_buffer/device_command_buffers.h"
 
 namespace vellum::layer
 {
@@ -17,26 +17,29 @@ void addMemoryBarrier(const VkMemoryRangeBarrierKHR &range, std::vector<VkMemory
 }
 
 // Memory is transferred to another queue family buffer by buffer: each buffer's part of the range.
-bool addTransfers(const DeviceBuffers &device, const VkMemoryRangeBarrierKHR &range,
-                  std::vector<VkBufferMemoryBarrier2> &buffers)
+bool addTransfers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                  const VkMemoryRangeBarrierKHR &range, std::vector<VkBufferMemoryBarrier2> &buffers)
 {
-    const auto locations = device.addresses.within(range.addressRange.address, range.addressRange.size);
-    for (const AddressMap::Location &location : locations)
+    const auto locations = device.buffers.addresses.within(range.addressRange.address, range.addressRange.size);
+    for (const AddressMap::Location &location : locations) {
+        device.states.keep(commandBuffer, location.owner);
         buffers.push_back({VK_STRUCTURE_TYPE_BUFFER_MEMORY_BARRIER_2, nullptr, range.srcStageMask, range.srcAccessMask,
                            range.dstStageMask, range.dstAccessMask, range.srcQueueFamilyIndex,
                            range.dstQueueFamilyIndex, location.buffer, location.offset, location.bytes});
+    }
     return !locations.empty();
 }
 
 } // namespace
 
-void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersInfoKHR &info,
-                      std::vector<VkMemoryBarrier2> &memory, std::vector<VkBufferMemoryBarrier2> &buffers)
+void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                      const VkMemoryRangeBarriersInfoKHR &info, std::vector<VkMemoryBarrier2> &memory,
+                      std::vector<VkBufferMemoryBarrier2> &buffers)
 {
     for (uint32_t i = 0; i < info.memoryRangeBarrierCount; ++i) {
         const VkMemoryRangeBarrierKHR &range = info.pMemoryRangeBarriers[i];
         const bool transfer = range.srcQueueFamilyIndex != range.dstQueueFamilyIndex;
-        if (transfer && addTransfers(device, range, buffers))
+        if (transfer && addTransfers(device, commandBuffer, range, buffers))
             continue;
         addMemoryBarrier(range, memory);
         if (transfer)

@@ -9,10 +9,11 @@
 namespace vellum::layer
 {
 
-struct DeviceBuffers;
+struct DeviceCommandBuffers;
 
 // Appends the range barriers of a dependency info as memory and buffer barriers, which every driver knows.
-void addRangeBarriers(const DeviceBuffers &device, const VkMemoryRangeBarriersInfoKHR &info,
-                      std::vector<VkMemoryBarrier2> &memory, std::vector<VkBufferMemoryBarrier2> &buffers);
+void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                      const VkMemoryRangeBarriersInfoKHR &info, std::vector<VkMemoryBarrier2> &memory,
+                      std::vector<VkBufferMemoryBarrier2> &buffers);
 
 } // namespace vellum::layer

@@ -35,6 +35,16 @@ void rememberPush(CommandState &state, VkPipelineLayout layout, VkShaderStageFla
     state.pushes.push_back(std::move(push));
 }
 
+// Gives back what the recorded commands used; with `all`, also memory for further ones.
+void releaseCommands(CommandState &state, bool all)
+{
+    if (all)
+        state.scratch.release();
+    else
+        state.scratch.reset();
+    state.used.clear();
+}
+
 // Changed whenever a command buffer of this process is allocated or freed, which invalidates the last lookup of each
 // thread.
 std::atomic<uint64_t> changes{1};
@@ -100,6 +110,12 @@ CommandState *CommandStates::get(VkCommandBuffer commandBuffer) const
     return state;
 }
 
+void CommandStates::keep(VkCommandBuffer commandBuffer, std::shared_ptr<const void> used) const
+{
+    if (CommandState *const state = get(commandBuffer); state && used)
+        state->used.insert(std::move(used));
+}
+
 void CommandState::forgetBindings()
 {
     computePipeline = VK_NULL_HANDLE;
@@ -136,6 +152,32 @@ void freeCommandBuffers(DeviceCommandBuffers &device, VkDevice handle, VkCommand
     device.driver.next.FreeCommandBuffers(handle, pool, count, buffers);
 }
 
+VkResult resetCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                            VkCommandBufferResetFlags flags)
+{
+    const VkResult result = device.driver.next.ResetCommandBuffer(commandBuffer, flags);
+    const auto state = device.states.get(commandBuffer);
+    if (result == VK_SUCCESS && state) // if it failed, there may still be commands
+        releaseCommands(*state, (flags & VK_COMMAND_BUFFER_RESET_RELEASE_RESOURCES_BIT) != 0);
+    return result;
+}
+
+VkResult resetCommandPool(DeviceCommandBuffers &device, VkDevice handle, VkCommandPool pool,
+                          VkCommandPoolResetFlags flags)
+{
+    const VkResult result = device.driver.next.ResetCommandPool(handle, pool, flags);
+    const bool all = (flags & VK_COMMAND_POOL_RESET_RELEASE_RESOURCES_BIT) != 0;
+    if (result == VK_SUCCESS)
+        device.states.forPool(pool, [all](CommandState &state) { releaseCommands(state, all); });
+    return result;
+}
+
+void trimCommandPool(DeviceCommandBuffers &device, VkDevice handle, VkCommandPool pool, VkCommandPoolTrimFlags flags)
+{
+    device.buffers.scratch.trim();
+    device.driver.next.TrimCommandPool(handle, pool, flags);
+}
+
 void destroyCommandPool(DeviceCommandBuffers &device, VkDevice handle, VkCommandPool pool,
                         const VkAllocationCallbacks *allocator)
 {
@@ -150,10 +192,11 @@ VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer comman
     // A command buffer is implicitly reset when it is begun again.
     if (const auto state = device.states.get(commandBuffer)) {
         state->forgetBindings();
-        state->scratch.reset();
+        releaseCommands(*state, false);
         state->conditionalRendering.reset();
         state->rejectedTransformFeedback = false;
         state->descriptorsWait = false;
+        state->mayRunTwice = (info->flags & VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT) != 0;
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(

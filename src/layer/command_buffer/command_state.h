@@ -39,11 +39,14 @@ struct CommandState {
     std::vector<PushedConstants> pushes;           // in the order of the commands, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
+    bool mayRunTwice = false; // at the same time, by VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT
     // vkCmdBeginTransformFeedback2EXT was rejected; the next vkCmdEndTransformFeedback2EXT must be, too.
     bool rejectedTransformFeedback = false;
     // A barrier from builds to transfers to structure descriptors was recorded.
     bool descriptorsWait = false;
     ScratchMemory scratch; // of injected work; lives as long as the recorded commands
+    // What the recorded commands use: buffers that were found by addresses, slots of instances.
+    std::unordered_set<std::shared_ptr<const void>> used;
 
     void forgetBindings();
 };
@@ -63,6 +66,19 @@ public:
     void removePool(VkCommandPool pool); // with all command buffers in it
     // Null for a command buffer that the application did not allocate. Valid until the command buffer is freed.
     [[nodiscard]] CommandState *get(VkCommandBuffer commandBuffer) const;
+    // Keeps what a command uses that is about to be recorded, for as long as the command exists.
+    void keep(VkCommandBuffer commandBuffer, std::shared_ptr<const void> used) const;
+    // Calls `use` with the state of each command buffer of a pool.
+    template <typename Use>
+    void forPool(VkCommandPool pool, Use use)
+    {
+        std::lock_guard lock(poolsMutex_);
+        const auto found = pools_.find(pool);
+        if (found == pools_.end())
+            return;
+        for (const VkCommandBuffer commandBuffer : found->second)
+            use(*states_.get(commandBuffer));
+    }
 
 private:
     static void changed();
@@ -75,6 +91,9 @@ private:
 VkResult allocateCommandBuffers(DeviceCommandBuffers &, VkDevice, const VkCommandBufferAllocateInfo *,
                                 VkCommandBuffer *);
 void freeCommandBuffers(DeviceCommandBuffers &, VkDevice, VkCommandPool, uint32_t, const VkCommandBuffer *);
+VkResult resetCommandBuffer(DeviceCommandBuffers &, VkCommandBuffer, VkCommandBufferResetFlags);
+VkResult resetCommandPool(DeviceCommandBuffers &, VkDevice, VkCommandPool, VkCommandPoolResetFlags);
+void trimCommandPool(DeviceCommandBuffers &, VkDevice, VkCommandPool, VkCommandPoolTrimFlags);
 void destroyCommandPool(DeviceCommandBuffers &, VkDevice, VkCommandPool, const VkAllocationCallbacks *);
 VkResult beginCommandBuffer(DeviceCommandBuffers &, VkCommandBuffer, const VkCommandBufferBeginInfo *);
 void cmdBindPipeline(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);

@@ -52,10 +52,11 @@ public:
     bool run(std::unique_ptr<Probe> probe);
 
     using Lock = std::unique_lock<std::timed_mutex>;
-    // Held by queue commands of the application. Empty for a queue that probes do not use.
-    [[nodiscard]] Lock lock(VkQueue queue) { return queue == queue_ ? Lock(mutex_) : Lock(); }
+    // Held by queue commands of the application. Empty for a queue that probes do not use, and for one that the driver
+    // synchronizes (VK_KHR_internally_synchronized_queues): there, vkQueueWaitIdle may wait for later submissions.
+    [[nodiscard]] Lock lock(VkQueue queue) { return queue == queue_ ? lock() : Lock(); }
     // Locks every queue (vkDeviceWaitIdle).
-    [[nodiscard]] Lock lock() { return Lock(mutex_); }
+    [[nodiscard]] Lock lock() { return isSynchronized_ ? Lock() : Lock(mutex_); }
 
 private:
     class Submission;
@@ -66,7 +67,8 @@ private:
     std::chrono::seconds timeout_{};
     uint32_t family_ = 0;
     VkQueue queue_ = VK_NULL_HANDLE;
-    std::timed_mutex mutex_; // guards queue_
+    bool isSynchronized_ = false; // by the driver
+    std::timed_mutex mutex_;      // guards queue_
     std::mutex unfinishedMutex_;
     std::vector<std::unique_ptr<Submission>> unfinished_; // may still be in use by the GPU
 };

@@ -41,10 +41,19 @@ InjectedPipelines::~InjectedPipelines()
 
 VkPipeline InjectedPipelines::get(InjectedShader shader)
 {
-    std::lock_guard lock(mutex_);
-    VkPipeline &pipeline = pipelines_[static_cast<size_t>(shader)];
-    if (pipeline)
-        return pipeline;
+    std::atomic<VkPipeline> &pipeline = pipelines_[static_cast<size_t>(shader)];
+    if (const VkPipeline known = pipeline.load(std::memory_order_acquire))
+        return known;
+    const VkPipeline own = createPipeline(shader);
+    VkPipeline first = VK_NULL_HANDLE;
+    if (!own || pipeline.compare_exchange_strong(first, own))
+        return own;
+    context_.next->DestroyPipeline(context_.device, own, nullptr);
+    return first;
+}
+
+VkPipeline InjectedPipelines::createPipeline(InjectedShader shader) const
+{
     const std::span code = kInjectedWords[static_cast<size_t>(shader)];
     VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     moduleInfo.codeSize = code.size_bytes();
@@ -61,6 +70,7 @@ VkPipeline InjectedPipelines::get(InjectedShader shader)
                   "main",
                   nullptr};
     info.layout = layout_;
+    VkPipeline pipeline = VK_NULL_HANDLE;
     if (context_.next->CreateComputePipelines(context_.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline) !=
         VK_SUCCESS)
         pipeline = VK_NULL_HANDLE;
@@ -83,14 +93,20 @@ bool InjectedWork::rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffe
     return true;
 }
 
-bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
+VkPipeline InjectedWork::pipelineOf(InjectedShader shader)
 {
     const VkPipeline pipeline = device_.injected.get(shader);
-    if (!pipeline) {
+    if (!pipeline)
         device_.driver.report().error("VELLUM-injected-pipeline",
                                       "the driver could not create the pipeline of a shader of the layer");
+    return pipeline;
+}
+
+bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBytes)
+{
+    const VkPipeline pipeline = pipelineOf(shader);
+    if (!pipeline)
         return false;
-    }
     const DeviceTable &next = device_.driver.next;
     if (!disturbed_ && state_ && device_.driver.keepsOldPushConstants)
         pushed_ = pushedConstants(); // here, since the destructor must not allocate

@@ -3,9 +3,9 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <mutex>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -22,7 +22,8 @@ struct DeviceCommandBuffers;
 
 inline constexpr uint32_t kPushBytes = 128; // required minimum of maxPushConstantsSize
 
-// The compute pipelines of the injected work. Each is created when it is first needed.
+// The compute pipelines of the injected work. Each is created when it is first needed, without a lock: compilation
+// takes long, and other threads record meanwhile. Of threads that create the same one, the first to finish provides it.
 class InjectedPipelines
 {
 public:
@@ -37,9 +38,9 @@ public:
 private:
     GpuContext context_;
     uint32_t pushBytes_ = kPushBytes;
-    std::mutex mutex_;
+    [[nodiscard]] VkPipeline createPipeline(InjectedShader shader) const;
     VkPipelineLayout layout_ = VK_NULL_HANDLE;
-    std::array<VkPipeline, kInjectedShaders> pipelines_{};
+    std::array<std::atomic<VkPipeline>, kInjectedShaders> pipelines_{};
 };
 
 // A sequence of injected commands. The destructor restores the application's compute pipeline or shader, push constants
@@ -60,6 +61,9 @@ public:
     // driver's builds.
     static bool rejectedIn(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const char *command);
 
+    // Creates the pipeline of a shader, if there is none yet: for work that must not stop in the middle. Returns false
+    // and reports an error if that fails.
+    bool prepare(InjectedShader shader) { return pipelineOf(shader) != VK_NULL_HANDLE; }
     // Runs at least `invocations` invocations of a shader. Returns false and reports an error if it has no pipeline.
     template <typename Push>
     bool dispatch(InjectedShader shader, const Push &push, uint64_t invocations, uint32_t groupSize)
@@ -90,6 +94,7 @@ private:
     bool runIndirect(InjectedShader shader, const void *push, uint32_t pushBytes, VkBuffer buffer, VkDeviceSize offset);
     // The application's push constants; zero where it has pushed none.
     [[nodiscard]] std::vector<std::byte> pushedConstants() const;
+    [[nodiscard]] VkPipeline pipelineOf(InjectedShader shader);
     // Binds the pipeline of a shader and its push constants.
     bool bind(InjectedShader shader, const void *push, uint32_t pushBytes);
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "layer/base/pnext.h"
+#include "layer/base/vulkan_newer.h"
 #include "layer/command_buffer/address_barriers.h"
 #include "layer/command_buffer/device_command_buffers.h"
 
@@ -66,7 +67,8 @@ void warnOfUntranslated(const Driver &driver, const Barrier &barrier)
 class DriverDependency
 {
 public:
-    DriverDependency(const DeviceCommandBuffers &device, const VkDependencyInfo &application)
+    DriverDependency(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
+                     const VkDependencyInfo &application)
         : driver_(device.driver), info_(application), chain_(application.pNext),
           memory_(application.pMemoryBarriers, application.pMemoryBarriers + application.memoryBarrierCount),
           buffers_(application.pBufferMemoryBarriers,
@@ -74,7 +76,9 @@ public:
           images_(application.pImageMemoryBarriers,
                   application.pImageMemoryBarriers + application.imageMemoryBarrierCount)
     {
-        addRanges(device);
+        addRanges(device, commandBuffer);
+        if (device.driver.emulated())
+            translateTensors();
         info_.pNext = chain_.head();
         info_.pMemoryBarriers = translated(memory_, info_.memoryBarrierCount);
         info_.pBufferMemoryBarriers = translated(buffers_, info_.bufferMemoryBarrierCount);
@@ -93,14 +97,14 @@ private:
         count = static_cast<uint32_t>(barriers.size());
         return barriers.data();
     }
-    void addRanges(const DeviceCommandBuffers &device)
+    void addRanges(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
     {
         const auto *ranges =
             findInChain<VkMemoryRangeBarriersInfoKHR>(info_.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
         if (!ranges)
             return;
         if (device.driver.ownAddressCommands) {
-            addRangeBarriers(device.buffers, *ranges, memory_, buffers_);
+            addRangeBarriers(device, commandBuffer, *ranges, memory_, buffers_);
             chain_.remove(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
         } else if (auto *own =
                        chain_.edit<VkMemoryRangeBarriersInfoKHR>(VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)) {
@@ -111,6 +115,21 @@ private:
                 warnOfUntranslated(driver_, ranges->pMemoryRangeBarriers[i]);
         }
     }
+    void translateTensors()
+    {
+        const auto *info = findInChain<newer::TensorDependencyInfo>(info_.pNext, newer::kTensorDependencyInfo);
+        if (auto *own = chain_.edit<newer::TensorDependencyInfo>(newer::kTensorDependencyInfo)) {
+            tensors_.assign(own->pTensorMemoryBarriers, own->pTensorMemoryBarriers + own->tensorMemoryBarrierCount);
+            own->pTensorMemoryBarriers = translated(tensors_, own->tensorMemoryBarrierCount);
+        } else if (info) {
+            for (uint32_t i = 0; i < info->tensorMemoryBarrierCount; ++i)
+                warnOfUntranslated(driver_, info->pTensorMemoryBarriers[i]);
+        }
+        if (auto *own = chain_.edit<newer::TensorMemoryBarrier>(newer::kTensorMemoryBarrier))
+            translate(driver_, *own);
+        else if (const auto *one = findInChain<newer::TensorMemoryBarrier>(info_.pNext, newer::kTensorMemoryBarrier))
+            warnOfUntranslated(driver_, *one);
+    }
 
     const Driver &driver_;
     VkDependencyInfo info_;
@@ -119,6 +138,7 @@ private:
     std::vector<VkBufferMemoryBarrier2> buffers_;
     std::vector<VkImageMemoryBarrier2> images_;
     std::vector<VkMemoryRangeBarrierKHR> ranges_; // for a driver that knows them
+    std::vector<newer::TensorMemoryBarrier> tensors_;
 };
 
 std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo *infos, uint32_t count)
@@ -129,24 +149,23 @@ std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo 
     return own;
 }
 
-// The stage for commands that take exactly one.
+} // namespace
+
 VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
 {
     return stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT ? VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT : stage;
 }
 
-} // namespace
-
 void cmdPipelineBarrier2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
-    const DriverDependency driver(device, *info);
+    const DriverDependency driver(device, commandBuffer, *info);
     device.driver.next.CmdPipelineBarrier2(commandBuffer, &driver.info());
 }
 
 void cmdSetEvent2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkEvent event,
                   const VkDependencyInfo *info)
 {
-    const DriverDependency driver(device, *info);
+    const DriverDependency driver(device, commandBuffer, *info);
     device.driver.next.CmdSetEvent2(commandBuffer, event, &driver.info());
 }
 
@@ -162,7 +181,7 @@ void cmdWaitEvents2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
     std::deque<DriverDependency> own;
     std::vector<VkDependencyInfo> driverInfos;
     for (uint32_t i = 0; i < count; ++i)
-        driverInfos.push_back(own.emplace_back(device, infos[i]).info());
+        driverInfos.push_back(own.emplace_back(device, commandBuffer, infos[i]).info());
     device.driver.next.CmdWaitEvents2(commandBuffer, count, events, driverInfos.data());
 }
 
@@ -243,6 +262,19 @@ void queueInsertDebugUtilsLabel(DeviceCommandBuffers &device, VkQueue queue, con
 {
     const ProbeQueue::Lock lock = device.probes.lock(queue);
     device.driver.next.QueueInsertDebugUtilsLabelEXT(queue, label);
+}
+
+VkResult queueSetPerformanceConfiguration(DeviceCommandBuffers &device, VkQueue queue,
+                                          VkPerformanceConfigurationINTEL configuration)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    return device.driver.next.QueueSetPerformanceConfigurationINTEL(queue, configuration);
+}
+
+VkResult queueSetPerfHint(DeviceCommandBuffers &device, VkQueue queue, const void *info)
+{
+    const ProbeQueue::Lock lock = device.probes.lock(queue);
+    return device.driver.next.QueueSetPerfHintQCOM(queue, info);
 }
 
 VkResult createRenderPass2(DeviceCommandBuffers &device, VkDevice handle, const VkRenderPassCreateInfo2 *info,

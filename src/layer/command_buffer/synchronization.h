@@ -10,6 +10,9 @@ namespace vellum::layer
 
 struct DeviceCommandBuffers;
 
+// The stage that the driver gets in commands that take exactly one.
+VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage);
+
 void cmdPipelineBarrier2(DeviceCommandBuffers &, VkCommandBuffer, const VkDependencyInfo *);
 void cmdSetEvent2(DeviceCommandBuffers &, VkCommandBuffer, VkEvent, const VkDependencyInfo *);
 void cmdResetEvent2(DeviceCommandBuffers &, VkCommandBuffer, VkEvent, VkPipelineStageFlags2);
@@ -27,6 +30,8 @@ void queueBeginDebugUtilsLabel(DeviceCommandBuffers &, VkQueue, const VkDebugUti
 void queueEndDebugUtilsLabel(DeviceCommandBuffers &, VkQueue);
 void queueInsertDebugUtilsLabel(DeviceCommandBuffers &, VkQueue, const VkDebugUtilsLabelEXT *);
 VkResult queuePresent(DeviceCommandBuffers &, VkQueue, const VkPresentInfoKHR *);
+VkResult queueSetPerformanceConfiguration(DeviceCommandBuffers &, VkQueue, VkPerformanceConfigurationINTEL);
+VkResult queueSetPerfHint(DeviceCommandBuffers &, VkQueue, const void *);
 VkResult createRenderPass2(DeviceCommandBuffers &, VkDevice, const VkRenderPassCreateInfo2 *,
                            const VkAllocationCallbacks *, VkRenderPass *);
 

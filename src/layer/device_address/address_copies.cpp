@@ -42,7 +42,7 @@ ImageRegions imageRegions(const AddressLookup &lookup, const VkCopyDeviceMemoryI
 
 void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyMemoryKHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdCopyMemoryKHR");
     std::map<std::pair<VkBuffer, VkBuffer>, std::vector<VkBufferCopy>> groups;
     for (uint32_t i = 0; i < info->regionCount; ++i) {
         const VkDeviceMemoryCopyKHR &region = info->pRegions[i];
@@ -71,7 +71,7 @@ void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const
 void cmdCopyMemoryToImage(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                           const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyMemoryToImageKHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdCopyMemoryToImageKHR");
     const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
                                              "VELLUM-VUID-vkCmdCopyMemoryToImageKHR-addressRange-13128");
     for (const auto &[key, regions] : groups) {
@@ -85,7 +85,7 @@ void cmdCopyMemoryToImage(DeviceAddresses &device, VkCommandBuffer commandBuffer
 void cmdCopyImageToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                           const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyImageToMemoryKHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdCopyImageToMemoryKHR");
     const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                              "VELLUM-VUID-vkCmdCopyImageToMemoryKHR-addressRange-13129");
     for (const auto &[key, regions] : groups) {
@@ -99,7 +99,7 @@ void cmdCopyImageToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer
 void cmdUpdateMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
                      VkAddressCommandFlagsKHR, VkDeviceSize size, const void *data)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdUpdateMemoryKHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdUpdateMemoryKHR");
     const auto target = lookup.find(*range, {.member = "pDstRange",
                                              .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                              .usageId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dstRange-13005",
@@ -115,7 +115,7 @@ void cmdFillMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const
 {
     if (range->size == 0) // not allowed in vkCmdFillBuffer
         return;
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdFillMemoryKHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdFillMemoryKHR");
     const auto target = lookup.find(*range, {.member = "pDstRange",
                                              .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                              .usageId = "VELLUM-VUID-vkCmdFillMemoryKHR-dstRange-13000"});
@@ -129,7 +129,7 @@ void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer co
 {
     if (count == 0)
         return;
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdCopyQueryPoolResultsToMemoryKHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdCopyQueryPoolResultsToMemoryKHR");
     // Minimum size: the number of values of a result depends on the type of the pool.
     const VkDeviceSize value = (flags & VK_QUERY_RESULT_64_BIT) != 0 ? 8 : 4;
     const bool both = (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0;
@@ -149,7 +149,13 @@ void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer co
 
 void cmdWriteMarkerToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
+    if (!device.driver.ownAddressCommands) {
+        VkMemoryMarkerInfoAMD own = *info;
+        if (device.driver.emulated())
+            own.stage = driverStage(info->stage);
+        return device.driver.next.CmdWriteMarkerToMemoryAMD(commandBuffer, &own);
+    }
+    const AddressLookup lookup(device, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
     const auto target = lookup.find(info->dstRange, {.member = "dstRange",
                                                      .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
                                                      .usageId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13039",

@@ -84,7 +84,7 @@ void drawIndirect(const DeviceAddresses &device, VkCommandBuffer commandBuffer, 
 {
     if (info.drawCount == 0)
         return;
-    const AddressLookup lookup(device.buffers, commandBuffer, kind.command);
+    const AddressLookup lookup(device, commandBuffer, kind.command);
     const auto draws = findDraws(lookup, kind, info.addressRange, info.drawCount,
                                  "VELLUM-VUID-VkDrawIndirect2InfoKHR-addressRange-13107");
     if (draws)
@@ -96,7 +96,7 @@ void drawIndirectCount(const DeviceAddresses &device, VkCommandBuffer commandBuf
 {
     if (info.maxDrawCount == 0)
         return;
-    const AddressLookup lookup(device.buffers, commandBuffer, kind.command);
+    const AddressLookup lookup(device, commandBuffer, kind.command);
     if (!next)
         return lookup.reject("VELLUM-VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119",
                              "the driver has no indirect draws with counts");
@@ -139,7 +139,7 @@ void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer,
             device.driver.nullIndexBuffer ? VK_NULL_HANDLE : device.zeroIndices.get(device.buffers.gpu);
         return device.driver.next.CmdBindIndexBuffer(commandBuffer, null, 0, info->indexType);
     }
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindIndexBuffer3KHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdBindIndexBuffer3KHR");
     const auto found = lookup.find(range, {.member = "addressRange",
                                            .usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
                                            .usageId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051",
@@ -158,7 +158,7 @@ void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer,
 void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                            const VkBindVertexBuffer3InfoKHR *infos)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindVertexBuffers3KHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdBindVertexBuffers3KHR");
     std::vector<VkBuffer> buffers(count);
     std::vector<VkDeviceSize> offsets(count), sizes(count), strides(count);
     for (uint32_t i = 0; i < count; ++i) {
@@ -261,7 +261,7 @@ void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &device, VkCommandBuffer com
 void cmdDispatchIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                           const VkDispatchIndirect2InfoKHR *info)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdDispatchIndirect2KHR");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdDispatchIndirect2KHR");
     const auto found =
         lookup.find(info->addressRange, {.member = "addressRange",
                                          .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
@@ -276,7 +276,7 @@ void cmdDispatchIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer
 void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                                    const VkConditionalRenderingBeginInfo2EXT *info)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBeginConditionalRendering2EXT");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdBeginConditionalRendering2EXT");
     const auto found = lookup.find(info->addressRange,
                                    {.member = "addressRange",
                                     .usage = VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT,

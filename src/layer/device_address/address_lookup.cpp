@@ -5,7 +5,7 @@
 #include <cinttypes>
 #include <cstdio>
 
-#include "layer/memory/device_buffers.h"
+#include "layer/device_address/device_addresses.h"
 
 namespace vellum::layer
 {
@@ -25,6 +25,12 @@ bool AddressLookup::tolerateIf(bool harmless, const char *id, const std::string 
     return false;
 }
 
+AddressLookup::Found AddressLookup::keep(const AddressMap::Location &location, VkDeviceSize size) const
+{
+    device_.commands.states.keep(commandBuffer_, location.owner);
+    return {location.buffer, location.offset, size};
+}
+
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,
                                                         const Rules &rules) const
 {
@@ -38,23 +44,23 @@ std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRan
         tolerate(false, rules.null, "is a null range");
         return std::nullopt;
     }
-    const AddressMap &addresses = device_.addresses;
+    const AddressMap &addresses = device_.buffers.addresses;
     const VkDeviceSize size = std::max(range.size, need.least);
     if (range.size < need.least && !tolerate(range.size > 0 && addresses.covering(range.address, need.least, 0).buffer,
                                              need.leastId, "is smaller than what the command accesses"))
         return std::nullopt;
     AddressMap::Location location = addresses.covering(range.address, size, need.usage);
     if (location.buffer)
-        return Found{location.buffer, location.offset, range.size};
+        return keep(location, range.size);
     location = addresses.covering(range.address, size, 0);
     if (location.buffer)
         return tolerate(true, need.usageId, "lies in no buffer with the usage that the command needs")
-                   ? std::optional(Found{location.buffer, location.offset, range.size})
+                   ? std::optional(keep(location, range.size))
                    : std::nullopt;
     if (need.part != Part::All)
         location = addresses.covering(range.address, std::max(need.least, VkDeviceSize{1}), need.usage);
     return tolerate(location.buffer, rules.buffer, "does not lie in one buffer")
-               ? std::optional(Found{location.buffer, location.offset, location.bytes})
+               ? std::optional(keep(location, location.bytes))
                : std::nullopt;
 }
 

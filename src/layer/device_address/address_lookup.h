@@ -5,21 +5,23 @@
 #include <optional>
 #include <string>
 
+#include "layer/memory/address_map.h"
 #include "vellum/vulkan_opacity_micromap.h"
 
 namespace vellum::layer
 {
 
-struct DeviceBuffers;
+struct DeviceAddresses;
 
-// Finds the buffers of one command's ranges. Reports an error for a range that is in no buffer; nothing may be recorded
-// then. A wrong size of the range or usage of the buffer is harmless to drivers, if everything that the command
-// accesses is in one buffer; it is reported and tolerated.
+// Finds the buffers of one command's ranges, and keeps them for as long as the command exists (DriverBuffer). Reports
+// an error for a range that is in no buffer; nothing may be recorded then. A wrong size of the range or usage of the
+// buffer is harmless to drivers, if everything that the command accesses is in one buffer; it is reported and
+// tolerated.
 class AddressLookup
 {
 public:
     // `otherwise`: what a message says about the command that is rejected.
-    AddressLookup(const DeviceBuffers &device, VkCommandBuffer commandBuffer, const char *command,
+    AddressLookup(const DeviceAddresses &device, VkCommandBuffer commandBuffer, const char *command,
                   const char *otherwise = "nothing is recorded")
         : device_(device), commandBuffer_(commandBuffer), command_(command), otherwise_(otherwise)
     {
@@ -61,7 +63,9 @@ private:
     [[nodiscard]] std::optional<Found> find(const VkDeviceAddressRangeKHR &range, const Need &need,
                                             const Rules &rules) const;
 
-    const DeviceBuffers &device_;
+    [[nodiscard]] Found keep(const AddressMap::Location &location, VkDeviceSize size) const;
+
+    const DeviceAddresses &device_;
     VkCommandBuffer commandBuffer_;
     const char *command_;
     const char *otherwise_;

@@ -53,7 +53,7 @@ std::optional<Counters> findCounters(const AddressLookup &lookup, uint32_t count
 void cmdBindTransformFeedbackBuffers2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first,
                                       uint32_t count, const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBindTransformFeedbackBuffers2EXT");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdBindTransformFeedbackBuffers2EXT");
     std::vector<VkBuffer> buffers(count);
     std::vector<VkDeviceSize> offsets(count), sizes(count);
     for (uint32_t i = 0; i < count; ++i) {
@@ -76,7 +76,7 @@ void cmdBindTransformFeedbackBuffers2(DeviceAddresses &device, VkCommandBuffer c
 void cmdBeginTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                                 const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdBeginTransformFeedback2EXT");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdBeginTransformFeedback2EXT");
     const auto counters =
         findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094",
                      "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13093");
@@ -95,7 +95,7 @@ void cmdEndTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBu
         return;
     }
     // Transform feedback must end even if the counters are rejected.
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdEndTransformFeedback2EXT", "no counter is written");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdEndTransformFeedback2EXT", "no counter is written");
     const auto counters =
         findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13096",
                      "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13095")
@@ -108,7 +108,7 @@ void cmdDrawIndirectByteCount2(DeviceAddresses &device, VkCommandBuffer commandB
                                uint32_t firstInstance, const VkBindTransformFeedbackBuffer2InfoEXT *info,
                                uint32_t counterOffset, uint32_t vertexStride)
 {
-    const AddressLookup lookup(device.buffers, commandBuffer, "vkCmdDrawIndirectByteCount2EXT");
+    const AddressLookup lookup(device, commandBuffer, "vkCmdDrawIndirectByteCount2EXT");
     const auto found =
         lookup.find(info->addressRange, {.member = "addressRange of pCounterInfo",
                                          .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,

@@ -15,7 +15,7 @@
 #include "layer/base/undo.h"
 #include "layer/entry/commands.h"
 #include "layer/entry/device_info.h"
-#include "layer/entry/hidden_extensions.h"
+#include "layer/entry/ray_tracing_extensions.h"
 #include "layer/entry/registry.h"
 #include "layer/khr_over_ext/ext_backend.h"
 #include "layer/structures/emulated_backend.h"
@@ -46,46 +46,51 @@ Mode modeOf(const VkDeviceCreateInfo &info, const Implementations &have)
     return identifiers && have.mixesIdentifiers() ? Mode::Identifiers : Mode::PassThrough;
 }
 
-// The reason why a device of that mode cannot have an extension of the driver; null if it can.
-const char *reasonToHide(const char *name, Mode mode, const Implementations &have, const EnabledFeatures &enabled)
-{
-    if (mode == Mode::Emulated || have.ext == Implementation::Emulation) {
-        const HiddenExtension *hidden = hiddenByEmulation(name);
-        return hidden ? hidden->reason : nullptr;
-    }
-    const HiddenExtension *hidden = mode == Mode::KhrOverExt ? hiddenByTranslation(name) : nullptr;
-    // Without KHR a translated device has the driver's micromaps, unchanged.
-    if (!hidden || (!enabled.khr && hidden->translated != HiddenExtension::Translated::NotBesideWork))
-        return nullptr;
-    return hidden->reason;
-}
-
 // Whether the application enables anything whose implementation depends on the layer.
 bool dependsOnLayer(const VkDeviceCreateInfo &info)
 {
     for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
         const char *name = info.ppEnabledExtensionNames[i];
         const auto isName = [name](const ProvidedExtension &own) { return std::strcmp(own.name, name) == 0; };
-        if (std::ranges::any_of(kProvidedExtensions, isName) || hiddenByEmulation(name) ||
+        if (std::ranges::any_of(kProvidedExtensions, isName) ||
+            std::strcmp(name, newer::kDisplacementMicromapExtension) == 0 ||
             std::strcmp(name, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME) == 0)
             return true;
     }
     return false;
 }
 
+std::string conflictText(const ConflictingExtension &conflict, const VkDeviceCreateInfo &info,
+                         const Implementations &have)
+{
+    const std::string name = conflict.name;
+    const auto *own = std::ranges::find_if(kProvidedExtensions, [&](const ProvidedExtension &extension) {
+        return isProvided(have.*extension.implementation) && enablesExtension(info, extension.name);
+    });
+    if (own == std::end(kProvidedExtensions))
+        return name + " cannot be enabled on this device: " + conflict.reason + ", which the layer emulates";
+    const bool translates = have.*own->implementation == Implementation::Translation;
+    return name + " and " + own->name + " cannot be enabled together where the layer " +
+           (translates ? "translates" : "emulates") + " the latter: " + conflict.reason +
+           ". Enable one of them. With the setting implementation=driver the layer provides no extension";
+}
+
 // VK_ERROR_EXTENSION_NOT_PRESENT after a message if an enabled extension cannot be had.
 VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDeviceCreateInfo &info,
                          const Implementations &have, const Driver &driver)
 {
-    for (uint32_t i = 0; i < info.enabledExtensionCount; ++i) {
-        const char *name = info.ppEnabledExtensionNames[i];
-        const char *reason = reasonToHide(name, driver.mode, have, driver.enabled);
-        if (!reason)
-            continue;
-        reportDeviceError(instance, handle, "VELLUM-hidden-extension",
-                          std::string(name) + " is not available beside " +
-                              (driver.translated() ? "translated" : "emulated") + " micromaps: " + reason);
+    if (const ConflictingExtension *conflict = conflictingExtension(info, driver.mode, have, driver.enabled)) {
+        reportDeviceError(instance, handle, "VELLUM-conflicting-extension", conflictText(*conflict, info, have));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
+    }
+    for (uint32_t i = 0; driver.emulated() && i < info.enabledExtensionCount; ++i) {
+        if (isUnknownRayTracing(info.ppEnabledExtensionNames[i]))
+            instance.report.warning("VELLUM-unknown-extension",
+                                    std::string(info.ppEnabledExtensionNames[i]) +
+                                        " is newer than this version of the layer. If it builds acceleration "
+                                        "structures or traces rays in a way of its own, emulated micromaps and custom "
+                                        "indices are wrong there",
+                                    VK_OBJECT_TYPE_PHYSICAL_DEVICE, reinterpret_cast<uint64_t>(handle));
     }
     const char *missing =
         driver.enabled.ext && have.ext == Implementation::None   ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME
@@ -97,6 +102,15 @@ VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDe
                       std::string(missing) + " cannot be provided on this device: it has no acceleration "
                                              "structures or no buffer device addresses");
     return VK_ERROR_EXTENSION_NOT_PRESENT;
+}
+
+// Whether a device consists of several physical devices. Each would have its own instance of the layer's tables, which
+// the host could not map (VUID-vkMapMemory-memory-00683).
+bool isGroup(const VkDeviceCreateInfo &info)
+{
+    const auto *group =
+        findInChain<VkDeviceGroupDeviceCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
+    return group && group->physicalDeviceCount > 1;
 }
 
 // The beginning of the paths of the files that keep the addresses of tables for this device and driver
@@ -211,6 +225,12 @@ VkResult DeviceCreation::prepare()
     const VkResult result = checkExtensions(instance_, physicalHandle_, info_, physical_->have, driver);
     if (result != VK_SUCCESS || !driver.providesMicromaps())
         return result;
+    if (isGroup(info_)) {
+        instance_.report.error("VELLUM-device-features",
+                               "micromaps are not available on a device of several physical devices "
+                               "(VkDeviceGroupDeviceCreateInfo)");
+        return VK_ERROR_FEATURE_NOT_PRESENT;
+    }
     driver.ownAddressCommands =
         driver.enabled.addressCommands && physical_->have.addressCommands == Implementation::Emulation;
     driver.nullIndexBuffer = enablesNullIndexBuffer(info_);
@@ -320,17 +340,21 @@ RuleLimits DeviceCreation::ruleLimits(const EnabledFeatures &enabled) const
 }
 
 void DeviceCreation::startValidation(Device &added) const
-{
+try {
     const EnabledFeatures &enabled = added.driver.enabled;
-    if (enabled.any() && instance_.settings.validate.any())
-        added.validation =
-            createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
-    if (added.validation)
-        added.validation->traces.storingStages = storingStages(info_);
-    if (added.validation && !added.driver.providesMicromaps())
+    if (!enabled.any() || !instance_.settings.validate.any())
+        return;
+    auto validation =
+        createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
+    if (!validation)
+        return;
+    validation->traces.storingStages = storingStages(info_);
+    validation->facts = factsOf(added.driver, info_);
+    added.validation = std::move(validation);
+    if (!added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
-    if (added.validation)
-        added.validation->facts = factsOf(added.driver, info_);
+} catch (const std::bad_alloc &) { // the device exists: it works without validation
+    added.driver.report().error("VELLUM-device-tables", "no memory for validation, which is therefore off");
 }
 
 } // namespace

@@ -12,9 +12,10 @@
 #include "core/curve.h"
 #include "core/records.h"
 #include "layer/base/pnext.h"
+#include "layer/base/system.h"
 #include "layer/base/undo.h"
 #include "layer/entry/device.h"
-#include "layer/entry/hidden_extensions.h"
+#include "layer/entry/ray_tracing_extensions.h"
 #include "layer/memory/buffers.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/shader_binary.h"
@@ -49,14 +50,6 @@ VkResult returnList(const std::vector<T> &list, uint32_t *count, T *out)
     std::copy_n(list.begin(), n, out);
     *count = static_cast<uint32_t>(n);
     return n < list.size() ? VK_INCOMPLETE : VK_SUCCESS;
-}
-
-// The lookup of the extensions that are hidden on a device; null where none are.
-const HiddenExtension *(*hiddenOn(const Implementations &have))(const char *)
-{
-    if (have.ext == Implementation::Emulation)
-        return hiddenByEmulation;
-    return have.khr == Implementation::Translation ? hiddenByTranslation : nullptr;
 }
 
 constexpr MicromapLimits kEmulatedLimits{shared::kMaxSubdivisionLevel, shared::kMaxSubdivisionLevel,
@@ -113,6 +106,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createInstance(const VkInstanceCreateInfo *info, 
     if (!nextCreate)
         return VK_ERROR_INITIALIZATION_FAILED;
 
+    stayLoaded();
     auto instance = std::make_unique<Instance>();
     instance->settings = readSettings(info->pNext);
     instance->report.apply(instance->settings);
@@ -179,8 +173,7 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateDeviceExtensionProperties(VkPhysicalDevi
         if (isProvided(physical->have.*own.implementation) && std::ranges::none_of(list, isListed))
             list.push_back(propertiesOf(own));
     }
-    if (const auto hidden = hiddenOn(physical->have))
-        std::erase_if(list, [hidden](const auto &e) { return hidden(e.extensionName) != nullptr; });
+    std::erase_if(list, [&](const auto &e) { return impossibleExtension(e.extensionName, physical->have) != nullptr; });
     return returnList(list, count, properties);
 }
 
@@ -215,8 +208,12 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR);
     if (structures && have.ext == Implementation::Emulation)
         structures->accelerationStructureHostCommands = VK_FALSE;
-    if (const auto hidden = hiddenOn(have))
-        clearHiddenFeatures(*features, hidden);
+    const auto isNamed = [](const Unlinked &structure) { return structure.get<void>() != nullptr; };
+    clearConflictingFeatures(*features, have,
+                             {.ext = isNamed(ext),
+                              .khr = isNamed(khr),
+                              .addressCommands = isNamed(addresses),
+                              .pipelineMicromaps = isNamed(pipelines)});
 }
 
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,

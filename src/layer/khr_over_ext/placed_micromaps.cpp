@@ -74,8 +74,9 @@ bool allowsMicromapAt(const DeviceKhrOverExt &device, VkBuffer buffer, VkDeviceS
 
 VkMicromapEXT micromapOfSize(DeviceKhrOverExt &device, const AccelerationStructure &structure, VkDeviceSize bytes)
 {
-    // Null if neither extension is enabled.
-    if (!device.driver.next.CreateMicromapEXT || !allowsMicromapAt(device, structure.buffer, structure.offset))
+    // Null if neither extension is enabled. A structure that was created by an address is where a micromap may be.
+    if (!device.driver.next.CreateMicromapEXT ||
+        (!structure.bufferOwner && !allowsMicromapAt(device, structure.buffer, structure.offset)))
         return VK_NULL_HANDLE;
     return locationOf(device, structure).ofSize(structure.buffer, structure.offset, bytes);
 }

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <iterator>
 #include <mutex>
+#include <utility>
+
+#include "layer/base/undo.h"
 
 namespace vellum::layer
 {
@@ -30,37 +33,40 @@ void AddressMap::visitAt(VkDeviceAddress address, Visit visit) const
     }
 }
 
-void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage)
+void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage, Owner owner)
 {
     if (address == 0)
         return;
     std::unique_lock lock(mutex_);
-    if (addresses_.emplace(buffer, address).second) {
-        const auto it = ranges_.insert({address, {buffer, address + size, usage, 0}});
-        updateReach(it);
-    }
+    const auto [known, added] = addresses_.emplace(buffer, address);
+    if (!added)
+        return;
+    Undo undo([&] { addresses_.erase(known); });
+    updateReach(ranges_.insert({address, {buffer, address + size, usage, 0, std::move(owner)}}));
+    undo.keep();
 }
 
-void AddressMap::remove(VkBuffer buffer)
+AddressMap::Owner AddressMap::remove(VkBuffer buffer)
 {
     std::unique_lock lock(mutex_);
     const auto known = addresses_.find(buffer);
     if (known == addresses_.end())
-        return;
+        return nullptr;
     const auto [first, last] = ranges_.equal_range(known->second);
     const auto it = std::find_if(first, last, [buffer](const auto &range) { return range.second.buffer == buffer; });
-    if (it != last)
-        updateReach(ranges_.erase(it));
+    Owner owner = std::move(it->second.owner);
+    updateReach(ranges_.erase(it));
     addresses_.erase(known);
+    return owner;
 }
 
-AddressMap::Location AddressMap::find(VkDeviceAddress address) const
+AddressMap::Location AddressMap::find(VkDeviceAddress address, VkFlags64 usage) const
 {
     std::shared_lock lock(mutex_);
     Location location;
     visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
-        if (range.end - address > location.bytes)
-            location = {range.buffer, address - begin, range.end - address};
+        if (range.end - address > location.bytes && (range.usage & usage) == usage)
+            location = locationOf(begin, range, address);
         return false;
     });
     return location;
@@ -95,7 +101,7 @@ AddressMap::Location AddressMap::covering(VkDeviceAddress address, VkDeviceSize 
     visitAt(address, [&](VkDeviceAddress begin, const Range &range) {
         if (range.end - address < size || (range.usage & usage) != usage)
             return false;
-        location = {range.buffer, address - begin, range.end - address};
+        location = locationOf(begin, range, address);
         return true;
     });
     return location;
@@ -110,7 +116,7 @@ AddressMap::Location AddressMap::onlyCovering(VkDeviceAddress address, VkDeviceS
         if (range.end - address < size)
             return false;
         if ((range.usage & usage) == usage)
-            location = {range.buffer, address - begin, range.end - address};
+            location = locationOf(begin, range, address);
         return ++buffers == 2;
     });
     return buffers == 1 ? location : Location{};
@@ -128,7 +134,7 @@ std::vector<AddressMap::Location> AddressMap::within(VkDeviceAddress address, Vk
         const VkDeviceAddress begin = std::max(it->first, address);
         const VkDeviceAddress last = std::min(it->second.end, end);
         if (begin < last)
-            locations.push_back({it->second.buffer, begin - it->first, last - begin});
+            locations.push_back({it->second.buffer, begin - it->first, last - begin, it->second.owner});
     }
     return locations;
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <shared_mutex>
 #include <unordered_map>
 #include <vector>
@@ -13,19 +14,26 @@
 namespace vellum::layer
 {
 
+class DriverBuffer; // memory/driver_buffer.h
+
 class AddressMap
 {
 public:
-    // `usage`: the flags that the driver got. Address 0 and buffers that are known already are ignored.
-    void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage);
-    void remove(VkBuffer buffer);
+    using Owner = std::shared_ptr<DriverBuffer>;
+    // `usage`: the flags that the driver got. `owner`: null where nobody names the buffer to the driver. Address 0 and
+    // buffers that are known already are ignored.
+    void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage, Owner owner = {});
+    // Returns the owner; null also for a buffer that is not known.
+    Owner remove(VkBuffer buffer);
     struct Location {
         VkBuffer buffer = VK_NULL_HANDLE; // null if there is none
         VkDeviceSize offset = 0;
         VkDeviceSize bytes = 0; // to the end of the buffer
+        Owner owner{};          // keeps the driver's buffer, which the application may destroy
     };
-    // The buffer at an address; of several, the one with the furthest end, which bounds what the GPU may read.
-    [[nodiscard]] Location find(VkDeviceAddress address) const;
+    // The buffer at an address with all usage flags; of several, the one with the furthest end, which bounds what the
+    // GPU may read.
+    [[nodiscard]] Location find(VkDeviceAddress address, VkFlags64 usage = 0) const;
     // The address of a buffer; 0 if it is unknown, for example without memory.
     [[nodiscard]] VkDeviceAddress addressOf(VkBuffer buffer) const;
     // Bytes from `address` to the end of its buffer; UINT64_MAX if no buffer is known there.
@@ -34,10 +42,10 @@ public:
     // UINT32_MAX.
     [[nodiscard]] uint32_t elementsFrom(VkDeviceAddress address, VkDeviceSize bytes, VkDeviceSize stride) const;
     // A buffer that contains the whole range and has all usage flags. Buffers may alias each other in memory, and so in
-    // addresses. The one that the application got an address from is unknown, and any that fits will do.
+    // addresses. The one that the application got an address from is unknown, and any that fits will do, as long as its
+    // owner is kept.
     [[nodiscard]] Location covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
-    // The same, if no other buffer contains the range; otherwise null. For commands that name the buffer: one that the
-    // application did not mean may be destroyed before they execute.
+    // The same, if no other buffer contains the range; otherwise null.
     [[nodiscard]] Location onlyCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
     // The parts of a range in every buffer: offset in the buffer, and bytes.
     [[nodiscard]] std::vector<Location> within(VkDeviceAddress address, VkDeviceSize size) const;
@@ -48,7 +56,12 @@ private:
         VkDeviceAddress end;
         VkFlags64 usage;
         VkDeviceAddress reach; // the furthest end of this range and all before it, at which a search may stop
+        Owner owner;
     };
+    static Location locationOf(VkDeviceAddress begin, const Range &range, VkDeviceAddress address)
+    {
+        return {range.buffer, address - begin, range.end - address, range.owner};
+    }
     using Ranges = std::multimap<VkDeviceAddress, Range>;
     void updateReach(Ranges::iterator from);
     // Calls `visit(begin, range)` for every range that contains `address`, the nearest first, until it returns true.

@@ -6,6 +6,7 @@
 #include "layer/base/pnext.h"
 #include "layer/base/undo.h"
 #include "layer/memory/device_buffers.h"
+#include "layer/memory/driver_buffer.h"
 
 namespace vellum::layer
 {
@@ -42,7 +43,27 @@ struct DriverBufferInfo {
     VkFlags64 usage;
 };
 
+// A buffer with an address may outlive the application's (DriverBuffer), and so its allocator.
+const VkAllocationCallbacks *driversAllocator(VkFlags64 usage, const VkAllocationCallbacks *allocator)
+{
+    return (usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0 ? nullptr : allocator;
+}
+
+// Adds a buffer at an address, unless it is known.
+void addAddress(DeviceBuffers &device, VkBuffer buffer, VkDeviceAddress address, const BufferInfo &info)
+{
+    device.addresses.add(address, buffer, info.size, info.usage, std::make_shared<DriverBuffer>(device, buffer));
+}
+
 } // namespace
+
+DriverBuffer::~DriverBuffer()
+{
+    if (!destroyed_)
+        return;
+    device_.infos.take(handle_);
+    device_.driver.next.DestroyBuffer(device_.driver.handle, handle_, nullptr);
+}
 
 VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags)
 {
@@ -107,10 +128,11 @@ VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCrea
                       const VkAllocationCallbacks *allocator, VkBuffer *buffer)
 {
     const DriverBufferInfo driverInfo(device.driver, *info);
-    const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, allocator, buffer);
+    const VkAllocationCallbacks *own = driversAllocator(driverInfo.usage, allocator);
+    const VkResult result = device.driver.next.CreateBuffer(handle, &driverInfo.info, own, buffer);
     if (result != VK_SUCCESS)
         return result;
-    Undo undo([&] { device.driver.next.DestroyBuffer(handle, *buffer, allocator); });
+    Undo undo([&] { device.driver.next.DestroyBuffer(handle, *buffer, own); });
     device.infos.set(*buffer, {info->size, driverInfo.usage, ++device.numbers});
     undo.keep();
     return result;
@@ -118,10 +140,11 @@ VkResult createBuffer(DeviceBuffers &device, VkDevice handle, const VkBufferCrea
 
 void destroyBuffer(DeviceBuffers &device, VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
 {
-    device.addresses.remove(buffer);
-    device.infos.take(buffer);
     device.host.destroyed(buffer);
-    device.driver.next.DestroyBuffer(handle, buffer, allocator);
+    if (const auto owner = device.addresses.remove(buffer))
+        return owner->destroy();
+    const VkFlags64 usage = device.infos.take(buffer).usage;
+    device.driver.next.DestroyBuffer(handle, buffer, driversAllocator(usage, allocator));
 }
 
 void getDeviceBufferMemoryRequirements(DeviceBuffers &device, VkDevice handle,
@@ -170,16 +193,17 @@ void rememberAddress(DeviceBuffers &device, VkBuffer buffer)
 {
     const BufferInfo info = device.infos.get(buffer);
     if (device.driver.enabled.addressCommands && (info.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) != 0)
-        device.addresses.add(device.driver.bufferAddress(buffer), buffer, info.size, info.usage);
+        addAddress(device, buffer, device.driver.bufferAddress(buffer), info);
     device.onAddress(buffer);
 }
 
 VkDeviceAddress getBufferDeviceAddress(DeviceBuffers &device, VkDevice handle, const VkBufferDeviceAddressInfo *info)
 {
     const VkDeviceAddress address = device.driver.next.GetBufferDeviceAddress(handle, info);
-    const BufferInfo buffer = device.infos.get(info->buffer);
-    device.addresses.add(address, info->buffer, buffer.size, buffer.usage);
-    device.onAddress(info->buffer);
+    if (device.addresses.addressOf(info->buffer) == 0) { // the usual answer waits for no other thread
+        addAddress(device, info->buffer, address, device.infos.get(info->buffer));
+        device.onAddress(info->buffer);
+    }
     return address;
 }
 

@@ -25,7 +25,7 @@ struct BufferInfo {
 struct DeviceBuffers {
     Driver &driver;
     GpuContext gpu{};
-    HandleMap<VkBuffer, BufferInfo> infos{};
+    HandleMap<VkBuffer, BufferInfo> infos{}; // of the driver's buffers
     std::atomic<uint64_t> numbers{0};
     AddressMap addresses{};
     HostMemory host{};

@@ -2,6 +2,7 @@
 #include "layer/memory/host_memory.h"
 
 #include <cstring>
+#include <utility>
 
 #include "layer/base/pnext.h"
 #include "layer/memory/buffers.h"
@@ -16,22 +17,31 @@ void HostMemory::allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPr
     memories_[memory] = {.properties = properties, .bytes = bytes};
 }
 
-void HostMemory::freed(VkDeviceMemory memory)
+std::unordered_set<VkBuffer> HostMemory::freed(VkDeviceMemory memory)
 {
     std::lock_guard lock(mutex_);
-    memories_.erase(memory);
+    auto known = memories_.extract(memory);
+    if (!known)
+        return {};
+    for (const VkBuffer buffer : known.mapped().buffers)
+        bindings_.erase(buffer);
+    return std::move(known.mapped().buffers);
 }
 
 void HostMemory::bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset)
 {
     std::lock_guard lock(mutex_);
     bindings_[buffer] = {memory, offset};
+    memories_[memory].buffers.insert(buffer);
 }
 
 void HostMemory::destroyed(VkBuffer buffer)
 {
     std::lock_guard lock(mutex_);
-    bindings_.erase(buffer);
+    const auto binding = bindings_.extract(buffer);
+    if (const auto memory = binding ? memories_.find(binding.mapped().memory) : memories_.end();
+        memory != memories_.end())
+        memory->second.buffers.erase(buffer);
 }
 
 VkResult HostMemory::open(const Driver &driver, Memory &memory, VkDeviceMemory handle, VkMemoryMapFlags flags)
@@ -84,12 +94,14 @@ void HostMemory::mappedByDriver(VkDeviceMemory handle, VkDeviceSize offset, VkDe
     memory.users = 1;
 }
 
-void HostMemory::unmappedByDriver(VkDeviceMemory handle)
+HostMemory::Mapping HostMemory::unmappedByDriver(VkDeviceMemory handle)
 {
     std::lock_guard lock(mutex_);
     Memory &memory = memories_[handle];
-    memory.mapped = nullptr;
+    if (!memory.mapped)
+        return {};
     memory.users = 0;
+    return {memory.first, memory.last - memory.first, std::exchange(memory.mapped, nullptr) + memory.first};
 }
 
 bool HostMemory::peek(VkBuffer buffer, VkDeviceSize offset, void *bytes, VkDeviceSize count)
@@ -147,7 +159,9 @@ HostView::~HostView()
 
 void freeMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
 {
-    device.host.freed(memory);
+    // Other memory may have its addresses next, while the buffers still exist.
+    for (const VkBuffer buffer : device.host.freed(memory))
+        device.addresses.remove(buffer);
     device.driver.next.FreeMemory(handle, memory, allocator);
 }
 
@@ -222,9 +236,10 @@ VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryM
 VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryUnmapInfo *info)
 {
     if (info->pNext || info->flags != 0 || !device.driver.enabled.hostCommands) {
+        const HostMemory::Mapping was = device.host.unmappedByDriver(info->memory);
         const VkResult result = device.driver.next.UnmapMemory2(handle, info);
-        if (result == VK_SUCCESS)
-            device.host.unmappedByDriver(info->memory);
+        if (result != VK_SUCCESS && was.data) // VK_ERROR_MEMORY_MAP_FAILED: it stays mapped
+            device.host.mappedByDriver(info->memory, was.offset, was.bytes, was.data);
         return result;
     }
     device.host.unmap(device.driver, info->memory);

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <mutex>
 #include <unordered_map>
+#include <unordered_set>
 
 #include <vulkan/vulkan.h>
 
@@ -35,7 +36,8 @@ class HostMemory
 {
 public:
     void allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPropertyFlags properties);
-    void freed(VkDeviceMemory memory);
+    // Returns the buffers that were bound to it.
+    std::unordered_set<VkBuffer> freed(VkDeviceMemory memory);
     void bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset);
     void destroyed(VkBuffer buffer);
 
@@ -44,7 +46,14 @@ public:
     void unmap(const Driver &driver, VkDeviceMemory memory);
     // The driver has mapped or unmapped the memory for the application: bytes from `offset` on are at `data`.
     void mappedByDriver(VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize bytes, void *data);
-    void unmappedByDriver(VkDeviceMemory memory);
+    // The driver is about to unmap it: nobody reads the mapping any more. Returns what mappedByDriver() takes, for a
+    // driver that fails.
+    struct Mapping {
+        VkDeviceSize offset = 0;
+        VkDeviceSize bytes = 0;
+        void *data = nullptr; // null: there was none
+    };
+    Mapping unmappedByDriver(VkDeviceMemory memory);
 
     // Reads bytes of a buffer, if the application has mapped them; otherwise returns false. Writes of the device to
     // memory that is not coherent may be missing.
@@ -55,9 +64,10 @@ private:
     struct Memory {
         VkMemoryPropertyFlags properties = 0;
         VkDeviceSize bytes = 0;
-        uint8_t *mapped = nullptr;        // address of offset 0; null if nothing is mapped
-        VkDeviceSize first = 0, last = 0; // the mapped bytes
-        uint32_t users = 0;               // the application and host views
+        uint8_t *mapped = nullptr;            // address of offset 0; null if nothing is mapped
+        VkDeviceSize first = 0, last = 0;     // the mapped bytes
+        uint32_t users = 0;                   // the application and host views
+        std::unordered_set<VkBuffer> buffers; // bound to it
     };
     struct Binding {
         VkDeviceMemory memory = VK_NULL_HANDLE;

@@ -14,6 +14,7 @@ namespace
 
 constexpr VkDeviceSize kLeastBlock = VkDeviceSize{1} << 20;
 constexpr VkDeviceSize kMostSpare = VkDeviceSize{256} << 20; // in a block, beyond the piece it is created for
+constexpr VkDeviceSize kMostUnused = VkDeviceSize{64} << 20; // in several blocks that nobody uses
 
 } // namespace
 
@@ -34,6 +35,8 @@ MemoryPool::Piece MemoryPool::take(VkDeviceSize bytes)
     else
         removeFree(free_.find(address));
     Block &block = std::prev(blocks_.upper_bound(address))->second;
+    if (block.used == 0)
+        unused_ -= block.bytes;
     block.used += needed;
     const VkDeviceSize offset = address - block.buffer.address();
     uint32_t *words = block.buffer.words() ? block.buffer.words() + offset / 4 : nullptr;
@@ -56,12 +59,19 @@ void MemoryPool::giveBack(const Piece &piece)
         next != free_.end() && next->first < block.begin + block.bytes && range->first + range->second == next->first)
         range = joinFree(range, next);
     block.used -= piece.bytes;
-    // One block is kept, so that a single user does not allocate and free it repeatedly.
-    if (block.used == 0 && blocks_.size() > 1) {
-        removeFree(range);
-        total_ -= block.bytes;
-        blocks_.erase(at);
-    }
+    if (block.used > 0)
+        return;
+    // A block or some small ones are kept, so that users that come and go do not allocate and free them repeatedly.
+    unused_ += block.bytes;
+    if (unused_ > block.bytes && unused_ > kMostUnused)
+        removeUnused(at);
+}
+
+void MemoryPool::trim()
+{
+    std::lock_guard lock(mutex_);
+    for (auto block = blocks_.begin(); block != blocks_.end();)
+        block = block->second.used == 0 ? removeUnused(block) : std::next(block);
 }
 
 bool MemoryPool::addBlock(VkDeviceSize bytes)
@@ -77,6 +87,7 @@ bool MemoryPool::addBlock(VkDeviceSize bytes)
     addFree(begin, bytes);
     undo.keep();
     total_ += bytes;
+    unused_ += bytes;
     return true;
 }
 
@@ -104,6 +115,15 @@ MemoryPool::Free::iterator MemoryPool::joinFree(Free::iterator first, Free::iter
     const VkDeviceSize bytes = first->second + second->second;
     removeFree(second);
     return resizeFree(first, first->first, bytes);
+}
+
+std::map<VkDeviceAddress, MemoryPool::Block>::iterator
+MemoryPool::removeUnused(std::map<VkDeviceAddress, Block>::iterator block)
+{
+    removeFree(free_.find(block->first));
+    total_ -= block->second.bytes;
+    unused_ -= block->second.bytes;
+    return blocks_.erase(block);
 }
 
 void MemoryPool::removeFree(Free::iterator range)

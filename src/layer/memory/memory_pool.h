@@ -38,6 +38,8 @@ public:
     // The content of the piece is undefined.
     Piece take(VkDeviceSize bytes);
     void giveBack(const Piece &piece);
+    // Frees the blocks that nobody uses.
+    void trim();
 
 private:
     struct Block {
@@ -54,6 +56,7 @@ private:
     using Free = std::map<VkDeviceAddress, VkDeviceSize>;
     void addFree(VkDeviceAddress begin, VkDeviceSize bytes);
     // The following do not allocate.
+    std::map<VkDeviceAddress, Block>::iterator removeUnused(std::map<VkDeviceAddress, Block>::iterator block);
     Free::iterator resizeFree(Free::iterator range, VkDeviceAddress begin, VkDeviceSize bytes);
     Free::iterator joinFree(Free::iterator first, Free::iterator second);
     void removeFree(Free::iterator range);
@@ -65,7 +68,8 @@ private:
     std::mutex mutex_; // guards what is below
     std::map<VkDeviceAddress, Block> blocks_;
     VkDeviceSize total_ = 0;
-    Free free_; // never adjacent within a block
+    VkDeviceSize unused_ = 0; // in blocks that nobody uses
+    Free free_;               // never adjacent within a block
     std::set<std::pair<VkDeviceSize, VkDeviceAddress>> freeBySize_;
 };
 

@@ -11,7 +11,7 @@ namespace
 {
 
 constexpr VkDeviceSize kLeast = 1024;
-constexpr VkDeviceSize kKept = 32 * 1024 * 1024; // between recordings
+constexpr VkDeviceSize kKept = 1024 * 1024; // between recordings
 
 } // namespace
 
@@ -53,6 +53,12 @@ void ScratchMemory::reset()
         pieces_.clear();
     else
         pieces_.erase(pieces_.begin(), pieces_.end() - 1);
+}
+
+void ScratchMemory::release()
+{
+    next_ = 0;
+    pieces_.clear();
 }
 
 } // namespace vellum::layer

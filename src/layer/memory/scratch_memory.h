@@ -24,8 +24,11 @@ public:
     // Allocates bytes for shaders, builds and traces, at a multiple of 256; 0 if there is no memory. The content is
     // undefined.
     VkDeviceAddress allocate(VkDeviceSize bytes);
-    // Called once the commands are gone. Keeps the last piece for the next ones, unless it is large.
+    // Called once the commands are gone. Keeps the last piece for the next ones, unless it is large: then other command
+    // buffers can use it.
     void reset();
+    // Keeps nothing.
+    void release();
 
 private:
     MemoryPool &pool_;

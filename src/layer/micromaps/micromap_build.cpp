@@ -109,14 +109,14 @@ struct DataCopy {
     VkBufferCopy region{};
 };
 
-DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
+DataCopy dataCopyOf(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, const MicromapBuild &build)
 {
     const MicromapExtent &extent = build.extent;
     if (extent.share || extent.lossy || extent.units == 0)
         return {};
     const VkDeviceAddress from = build.data.deviceAddress;
-    const AddressMap::Location source = device.buffers.addresses.find(from);
-    if (!source.buffer || (device.buffers.infos.get(source.buffer).usage & VK_BUFFER_USAGE_TRANSFER_SRC_BIT) == 0)
+    const AddressMap::Location source = device.buffers.addresses.find(from, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+    if (!source.buffer)
         return {};
     const uint64_t begin = extent.bytes() - extent.units * kDataUnitBytes;
     const uint64_t bytes = std::min(source.bytes, extent.units * kDataUnitBytes);
@@ -125,6 +125,7 @@ DataCopy dataCopyOf(const DeviceMicromaps &device, const MicromapBuild &build)
     const VkDeviceAddress to = micromapAddress(device.driver, build.target) + begin;
     if (from < to + bytes && to < from + bytes)
         return {};
+    device.commands.states.keep(commandBuffer, source.owner);
     return {source.buffer, build.target.buffer, {source.offset, build.target.offset + begin, bytes}};
 }
 
@@ -168,14 +169,14 @@ uint32_t trianglesPerInvocation(const DeviceMicromaps &device, uint32_t triangle
 }
 
 // Prepares the pass in place, if the build can use it: the layer must know the buffer of the scratch memory.
-void prepareInPlace(const DeviceMicromaps &device, OneBuild &build)
+void prepareInPlace(const DeviceMicromaps &device, VkCommandBuffer commandBuffer, OneBuild &build)
 {
     MicromapPush &push = build.push;
-    const AddressMap::Location location = device.buffers.addresses.find(push.scratch);
-    const VkFlags64 wanted = VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostInPlace ||
-        (device.buffers.infos.get(location.buffer).usage & wanted) != wanted)
+    const AddressMap::Location location = device.buffers.addresses.covering(
+        push.scratch, kScratchTables * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
+    if (!build.verbatim() || !location.buffer || location.offset % 4 != 0 || push.triangleCount > kMostInPlace)
         return;
+    device.commands.states.keep(commandBuffer, location.owner);
     const uint64_t bytes = packedBytes(push.alike & 0xffff, static_cast<Format>(push.alike >> 16));
     const uint64_t near = (uint64_t{kMaxNearUnit} + 1) * kDataUnitBytes;
     const uint64_t end = std::min({near, uint64_t{push.capacityUnits} * kDataUnitBytes, uint64_t{push.dataBytes}});
@@ -202,7 +203,7 @@ public:
     {
         OneBuild build;
         build.micromapOffset = given.target.offset;
-        build.copy = dataCopyOf(device_, given);
+        build.copy = dataCopyOf(device_, commandBuffer_, given);
         build.push = pushOf(device_, given);
         if (build.copy.from)
             build.push.flags |= kBuildVerbatim;
@@ -210,19 +211,33 @@ public:
             lossy_.emplace_back().push = coarseningOf(build.push, given.extent);
             build.push = coarsenedOf(build.push, given.extent);
         }
-        prepareInPlace(device_, build);
+        prepareInPlace(device_, commandBuffer_, build);
         builds_.push_back(build);
     }
 
+    // Nothing is recorded if the driver cannot create a pipeline: a part of the passes would leave a micromap that
+    // leads to data that was not written.
     void record()
+    {
+        passes();
+        recording_ = prepared_;
+        if (recording_)
+            passes();
+    }
+
+private:
+    // Records all passes; or, if not recording_, prepares their pipelines.
+    void passes()
     {
         const bool share = any([](const OneBuild &build) { return build.shares(); });
         const bool parts = any([](const OneBuild &build) { return build.hasParts(); });
-        work_.barrier();
+        barrier();
         if (!lossy_.empty())
             coarsen();
-        for (const OneBuild &build : builds_)
-            prepare(build);
+        for (const OneBuild &build : builds_) {
+            if (recording_)
+                prepare(build);
+        }
         stage(InjectedShader::MicromapClear, [](const OneBuild &build) {
             const uint64_t words = std::max<uint64_t>(build.push.tableMask + uint64_t{1}, kScratchCounterWords);
             return build.inPlace || build.triangles() == 0 ? 0 : words;
@@ -244,7 +259,12 @@ public:
             stage(InjectedShader::MicromapOwners, sharedTriangles);
     }
 
-private:
+    void barrier()
+    {
+        if (recording_)
+            work_.barrier();
+    }
+
     static uint64_t sharedTriangles(const OneBuild &build) { return build.shares() ? build.triangles() : 0; }
 
     // Workgroups of the stages whose dispatch has these arguments.
@@ -327,9 +347,12 @@ private:
                 continue;
             MicromapPush push = build.push;
             push.flags |= flags;
-            work_.dispatch(shader, push, count, groupSize);
+            if (recording_)
+                work_.dispatch(shader, push, count, groupSize);
+            else
+                prepared_ = prepared_ && work_.prepare(shader);
         }
-        work_.barrier();
+        barrier();
     }
 
     // The same for a stage that builds in place only need if some triangle cannot use its data in place.
@@ -341,14 +364,16 @@ private:
             if (groups.x == 0 || (shader == InjectedShader::MicromapFold && build.shares()))
                 continue;
             some = true;
-            if (build.inPlace)
+            if (!recording_)
+                prepared_ = prepared_ && work_.prepare(shader);
+            else if (build.inPlace)
                 work_.dispatchIndirect(shader, build.push, build.scratch,
                                        build.scratchOffset + (kScratchArguments + arguments) * 4);
             else
                 work_.dispatch(shader, build.push, groups);
         }
         if (some)
-            work_.barrier();
+            barrier();
     }
 
     DeviceMicromaps &device_;
@@ -356,6 +381,8 @@ private:
     InjectedWork work_;
     std::vector<OneBuild> builds_;
     std::vector<OneBuild> lossy_; // for the passes that coarsen
+    bool recording_ = false;
+    bool prepared_ = true; // all pipelines until now
 };
 
 } // namespace

@@ -22,6 +22,10 @@ constexpr VkBuildAccelerationStructureFlagsKHR kMicromapBuildFlags =
     VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
     VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR | VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
 
+constexpr VkBuildMicromapFlagsEXT kMicromapBuildFlagsExt = VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT |
+                                                           VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT |
+                                                           VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+
 // The rules of one extension for the usage counts of a build.
 struct UsageRules {
     const char *countsId;
@@ -196,8 +200,12 @@ std::optional<MicromapBuild> parseMicromapBuild(const InputCheck &check, const V
                      "type " + std::to_string(info.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT");
         return std::nullopt;
     }
+    if ((info.flags & ~kMicromapBuildFlagsExt) != 0 &&
+        !check.tolerate("VELLUM-VUID-VkMicromapBuildInfoEXT-flags-parameter",
+                        "flags " + std::to_string(info.flags) + " has unknown bits"))
+        return std::nullopt;
     MicromapBuild build;
-    build.flags = info.flags;
+    build.flags = info.flags & kMicromapBuildFlagsExt; // kLossyBuild is not among them
     build.data = info.data;
     build.triangles = info.triangleArray;
     build.triangleStride = info.triangleArrayStride;

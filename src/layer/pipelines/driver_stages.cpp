@@ -50,7 +50,12 @@ void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const ch
 
 // Ray queries of KHR without the execution mode are harmless if they meet no micromaps. Some applications forget it,
 // such as the Vulkan tutorial's engine.
-constexpr const char *kQueriesWithoutMode = "VELLUM-queries-without-micromaps";
+void warnOfQueries(DevicePipelines &device, std::span<const uint32_t> words, const std::string &text)
+{
+    constexpr const char *kId = "VELLUM-queries-without-micromaps";
+    if (device.shaderWarnings.isFirst(kId, words))
+        device.objects.warnings.warn(kId, text);
+}
 
 // SPIR-V in which every ray query uses micromaps, for a driver that has VK_KHR_opacity_micromap. Empty: unchanged.
 std::vector<uint32_t> assumeMicromaps(DevicePipelines &device, std::span<const uint32_t> words)
@@ -71,8 +76,8 @@ std::vector<uint32_t> translateShader(DevicePipelines &device, std::span<const u
     spirv::TranslateResult result = spirv::translateToExt(words);
     const Driver &driver = device.driver;
     if (result.queriesForget && driver.enabled.khrFeature && !driver.enabled.ext && !driver.assumesMicromaps())
-        warnOnce(
-            device, words, kQueriesWithoutMode,
+        warnOfQueries(
+            device, words,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
             "VK_EXT_opacity_micromap, they use micromaps all the same; on others, every hit on geometry with "
             "micromaps is non-opaque");
@@ -97,8 +102,8 @@ std::optional<std::vector<uint32_t>> emulateMicromaps(DevicePipelines &device, s
         return {};
     }
     if (result.queriesForget && device.driver.enabled.khrFeature)
-        warnOnce(
-            device, words, kQueriesWithoutMode,
+        warnOfQueries(
+            device, words,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: where they meet micromaps, every "
             "hit on their geometry is non-opaque. The setting assume_micromaps lets all ray queries use them");
     if (result.lacksHiddenFlags)

@@ -25,6 +25,20 @@ uint32_t executionModelOf(VkShaderStageFlagBits stage)
     }
 }
 
+Prologue hitPrologue(const VkRayTracingShaderGroupCreateInfoKHR &group)
+{
+    return group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR ? Prologue::BoxHits
+                                                                                   : Prologue::TriangleHits;
+}
+
+// Of a stage that no group of its pipeline names.
+Prologue prologueFor(VkShaderStageFlagBits stage)
+{
+    return stage == VK_SHADER_STAGE_ANY_HIT_BIT_KHR        ? Prologue::EitherHits
+           : stage == VK_SHADER_STAGE_INTERSECTION_BIT_KHR ? Prologue::BoxCulling
+                                                           : Prologue::None;
+}
+
 } // namespace
 
 RewrittenModules::~RewrittenModules()
@@ -72,20 +86,22 @@ spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTraci
     for (uint32_t i = 0; i < info.stageCount; ++i)
         incoming.push_back(types.add(stageCode(device, info.pStages[i]), info.pStages[i].pName,
                                      executionModelOf(info.pStages[i].stage)));
+    for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
+        const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]);
+        if (!library)
+            continue;
+        types.add(library->payloads);
+        for (const LibraryStage &stage : library->stages)
+            incoming.push_back(stage.payload);
+    }
     // A pipeline of binaries, whose stages may have no code, must have the same stages as the one that they come from.
     if (device.driver.next.CreatePipelineBinariesKHR)
         incoming.clear();
-    for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
-        if (const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]))
-            types.add(library->payloads);
-    }
     return types;
 }
 
 VkResult MicromapStages::add(const VkRayTracingPipelineCreateInfoKHR &info, bool addNullGroup)
 {
-    if (const VkResult result = addStages(info); result != VK_SUCCESS)
-        return result;
     groups.assign(info.pGroups, info.pGroups + info.groupCount);
     if (addNullGroup) {
         VkRayTracingShaderGroupCreateInfoKHR group{VK_STRUCTURE_TYPE_RAY_TRACING_SHADER_GROUP_CREATE_INFO_KHR};
@@ -94,13 +110,20 @@ VkResult MicromapStages::add(const VkRayTracingPipelineCreateInfoKHR &info, bool
         group.anyHitShader = VK_SHADER_UNUSED_KHR;
         groups.push_back(group);
     }
+    if (const VkResult result = addStages(info); result != VK_SUCCESS)
+        return result;
     for (uint32_t i = 0; i < groups.size(); ++i) {
-        if (groups[i].type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
-            continue; // its stage is rewritten in one way only
-        if (groups[i].anyHitShader == VK_SHADER_UNUSED_KHR)
-            ownAnyHitGroups.push_back(i);
-        if (!setHitShaders(groups[i]))
+        if (groups[i].type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR ||
+            groups[i].anyHitShader != VK_SHADER_UNUSED_KHR)
+            continue;
+        ownAnyHitGroups.push_back(i);
+        if (!addOwnAnyHit(keyOf(VK_SHADER_UNUSED_KHR, hitPrologue(groups[i]), groups[i])))
             return VK_ERROR_OUT_OF_HOST_MEMORY;
+    }
+    addLibraries(info); // once all stages of the pipeline are known
+    for (VkRayTracingShaderGroupCreateInfoKHR &group : groups) {
+        if (!setShaders(group))
+            return VK_ERROR_VALIDATION_FAILED_EXT;
     }
     return VK_SUCCESS;
 }
@@ -124,6 +147,11 @@ MicromapStages::Key MicromapStages::keyOf(uint32_t stage, Prologue prologue,
     return {stage, prologue, needsNoPayload ? spirv::TypeWords{} : payloadOf(group)};
 }
 
+Prologue MicromapStages::anyHitPrologue(const VkRayTracingShaderGroupCreateInfoKHR &group) const
+{
+    return rewrite_.forLibrary ? Prologue::EitherHits : hitPrologue(group);
+}
+
 spirv::HiddenFlags MicromapStages::hiddenFor(const Key &key) const
 {
     return {rewrite_.hidden.fixed, rewrite_.hidden.constant, std::get<spirv::TypeWords>(key)};
@@ -139,20 +167,19 @@ VkResult MicromapStages::addStages(const VkRayTracingPipelineCreateInfoKHR &info
             if (stage < info.stageCount)
                 needed[stage].insert(keyOf(stage, prologue, group));
         };
-        const bool boxes = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR;
         if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
             need(group.generalShader, Prologue::None);
             continue;
         }
         need(group.closestHitShader, Prologue::None);
-        need(group.anyHitShader, boxes ? Prologue::BoxHits : Prologue::TriangleHits);
-        if (boxes)
+        need(group.anyHitShader, anyHitPrologue(group));
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR)
             need(group.intersectionShader, Prologue::BoxCulling);
     }
     stages.assign(info.pStages, info.pStages + info.stageCount);
     for (uint32_t i = 0; i < info.stageCount; ++i) {
         if (needed[i].empty())
-            needed[i].insert({i, Prologue::None, {}});
+            needed[i].insert({i, prologueFor(info.pStages[i].stage), {}});
         bool first = true;
         for (const Key &key : needed[i]) {
             const uint32_t at = first ? i : static_cast<uint32_t>(stages.size());
@@ -169,41 +196,76 @@ VkResult MicromapStages::addStages(const VkRayTracingPipelineCreateInfoKHR &info
     return VK_SUCCESS;
 }
 
-bool MicromapStages::setHitShaders(VkRayTracingShaderGroupCreateInfoKHR &group)
+// Adds the layer's any-hit shader. False if its module cannot be created.
+bool MicromapStages::addOwnAnyHit(const Key &key)
 {
-    const bool triangles = group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR;
-    const VkRayTracingShaderGroupCreateInfoKHR application = group;
-    const auto driverStage = [&](uint32_t stage, Prologue prologue) {
-        const auto found = index_.find(keyOf(stage, prologue, application));
-        return found == index_.end() ? VK_SHADER_UNUSED_KHR : found->second;
-    };
-    const Prologue prologue = triangles ? Prologue::TriangleHits : Prologue::BoxHits;
-    group.closestHitShader = driverStage(application.closestHitShader, Prologue::None);
-    if (!triangles)
-        group.intersectionShader = driverStage(application.intersectionShader, Prologue::BoxCulling);
-    group.anyHitShader = application.anyHitShader == VK_SHADER_UNUSED_KHR
-                             ? ownAnyHit(keyOf(VK_SHADER_UNUSED_KHR, prologue, application))
-                             : driverStage(application.anyHitShader, prologue);
-    return group.anyHitShader != VK_SHADER_UNUSED_KHR;
-}
-
-// The stage of the layer's any-hit shader; VK_SHADER_UNUSED_KHR if its module cannot be created.
-uint32_t MicromapStages::ownAnyHit(const Key &key)
-{
-    const auto [known, isNew] = index_.try_emplace(key, VK_SHADER_UNUSED_KHR);
+    const auto [known, isNew] = index_.try_emplace(key, static_cast<uint32_t>(stages.size()));
     if (!isNew)
-        return known->second;
+        return true;
     const VkShaderModule module =
         device_.anyHitModules.get(std::get<Prologue>(key), hiddenFor(key), rewriteOptions(device_));
     if (!module) {
         device_.driver.report().error("VELLUM-any-hit-shader",
                                       "the driver could not create the module of the layer's any-hit shader");
-        return VK_SHADER_UNUSED_KHR;
+        return false;
     }
-    known->second = static_cast<uint32_t>(stages.size());
     stages.push_back({VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, VK_SHADER_STAGE_ANY_HIT_BIT_KHR,
                       module, "main", nullptr});
-    return known->second;
+    return true;
+}
+
+void MicromapStages::addLibraries(const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    const auto payloadOfNamed = [&] {
+        const size_t i = namedStages_.size();
+        return i < rewrite_.payloads.size() ? rewrite_.payloads[i] : std::nullopt;
+    };
+    for (uint32_t i = 0; i < info.stageCount; ++i)
+        namedStages_.push_back({i, payloadOfNamed()});
+    driverStages_ = static_cast<uint32_t>(stages.size());
+    for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
+        const auto library = device_.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]);
+        if (!library)
+            continue;
+        for (const LibraryStage &stage : library->stages)
+            namedStages_.push_back({driverStages_ + stage.driverStage, payloadOfNamed()});
+        driverStages_ += library->driverStages;
+    }
+}
+
+void MicromapStages::noteStages(RayTracingPipeline &library) const
+{
+    library.stages = namedStages_;
+    library.driverStages = driverStages_;
+}
+
+// Gives a group the indices of the driver's stages. False if it names a stage that there is not.
+bool MicromapStages::setShaders(VkRayTracingShaderGroupCreateInfoKHR &group) const
+{
+    const VkRayTracingShaderGroupCreateInfoKHR application = group;
+    bool known = true;
+    const auto driverStage = [&](uint32_t stage, Prologue prologue) {
+        if (const auto found = index_.find(keyOf(stage, prologue, application)); found != index_.end())
+            return found->second;
+        if (stage < namedStages_.size())
+            return namedStages_[stage].driverStage;
+        known = known && stage == VK_SHADER_UNUSED_KHR;
+        return VK_SHADER_UNUSED_KHR;
+    };
+    if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
+        group.generalShader = driverStage(application.generalShader, Prologue::None);
+    } else {
+        const bool isOwn = application.anyHitShader == VK_SHADER_UNUSED_KHR;
+        group.closestHitShader = driverStage(application.closestHitShader, Prologue::None);
+        group.anyHitShader = driverStage(application.anyHitShader, isOwn ? hitPrologue(group) : anyHitPrologue(group));
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR)
+            group.intersectionShader = driverStage(application.intersectionShader, Prologue::BoxCulling);
+    }
+    if (!known)
+        device_.driver.report().error("VELLUM-pipeline-group",
+                                      "vkCreateRayTracingPipelinesKHR: a group names a stage that neither the pipeline "
+                                      "nor its libraries have");
+    return known;
 }
 
 } // namespace vellum::layer

@@ -12,6 +12,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/pipelines/driver_stages.h"
+#include "layer/pipelines/ray_tracing_pipeline.h"
 #include "spirv/payload_types.h"
 #include "spirv/rewrite.h"
 
@@ -42,7 +43,8 @@ private:
 };
 
 // Payload types that the stages of a pipeline and its libraries declare (spirv/payload_types.h). `incoming`: per stage,
-// the type of the payload that it is called with, if it declares one; left empty if groups must not differ by it.
+// those of libraries last, the type of the payload that it is called with, if it declares one; left empty if groups
+// must not differ by it.
 spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
                                  std::vector<std::optional<spirv::TypeWords>> &incoming);
 
@@ -51,9 +53,12 @@ struct StageRewrite {
     spirv::HiddenFlags hidden;                             // its payload: that of rays whose group declares none
     std::vector<std::optional<spirv::TypeWords>> payloads; // payloadTypes()
     bool hasCode = true;                                   // false for pipelines of binaries
+    bool forLibrary = false;                               // groups of other pipelines may name the stages
 };
 
-// The stages and groups of one pipeline.
+// The stages and groups of one pipeline. The driver's groups name the driver's stages: those of the pipeline, and then
+// those of its libraries, which "are treated as if they were defined as additional entries in pStages"
+// (VkRayTracingPipelineCreateInfoKHR). A library has each stage of the application in a form that fits all groups.
 class MicromapStages
 {
 public:
@@ -62,6 +67,8 @@ public:
     {
     }
     VkResult add(const VkRayTracingPipelineCreateInfoKHR &info, bool addNullGroup);
+    // Notes in the record of a library which stages groups of other pipelines may name.
+    void noteStages(RayTracingPipeline &library) const;
 
     std::vector<VkPipelineShaderStageCreateInfo> stages;
     std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups;
@@ -76,14 +83,18 @@ private:
     [[nodiscard]] Key keyOf(uint32_t stage, spirv::Prologue prologue,
                             const VkRayTracingShaderGroupCreateInfoKHR &group) const;
     [[nodiscard]] spirv::HiddenFlags hiddenFor(const Key &key) const;
+    [[nodiscard]] spirv::Prologue anyHitPrologue(const VkRayTracingShaderGroupCreateInfoKHR &group) const;
     VkResult addStages(const VkRayTracingPipelineCreateInfoKHR &info);
-    bool setHitShaders(VkRayTracingShaderGroupCreateInfoKHR &group);
-    uint32_t ownAnyHit(const Key &key);
+    void addLibraries(const VkRayTracingPipelineCreateInfoKHR &info);
+    bool addOwnAnyHit(const Key &key);
+    bool setShaders(VkRayTracingShaderGroupCreateInfoKHR &group) const;
 
     DevicePipelines &device_;
     RewrittenModules &modules_;
     StageRewrite rewrite_;
-    std::map<Key, uint32_t> index_; // into stages
+    std::map<Key, uint32_t> index_;         // into stages
+    std::vector<LibraryStage> namedStages_; // that groups may name: the application's, then those of libraries
+    uint32_t driverStages_ = 0;             // those of libraries included
 };
 
 } // namespace vellum::layer

@@ -160,7 +160,7 @@ private:
             usesMicromaps = usesMicromaps || with;
             return VK_SUCCESS;
         }
-        if (usesMicromaps) {
+        if ((flagsOf(info) & kMicromapPipelineFlag) != 0) {
             constexpr const char *kId = "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598";
             const std::string text = message("uses opacity micromaps, but library " + std::to_string(*without) +
                                              " was created without the bit");
@@ -169,8 +169,8 @@ private:
             // If no library has it, the pipeline can be created without micromaps.
             if (with || !device_.driver.report().tolerates(kId, text))
                 return VK_ERROR_VALIDATION_FAILED_EXT;
-            usesMicromaps = false;
         }
+        usesMicromaps = false; // where only the setting assume_micromaps has set it, without a message
         if (!with)
             return VK_SUCCESS;
         device_.driver.report().notAvailable("a ray tracing pipeline of libraries with and without the micromap bit");
@@ -188,7 +188,7 @@ private:
                 isFirst = device_.shaderWarnings.isFirst(kId, stageCode(device_, stage)) || isFirst;
         }
         if (isFirst)
-            device_.driver.report().warning(
+            device_.objects.warnings.warn(
                 kId,
                 message("traces rays and was created without RAY_TRACING_OPACITY_MICROMAP: ") +
                     (device_.driver.emulated() ? "where they meet micromaps, every hit on their geometry is non-opaque"
@@ -201,7 +201,8 @@ private:
     // A pipeline whose micromaps, if it has any, are the driver's.
     VkResult passOn(VkRayTracingPipelineCreateInfoKHR &info)
     {
-        const VkFlags64 added = isAssumed(device_.driver, info) ? kMicromapPipelineFlag : 0;
+        const bool addsBit = !device_.driver.emulated() && isAssumed(device_.driver, info);
+        const VkFlags64 added = addsBit ? kMicromapPipelineFlag : 0;
         if (!changeFlags(info, unknownPipelineFlags(device_.driver), added))
             return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(info.pNext) && !stages_.rewrite(info.pStages, info.stageCount))
@@ -308,11 +309,11 @@ private:
     VkResult addMicromapPipeline(VkRayTracingPipelineCreateInfoKHR &info)
     {
         const VkFlags64 flags = flagsOf(info);
+        const bool isLibrary = (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0;
         records_.back() = std::make_shared<RayTracingPipeline>();
         RayTracingPipeline &record = *records_.back();
         record.ownGroups = info.groupCount;
-        record.hasNullGroup =
-            (flags & (VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) == 0;
+        record.hasNullGroup = !isLibrary && (flags & VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR) == 0;
         if (pipelines_ && record.hasNullGroup) {
             record.standIn = PooledMemory(device_.buffers.hitRecords, kGroupHandleBytes);
             if (!record.standIn.address())
@@ -321,12 +322,13 @@ private:
         StageRewrite rewrite;
         rewrite.hidden = hiddenFlags(info, traceStages(info, record));
         rewrite.hasCode = !binariesOf(info.pNext);
+        rewrite.forLibrary = isLibrary;
         if (!changeFlags(info, unknownPipelineFlags(device_.driver) | kNoNullShaderFlags, 0))
             return VK_ERROR_INITIALIZATION_FAILED;
         if (rewrite.hidden.inPayload()) {
             record.payloads = payloadTypes(device_, info, rewrite.payloads);
             // Other pipelines may trace rays with other payloads to the groups of a library.
-            if ((flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0)
+            if (!isLibrary)
                 rewrite.hidden.payload = record.payloads.common();
         }
         record.hidden = {true, rewrite.hidden.fixed, rewrite.hidden.constant};
@@ -336,6 +338,8 @@ private:
         MicromapStages &own = micromapStages_.emplace_back(device_, modules_, std::move(rewrite));
         if (const VkResult result = own.add(info, record.hasNullGroup); result != VK_SUCCESS)
             return result;
+        if (isLibrary)
+            own.noteStages(record);
         ownAnyHitGroups_.back() = own.ownAnyHitGroups;
         info.stageCount = static_cast<uint32_t>(own.stages.size());
         info.pStages = own.stages.data();

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -28,6 +29,12 @@ struct HiddenInBinary {
     uint32_t constant = 0;
 };
 
+// A stage of a library, which groups of pipelines that link it may name.
+struct LibraryStage {
+    uint32_t driverStage = 0;                // its index in the driver's library
+    std::optional<spirv::TypeWords> payload; // that it is called with (payloadTypes() in micromap_stages.h)
+};
+
 // A pipeline that uses micromaps.
 struct RayTracingPipeline {
     uint32_t ownGroups = 0; // groups of the create info; those of libraries follow
@@ -38,6 +45,9 @@ struct RayTracingPipeline {
     uint32_t mostStride = 0;      // largest SBT stride of its rays; 15 if unknown
     HiddenInBinary hidden;        // how the ray flags of its rays travel
     spirv::PayloadTypes payloads; // of its rays, if flags travel in payloads
+    // Of a library: the application's stages, then those of its own libraries, and the number of the driver's.
+    std::vector<LibraryStage> stages;
+    uint32_t driverStages = 0;
 
     [[nodiscard]] uint32_t driverGroup(uint32_t group) const
     {

@@ -2,6 +2,7 @@
 #include "layer/state/acceleration_structure.h"
 
 #include <algorithm>
+#include <atomic>
 #include <string>
 
 #include "core/records.h"
@@ -108,6 +109,7 @@ std::shared_ptr<AccelerationStructure> newStructure(const BufferRange &range, Vk
     structure->buffer = range.buffer;
     structure->offset = range.offset;
     structure->size = range.size;
+    structure->bufferOwner = range.owner;
     structure->type = type;
     return structure;
 }
@@ -262,22 +264,48 @@ VkDeviceSize capacityOf(const DeviceState &device, const AccelerationStructure &
     return std::min(structure.size, device.locations.bytesToNext(structure.key));
 }
 
+namespace
+{
+
+// Returns outgrown slots that nobody can access any more, with the location's mutex held. If no command buffer uses
+// them, all builds with them were executed before or never will be, and the host sees what they have written to the
+// descriptor (InjectedWork::barrier). Work that used the content before it was replaced is complete, too, since builds
+// wait for it.
+void returnOutgrownSlots(StructureLocation &location)
+{
+    const uint32_t *words = location.descriptor.words;
+    std::erase_if(location.outgrownSlots, [words](const std::shared_ptr<SlotRange> &slots) {
+        if (slots.use_count() > 1 || slots->isUsed())
+            return false;
+        std::atomic_thread_fence(std::memory_order_acquire);
+        const bool inUse = words && __atomic_load_n(words + 2, __ATOMIC_RELAXED) == kDescriptorTop &&
+                           __atomic_load_n(words + kDescriptorFirstSlot, __ATOMIC_RELAXED) == slots->first();
+        return !inUse;
+    });
+}
+
+} // namespace
+
 std::shared_ptr<SlotRange> slotsFor(DeviceState &device, AccelerationStructure &structure, uint32_t count)
 {
     StructureLocation &location = *structure.location;
     std::lock_guard lock(location.mutex);
-    const uint32_t had = location.slots ? location.slots->count() : 0;
-    if (location.slots && had >= count)
-        return location.slots;
-    auto slots = device.root.allocateSlots(std::max(count, had + had / 2));
-    if (!slots)
-        slots = device.root.allocateSlots(count);
-    if (!slots)
-        return nullptr;
-    if (location.slots)
-        location.outgrownSlots.push_back(std::move(location.slots));
-    location.slots = slots;
-    return slots;
+    std::shared_ptr<SlotRange> &slots = location.slots;
+    if (slots && slots->count() >= count)
+        return slots;
+    returnOutgrownSlots(location);
+    // Half as many more, so that a growing structure rarely gets others.
+    const uint32_t had = slots ? slots->count() : 0;
+    for (const uint32_t wanted : {std::max(count, had + had / 2), count}) {
+        if (slots && device.root.extendSlots(*slots, wanted))
+            return slots;
+        if (auto others = device.root.allocateSlots(wanted)) {
+            if (slots)
+                location.outgrownSlots.push_back(std::move(slots));
+            return slots = std::move(others);
+        }
+    }
+    return nullptr;
 }
 
 VkDeviceAddress beginOf(const Driver &driver, const AccelerationStructure &structure)
@@ -336,12 +364,15 @@ void publishMicromap(DeviceState &device, AccelerationStructure &structure)
 
 void publishMicromapOnceBound(DeviceState &device, const std::shared_ptr<AccelerationStructure> &structure)
 {
-    if (device.buffers.addresses.addressOf(structure->buffer) != 0)
-        return publishMicromap(device, *structure);
     if (!device.driver.enabled.khr || !canHoldMicromap(*structure))
         return;
-    std::lock_guard lock(device.unboundMutex);
-    device.unboundMicromaps.push_back(structure);
+    {
+        // The mutex: bufferHasAddress() comes after the address is known, and only once.
+        std::lock_guard lock(device.unboundMutex);
+        if (device.buffers.addresses.addressOf(structure->buffer) == 0)
+            return device.unboundMicromaps.push_back(structure);
+    }
+    publishMicromap(device, *structure);
 }
 
 void bufferHasAddress(DeviceState &device, VkBuffer buffer)

@@ -28,6 +28,7 @@ struct AccelerationStructure {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     VkDeviceSize size = 0;
+    AddressMap::Owner bufferOwner; // of vkCreateAccelerationStructure2KHR
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
 
     VkDeviceAddress reference =
@@ -76,9 +77,11 @@ VkDeviceSize lastBytes(const AccelerationStructure &structure);
 // Bytes that a structure may occupy before the next structure in the same buffer.
 VkDeviceSize capacityOf(const DeviceState &device, const AccelerationStructure &structure);
 
-// The slots for a build of `count` instances into this structure: its slots, unless they are too few. Commands recorded
-// earlier may still access the old slots, so the structure keeps them; growing by half keeps them few. Null if no slots
-// are left.
+// The slots for a build of `count` instances into this structure: its slots, unless they are too few. Before the caller
+// lets them go, the command buffer has to keep their use(). Null if no slots are left.
+//
+// Old slots are returned once neither a command buffer nor the structure's content uses them: the device stores the
+// first slot of what it built last in the descriptor.
 std::shared_ptr<SlotRange> slotsFor(DeviceState &device, AccelerationStructure &structure, uint32_t count);
 
 VkDeviceAddress beginOf(const Driver &driver, const AccelerationStructure &structure);

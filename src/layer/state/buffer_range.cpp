@@ -44,7 +44,7 @@ BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCrea
                                                 "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
                                                 "addressRange.address is not a multiple of 256"))
         return {};
-    return {found.buffer, found.offset, std::min(size, found.bytes)};
+    return {found.buffer, found.offset, std::min(size, found.bytes), found.owner};
 }
 
 VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreateInfo2KHR &info,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "layer/base/vulkan_newer.h"
+#include "layer/memory/address_map.h"
 
 namespace vellum::layer
 {
@@ -13,7 +14,8 @@ struct Driver;
 struct BufferRange {
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
-    VkDeviceSize size = 0; // of the part of the range that is in the buffer
+    VkDeviceSize size = 0;     // of the part of the range that is in the buffer
+    AddressMap::Owner owner{}; // of the buffer, if it was found by an address
 };
 // An empty range after a message. `micromapAlignment`: the least alignment of micromap addresses.
 BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCreateInfo2KHR &info,

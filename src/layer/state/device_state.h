@@ -10,6 +10,7 @@
 
 #include "layer/memory/device_buffers.h"
 #include "layer/state/acceleration_structure.h"
+#include "layer/state/micromap_warnings.h"
 #include "layer/state/private_data.h"
 #include "layer/state/root_table.h"
 #include "layer/state/structure_location.h"
@@ -25,6 +26,7 @@ struct DeviceState {
     std::atomic<uint32_t> deserializations{0};
     std::atomic<uint32_t> mostGeometries{1}; // of all bottom-level builds recorded
     PrivateData privateData{};
+    MicromapWarnings warnings{driver};
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
     std::mutex unboundMutex{}; // guards the next member
     // GENERIC structures whose buffers have no memory yet.

@@ -38,11 +38,16 @@ public:
     SlotRange &operator=(const SlotRange &) = delete;
     [[nodiscard]] uint32_t first() const { return first_; }
     [[nodiscard]] uint32_t count() const { return count_; }
+    // Command buffers that use the slots keep this. It does not keep the slots.
+    [[nodiscard]] const std::shared_ptr<const void> &use() const { return use_; }
+    [[nodiscard]] bool isUsed() const { return use_.use_count() > 1; }
 
 private:
+    friend class RootTable;
     RootTable &table_;
     uint32_t first_;
-    uint32_t count_;
+    uint32_t count_; // only grows
+    std::shared_ptr<const void> use_ = std::make_shared<char>();
 };
 
 class RootTable
@@ -57,6 +62,8 @@ public:
 
     // Null if the 2^24 slots or memory are used up.
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
+    // Adds the slots after a range until it has `count`. False if not all of them are free, or there is no memory.
+    bool extendSlots(SlotRange &slots, uint32_t count);
 
     // The descriptor of the acceleration structure with this reference, which the first call creates. Each call is
     // paired with a releaseDescriptor: acceleration structures that alias each other have the same reference and

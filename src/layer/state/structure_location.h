@@ -52,7 +52,8 @@ struct StructureLocation {
     uint32_t lastInstances = 0; // of the top-level build recorded last
     uint32_t mostInstances = 0; // the greatest number of all builds recorded
     std::shared_ptr<SlotRange> slots;
-    std::vector<std::shared_ptr<SlotRange>> outgrownSlots; // may still be read by work recorded before
+    // Too few by now, but the content of the structure, or commands that build it, may still use them.
+    std::vector<std::shared_ptr<SlotRange>> outgrownSlots;
     // If micromaps are translated: the driver's micromaps at this location, and whether a bottom-level structure with
     // micromaps was recorded last.
     std::shared_ptr<PlacedMicromaps> driverMicromaps;

@@ -59,6 +59,7 @@ public:
         for (Part &part : parts_)
             prepare(part);
         InjectedWork work(device_.commands, commandBuffer_);
+        skipUnrecordable(work);
         patchInstances(work);
         orderDescriptorsAfterBuilds();
         runDriver();
@@ -152,6 +153,16 @@ private:
         fitBottomLevel(part, bytes);
     }
 
+    // Without the shaders for its records a build is skipped: the driver would replace the structure, and its
+    // descriptor would still lead to the records of what it was.
+    void skipUnrecordable(InjectedWork &work)
+    {
+        for (Part &part : parts_) {
+            if (!part.skipped && (part.tail || part.build.topLevel))
+                part.skipped = !work.prepare(part.tail ? InjectedShader::BlasRecords : InjectedShader::TlasInstances);
+        }
+    }
+
     // Limits the range that the driver may write to what the build needs.
     void fitBottomLevel(Part &part, VkDeviceSize bytes)
     {
@@ -188,6 +199,7 @@ private:
                    "memory for the layer's tables");
             return false;
         }
+        device_.commands.states.keep(commandBuffer_, slots->use());
         becomesTopLevel(target, count, layout.bytes());
         fit(part, layout.bytes());
         VkAccelerationStructureGeometryInstancesDataKHR &instances = build.geometries[0].geometry.instances;
@@ -220,13 +232,13 @@ private:
         const bool hostKnowsRange = push.from == kFromArray && push.range == 0 && bytes > 0;
         if (!hostKnowsRange || (device_.buffers.infos.get(target.buffer).usage & VK_BUFFER_USAGE_TRANSFER_DST_BIT) == 0)
             return;
-        const AddressMap::Location source =
-            addresses.onlyCovering(push.source, bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
-        const AddressMap::Location patched =
-            addresses.onlyCovering(push.target, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+        const AddressMap::Location source = addresses.covering(push.source, bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+        const AddressMap::Location patched = addresses.covering(push.target, bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
         const auto overlaps = [&](VkDeviceAddress to) { return push.source < to + bytes && to < push.source + bytes; };
         if (!source.buffer || !patched.buffer || overlaps(push.target) || overlaps(push.tail))
             return;
+        device_.commands.states.keep(commandBuffer_, source.owner);
+        device_.commands.states.keep(commandBuffer_, patched.owner);
         part.transfers = {source.buffer,
                           patched.buffer,
                           target.buffer,

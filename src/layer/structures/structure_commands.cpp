@@ -108,8 +108,11 @@ void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const
             continue;
         build->element = i;
         build->ranges = ranges(i);
-        if (checkStructureBuild(device.objects, check, built, *build))
-            structures.push_back(*std::move(build));
+        if (!checkStructureBuild(device.objects, check, built, *build))
+            continue;
+        if (build->hasMicromaps)
+            device.objects.warnings.micromapsAreUsed();
+        structures.push_back(*std::move(build));
     }
     if (!structures.empty())
         backend.record(commandBuffer, command, std::move(structures));

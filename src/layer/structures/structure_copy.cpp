@@ -102,6 +102,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     const VkDeviceAddress scratch = state ? state->scratch.allocate(alignUp(layout.scratchBytes(), kPartAlignment)) : 0;
     if (!slots || !scratch)
         return check.reject("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
+    device.commands.states.keep(commandBuffer, slots->use());
     becomesTopLevel(target, layout.count, layout.bytes());
     TlasInstancesPush push{};
     push.source = source;
@@ -115,7 +116,7 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
     const uint32_t invocations = std::max(layout.count, 1u);
     if (!work.dispatch(InjectedShader::TlasInstances, push, invocations, 64))
         return false;
-    work.barrier();
+    work.barrier(true); // the host reads the descriptor
     TopLevelBuild build(0, push.target);
     build.info.dstAccelerationStructure = exactSizeHandle(device, target, layout.bytes());
     build.info.scratchData.deviceAddress = scratch;
@@ -164,8 +165,11 @@ void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer
     if (const auto state = device.commands.states.get(commandBuffer))
         state->scratch.restart();
     InjectedWork work(device.commands, commandBuffer);
+    const bool top = copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    if (!work.prepare(top ? InjectedShader::TlasInstances : InjectedShader::StructureCopy))
+        return;
     work.barrier();
-    if (copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR) {
+    if (top) {
         const TopLevelLayout layout(device.driver, 0, mostInstances(device, source, target));
         recordTopLevelCopy(work, device, commandBuffer, kCommand, target, sourceDescriptor.address, layout,
                            kFromStructure);

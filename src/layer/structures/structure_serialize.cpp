@@ -205,6 +205,8 @@ struct Restore {
             becomeMicromap(device.objects, *target);
             return recordMicromapRestore(device.micromaps, commandBuffer, micromapIn(*target), data);
         }
+        if (!InjectedWork(device.commands, commandBuffer).prepare(InjectedShader::StructureRestore))
+            return; // the driver must not read staging memory that is not written
         const bool top = kind() == kDescriptorTop;
         const uint32_t most = kind() == kDescriptorBottom ? 0 : mostInstances();
         const VkDeviceSize fallbackBytes = leastBytes();

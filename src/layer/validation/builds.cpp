@@ -18,10 +18,9 @@ template <typename Counts>
 std::vector<VkMicromapUsageEXT> usagesOf(uint32_t count, const Counts *counts, const Counts *const *pointers)
 {
     std::vector<VkMicromapUsageEXT> usages;
-    for (uint32_t i = 0; i < count && (counts || pointers); ++i) {
-        const Counts &usage = counts ? counts[i] : *pointers[i];
-        usages.push_back({usage.count, usage.subdivisionLevel, static_cast<uint32_t>(usage.format)});
-    }
+    for (uint32_t i = 0; i < count && (counts || pointers); ++i)
+        if (const Counts *usage = counts ? &counts[i] : pointers[i])
+            usages.push_back({usage->count, usage->subdivisionLevel, static_cast<uint32_t>(usage->format)});
     return usages;
 }
 
@@ -260,8 +259,10 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
         checkIndirectStructureBuilds(device, commandBuffer, {infos, count});
     GpuBuildChecks checks(device, commandBuffer, SiteCommand::BuildStructuresIndirect);
     for (uint32_t i = 0; i < count; ++i) {
-        addChecks(device, checks, i, infos[i], {.address = addresses[i], .stride = strides[i], .most = most[i]});
-        construct(device, commandBuffer, infos[i], nullptr, most[i]);
+        const uint32_t *const counts = most ? most[i] : nullptr;
+        addChecks(device, checks, i, infos[i],
+                  {.address = addresses ? addresses[i] : 0, .stride = strides ? strides[i] : 0, .most = counts});
+        construct(device, commandBuffer, infos[i], nullptr, counts);
     }
     checks.record();
     sync::recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", count, infos, nullptr);

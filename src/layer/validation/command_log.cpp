@@ -13,16 +13,31 @@ namespace vellum::layer
 
 // What only the commands of this file may do with the logs.
 struct CommandLogAccess {
-    static void set(CommandLogs &logs, VkCommandBuffer commandBuffer, std::shared_ptr<CommandLog> log)
+    static void add(CommandLogs &logs, VkCommandBuffer commandBuffer, std::shared_ptr<CommandLog> log)
     {
-        std::lock_guard lock(logs.mutex_);
-        logs.logs_[commandBuffer] = std::move(log);
+        const std::lock_guard lock(logs.mutex_);
+        logs.pools_[log->pool].insert(commandBuffer);
+        logs.logs_.set(commandBuffer, std::move(log));
     }
-    template <typename Predicate>
-    static void remove(CommandLogs &logs, Predicate predicate)
+    static void remove(CommandLogs &logs, VkCommandPool pool, uint32_t count, const VkCommandBuffer *commandBuffers)
     {
-        std::lock_guard lock(logs.mutex_);
-        std::erase_if(logs.logs_, predicate);
+        const std::lock_guard lock(logs.mutex_);
+        const auto known = logs.pools_.find(pool);
+        for (uint32_t i = 0; i < count; ++i) {
+            logs.logs_.take(commandBuffers[i]);
+            if (known != logs.pools_.end())
+                known->second.erase(commandBuffers[i]);
+        }
+    }
+    static void removePool(CommandLogs &logs, VkCommandPool pool)
+    {
+        const std::lock_guard lock(logs.mutex_);
+        const auto known = logs.pools_.find(pool);
+        if (known == logs.pools_.end())
+            return;
+        for (const VkCommandBuffer commandBuffer : known->second)
+            logs.logs_.take(commandBuffer);
+        logs.pools_.erase(known);
     }
     static void reset(CommandLog &log)
     {
@@ -30,22 +45,15 @@ struct CommandLogAccess {
         log.traces = {};
         log.isRecording = log.isRendering = log.suspends = log.isSuspended = false;
     }
-    static void clearPool(CommandLogs &logs, VkCommandPool pool)
+    static void resetPool(CommandLogs &logs, VkCommandPool pool)
     {
-        std::lock_guard lock(logs.mutex_);
-        for (auto &[handle, log] : logs.logs_) {
-            if (log->pool == pool)
-                reset(*log);
-        }
+        const std::lock_guard lock(logs.mutex_);
+        if (const auto known = logs.pools_.find(pool); known != logs.pools_.end())
+            for (const VkCommandBuffer commandBuffer : known->second)
+                if (const auto log = logs.get(commandBuffer))
+                    reset(*log);
     }
 };
-
-std::shared_ptr<CommandLog> CommandLogs::get(VkCommandBuffer commandBuffer)
-{
-    std::lock_guard lock(mutex_);
-    const auto found = logs_.find(commandBuffer);
-    return found == logs_.end() ? nullptr : found->second;
-}
 
 void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
 {
@@ -75,13 +83,11 @@ bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
            reached < value;
 }
 
-void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer)
+void execute(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer)
 {
     const auto log = device.logs.get(commandBuffer);
     if (!log)
         return;
-    const HeldMessages held;
-    const std::lock_guard lock(device.logs.submissions);
     auto &waits = device.logs.waits[queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
     const Submission submission{queue, device.objects.queueFamilies.get(queue), waits.empty()};
@@ -91,27 +97,40 @@ void submit(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuff
 
 // `commandBuffers`: gives the command buffer of a number.
 template <typename Submit, typename CommandBuffers>
-void submitBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, uint32_t count,
-                 CommandBuffers commandBuffers)
+void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, uint32_t count,
+                  CommandBuffers commandBuffers)
 {
     const std::vector<sync::SemaphoreUse> waits = sync::waitsOf(device, batch);
-    {
-        const std::lock_guard lock(device.logs.submissions);
-        for (const sync::SemaphoreUse &use : waits) {
-            if (use.value && isLater(device, use.semaphore, *use.value))
-                device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
-        }
+    for (const sync::SemaphoreUse &use : waits) {
+        if (use.value && isLater(device, use.semaphore, *use.value))
+            device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
     }
     sync::beginBatch(device, queue, waits);
     for (uint32_t c = 0; c < count; ++c)
-        submit(device, queue, commandBuffers(c));
+        execute(device, queue, commandBuffers(c));
     const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device, batch);
     sync::endBatch(device, queue, signals);
-    const std::lock_guard lock(device.logs.submissions);
     for (const sync::SemaphoreUse &use : signals) {
         if (use.value)
             device.logs.signals[use.semaphore] = *use.value;
     }
+}
+
+// Submits work by `next()`. Nothing of it was executed if that fails.
+template <typename Next, typename Execute>
+VkResult submit(DeviceValidation &device, VkQueue queue, VkFence fence, Next next, Execute execute)
+{
+    device.gpu.log.drain(device);
+    const HeldMessages held;
+    const std::lock_guard lock(device.logs.submissions);
+    const VkResult result = next();
+    if (result != VK_SUCCESS)
+        return result;
+    remember([&] {
+        execute();
+        sync::signalFence(device, queue, fence);
+    });
+    return result;
 }
 
 } // namespace
@@ -121,16 +140,18 @@ VkResult createCommandPool(DeviceValidation &device, VkDevice handle, const VkCo
 {
     const VkResult result = device.next.CreateCommandPool(handle, info, allocator, pool);
     if (result == VK_SUCCESS)
-        device.objects.poolFamilies.set(*pool, info->queueFamilyIndex);
-    if (result == VK_SUCCESS && (info->flags & VK_COMMAND_POOL_CREATE_PROTECTED_BIT) != 0)
-        device.objects.protectedPools.set(*pool, true);
+        remember([&] {
+            device.objects.poolFamilies.set(*pool, info->queueFamilyIndex);
+            if ((info->flags & VK_COMMAND_POOL_CREATE_PROTECTED_BIT) != 0)
+                device.objects.protectedPools.set(*pool, true);
+        });
     return result;
 }
 
 void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool,
                         const VkAllocationCallbacks *allocator)
 {
-    CommandLogAccess::remove(device.logs, [pool](const auto &entry) { return entry.second->pool == pool; });
+    CommandLogAccess::removePool(device.logs, pool);
     device.objects.poolFamilies.take(pool);
     device.objects.protectedPools.take(pool);
     layer::destroyCommandPool(device.commands, handle, pool, allocator);
@@ -138,41 +159,45 @@ void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool
 
 VkResult resetCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool, VkCommandPoolResetFlags flags)
 {
-    CommandLogAccess::clearPool(device.logs, pool);
-    return device.next.ResetCommandPool(handle, pool, flags);
+    const VkResult result = layer::resetCommandPool(device.commands, handle, pool, flags);
+    if (result == VK_SUCCESS)
+        CommandLogAccess::resetPool(device.logs, pool);
+    return result;
 }
 
 VkResult allocateCommandBuffers(DeviceValidation &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,
                                 VkCommandBuffer *buffers)
 {
     const VkResult result = layer::allocateCommandBuffers(device.commands, handle, info, buffers);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i) {
-        auto log = std::make_shared<CommandLog>();
-        log->pool = info->commandPool;
-        log->family = device.objects.poolFamilies.get(info->commandPool);
-        log->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-        CommandLogAccess::set(device.logs, buffers[i], std::move(log));
-    }
+    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i)
+        remember([&] {
+            auto log = std::make_shared<CommandLog>();
+            log->pool = info->commandPool;
+            log->family = device.objects.poolFamilies.get(info->commandPool);
+            log->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
+            CommandLogAccess::add(device.logs, buffers[i], std::move(log));
+        });
     return result;
 }
 
 void freeCommandBuffers(DeviceValidation &device, VkDevice handle, VkCommandPool pool, uint32_t count,
                         const VkCommandBuffer *buffers)
 {
-    for (uint32_t i = 0; i < count; ++i)
-        CommandLogAccess::remove(device.logs, [&](const auto &entry) { return entry.first == buffers[i]; });
+    CommandLogAccess::remove(device.logs, pool, count, buffers);
     layer::freeCommandBuffers(device.commands, handle, pool, count, buffers);
 }
 
 VkResult beginCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer,
                             const VkCommandBufferBeginInfo *info)
 {
-    if (const auto log = device.logs.get(commandBuffer)) { // it is reset implicitly
+    const VkResult result = layer::beginCommandBuffer(device.commands, commandBuffer, info);
+    const auto log = result == VK_SUCCESS ? device.logs.get(commandBuffer) : nullptr;
+    if (log) { // it is reset implicitly
         CommandLogAccess::reset(*log);
         log->isRecording = true;
         log->isRendering = log->secondary && (info->flags & VK_COMMAND_BUFFER_USAGE_RENDER_PASS_CONTINUE_BIT) != 0;
     }
-    return layer::beginCommandBuffer(device.commands, commandBuffer, info);
+    return result;
 }
 
 VkResult endCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer)
@@ -184,9 +209,11 @@ VkResult endCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffe
 
 VkResult resetCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkCommandBufferResetFlags flags)
 {
-    if (const auto log = device.logs.get(commandBuffer))
+    const VkResult result = layer::resetCommandBuffer(device.commands, commandBuffer, flags);
+    const auto log = result == VK_SUCCESS ? device.logs.get(commandBuffer) : nullptr;
+    if (log)
         CommandLogAccess::reset(*log);
-    return device.next.ResetCommandBuffer(commandBuffer, flags);
+    return result;
 }
 
 void cmdBindPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
@@ -242,27 +269,28 @@ void cmdEndConditionalRendering(DeviceValidation &device, VkCommandBuffer comman
 VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits,
                      VkFence fence)
 {
-    device.gpu.log.drain(device);
-    for (uint32_t i = 0; i < count; ++i)
-        submitBatch(device, queue, submits[i], submits[i].commandBufferCount,
-                    [&](uint32_t c) { return submits[i].pCommandBuffers[c]; });
-    sync::signalFence(device, queue, fence);
-    return device.next.QueueSubmit(queue, count, submits, fence);
+    return submit(
+        device, queue, fence, [&] { return device.next.QueueSubmit(queue, count, submits, fence); },
+        [&] {
+            for (uint32_t i = 0; i < count; ++i)
+                executeBatch(device, queue, submits[i], submits[i].commandBufferCount,
+                             [&](uint32_t c) { return submits[i].pCommandBuffers[c]; });
+        });
 }
 
 VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
                       VkFence fence)
 {
     const Place command("vkQueueSubmit2");
-    device.gpu.log.drain(device);
-    for (uint32_t i = 0; i < count; ++i) {
-        if (device.checks.core)
-            checkSubmission(device, command.element("pSubmits", i), submits[i]);
-        submitBatch(device, queue, submits[i], submits[i].commandBufferInfoCount,
-                    [&](uint32_t c) { return submits[i].pCommandBufferInfos[c].commandBuffer; });
-    }
-    sync::signalFence(device, queue, fence);
-    return device.next.QueueSubmit2(queue, count, submits, fence);
+    for (uint32_t i = 0; i < count && device.checks.core; ++i)
+        checkSubmission(device, command.element("pSubmits", i), submits[i]);
+    return submit(
+        device, queue, fence, [&] { return device.next.QueueSubmit2(queue, count, submits, fence); },
+        [&] {
+            for (uint32_t i = 0; i < count; ++i)
+                executeBatch(device, queue, submits[i], submits[i].commandBufferInfoCount,
+                             [&](uint32_t c) { return submits[i].pCommandBufferInfos[c].commandBuffer; });
+        });
 }
 
 } // namespace validation

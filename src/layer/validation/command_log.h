@@ -8,10 +8,12 @@
 #include <memory>
 #include <mutex>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include <vulkan/vulkan.h>
 
+#include "layer/base/handle_map.h"
 #include "layer/base/vulkan_newer.h"
 #include "layer/validation/traces/trace_checks.h"
 
@@ -46,13 +48,19 @@ class CommandLogs
 {
 public:
     // The log of a command buffer; null for one that the application did not allocate.
-    [[nodiscard]] std::shared_ptr<CommandLog> get(VkCommandBuffer commandBuffer);
+    [[nodiscard]] std::shared_ptr<CommandLog> get(VkCommandBuffer commandBuffer) const
+    {
+        return logs_.get(commandBuffer);
+    }
     // Adds a step to the log. Its check or effect happens when the command buffer is submitted; without one, that is
     // for host commands, at once.
     void add(VkCommandBuffer commandBuffer, CommandLog::Step step);
 
-    // Held while steps run: those of several queues change the same structures.
+    // Held while work is submitted and its steps run: those of several queues change the same structures, and what a
+    // submission signals is known before the host learns that it was signaled.
     std::mutex submissions;
+    // Waits until submissions that have begun are known.
+    void settle() { const std::lock_guard lock(submissions); }
     // Of timeline semaphores the largest value that a submission or the host signals; of queues what they wait for
     // before it is submitted.
     std::unordered_map<uint64_t, uint64_t> signals;
@@ -60,8 +68,9 @@ public:
 
 private:
     friend struct CommandLogAccess;
-    std::mutex mutex_;
-    std::unordered_map<VkCommandBuffer, std::shared_ptr<CommandLog>> logs_;
+    HandleMap<VkCommandBuffer, std::shared_ptr<CommandLog>> logs_;
+    std::mutex mutex_; // guards what is below
+    std::unordered_map<VkCommandPool, std::unordered_set<VkCommandBuffer>> pools_;
 };
 
 namespace validation

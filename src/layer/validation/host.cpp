@@ -72,8 +72,11 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
         const auto structure = device.objects.structures.get(infos[i].dstAccelerationStructure);
         if (!structure)
             continue;
-        device.logs.add(VK_NULL_HANDLE,
-                        [&](const Submission &) { setContents(device, *structure, unknownContents(infos[i].type)); });
+        remember([&] {
+            device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
+                setContents(device, *structure, unknownContents(infos[i].type));
+            });
+        });
         if (structure->record)
             device.gpu.records.set(*structure->record, {});
     }
@@ -98,7 +101,7 @@ VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOpe
         checkHostBuild(device, i, micromapBuildOf(device, infos[i]));
     const VkResult result = device.next.BuildMicromapsEXT(handle, operation, count, infos);
     for (uint32_t i = 0; succeeded(result) && i < count; ++i)
-        micromapBuilt(device, VK_NULL_HANDLE, micromapBuildOf(device, infos[i]));
+        remember([&] { micromapBuilt(device, VK_NULL_HANDLE, micromapBuildOf(device, infos[i])); });
     return result;
 }
 
@@ -123,7 +126,7 @@ VkResult copyMicromap(DeviceValidation &device, VkDevice handle, VkDeferredOpera
     }
     const VkResult result = device.next.CopyMicromapEXT(handle, operation, info);
     if (succeeded(result))
-        copied(check, source, target);
+        remember([&] { copied(check, source, target); });
     return result;
 }
 
@@ -166,7 +169,7 @@ VkResult copyMemoryToMicromap(DeviceValidation &device, VkDevice handle, VkDefer
     auto header = checkSerializedData(check, info->src.hostAddress, target.get());
     const VkResult result = device.next.CopyMemoryToMicromapEXT(handle, operation, info);
     if (succeeded(result))
-        deserialized(check, target, std::move(header));
+        remember([&] { deserialized(check, target, std::move(header)); });
     return result;
 }
 
@@ -215,7 +218,7 @@ VkResult copyAccelerationStructure(DeviceValidation &device, VkDevice handle, Vk
     checkDeserializedMicromaps(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11587");
     const VkResult result = device.next.CopyAccelerationStructureKHR(handle, operation, info);
     if (succeeded(result))
-        copied(check, source, device.objects.structures.get(info->dst));
+        remember([&] { copied(check, source, device.objects.structures.get(info->dst)); });
     return result;
 }
 
@@ -229,7 +232,7 @@ VkResult copyMemoryToAccelerationStructure(DeviceValidation &device, VkDevice ha
     auto header = checkSerializedData(check, info->src.hostAddress, target.get());
     const VkResult result = device.next.CopyMemoryToAccelerationStructureKHR(handle, operation, info);
     if (succeeded(result))
-        deserialized(check, target, std::move(header));
+        remember([&] { deserialized(check, target, std::move(header)); });
     device.traces.deserializes = true;
     return result;
 }

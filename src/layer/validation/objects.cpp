@@ -14,6 +14,9 @@ namespace vellum::layer
 namespace
 {
 
+// Addresses of structures that may hold micromaps, which are remembered after the structures.
+constexpr size_t kMostAddresses = size_t{1} << 20;
+
 VkFlags64 usageOf(const VkBufferCreateInfo &info)
 {
     const auto *usage =
@@ -68,8 +71,9 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
 void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStructure> &structure,
                   VkDeviceAddress address)
 {
-    structure->referenceAddress = address;
-    device.traces.byReference.set(address, structure);
+    if (structure->referenceAddress.exchange(address) == address)
+        return;
+    device.traces.byReference.add(address, structure);
     if (structure->record)
         device.gpu.records.setReference(address, *structure->record);
 }
@@ -83,45 +87,66 @@ void setContents(DeviceValidation &device, ValidatedStructure &structure,
     structure.since = structure.built = ++device.numbers;
 }
 
+void StructuresByAddress::add(VkDeviceAddress address, const std::shared_ptr<ValidatedStructure> &structure)
+{
+    if (structures_.size() >= sweepAt_) {
+        std::erase_if(structures_, [](const auto &known) { return known.second.expired(); });
+        sweepAt_ = std::max<size_t>(64, 2 * structures_.size());
+    }
+    structures_.emplace(address, structure);
+}
+
+void StructuresByReference::add(VkDeviceAddress reference, const std::shared_ptr<ValidatedStructure> &structure)
+{
+    const std::lock_guard lock(mutex_);
+    structures_.add(reference, structure);
+}
+
+std::shared_ptr<ValidatedStructure> StructuresByReference::at(VkDeviceAddress reference) const
+{
+    const std::lock_guard lock(mutex_);
+    std::shared_ptr<ValidatedStructure> last;
+    structures_.visit(reference, [&](const auto &structure) { last = structure; });
+    return last;
+}
+
 void StructuresByMemory::add(const std::shared_ptr<ValidatedStructure> &structure)
 {
     if (!structure->isMicromap() && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
         return;
     const std::lock_guard lock(mutex_);
-    const auto range = structures_.equal_range(structure->memoryAddress);
-    for (auto known = range.first; known != range.second;)
-        known = known->second.expired() ? structures_.erase(known) : std::next(known);
-    structures_.emplace(structure->memoryAddress, structure);
-    addresses_.insert(structure->memoryAddress);
+    structures_.add(structure->memoryAddress, structure);
+    isFull_ = isFull_ || addresses_.size() == kMostAddresses;
+    if (!isFull_)
+        addresses_.insert(structure->memoryAddress);
 }
 
 std::vector<std::shared_ptr<ValidatedStructure>> StructuresByMemory::at(VkDeviceAddress address) const
 {
     const std::lock_guard lock(mutex_);
     std::vector<std::shared_ptr<ValidatedStructure>> found;
-    const auto range = structures_.equal_range(address);
-    for (auto known = range.first; known != range.second; ++known) {
-        auto structure = known->second.lock();
-        if (structure && !structure->destroyed &&
+    structures_.visit(address, [&](const auto &structure) {
+        if (!structure->destroyed &&
             (structure->isMicromap() || !structure->contents ||
              structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
              structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR))
-            found.push_back(std::move(structure));
-    }
+            found.push_back(structure);
+    });
     return found;
 }
 
 bool StructuresByMemory::everAt(VkDeviceAddress address) const
 {
     const std::lock_guard lock(mutex_);
-    return addresses_.contains(address);
+    return isFull_ || addresses_.contains(address);
 }
 
 bool StructuresByMemory::isComplete() const
 {
     const std::lock_guard lock(mutex_);
-    const auto range = structures_.equal_range(0);
-    return std::all_of(range.first, range.second, [](const auto &known) { return known.second.expired(); });
+    bool complete = true;
+    structures_.visit(0, [&](const auto &) { complete = false; });
+    return complete;
 }
 
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type)
@@ -144,14 +169,14 @@ namespace validation
 void getDeviceQueue(DeviceValidation &device, VkDevice handle, uint32_t family, uint32_t index, VkQueue *queue)
 {
     device.next.GetDeviceQueue(handle, family, index, queue);
-    device.objects.queueFamilies.set(*queue, family);
+    remember([&] { device.objects.queueFamilies.set(*queue, family); });
 }
 
 void getDeviceQueue2(DeviceValidation &device, VkDevice handle, const VkDeviceQueueInfo2 *info, VkQueue *queue)
 {
     device.next.GetDeviceQueue2(handle, info, queue);
     if (*queue)
-        device.objects.queueFamilies.set(*queue, info->queueFamilyIndex);
+        remember([&] { device.objects.queueFamilies.set(*queue, info->queueFamilyIndex); });
 }
 
 VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemoryAllocateInfo *info,
@@ -159,7 +184,7 @@ VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemor
 {
     const VkResult result = device.next.AllocateMemory(handle, info, allocator, memory);
     if (result == VK_SUCCESS)
-        device.objects.memories.set(*memory, memoryOf(device, *info));
+        remember([&] { device.objects.memories.set(*memory, memoryOf(device, *info)); });
     return result;
 }
 
@@ -177,15 +202,17 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
     const VkResult created = device.next.CreateBuffer(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    auto buffer = std::make_shared<ValidatedBuffer>();
-    buffer->handle = *result;
-    buffer->size = info->size;
-    buffer->usage = usageOf(*info);
-    buffer->flags = info->flags;
-    buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE && !device.facts.maintenance9;
-    if ((info->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) != 0)
-        findAddress(device, *buffer); // such a buffer has one before it has memory
-    device.objects.buffers.set(*result, std::move(buffer));
+    remember([&] {
+        auto buffer = std::make_shared<ValidatedBuffer>();
+        buffer->handle = *result;
+        buffer->size = info->size;
+        buffer->usage = usageOf(*info);
+        buffer->flags = info->flags;
+        buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE && !device.facts.maintenance9;
+        device.objects.buffers.set(*result, buffer);
+        if ((info->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) != 0)
+            findAddress(device, *buffer); // such a buffer has one before it has memory
+    });
     return created;
 }
 
@@ -203,7 +230,7 @@ VkResult bindBufferMemory(DeviceValidation &device, VkDevice handle, VkBuffer bu
 {
     const VkResult result = device.next.BindBufferMemory(handle, buffer, memory, offset);
     if (result == VK_SUCCESS)
-        bound(device, buffer, memory, offset);
+        remember([&] { bound(device, buffer, memory, offset); });
     return result;
 }
 
@@ -212,7 +239,7 @@ VkResult bindBufferMemory2(DeviceValidation &device, VkDevice handle, uint32_t c
 {
     const VkResult result = device.next.BindBufferMemory2(handle, count, infos);
     for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i)
-        bound(device, infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
+        remember([&] { bound(device, infos[i].buffer, infos[i].memory, infos[i].memoryOffset); });
     return result;
 }
 
@@ -221,7 +248,7 @@ VkDeviceAddress getBufferDeviceAddress(DeviceValidation &device, VkDevice handle
     const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
     if (const auto buffer = device.objects.buffers.get(info->buffer); buffer && !buffer->address) { // it is sparse
         buffer->address = address;
-        device.buffers.addresses.add(address, info->buffer, buffer->size, buffer->usage);
+        remember([&] { device.buffers.addresses.add(address, info->buffer, buffer->size, buffer->usage); });
     }
     return address;
 }
@@ -235,10 +262,12 @@ VkResult createAccelerationStructure(DeviceValidation &device, VkDevice handle,
     const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    auto structure = newStructure(device, *result, info->type, info->buffer, info->offset, info->size,
-                                  info->createFlags, allocator != nullptr);
-    device.objects.byMemory.add(structure);
-    device.objects.structures.set(*result, std::move(structure));
+    remember([&] {
+        auto structure = newStructure(device, *result, info->type, info->buffer, info->offset, info->size,
+                                      info->createFlags, allocator != nullptr);
+        device.objects.byMemory.add(structure);
+        device.objects.structures.set(*result, std::move(structure));
+    });
     return created;
 }
 
@@ -254,12 +283,14 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    const AddressMap::Location place = device.buffers.addresses.find(info->addressRange.address);
-    auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
-                                  info->createFlags, allocator != nullptr);
-    structure->memoryAddress = info->addressRange.address;
-    device.objects.byMemory.add(structure);
-    device.objects.structures.set(*result, std::move(structure));
+    remember([&] {
+        const AddressMap::Location place = device.buffers.addresses.find(info->addressRange.address);
+        auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
+                                      info->createFlags, allocator != nullptr);
+        structure->memoryAddress = info->addressRange.address;
+        device.objects.byMemory.add(structure);
+        device.objects.structures.set(*result, std::move(structure));
+    });
     return created;
 }
 
@@ -273,6 +304,8 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
                            "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", known.get());
     if (known)
         known->destroyed = true;
+    if (known && known->record)
+        device.gpu.records.removeReference(*known->record);
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 
@@ -281,7 +314,7 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, 
 {
     const VkDeviceAddress address = device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
     if (const auto structure = device.objects.structures.get(info->accelerationStructure))
-        setReference(device, structure, address);
+        remember([&] { setReference(device, structure, address); });
     return address;
 }
 
@@ -292,9 +325,11 @@ VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicro
         checkCreation(device, *info);
     const VkResult created = device.next.CreateMicromapEXT(handle, info, allocator, result);
     if (created == VK_SUCCESS)
-        device.objects.micromaps.set(
-            *result, newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, info->buffer,
-                                  info->offset, info->size, info->createFlags, allocator != nullptr));
+        remember([&] {
+            device.objects.micromaps.set(
+                *result, newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
+                                      info->buffer, info->offset, info->size, info->createFlags, allocator != nullptr));
+        });
     return created;
 }
 

@@ -2,10 +2,12 @@
 // The application's objects that rules are about, as validation knows them.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <set>
 #include <vector>
 
@@ -88,8 +90,9 @@ struct ValidatedStructure {
     std::shared_ptr<ValidatedBuffer> buffer; // null if it is unknown: made by address, where no buffer is known
     VkDeviceSize offset = 0;                 // in the buffer
     VkDeviceSize size = 0;
-    VkDeviceAddress memoryAddress = 0;    // of its memory; 0: unknown
-    VkDeviceAddress referenceAddress = 0; // by vkGetAccelerationStructureDeviceAddressKHR; 0: not asked for
+    VkDeviceAddress memoryAddress = 0; // of its memory; 0: unknown
+    // By vkGetAccelerationStructureDeviceAddressKHR; 0: not asked for.
+    std::atomic<VkDeviceAddress> referenceAddress = 0;
 
     std::shared_ptr<StructureRecords::Owner> record; // null without the check `gpu`
 
@@ -118,6 +121,41 @@ struct ValidatedQueryPool {
     std::vector<State> states; // of its queries, which change when commands are executed
 };
 
+// Structures by an address. Those that are gone are removed now and then, so that at most half of the entries are
+// theirs.
+class StructuresByAddress
+{
+public:
+    void add(VkDeviceAddress address, const std::shared_ptr<ValidatedStructure> &structure);
+    // Calls visit(structure) for each at the address.
+    template <typename Visit>
+    void visit(VkDeviceAddress address, Visit visit) const
+    {
+        const auto range = structures_.equal_range(address);
+        for (auto known = range.first; known != range.second; ++known)
+            if (const auto structure = known->second.lock())
+                visit(structure);
+    }
+    [[nodiscard]] size_t entries() const { return structures_.size(); }
+
+private:
+    std::multimap<VkDeviceAddress, std::weak_ptr<ValidatedStructure>> structures_;
+    size_t sweepAt_ = 64;
+};
+
+// The structures that instances name, by vkGetAccelerationStructureDeviceAddressKHR.
+class StructuresByReference
+{
+public:
+    void add(VkDeviceAddress reference, const std::shared_ptr<ValidatedStructure> &structure);
+    // The last one that got the reference; null if it is gone.
+    [[nodiscard]] std::shared_ptr<ValidatedStructure> at(VkDeviceAddress reference) const;
+
+private:
+    mutable std::mutex mutex_;
+    StructuresByAddress structures_;
+};
+
 // The structures that may hold micromaps, by the address of their memory.
 class StructuresByMemory
 {
@@ -126,15 +164,16 @@ public:
     void add(const std::shared_ptr<ValidatedStructure> &structure);
     // Those that may hold a micromap now. CommandLogs::submissions is held.
     [[nodiscard]] std::vector<std::shared_ptr<ValidatedStructure>> at(VkDeviceAddress address) const;
-    // Whether one begins there or ever did.
+    // Whether one begins there or ever did; true if that is not known.
     [[nodiscard]] bool everAt(VkDeviceAddress address) const;
     // Whether the addresses of all are known.
     [[nodiscard]] bool isComplete() const;
 
 private:
     mutable std::mutex mutex_;
-    std::multimap<VkDeviceAddress, std::weak_ptr<ValidatedStructure>> structures_; // 0: the address is unknown
-    std::set<VkDeviceAddress> addresses_;                                          // of all, also those destroyed
+    StructuresByAddress structures_;      // 0: the address is unknown
+    std::set<VkDeviceAddress> addresses_; // of all, also those destroyed, up to a limit
+    bool isFull_ = false;                 // more addresses are not known
 };
 
 struct ValidatedObjects {
@@ -148,6 +187,17 @@ struct ValidatedObjects {
     HandleMap<VkCommandPool, uint32_t> poolFamilies;
     HandleMap<VkCommandPool, bool> protectedPools;
 };
+
+// Keeps what validation knows of an object or a submission after the implementation has made it, when nothing may fail
+// any more: without memory, it stays unknown.
+template <typename Keep>
+void remember(Keep keep) noexcept
+{
+    try {
+        keep();
+    } catch (const std::bad_alloc &) { // unknown
+    }
+}
 
 // Gives a structure new contents. CommandLogs::submissions is held: in steps it is.
 void setContents(DeviceValidation &device, ValidatedStructure &structure,

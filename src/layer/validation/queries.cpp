@@ -152,10 +152,12 @@ VkResult createQueryPool(DeviceValidation &device, VkDevice handle, const VkQuer
     const VkResult created = device.next.CreateQueryPool(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    auto pool = std::make_shared<ValidatedQueryPool>();
-    pool->type = info->queryType;
-    pool->states.assign(info->queryCount, State::Unknown);
-    device.objects.queryPools.set(*result, std::move(pool));
+    remember([&] {
+        auto pool = std::make_shared<ValidatedQueryPool>();
+        pool->type = info->queryType;
+        pool->states.assign(info->queryCount, State::Unknown);
+        device.objects.queryPools.set(*result, std::move(pool));
+    });
     return created;
 }
 

@@ -107,6 +107,9 @@
     X(SignalSemaphore, signalSemaphore)                                                                                \
     X(GetQueryPoolResults, getQueryPoolResults)                                                                        \
     X(GetEventStatus, getEventStatus)                                                                                  \
+    X(SetEvent, setEvent)                                                                                              \
+    X(ResetEvent, resetEvent)                                                                                          \
+    X(DestroyEvent, destroyEvent)                                                                                      \
     X(CmdCopyMicromapEXT, cmdCopyMicromap)                                                                             \
     X(CmdCopyMicromapToMemoryEXT, cmdCopyMicromapToMemory)                                                             \
     X(CmdCopyMemoryToMicromapEXT, cmdCopyMemoryToMicromap)                                                             \

@@ -14,6 +14,7 @@ const uint kHandleBytes = 32u;
 const uint kHandleWords = kHandleBytes / 4u;
 const uint kCommandWords = 26u;
 const uint kHitWord = 10u; // of the command: hit records' address, size and stride, 64 bits each
+const uint kHitWords = 6u;
 
 layout(push_constant, std430) uniform Push
 {
@@ -66,9 +67,13 @@ void main()
         const bool copied = !none && !large && size <= push.capacity && (stride == 0u || stride >= kHandleBytes);
         if (thread == 0u) {
             Words copy = Words(push.commandCopy);
-            for (uint w = 0u; w < kCommandWords; ++w)
-                copy.w[w] = command.w[w];
-            if (none || copied) {
+            const bool changed = none || copied;
+            // Each word once: another execution of the command buffer may read it.
+            for (uint w = 0u; w < kCommandWords; ++w) {
+                if (!changed || w < kHitWord || w >= kHitWord + kHitWords)
+                    copy.w[w] = command.w[w];
+            }
+            if (changed) {
                 const uvec2 table = none ? push.standIn : push.target;
                 copy.w[kHitWord] = table.x;
                 copy.w[kHitWord + 1u] = table.y;

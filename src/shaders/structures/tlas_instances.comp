@@ -158,7 +158,7 @@ void main()
     }
     if (i == 0u) {
         const uint units = copied.count * kInstanceUnits;
-        storeDescriptor(push.descriptor, Descriptor(push.tail, kDescriptorTop, units, copied.count, units, uvec2(0)));
+        storeDescriptor(push.descriptor, Descriptor(push.tail, kDescriptorTop, units, copied.count, units, uvec2(push.firstSlot, 0u)));
     }
     if (i >= push.count)
         return;

@@ -98,11 +98,11 @@ private:
         for (const std::string &name : wanted_.entryPoints)
             if (std::ranges::find(outline_.entryPoints, name, &Outline::EntryPoint::name) == outline_.entryPoints.end())
                 return fail("there is no entry point " + name + "; the module has " + namesIn(outline_));
+        const std::set<uint32_t> queries = outline_.reaching(&Outline::Function::queries);
         for (const Outline::EntryPoint &entry : outline_.entryPoints) {
-            const bool chosen =
-                wanted_.entryPoints.empty()
-                    ? wanted_.to == To::Absent || outline_.reaches(entry.function, &Outline::Function::queries)
-                    : std::ranges::find(wanted_.entryPoints, entry.name) != wanted_.entryPoints.end();
+            const bool chosen = wanted_.entryPoints.empty()
+                                    ? wanted_.to == To::Absent || queries.contains(entry.function)
+                                    : std::ranges::find(wanted_.entryPoints, entry.name) != wanted_.entryPoints.end();
             if (chosen)
                 targets_.insert(entry.function);
         }
@@ -270,10 +270,11 @@ std::optional<std::vector<EntryPoint>> readEntryPoints(std::span<const uint32_t>
     const std::optional<Outline> outline = Outline::read(words, error);
     if (!outline)
         return {};
+    const std::set<uint32_t> queries = outline->reaching(&Outline::Function::queries);
+    const std::set<uint32_t> traces = outline->reaching(&Outline::Function::traces);
     std::vector<EntryPoint> entries;
     for (const Outline::EntryPoint &entry : outline->entryPoints)
-        entries.push_back({entry.name, entry.model, outline->reaches(entry.function, &Outline::Function::queries),
-                           outline->reaches(entry.function, &Outline::Function::traces),
+        entries.push_back({entry.name, entry.model, queries.contains(entry.function), traces.contains(entry.function),
                            modeOfFunction(*outline, entry.function)});
     return entries;
 }

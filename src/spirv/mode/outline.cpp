@@ -195,21 +195,24 @@ bool isMicromapMode(Words in)
            in[2] == kExecutionModeOpacityMicromapId;
 }
 
-bool Outline::reaches(uint32_t function, bool Function::*property) const
+std::set<uint32_t> Outline::reaching(bool Function::*property) const
 {
-    std::set<uint32_t> seen;
-    std::vector<uint32_t> work{function};
+    std::map<uint32_t, std::vector<uint32_t>> callers;
+    std::vector<uint32_t> work;
+    for (const auto &[id, function] : functions) {
+        if (function.*property)
+            work.push_back(id);
+        for (const uint32_t callee : function.callees)
+            callers[callee].push_back(id);
+    }
+    std::set<uint32_t> found;
     while (!work.empty()) {
         const uint32_t next = work.back();
         work.pop_back();
-        const auto found = functions.find(next);
-        if (found == functions.end() || !seen.insert(next).second)
-            continue;
-        if (found->second.*property)
-            return true;
-        work.insert(work.end(), found->second.callees.begin(), found->second.callees.end());
+        if (found.insert(next).second)
+            work.insert(work.end(), callers[next].begin(), callers[next].end());
     }
-    return false;
+    return found;
 }
 
 std::optional<Outline> Outline::read(Words words, std::string &error)

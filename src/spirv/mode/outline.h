@@ -89,8 +89,8 @@ struct Outline {
     // Where to insert: after all capabilities, extensions, execution modes and decorations, and before the functions.
     size_t capabilities = 0, extensions = 0, executionModes = 0, decorations = 0, globals = 0;
 
-    // Whether a function or one that it calls, directly or through others, has the property.
-    [[nodiscard]] bool reaches(uint32_t function, bool Function::*property) const;
+    // The functions that have the property, and those that call them, directly or through others.
+    [[nodiscard]] std::set<uint32_t> reaching(bool Function::*property) const;
 
     // Nothing if the words are malformed in what is read here; sets `error`.
     static std::optional<Outline> read(Words words, std::string &error);

@@ -162,6 +162,7 @@ std::optional<Module> Module::parse(Words words, std::string &error)
 bool Module::split(Words words, std::string &error)
 {
     Section current = Section::Capabilities;
+    size_t known = 0; // instructions of the current section, without the last ones whose opcodes are of any section
     bool inFunction = false;
     for (size_t at = kHeaderWords; at < words.size();) {
         const Instruction in{static_cast<uint32_t>(at), static_cast<uint16_t>(words[at] >> 16),
@@ -176,8 +177,19 @@ bool Module::split(Words words, std::string &error)
             return fail("instruction has too few operands");
         if (!inFunction) {
             // Never backwards: whatever the order is, serialize() must not change it.
-            if (const auto s = sectionOf(in.opcode))
-                current = std::max(current, *s);
+            const auto s = sectionOf(in.opcode);
+            if (s && *s > current) {
+                // Such instructions may belong to the next section. What append() adds to this one comes before them.
+                const Section next = std::min(*s, Section::Globals);
+                auto &before = section(current);
+                if (next != current) {
+                    const auto others = before.begin() + static_cast<ptrdiff_t>(known);
+                    section(next).assign(others, before.end());
+                    before.erase(others, before.end());
+                }
+                current = *s;
+            }
+            known = s ? section(current).size() + 1 : known;
         }
         if (in.opcode == spv::OpFunction) {
             if (inFunction)
@@ -300,6 +312,12 @@ bool Module::addToInterfaces(const std::vector<Id> &variables)
         in = make(spv::OpEntryPoint, operands);
     }
     return true;
+}
+
+void Module::set(Instruction in, uint32_t i, uint32_t value)
+{
+    if (i != 0 && i < in.count)
+        arena_[in.first + i] = value;
 }
 
 Instruction Module::with(Instruction in, uint32_t i, uint32_t value)

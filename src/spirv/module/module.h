@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A SPIR-V module parsed into sections of instructions, to be edited and serialized. Instructions with unknown opcodes
-// keep their place.
+// stay between the same known ones; before the first of a section they belong to it, not to the section before.
 #pragma once
 
 #include <array>
@@ -91,6 +91,8 @@ public:
     }
     // A copy of an instruction with one word replaced; the instruction itself where it has no word i but the first.
     Instruction with(Instruction in, uint32_t i, uint32_t value);
+    // Replaces a word of the instruction itself, wherever it is used.
+    void set(Instruction in, uint32_t i, uint32_t value);
 
     bool hasCapability(uint32_t capability) const;
     // Adds module-scope variables to the interfaces of all entry points, where the version of SPIR-V wants that:

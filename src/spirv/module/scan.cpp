@@ -126,4 +126,27 @@ ModuleScan scan(std::span<const uint32_t> words)
     return found;
 }
 
+bool forcesTwoStatesWithoutCapability(std::span<const uint32_t> words)
+{
+    if (!isSpirv(words))
+        return false;
+    std::unordered_map<uint32_t, uint32_t> constants;
+    bool capability = false, forces = false;
+    visitInstructions(words, [&](Words in) {
+        const uint32_t opcode = opcodeOf(in);
+        if (opcode == spv::OpCapability && in.size() == 2)
+            capability = capability || in[1] == kCapabilityOpacityMicromap;
+        else if (opcode == spv::OpConstant && in.size() == 4)
+            constants[in[2]] = in[3];
+        const auto ray = rayInstruction(opcode);
+        const uint32_t flags = opcode == spv::OpRayQueryInitializeKHR ? 3 : ray ? ray->flags : 0;
+        if (flags != 0 && flags < in.size()) {
+            const auto value = constants.find(in[flags]);
+            forces = forces || (value != constants.end() && (value->second & shared::kRayForce2State) != 0);
+        }
+        return !capability;
+    });
+    return forces && !capability;
+}
+
 } // namespace vellum::spirv

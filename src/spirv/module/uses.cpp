@@ -9,6 +9,9 @@ namespace vellum::spirv
 namespace
 {
 
+// Longest chain of copies that is followed. In a malformed module an id can be a copy of itself.
+constexpr int kMaxCopies = 64;
+
 // Whether an instruction has the pointer among its operands. Other words may be literals that are equal to the id.
 bool hasOperand(const Module &module, Instruction in, Id pointer)
 {
@@ -45,6 +48,18 @@ bool isDebug(const Module &module, Instruction in)
         return false;
     const std::string set = module.string(module.definition(module.word(in, 3)), 2);
     return set.starts_with("NonSemantic.Shader.DebugInfo") || set == "OpenCL.DebugInfo.100" || set == "DebugInfo";
+}
+
+Id copiedFrom(const Module &module, Id id)
+{
+    for (int i = 0; i < kMaxCopies; ++i) {
+        const Instruction in = module.definition(id);
+        const bool isChain = in.opcode == spv::OpAccessChain || in.opcode == spv::OpInBoundsAccessChain;
+        if (in.opcode != spv::OpCopyObject && !(isChain && in.count == 4))
+            break;
+        id = module.word(in, 3);
+    }
+    return id;
 }
 
 bool usesPointer(const Module &module, const std::set<Id> &functions, Id pointer)

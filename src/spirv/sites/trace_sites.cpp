@@ -8,6 +8,7 @@
 #include "spirv/module/opcodes.h"
 #include "spirv/module/ray_instructions.h"
 #include "spirv/module/reach.h"
+#include "spirv/module/uses.h"
 
 #include "shaders/traced.h"
 
@@ -35,19 +36,17 @@ std::optional<uint32_t> decorationOf(const Module &module, Id id, uint32_t decor
 
 std::optional<StructureBinding> bindingOf(const Module &module, const Types &types, Id structure)
 {
-    Instruction in = module.definition(structure);
-    while (in.opcode == spv::OpCopyObject)
-        in = module.definition(module.word(in, 3));
-    if (in.opcode != spv::OpLoad)
+    const Instruction load = module.definition(copiedFrom(module, structure));
+    if (load.opcode != spv::OpLoad)
         return {};
-    Id pointer = module.word(in, 3);
+    Id pointer = copiedFrom(module, module.word(load, 3));
     StructureBinding binding;
     binding.element = 0;
     const Instruction chain = module.definition(pointer);
     if (chain.opcode == spv::OpAccessChain || chain.opcode == spv::OpInBoundsAccessChain) {
         if (chain.count != 5)
             return {};
-        pointer = module.word(chain, 3);
+        pointer = copiedFrom(module, module.word(chain, 3));
         binding.element = types.valueOf(module.word(chain, 4));
     }
     const auto set = decorationOf(module, pointer, spv::DecorationDescriptorSet);

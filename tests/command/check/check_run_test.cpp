@@ -89,12 +89,28 @@ TEST_F(Check, WhatTheDeviceLacksIsSkipped)
     EXPECT_EQ(check.outcome.exitCode, 0);
     EXPECT_EQ(check.results,
               (Statuses{{"khr.good.0000", "Pass"}, {"khr.skip.0000", "Skip"}, {"khr.skip.0001", "Skip"}}));
+    EXPECT_NE(
+        check.outcome.output.find("\nnot tested:\n  Skip: the device has no pipelines\n    2 cases, the first of"),
+        std::string::npos)
+        << check.outcome.output;
+}
+
+TEST_F(Check, ARunThatTestedNothingFails)
+{
+    writeFile(folder_ / "skips", "good\n");
+    const CheckRun skipped = run({"good.*"}, {"--skips", (folder_ / "skips").string()});
+    EXPECT_EQ(skipped.outcome.exitCode, kNotRun);
+    EXPECT_EQ(skipped.outcome.errors,
+              "vellum: nothing was tested: all cases were skipped, the first because: by --skips\n");
+    EXPECT_EQ(skipped.results.size(), 5U);
+    EXPECT_EQ(run({"skip.*"}).outcome.exitCode, kNotRun);
+    EXPECT_EQ(runCheck(folder_, {"--filter", "ext.good.*"}, {{"VELLUM_FAKE_DEVICE", "khr"}}).outcome.exitCode, kNotRun);
 }
 
 TEST_F(Check, NewCasesOfAGroupThatSkipsComeToAnEnd)
 {
     const CheckRun check = run({"skip.*"}, {"--minutes", "1"});
-    EXPECT_EQ(check.outcome.exitCode, 0);
+    EXPECT_EQ(check.outcome.exitCode, kNotRun);
     EXPECT_GE(check.results.size(), 20U);
     EXPECT_LE(check.results.size(), 30U);
 }
@@ -235,6 +251,42 @@ TEST_F(Check, ADeviceThatCannotBeOpenedEndsTheRun)
     EXPECT_EQ(check.results, (Statuses{{"khr.good.0000", "Timeout"}}));
 }
 
+#ifndef _WIN32 // has no limit of open files
+TEST_F(Check, FewerWorkersThanJobs)
+{
+    const std::vector<std::string> arguments = {
+        "check", "--filter", "*.good.*", "--jobs", "4", "--output", (folder_ / "out").string()};
+    const Outcome outcome = runVellumWithOpenFiles(arguments, 12);
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    EXPECT_EQ(statusesIn(folder_ / "out/results.csv").size(), 10U);
+}
+
+TEST_F(Check, ResultsOutliveWorkersThatCannotBeStarted)
+{
+    struct Row {
+        const char *group;
+        const char *result; // of its only case
+        bool quick;
+        size_t results;
+    };
+    for (const Row &row :
+         {Row{"used-up", "Pass", false, 36}, {"used-up", "Pass", true, 7}, {"used-up-crash", "Crash", false, 36}}) {
+        std::vector<std::string> arguments = {"--jobs", "1"};
+        if (row.quick)
+            arguments.emplace_back("--quick");
+        CheckRun check = run({"good.*", row.group + std::string(".*"), "sometimes.*"}, arguments);
+        EXPECT_EQ(check.outcome.exitCode, 1) << check.outcome.errors;
+        EXPECT_EQ(check.results.size(), row.results);
+        EXPECT_EQ(check.results["khr.good.0004"], "Pass");
+        EXPECT_EQ(check.results["khr." + std::string(row.group) + ".0000"], row.result);
+        EXPECT_EQ(check.results["khr.sometimes.0000"], "Missing");
+        EXPECT_NE(check.outcome.output.find("  Missing: no worker can be started: "), std::string::npos)
+            << check.outcome.output;
+        EXPECT_NE(textOf(folder_ / "out/junit.xml").find("<failure type=\"Missing\""), std::string::npos);
+    }
+}
+#endif
+
 TEST_F(Check, WithoutADeviceNothingRuns)
 {
     for (const char *device : {"none", "crash"}) {
@@ -246,13 +298,21 @@ TEST_F(Check, WithoutADeviceNothingRuns)
     EXPECT_EQ(run({"good.*"}, {"--api", "khr"}, {{"VELLUM_FAKE_DEVICE", "ext"}}).outcome.exitCode, kNotRun);
 }
 
+TEST_F(Check, SettingsThatTheLayerIgnoresAreUsageErrors)
+{
+    const CheckRun check = run({"good.*"}, {}, {{"VELLUM_FAKE_DEVICE", "setting"}});
+    EXPECT_EQ(check.outcome.exitCode, 2);
+    EXPECT_EQ(check.outcome.errors, "vellum: VELLUM-setting: there is no setting VELLUM_VALIDTE\n");
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+}
+
 #ifndef _WIN32 // sends Ctrl-C to all processes of a console only
 TEST_F(Check, Interruption)
 {
     const std::filesystem::path output = folder_ / "out";
     const Outcome outcome = interruptVellum(
         {"check", "--filter", "khr.good.*", "--filter", "khr.hang.*", "--jobs", "1", "--output", output.string()},
-        SIGINT, 1500);
+        SIGINT, folder_ / "hangs", {{"VELLUM_FAKE_FOLDER", folder_.path().string()}});
     EXPECT_EQ(outcome.signal, SIGINT);
     EXPECT_EQ(statusesIn(output / "results.csv").size(), 5U) << outcome.errors;
     EXPECT_NE(outcome.output.find("interrupted"), std::string::npos) << outcome.output;

@@ -119,8 +119,7 @@ TEST_F(CheckSelection, BaselineIsDeqpRunners)
                                                    "khr.good.0001,Pass\n"
                                                    "khr.good.0002,Timeout\n"
                                                    "khr.skip.0000,Crash\n"
-                                                   "khr.lost.0000,Crash\n"
-                                                   "khr.other.0000,Fail\n");
+                                                   "khr.lost.0000,Crash\n");
     const CheckRun check = run({"--baseline", baseline, "--filter", "khr.bad.*", "--filter", "khr.crash.*", "--filter",
                                 "khr.good.*", "--filter", "khr.skip.*", "--filter", "khr.lost.0000"});
     EXPECT_EQ(check.outcome.exitCode, 1);
@@ -140,6 +139,23 @@ TEST_F(CheckSelection, BaselineIsDeqpRunners)
         return entry.second == "Pass" || entry.second == "Skip" || entry.second == "ExpectedFail";
     });
     EXPECT_EQ(check.failures, failures);
+    EXPECT_NE(check.outcome.output.find("\nbetter than the baseline, which is to be updated:\n"
+                                        "  UnexpectedImprovement(Pass)\n"
+                                        "    2 cases, the first of which is khr.good.0000\n"),
+              std::string::npos)
+        << check.outcome.output;
+    EXPECT_EQ(check.outcome.output.find("  Pass\n"), std::string::npos) << check.outcome.output;
+    EXPECT_NE(check.outcome.output.find(", 3 failures (4 expected failures, 4 unexpected improvements)"),
+              std::string::npos)
+        << check.outcome.output;
+}
+
+TEST_F(CheckSelection, SimilarGroups)
+{
+    const CheckRun check = run({"--filter", "khr.goood.*"});
+    EXPECT_EQ(check.outcome.errors,
+              "vellum: --filter khr.goood.* matches no case; did you mean khr.good.*?; vellum check "
+              "--list prints them\n");
 }
 
 TEST_F(CheckSelection, FailuresAreTheNextBaseline)
@@ -208,10 +224,18 @@ TEST_F(CheckSelection, WrongCommandLines)
     const std::string good = "khr.good.0000\n";
     const std::vector<std::vector<std::string>> wrong = {
         {"--filter", "khr.none.*"},
+        {"--filter", "khr.good.*", "--filter", "khr.none.*"},
+        {"--filter", "khr.none.*", "--minutes", "1"},
+        {"--filter", "khr.none.*", "--list"},
+        {"--filter", "ext.good.*", "--api", "khr"},
+        {"--filter", "khr.crash.*", "--caselist", file("good", good)},
         {"--caselist", file("unknown", good + "khr.none.0000\n")},
         {"--caselist", file("short", "khr.good.0\n")},
         {"--caselist", file("empty", "# nothing\n")},
         {"--caselist", (folder_ / "missing").string()},
+        {"--baseline", file("name", "khr.good.0000,Fail\nkhr.other.0000,Fail\n")},
+        {"--skips", file("skips", "khr.good\nkhr.other\n")},
+        {"--flakes", file("flakes", "khr.other\n")},
         {"--baseline", file("status", "khr.good.0000,Broken\n")},
         {"--baseline", file("no-status", good)},
         {"--baseline", file("twice", "khr.good.0000,Fail\nkhr.good.0000,Fail\n")},
@@ -219,6 +243,7 @@ TEST_F(CheckSelection, WrongCommandLines)
         {"--flakes", file("baseline", "khr.good.0000,Fail\n")},
         {"--replay", file("text", "no JSON")},
         {"--replay", file("report", "{\"command\": \"bake\"}")},
+        {"--replay", file("later", R"({"schema": "vellum/2", "command": "check --replay"})")},
         {"--replay", (folder_ / "missing").string()},
         {"--quick", "--minutes", "1"},
         {"--minutes", "1", "--caselist", file("good", good)},

@@ -87,8 +87,24 @@ Outcome assertion(Session &, std::string_view, uint64_t)
 
 Outcome hang(Session &, std::string_view, uint64_t)
 {
+    if (const std::string folder = variable("VELLUM_FAKE_FOLDER"); !folder.empty())
+        std::filesystem::create_directory(folder + "/hangs");
     for (;;)
         std::this_thread::sleep_for(std::chrono::hours(1));
+}
+
+// The process that started this one can start no other any more.
+Outcome useUp(Session &, std::string_view, uint64_t)
+{
+    test::letParentStartNothing();
+    return {};
+}
+
+Outcome useUpAndCrash(Session &, std::string_view, uint64_t)
+{
+    test::letParentStartNothing();
+    test::crash();
+    return {};
 }
 
 // Leaves a process behind that keeps everything open.
@@ -151,6 +167,8 @@ Outcome crashAtEnd(Session &session, std::string_view, uint64_t)
 constexpr Group kGroups[] = {
     {"good", "Passes", "Section 1", 5, pass},
     {"bad", "Fails", "Section 2", 5, fail},
+    {"used-up", "Uses up what processes need", "", 1, useUp},
+    {"used-up-crash", "The same, and crashes", "", 1, useUpAndCrash},
     {"skip", "Skips", "Section 3", 2, skip},
     {"crash", "Crashes", "", 2, crash},
     {"assertion", "Aborts", "", 1, assertion},
@@ -175,7 +193,7 @@ std::span<const Group> groups()
 
 std::shared_ptr<Session> openSession(const SessionOptions &options)
 {
-    if (options.device != "7")
+    if (options.device != 7)
         throw std::runtime_error("another device than the one that was chosen");
     const std::string behaviour = variable("VELLUM_FAKE_OPEN");
     if (behaviour == "throw")
@@ -220,13 +238,15 @@ Outcome replay(Session &session, const std::string &reproducer)
 namespace vellum::cli
 {
 
-DeviceSummary describeDevice(const check::SessionOptions &options)
+DeviceSummary describeDevice(const WorkerOptions &options)
 {
     const std::string device = check::variable("VELLUM_FAKE_DEVICE");
     if (device == "none")
         throw Error("there is no Vulkan device");
     if (device == "crash")
         test::crash();
+    if (device == "setting")
+        std::fputs("chatter\nvellum: VELLUM-setting: there is no setting VELLUM_VALIDTE\nmore", stderr);
     return {7,
             options.device.value_or("fake"),
             "fake",

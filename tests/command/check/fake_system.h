@@ -8,6 +8,8 @@ namespace vellum::test
 {
 
 void crash();
+// Takes the files from it that pipes need.
+void letParentStartNothing();
 // Starts a process that keeps everything open and does not end by itself.
 void leaveProcessBehind();
 // Writes to the first descriptor after the standard streams: a worker's events go there. False if there is none.

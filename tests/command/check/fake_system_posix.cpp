@@ -2,6 +2,7 @@
 #include "fake_system.h"
 
 #include <csignal>
+#include <sys/resource.h>
 #include <unistd.h>
 
 namespace vellum::test
@@ -10,6 +11,12 @@ namespace vellum::test
 void crash()
 {
     std::raise(SIGSEGV);
+}
+
+void letParentStartNothing()
+{
+    const rlimit few{8, 8};
+    prlimit(getppid(), RLIMIT_NOFILE, &few, nullptr);
 }
 
 void leaveProcessBehind()

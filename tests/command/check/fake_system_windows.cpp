@@ -12,6 +12,8 @@ void crash()
     RaiseException(static_cast<DWORD>(EXCEPTION_ACCESS_VIOLATION), EXCEPTION_NONCONTINUABLE, 0, nullptr);
 }
 
+void letParentStartNothing() {}
+
 void leaveProcessBehind()
 {
     wchar_t program[MAX_PATH];

@@ -413,6 +413,23 @@ TEST_P(ShaderObjectAllocations, Shaders)
 }
 INSTANTIATE(ShaderObjectAllocations);
 
+// With validation, a device exists if the driver's does: without memory it is not validated.
+class ValidatedAllocations : public Allocations
+{
+protected:
+    ValidatedAllocations() : Allocations({.validate = true}) {}
+};
+TEST_P(ValidatedAllocations, Device)
+{
+    const long before = alive();
+    const MicromapDeviceInfo info(gpu().family());
+    failCreation<VkDevice>(
+        [&](VkDevice *device) { return vkCreateDevice(gpu().physical(), info.get(), nullptr, device); },
+        [](VkDevice device) { vkDestroyDevice(device, nullptr); });
+    EXPECT_EQ(alive(), before);
+}
+INSTANTIATE(ValidatedAllocations);
+
 class BinaryAllocations : public Allocations
 {
 protected:

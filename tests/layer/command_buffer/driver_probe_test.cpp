@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Driver probes run on the application's queue when something first depends on their result: while the application uses
 // that queue, and from whichever threads need the result.
+#include <array>
 #include <atomic>
 #include <chrono>
+#include <future>
 #include <thread>
 #include <vector>
 
@@ -12,13 +14,14 @@
 #include "check/gpu/scene.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
+#include "layer/base/vulkan_newer.h"
 
 using namespace vt;
 
 namespace
 {
 
-const vt::Labels kLabels{{"Probes.*", "forcing"}};
+const vt::Labels kLabels{{"Probes.*", "forcing"}, {"SynchronizedQueue.*", "one_api"}};
 
 // On a fresh device: nothing was tried yet. The validation layer below checks who uses the queue at the same time.
 class Probes : public GpuTest
@@ -100,6 +103,59 @@ TEST_F(Probes, CreationOfShadersDoesNotWaitForTheQueue)
     VT_CHECK(vkSignalSemaphore(gpu().device(), &signal));
     VT_CHECK(vkQueueWaitIdle(gpu().queue()));
     vkDestroySemaphore(gpu().device(), semaphore, nullptr);
+}
+
+// On a queue that the driver synchronizes (VK_KHR_internally_synchronized_queues), other threads may submit while one
+// waits for it, which may be what it waits for.
+TEST(SynchronizedQueue, SubmissionWhileAnotherThreadWaits)
+{
+    Gpu gpu(Options{.validation = false});
+    const float priority = 1;
+    const auto queueInfo = vkInit<VkDeviceQueueCreateInfo>({.flags = vellum::newer::kQueueInternallySynchronized,
+                                                            .queueFamilyIndex = gpu.family(),
+                                                            .queueCount = 1,
+                                                            .pQueuePriorities = &priority});
+    const std::array extensions{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                                VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
+    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE});
+    auto structures = vkInit<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
+        {.pNext = &micromaps, .accelerationStructure = VK_TRUE});
+    auto vulkan12 = vkInit<VkPhysicalDeviceVulkan12Features>({.pNext = &structures, .timelineSemaphore = VK_TRUE});
+    const auto info = vkInit<VkDeviceCreateInfo>({.pNext = &vulkan12,
+                                                  .queueCreateInfoCount = 1,
+                                                  .pQueueCreateInfos = &queueInfo,
+                                                  .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                                  .ppEnabledExtensionNames = extensions.data()});
+    VkDevice device = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateDevice(gpu.physical(), &info, nullptr, &device));
+    const auto ask = vkInit<VkDeviceQueueInfo2>({.flags = queueInfo.flags, .queueFamilyIndex = gpu.family()});
+    VkQueue queue = VK_NULL_HANDLE;
+    vkGetDeviceQueue2(device, &ask, &queue);
+    ASSERT_NE(queue, VK_NULL_HANDLE);
+    auto type = vkInit<VkSemaphoreTypeCreateInfo>({.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE});
+    const auto semaphoreInfo = vkInit<VkSemaphoreCreateInfo>({.pNext = &type});
+    VkSemaphore semaphore = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateSemaphore(device, &semaphoreInfo, nullptr, &semaphore));
+    const uint64_t value = 1;
+    auto values = vkInit<VkTimelineSemaphoreSubmitInfo>({.waitSemaphoreValueCount = 1, .pWaitSemaphoreValues = &value});
+    const VkPipelineStageFlags stage = VK_PIPELINE_STAGE_ALL_COMMANDS_BIT;
+    auto blocked = vkInit<VkSubmitInfo>(
+        {.pNext = &values, .waitSemaphoreCount = 1, .pWaitSemaphores = &semaphore, .pWaitDstStageMask = &stage});
+    VT_CHECK(vkQueueSubmit(queue, 1, &blocked, VK_NULL_HANDLE));
+    auto waited = std::async(std::launch::async, [&] { return vkQueueWaitIdle(queue); });
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    auto submitted = std::async(std::launch::async, [&] {
+        const auto empty = vkInit<VkSubmitInfo>();
+        return vkQueueSubmit(queue, 1, &empty, VK_NULL_HANDLE);
+    });
+    EXPECT_EQ(submitted.wait_for(std::chrono::seconds(10)), std::future_status::ready);
+    const auto signal = vkInit<VkSemaphoreSignalInfo>({.semaphore = semaphore, .value = value});
+    VT_CHECK(vkSignalSemaphore(device, &signal));
+    VT_CHECK(submitted.get());
+    VT_CHECK(waited.get());
+    vkDestroySemaphore(device, semaphore, nullptr);
+    vkDestroyDevice(device, nullptr);
+    gpu.takeMessages();
 }
 
 } // namespace

@@ -5,6 +5,7 @@
 
 #include <random>
 
+#include "harness/decoys.h"
 #include "harness/harness.h"
 
 namespace vt
@@ -93,6 +94,13 @@ protected:
         return {buffer.bytes(), buffer.bytes() + buffer.size()};
     }
     uint32_t random() { return static_cast<uint32_t>(random_()); }
+    // A buffer, zeroed or random, at whose address `decoys` has another one.
+    Buffer shadowed(Decoys &decoys, VkDeviceSize size, VkBufferUsageFlags usage, bool random = false)
+    {
+        Buffer result = random ? randomBuffer(size, usage) : buffer(size, usage);
+        decoys.add(result, usage);
+        return result;
+    }
 
     // The layer rejects what is recorded, with a message that names the rule, and nothing below reports an error.
     void expectRejected(const std::string &rule, const std::function<void(VkCommandBuffer)> &record)

@@ -185,6 +185,18 @@ TEST_F(AddressBarriers, QueueFamilyTransfers)
     expectTransfers();
 }
 
+TEST_F(AddressBarriers, DestroyedAliasesInQueueFamilyTransfers)
+{
+    Decoys decoys(gpu());
+    const Buffer some = shadowed(decoys, 256, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    const Dependency dependency({barrierOf(rangeOf(some, 0, 256), gpu().family(), VK_QUEUE_FAMILY_EXTERNAL)});
+    const Texts barriers = barriersIn([&](VkCommandBuffer commands) {
+        vkCmdPipelineBarrier2(commands, &dependency.info());
+        decoys.destroy();
+    });
+    EXPECT_EQ(barriers.size(), 3u); // one of memory, one of each buffer
+}
+
 class AddressTransfers : public AddressBarriers
 {
 protected:

@@ -112,6 +112,41 @@ TEST_F(AddressCopies, AliasesWithDifferentUsage)
     }
 }
 
+TEST_F(AddressCopies, DestroyedAliases)
+{
+    Decoys decoys(gpu());
+    const Buffer from = shadowed(decoys, 64, kSource, true), to = shadowed(decoys, 64, kTarget);
+    const Buffer filled = shadowed(decoys, 64, kTarget), updated = shadowed(decoys, 64, kTarget);
+    gpu().submit([&](VkCommandBuffer commands) {
+        copy(commands, copyRegion(rangeOf(from, 0, 64), rangeOf(to, 0, 64)));
+        const VkDeviceAddressRangeKHR fill = rangeOf(filled, 0, 64), update = rangeOf(updated, 0, 64);
+        gpu().vk().CmdFillMemoryKHR(commands, &fill, kAnyUsage, 0x12345678);
+        gpu().vk().CmdUpdateMemoryKHR(commands, &update, kAnyUsage, 64, from.bytes());
+        decoys.destroy();
+    });
+    EXPECT_EQ(bytesOf(to), bytesOf(from));
+    EXPECT_EQ(bytesOf(updated), bytesOf(from));
+    for (const uint32_t word : filled.as<uint32_t>())
+        EXPECT_EQ(word, 0x12345678u);
+}
+
+// Of a secondary command buffer, which is recorded once and executed by two primary ones.
+TEST_F(AddressCopies, DestroyedAliasesInSecondaryCommandBuffers)
+{
+    Decoys decoys(gpu());
+    const Buffer from = shadowed(decoys, 64, kSource, true), to = shadowed(decoys, 64, kTarget);
+    VkCommandBuffer secondary = gpu().begin(0, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
+    copy(secondary, copyRegion(rangeOf(from, 0, 64), rangeOf(to, 0, 64)));
+    gpu().end(secondary);
+    decoys.destroy();
+    for (int i = 0; i < 2; ++i) {
+        std::memset(to.bytes(), 0, 64);
+        gpu().submit([&](VkCommandBuffer commands) { vkCmdExecuteCommands(commands, 1, &secondary); });
+        EXPECT_EQ(bytesOf(to), bytesOf(from));
+    }
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &secondary);
+}
+
 TEST_F(AddressCopies, RejectsWrongRanges)
 {
     const Buffer from = randomBuffer(256, kSource);
@@ -306,6 +341,26 @@ TEST_F(AddressImageCopies, ThereAndBack)
     EXPECT_EQ(bytesOf(out2), expected2);
 }
 
+TEST_F(AddressImageCopies, DestroyedAliases)
+{
+    constexpr VkDeviceSize layerBytes = 4 * kWidth * kHeight;
+    constexpr VkImageLayout in = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, from = VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL;
+    const Image image(gpu());
+    Decoys decoys(gpu());
+    const Buffer source = shadowed(decoys, layerBytes, kSource, true), target = shadowed(decoys, layerBytes, kTarget);
+    const auto there = region(rangeOf(source, 0, layerBytes), 0, in);
+    const auto back = region(rangeOf(target, 0, layerBytes), 0, from);
+    gpu().submit([&](VkCommandBuffer commands) {
+        image.transition(commands, VK_IMAGE_LAYOUT_UNDEFINED, in);
+        const auto first = info(image, std::span(&there, 1)), second = info(image, std::span(&back, 1));
+        gpu().vk().CmdCopyMemoryToImageKHR(commands, &first);
+        image.transition(commands, in, from);
+        gpu().vk().CmdCopyImageToMemoryKHR(commands, &second);
+        decoys.destroy();
+    });
+    EXPECT_EQ(bytesOf(target), bytesOf(source));
+}
+
 TEST_F(AddressImageCopies, RejectsWrongRanges)
 {
     const Image image(gpu());
@@ -380,6 +435,24 @@ TEST_F(AddressQueries, OfTheDriver)
         for (uint32_t i = 1; i < 3; ++i)
             vkCmdWriteTimestamp2(commands, VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, pool, i);
     });
+}
+
+TEST_F(AddressQueries, DestroyedAliases)
+{
+    const QueryPool pool(gpu(), VK_QUERY_TYPE_TIMESTAMP, 1);
+    Decoys decoys(gpu());
+    const Buffer out = shadowed(decoys, 16, kTarget);
+    gpu().submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 1);
+        vkCmdWriteTimestamp2(commands, VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, pool, 0);
+        const VkStridedDeviceAddressRangeKHR range = rangeOf(out, 0, 16, 16);
+        gpu().vk().CmdCopyQueryPoolResultsToMemoryKHR(commands, pool, 0, 1, &range, kAnyUsage,
+                                                      VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT |
+                                                          VK_QUERY_RESULT_WITH_AVAILABILITY_BIT);
+        decoys.destroy();
+    });
+    EXPECT_EQ(out.as<uint64_t>()[0], pool.value(0));
+    EXPECT_EQ(out.as<uint64_t>()[1], 1u);
 }
 
 TEST_F(AddressQueries, OfTheLayer)

@@ -329,6 +329,41 @@ TEST_F(AddressDraws, MeshTasksIndirect)
 }
 
 // What a driver has nothing against. Validation below would.
+// Vertices, indices, and the arguments and counts of draws.
+TEST_F(AddressDraws, DestroyedAliases)
+{
+    Decoys decoys(gpu());
+    const Buffer index = shadowed(decoys, 64, VK_BUFFER_USAGE_INDEX_BUFFER_BIT);
+    const Buffer arguments = shadowed(decoys, 64, kIndirect), count = shadowed(decoys, 16, kIndirect);
+    decoys.add(xs(), VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+    decoys.add(values(), VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+    for (uint32_t i = 0; i < 16; ++i)
+        index.as<uint32_t>()[i] = i;
+    const VkDrawIndirectCommand plain{3, 1, 0, 0};
+    const VkDrawIndexedIndirectCommand indexed{5, 1, 0, 0, 0};
+    std::memcpy(arguments.bytes(), &plain, sizeof plain);
+    std::memcpy(arguments.bytes() + 32, &indexed, sizeof indexed);
+    count.as<uint32_t>()[0] = 1;
+    const VkPipeline pipeline = graphics().pipeline(AddressGraphics::Kind::StaticStrides);
+    const auto &vk = gpu().vk();
+    const Row row = graphics().render(pipeline, [&](VkCommandBuffer commands) {
+        const std::array bindings{vertices(rangeOf(xs(), 0, 1024, 4), false),
+                                  vertices(rangeOf(values(), 0, 1024, 8), false)};
+        vk.CmdBindVertexBuffers3KHR(commands, 0, 2, bindings.data());
+        const auto elements = indices(rangeOf(index, 0, 64), VK_INDEX_TYPE_UINT32);
+        vk.CmdBindIndexBuffer3KHR(commands, &elements);
+        const VkStridedDeviceAddressRangeKHR first = rangeOf(arguments, 0, 32, 32),
+                                             second = rangeOf(arguments, 32, 32, 32);
+        const auto draw = draws(first, 1), drawIndexed = draws(second, 1);
+        const auto counted = draws(second, rangeOf(count, 0, 4), 1);
+        vk.CmdDrawIndirect2KHR(commands, &draw);
+        vk.CmdDrawIndexedIndirect2KHR(commands, &drawIndexed);
+        vk.CmdDrawIndexedIndirectCount2KHR(commands, &counted);
+        decoys.destroy();
+    });
+    EXPECT_EQ(row, points(5, 0, 0, 2));
+}
+
 class AddressDrawsHarmless : public AddressDraws
 {
 protected:
@@ -541,6 +576,31 @@ TEST_F(AddressDispatches, ConditionalRendering)
         gpu().vk().CmdEndConditionalRenderingEXT(commands);
     });
     EXPECT_EQ(takeSums()[0], strictTests() ? 7u : 4u);
+}
+
+TEST_F(AddressDispatches, DestroyedAliases)
+{
+    Decoys decoys(gpu());
+    const bool conditional = gpu().has(VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME);
+    const Buffer indirect = shadowed(decoys, 64, kIndirect);
+    const VkDispatchIndirectCommand command{1, 1, 1};
+    std::memcpy(indirect.bytes(), &command, sizeof command);
+    Buffer predicate;
+    if (conditional)
+        predicate = shadowed(decoys, 64, VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
+    gpu().submit([&](VkCommandBuffer commands) {
+        bind(commands);
+        auto info =
+            vkInit<VkDispatchIndirect2InfoKHR>({.addressRange = rangeOf(indirect, 0, 12), .addressFlags = kAnyUsage});
+        gpu().vk().CmdDispatchIndirect2KHR(commands, &info);
+        if (conditional) {
+            begin(commands, rangeOf(predicate, 0, 4));
+            vkCmdDispatch(commands, 1, 1, 1); // discarded
+            gpu().vk().CmdEndConditionalRenderingEXT(commands);
+        }
+        decoys.destroy();
+    });
+    EXPECT_EQ(takeSums()[0], 1u);
 }
 
 // The layer's own work is not discarded, and what the application dispatches after it still is.

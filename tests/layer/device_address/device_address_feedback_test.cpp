@@ -103,6 +103,21 @@ TEST_F(AddressFeedback, CapturesCountsAndGoesOn)
         });
 }
 
+TEST_F(AddressFeedback, DestroyedAliases)
+{
+    Decoys decoys(gpu());
+    const Buffer captured = shadowed(decoys, 256, kCaptured), counters = shadowed(decoys, 64, kCounter);
+    render([&](VkCommandBuffer commands) {
+        bind(commands, rangeOf(captured, kOffset, 128));
+        begin(commands, {0, 0});
+        vkCmdDraw(commands, 3, 1, 4, 0);
+        end(commands, rangeOf(counters, kCounterOffset, 4));
+        decoys.destroy();
+    });
+    EXPECT_EQ(captured.as<uint32_t>()[4], xs().as<uint32_t>()[4]);
+    EXPECT_EQ(counters.as<uint32_t>()[5], 24u);
+}
+
 // What lies past the range, in the buffer, is not captured.
 TEST_F(AddressFeedback, EndsWithTheRange)
 {

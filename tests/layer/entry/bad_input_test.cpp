@@ -177,6 +177,24 @@ TEST_F(BadInputExt, Type)
     expectFinding("VUID-VkMicromapBuildInfoEXT-type-parameter");
 }
 
+// One of them is VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR, which is no flag of this extension.
+TEST_F(BadInputExt, UnknownFlags)
+{
+    MicromapInput input;
+    for (int i = 0; i < 4; ++i)
+        input.add(5, kFourState, std::vector<uint8_t>(1024, 1));
+    Micromap micromap(gpu(), std::move(input));
+    VkMicromapBuildInfoEXT info = micromap.buildInfo();
+    const VkMicromapBuildSizesInfoEXT plain = sizesOf(info);
+    info.flags |= kLossy;
+    const VkMicromapBuildSizesInfoEXT flagged = sizesOf(info);
+    expectOneMessage("VUID-VkMicromapBuildInfoEXT-flags-parameter");
+    EXPECT_EQ(flagged.micromapSize, strictTests() ? 0 : plain.micromapSize);
+    EXPECT_EQ(flagged.buildScratchSize, strictTests() ? 0 : plain.buildScratchSize);
+    expectBuilt("VUID-VkMicromapBuildInfoEXT-flags-parameter",
+                [](VkMicromapBuildInfoEXT &build) { build.flags |= kLossy | 0x40000000; });
+}
+
 TEST_F(BadInput, Mode)
 {
     expectBuilt(id("vkCmdBuildMicromapsEXT-mode-07462", "mode-11545"),

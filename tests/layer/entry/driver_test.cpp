@@ -295,7 +295,7 @@ TEST(Driver, NoDisplacementBesideEmulation)
         if (m.fromVellum()) // the loader says something, too
             reported.push_back(m.id);
     }
-    EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-hidden-extension"});
+    EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-conflicting-extension"});
 }
 
 // The driver has both, but with an extension that it lacks micromaps are the layer's.
@@ -318,54 +318,160 @@ TEST(Driver, NoDisplacementBesideWhatTheDriverLacks)
         if (m.fromVellum())
             reported.push_back(m.id);
     }
-    EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-hidden-extension"});
+    EXPECT_EQ(reported, std::vector<std::string>{"VELLUM-conflicting-extension"});
 }
 
-// Lavapipe has VK_AMDX_shader_enqueue; beside the layer nobody sees it, and no device can have it.
-TEST(Driver, HiddenExtension)
-{
-    constexpr const char *kEnqueue = "VK_AMDX_shader_enqueue";
-    struct EnqueueFeatures {
-        VkStructureType sType = static_cast<VkStructureType>(1000134000);
-        void *pNext = nullptr;
-        VkBool32 shaderEnqueue = VK_TRUE;
-        VkBool32 shaderMeshEnqueue = VK_TRUE;
-    };
-    const auto has = [](const Gpu &gpu) {
-        uint32_t count = 0;
-        VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, nullptr));
-        std::vector<VkExtensionProperties> list(count);
-        VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, list.data()));
-        return std::any_of(list.begin(), list.end(),
-                           [](const auto &e) { return std::strcmp(e.extensionName, kEnqueue) == 0; });
-    };
-    const auto featuresOf = [](const Gpu &gpu) {
-        EnqueueFeatures enqueue;
-        auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &enqueue});
-        vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
-        enqueue.pNext = nullptr;
-        return enqueue;
-    };
-    if (const Gpu bare(Options{.vellum = false, .validation = false, .micromaps = false}); !has(bare))
-        GTEST_SKIP() << "the driver has no " << kEnqueue;
-    else
-        EXPECT_TRUE(featuresOf(bare).shaderEnqueue);
-    Gpu gpu(Options{.validation = false});
-    EXPECT_FALSE(has(gpu));
-    EXPECT_FALSE(featuresOf(gpu).shaderEnqueue);
-    EXPECT_FALSE(featuresOf(gpu).shaderMeshEnqueue);
+// An extension that cannot be enabled together with the layer's micromaps, and its features.
+struct Conflicting {
+    const char *extension;
+    int features; // the sType of the structure; 0: none
+    bool withTranslated;
+};
+constexpr Conflicting kConflicting[]{
+    {"VK_NV_ray_tracing", 0, false},
+    {"VK_NV_ray_tracing_motion_blur", VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_RAY_TRACING_MOTION_BLUR_FEATURES_NV, false},
+    {"VK_NV_cluster_acceleration_structure", 1000569000, false},
+    {"VK_NV_partitioned_acceleration_structure", 1000570000, false},
+    {"VK_AMDX_dense_geometry_format", 1000478000, true},
+    {"VK_EXT_descriptor_heap", 1000135009, true},
+};
+// As long as the longest of them.
+struct ConflictingFeatures {
+    VkStructureType sType;
+    void *pNext = nullptr;
+    VkBool32 first = VK_FALSE, second = VK_FALSE;
+};
 
+bool lists(const Gpu &gpu, const char *name)
+{
+    uint32_t count = 0;
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> list(count);
+    VT_CHECK(vkEnumerateDeviceExtensionProperties(gpu.physical(), nullptr, &count, list.data()));
+    return std::ranges::any_of(list, [name](const auto &e) { return std::strcmp(e.extensionName, name) == 0; });
+}
+
+// The result of vkCreateDevice with these extensions and features.
+VkResult createDevice(const Gpu &gpu, const std::vector<const char *> &extensions, const void *features)
+{
     const float priority = 1;
     auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
-    auto info = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1, .pQueueCreateInfos = &queue});
-    const std::array names{VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME, kEnqueue};
-    info.enabledExtensionCount = 2;
-    info.ppEnabledExtensionNames = names.data();
+    auto info = vkInit<VkDeviceCreateInfo>({.pNext = features,
+                                            .queueCreateInfoCount = 1,
+                                            .pQueueCreateInfos = &queue,
+                                            .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
+                                            .ppEnabledExtensionNames = extensions.data()});
     VkDevice device = VK_NULL_HANDLE;
-    // The loader rejects what nobody lists; where a manifest lists it, the layer does (NoDisplacementBesideEmulation).
-    EXPECT_EQ(vkCreateDevice(gpu.physical(), &info, nullptr, &device), VK_ERROR_EXTENSION_NOT_PRESENT);
-    vkDestroyDevice(device, nullptr);
-    gpu.takeUnexpectedMessages();
+    const VkResult result = vkCreateDevice(gpu.physical(), &info, nullptr, &device);
+    if (result == VK_SUCCESS)
+        vkDestroyDevice(device, nullptr);
+    return result;
+}
+
+// The errors and warnings that the layer has sent.
+std::vector<Message> warningsOf(Gpu &gpu)
+{
+    std::vector<Message> messages = gpu.takeUnexpectedMessages();
+    std::erase_if(messages, [](const Message &m) { return !m.fromVellum() && m.id != "SPY"; }); // the loader's
+    return messages;
+}
+
+// A device without micromaps may enable such an extension; one with micromaps may not, and is told why. A program that
+// enables all features that one query returns gets its device, with micromaps.
+TEST(Driver, ExtensionsThatConflictWithMicromaps)
+{
+    for (const bool translated : {false, true}) {
+        SCOPED_TRACE(translated ? "translated" : "emulated");
+        Gpu gpu(Options{.validation = false,
+                        .spy = false,
+                        .quirks = translated ? "vendors,ext" : "vendors",
+                        .micromaps = false,
+                        .api = Api::Khr});
+        const std::vector<const char *> ours{"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
+                                             "VK_KHR_device_address_commands", "VK_KHR_opacity_micromap"};
+        for (const Conflicting &one : kConflicting) {
+            SCOPED_TRACE(one.extension);
+            EXPECT_TRUE(lists(gpu, one.extension));
+            ConflictingFeatures alone{static_cast<VkStructureType>(one.features)}, together = alone;
+            auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &alone});
+            vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+            EXPECT_EQ(alone.first, VkBool32{one.features != 0});
+            auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>({.pNext = &together});
+            features.pNext = &micromaps;
+            vkGetPhysicalDeviceFeatures2(gpu.physical(), &features);
+            const bool conflicts = !translated || one.withTranslated;
+            EXPECT_EQ(together.first, VkBool32{!conflicts && one.features != 0});
+            EXPECT_TRUE(micromaps.micromap);
+
+            EXPECT_EQ(createDevice(gpu, {one.extension}, &alone), VK_SUCCESS);
+            std::vector<const char *> both = ours;
+            both.push_back(one.extension);
+            // What the query returned, which is what vkd3d-proton enables.
+            EXPECT_EQ(createDevice(gpu, both, &micromaps) == VK_SUCCESS, !conflicts || one.features != 0);
+            warningsOf(gpu);
+            micromaps.pNext = &alone;
+            EXPECT_EQ(createDevice(gpu, both, &micromaps), conflicts ? VK_ERROR_EXTENSION_NOT_PRESENT : VK_SUCCESS);
+            const std::vector<Message> messages = warningsOf(gpu);
+            const auto errors = std::ranges::count(messages, "VELLUM-conflicting-extension", &Message::id);
+            EXPECT_EQ(errors, conflicts ? 1 : 0);
+            for (const Message &m : messages) {
+                if (m.id != "VELLUM-conflicting-extension")
+                    continue;
+                EXPECT_NE(m.text.find(one.extension), std::string::npos) << m.text;
+                EXPECT_NE(m.text.find("VK_KHR_opacity_micromap"), std::string::npos) << m.text;
+            }
+        }
+        // Without KHR, injected work is what remains on a translated device.
+        ConflictingFeatures heap{static_cast<VkStructureType>(1000135009), nullptr, VK_TRUE};
+        EXPECT_EQ(createDevice(gpu, {ours[0], ours[1], ours[2], "VK_EXT_descriptor_heap"}, &heap),
+                  VK_ERROR_EXTENSION_NOT_PRESENT);
+        ConflictingFeatures dense{static_cast<VkStructureType>(1000478000), nullptr, VK_TRUE};
+        EXPECT_EQ(createDevice(gpu, {ours[0], ours[1], ours[2], "VK_AMDX_dense_geometry_format"}, &dense),
+                  translated ? VK_SUCCESS : VK_ERROR_EXTENSION_NOT_PRESENT);
+        gpu.takeMessages();
+    }
+}
+
+// An extension for ray tracing that the layer does not know may build structures, or trace rays, in a way that it does
+// not see.
+TEST(Driver, UnknownExtensionForRayTracing)
+{
+    Gpu gpu(Options{.validation = false, .spy = false, .quirks = "vendors", .micromaps = false, .api = Api::Khr});
+    constexpr const char *kUnknown = "VK_TEST_ray_tracing_to_come";
+    EXPECT_EQ(createDevice(gpu, {kUnknown}, nullptr), VK_SUCCESS);
+    EXPECT_EQ(std::ranges::count(warningsOf(gpu), "VELLUM-unknown-extension", &Message::id), 0);
+    auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>({.micromap = VK_TRUE});
+    EXPECT_EQ(createDevice(gpu,
+                           {"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
+                            "VK_KHR_device_address_commands", "VK_KHR_opacity_micromap", "VK_KHR_ray_query", kUnknown},
+                           &micromaps),
+              VK_SUCCESS);
+    const std::vector<Message> messages = warningsOf(gpu);
+    const auto warning = std::ranges::find(messages, "VELLUM-unknown-extension", &Message::id);
+    ASSERT_NE(warning, messages.end());
+    EXPECT_NE(warning->text.find(kUnknown), std::string::npos) << warning->text;
+    EXPECT_EQ(std::ranges::count(messages, "VELLUM-unknown-extension", &Message::id), 1);
+}
+
+// A device of several physical devices, of which lavapipe has one: the layer rejects it before the driver is asked.
+TEST(Driver, GroupOfPhysicalDevices)
+{
+    for (const Api api : {Api::Ext, Api::Khr}) {
+        Gpu gpu(Options{.validation = false, .spy = false, .micromaps = false, .api = api});
+        const std::array physical{gpu.physical(), gpu.physical()};
+        const char *extension =
+            api == Api::Ext ? VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME : VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME;
+        for (const uint32_t count : {1u, 2u}) {
+            auto group = vkInit<VkDeviceGroupDeviceCreateInfo>(
+                {.physicalDeviceCount = count, .pPhysicalDevices = physical.data()});
+            EXPECT_EQ(createDevice(gpu,
+                                   {"VK_KHR_acceleration_structure", "VK_KHR_deferred_host_operations",
+                                    "VK_KHR_device_address_commands", extension},
+                                   &group),
+                      count == 1 ? VK_SUCCESS : VK_ERROR_FEATURE_NOT_PRESENT);
+            EXPECT_EQ(std::ranges::count(warningsOf(gpu), "VELLUM-device-features", &Message::id), count == 1 ? 0 : 1);
+        }
+    }
 }
 
 } // namespace

@@ -125,6 +125,13 @@ int main(int argc, char **argv)
     const std::vector<const char *> layers(argv + 3, argv + argc);
     const Loader loader;
     VkInstance instance = makeInstance(loader, layers);
+    if (way == "instances") { // one after the other: the loader unloads its layers with each
+        for (size_t i = 0; i < count; ++i) {
+            COMMAND(vkDestroyInstance)(instance, nullptr);
+            instance = makeInstance(loader, layers);
+        }
+        return 0;
+    }
     VkDevice device = makeDevice(loader, instance);
     static Threads threads(count, loader, instance, device); // which may outlive main()
     if (way == "exit")

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Programs that end, or destroy their instance, without destroying their device: the layer must not do more than a
 // driver would. Each program is a process of its own (end_program.cpp).
+#include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <string>
 #include <tuple>
@@ -26,6 +28,22 @@ TEST_P(End, KeepsWhatIsNotDestroyed)
     const int status = std::system(command.c_str());
     EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
     EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// Wrong settings are reported once by a program, whatever number of instances it creates.
+TEST(Settings, AreReportedOncePerProcess)
+{
+    const std::string command = std::string("VELLUM_NONSENSE=1 VELLUM_STRICT=perhaps '") + VELLUM_END_PROGRAM +
+                                "' instances 3 VK_LAYER_VELLUM_opacity_micromap 2>&1";
+    FILE *program = popen(command.c_str(), "r");
+    ASSERT_NE(program, nullptr);
+    std::string printed;
+    for (int c = std::fgetc(program); c != EOF; c = std::fgetc(program))
+        printed += static_cast<char>(c);
+    EXPECT_EQ(pclose(program), 0) << printed;
+    EXPECT_NE(printed.find("there is no setting VELLUM_NONSENSE"), std::string::npos) << printed;
+    EXPECT_NE(printed.find("strict is \"perhaps\""), std::string::npos) << printed;
+    EXPECT_EQ(std::ranges::count(printed, '\n'), 2) << printed;
 }
 
 // The driver is gone when the layer's exit handlers would run: layers/failure_quirk.cpp.

@@ -8,6 +8,7 @@
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
+#include "harness/states.h"
 #include "shaders/tracer_comp.h"
 
 namespace
@@ -27,6 +28,12 @@ protected:
     }
 
     static uint64_t failAt(uint64_t n) { return testDriverFunction<uint64_t (*)(uint64_t)>("vellumDriverFailAt")(n); }
+    static void failing(uint64_t n, const std::function<void()> &call)
+    {
+        failAt(n);
+        call();
+        failAt(0);
+    }
     static void lose(bool value) { testDriverFunction<void (*)(int)>("vellumDriverLose")(value); }
 
     // The command that failed last.
@@ -155,6 +162,87 @@ TEST_F(Failures, Builds)
         failEachRecorded([&](VkCommandBuffer commands) { scene.recordStep(commands, step); });
     }
     scene.expectRight();
+}
+
+// A build or copy that is reported is not carried out by half: the structure is what it was.
+TEST_F(Failures, LeaveStructuresAsTheyWere)
+{
+    const Patchwork patchwork(gpu());
+    std::vector<Geometry> plain = patchwork.geometries();
+    for (Geometry &geometry : plain) {
+        geometry.micromap = {};
+        geometry.flags = VK_GEOMETRY_OPAQUE_BIT_KHR;
+    }
+    Blas rebuilt(gpu()), source(gpu());
+    rebuilt.prepare(patchwork.geometries()); // the larger one
+    rebuilt.build(plain);
+    const auto expectedOld = seenOf(gpu(), rebuilt);
+    std::vector<std::string> expectedNew; // known after the first success
+    const auto expectEither = [&](const Structure &structure, bool reported) {
+        const auto now = seenOf(gpu(), structure);
+        if (reported) {
+            EXPECT_EQ(now, expectedOld) << lastText_;
+        } else {
+            EXPECT_NE(now, expectedOld);
+            EXPECT_TRUE(expectedNew.empty() || now == expectedNew);
+            expectedNew = now;
+        }
+        return !reported;
+    };
+    rebuilt.prepare(patchwork.geometries());
+    size_t failures = 0;
+    for (uint64_t n = 1;; ++n) {
+        gpu().submit([&](VkCommandBuffer commands) { failing(n, [&] { rebuilt.record(commands); }); });
+        if (expectEither(rebuilt, validationLog() > 0))
+            break;
+        ++failures;
+    }
+    EXPECT_GT(failures, 0u);
+    source.build(patchwork.geometries());
+    Structure copied(gpu(), VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR);
+    copied.create(source.size());
+    const Blas old(gpu(), plain);
+    gpu().submit([&](VkCommandBuffer commands) {
+        VkAccelerationStructureBuildGeometryInfoKHR info = old.buildInfo();
+        info.dstAccelerationStructure = copied.handle();
+        const VkAccelerationStructureBuildRangeInfoKHR *ranges = old.ranges();
+        gpu().vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+    });
+    failures = 0;
+    for (uint64_t n = 1;; ++n) {
+        gpu().submit([&](VkCommandBuffer commands) {
+            failing(n, [&] { recordCopy(gpu(), commands, source.handle(), copied.handle()); });
+        });
+        if (expectEither(copied, validationLog() > 0))
+            break;
+        ++failures;
+    }
+    EXPECT_GT(failures, 0u);
+}
+
+TEST_F(Failures, LeaveMicromapsAsTheyWere)
+{
+    Random random(5);
+    MicromapInput input;
+    for (const uint32_t level : {4u, 8u})
+        input.add(level, kFourState, randomStates(random, level, kFourState));
+    // Data in place, shared data, and data that is placed.
+    for (const VkBuildMicromapFlagsEXT flags :
+         {VkBuildMicromapFlagsEXT{0}, VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT}}) {
+        Micromap micromap(gpu(), input, flags);
+        size_t failures = 0;
+        for (uint64_t n = 1;; ++n) {
+            micromap.forget();
+            gpu().submit([&](VkCommandBuffer commands) { failing(n, [&] { micromap.record(commands); }); });
+            if (validationLog() == 0)
+                break;
+            ++failures;
+            EXPECT_EQ(std::count(micromap.memory(), micromap.memory() + micromap.size(), 0),
+                      static_cast<ptrdiff_t>(micromap.size()))
+                << failedCommand();
+        }
+        EXPECT_GT(failures, 0u);
+    }
 }
 
 TEST_F(Failures, CopiesOfStructures)

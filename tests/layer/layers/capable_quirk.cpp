@@ -2,8 +2,9 @@
 // The quirk "capable": features that lavapipe lacks, made out of lavapipe, whose device addresses are the host's.
 //   - accelerationStructureIndirectBuild: the ranges are read when the build is recorded, and built directly.
 //   - accelerationStructureHostCommands: is only said, since nothing may come of it.
-//   - bufferDeviceAddressCaptureReplay: buffers and memory take the flags, and are where they happen to be; with the
-//     quirk "replay", where they were requested.
+//   - bufferDeviceAddressCaptureReplay and accelerationStructureCaptureReplay: buffers, memory and structures take the
+//     flags, and are where they happen to be; with the quirk "replay", where they were requested. A structure that was
+//     requested elsewhere is not created.
 #include "layers/driver.h"
 
 #include <cstring>
@@ -20,7 +21,8 @@ void setFeatures(const void *chain, VkBool32 value)
 {
     if (auto *f = inChainOut<VkPhysicalDeviceAccelerationStructureFeaturesKHR>(
             chain, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ACCELERATION_STRUCTURE_FEATURES_KHR))
-        f->accelerationStructureIndirectBuild = f->accelerationStructureHostCommands = value;
+        f->accelerationStructureIndirectBuild = f->accelerationStructureHostCommands =
+            f->accelerationStructureCaptureReplay = value;
     if (auto *f = inChainOut<VkPhysicalDeviceBufferDeviceAddressFeatures>(
             chain, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_BUFFER_DEVICE_ADDRESS_FEATURES))
         f->bufferDeviceAddressCaptureReplay = value;
@@ -53,6 +55,25 @@ VKAPI_ATTR VkResult VKAPI_CALL createBuffer(VkDevice handle, const VkBufferCreat
     return DRIVER_NEXT(vkCreateBuffer)(handle, &plain, allocator, buffer);
 }
 
+// Which of them lie in buffers that can be replayed, nobody checks but Khronos' validation layer.
+VKAPI_ATTR VkResult VKAPI_CALL createStructure(VkDevice handle, const VkAccelerationStructureCreateInfoKHR *info,
+                                               const VkAllocationCallbacks *allocator,
+                                               VkAccelerationStructureKHR *structure)
+{
+    VkAccelerationStructureCreateInfoKHR plain = *info;
+    plain.createFlags &= ~static_cast<VkFlags>(VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR);
+    plain.deviceAddress = 0;
+    const VkResult result = DRIVER_NEXT(vkCreateAccelerationStructureKHR)(handle, &plain, allocator, structure);
+    if (result != VK_SUCCESS || info->deviceAddress == 0)
+        return result;
+    const auto ask = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = *structure});
+    if (DRIVER_NEXT(vkGetAccelerationStructureDeviceAddressKHR)(handle, &ask) == info->deviceAddress)
+        return result;
+    DRIVER_NEXT(vkDestroyAccelerationStructureKHR)(handle, *structure, allocator);
+    *structure = VK_NULL_HANDLE;
+    return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
+}
+
 VKAPI_ATTR void VKAPI_CALL cmdBuildIndirect(VkCommandBuffer handle, uint32_t count,
                                             const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                             const VkDeviceAddress *addresses, const uint32_t *strides,
@@ -78,6 +99,7 @@ driver::LevelRows driver::indirectBuildRows()
 {
     static const Row device[]{
         {"vkCreateBuffer", DRIVER_FUNCTION(createBuffer)},
+        {"vkCreateAccelerationStructureKHR", DRIVER_FUNCTION(createStructure)},
         {"vkCmdBuildAccelerationStructuresIndirectKHR", DRIVER_FUNCTION(cmdBuildIndirect), Row::Where::Always},
     };
     static const Row instance[]{

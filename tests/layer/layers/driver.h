@@ -30,6 +30,7 @@ enum class Level {
     Deferral,
     Spy,
     Ext,
+    Vendors,
     Failures,
     Caches,
     Limits,
@@ -72,6 +73,7 @@ LevelRows failureRows();
 LevelRows cacheRows();
 LevelRows deferralRows();
 LevelRows extRows();
+LevelRows vendorRows();
 LevelRows limitRows();
 LevelRows queueRows();
 LevelRows structureRows();

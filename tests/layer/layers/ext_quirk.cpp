@@ -11,6 +11,7 @@
 #include <atomic>
 #include <cstring>
 #include <set>
+#include <utility>
 #include <vector>
 
 namespace driver
@@ -112,7 +113,14 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
         features.pNext = const_cast<void *>(info->pNext);
         below.pNext = &features;
     }
-    return DRIVER_NEXT(vkCreateDevice)(handle, &below, allocator, device);
+    // This driver has micromaps on several physical devices as well; the copy that plays it has not.
+    auto *group =
+        inChainOut<VkDeviceGroupDeviceCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
+    const uint32_t count = group != nullptr ? std::exchange(group->physicalDeviceCount, 1) : 0;
+    const VkResult result = DRIVER_NEXT(vkCreateDevice)(handle, &below, allocator, device);
+    if (group != nullptr)
+        group->physicalDeviceCount = count;
+    return result;
 }
 
 // --- micromaps ---

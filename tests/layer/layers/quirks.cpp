@@ -22,6 +22,9 @@ std::span<const Quirk> allQuirks()
         {"emulating", Level::Ext,
          "a driver that rewrites shaders and structures itself: that copy emulates micromaps on every device, though "
          "it says nothing of them"},
+        {"vendors", Level::Vendors,
+         "extensions for ray tracing that do not work beside the layer's micromaps, and one that it does not know, "
+         "which the driver only says"},
         {"failures", Level::Failures, "what a test asks for runs out of memory, or the device is lost (Lost Device)"},
         {"uncompiled", Level::Failures,
          "pipelines that are made only if nothing has to be compiled are not made (VK_PIPELINE_COMPILE_REQUIRED)"},
@@ -68,8 +71,8 @@ std::span<const Quirk> allQuirks()
         {"scratch", Level::Garbage,
          "builds need more scratch memory, updates still more than those, and write to all of it"},
         {"capable", Level::IndirectBuilds,
-         "features that lavapipe lacks: accelerationStructureIndirectBuild, accelerationStructureHostCommands, and "
-         "bufferDeviceAddressCaptureReplay"},
+         "features that lavapipe lacks: accelerationStructureIndirectBuild, accelerationStructureHostCommands, "
+         "bufferDeviceAddressCaptureReplay and accelerationStructureCaptureReplay"},
     };
     return quirks;
 }
@@ -80,6 +83,7 @@ std::span<const NamedLevel> allLevels()
         {Level::Deferral, deferralRows()},
         {Level::Spy, spyRows()},
         {Level::Ext, extRows()},
+        {Level::Vendors, vendorRows()},
         {Level::Failures, failureRows()},
         {Level::Caches, cacheRows()},
         {Level::Limits, limitRows()},

@@ -33,6 +33,8 @@ inline void tell(const std::string &text)
 bool knowsMicromaps(void *key);
 
 void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages);
+// A command buffer was begun: what it traces with must be its own if it may run twice at once.
+void noteUsage(VkCommandBuffer commands, VkCommandBufferUsageFlags usage);
 // There was a build in the command buffer.
 void noteBuild(VkCommandBuffer commands);
 

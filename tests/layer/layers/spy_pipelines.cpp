@@ -73,22 +73,61 @@ void expectStageModules(void *key, const char *where, std::span<const VkPipeline
 
 std::map<VkShaderModule, std::vector<uint32_t>> rayModules; // words of modules with ray tracing stages
 
-// The shaders of a hit group are called with the payload of the same ray, whose type is one
-// (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
-void expectPayloads(const char *where, const VkRayTracingPipelineCreateInfoKHR &info)
+// A stage that groups may name: of a pipeline or of its libraries.
+struct KnownStage {
+    VkShaderStageFlagBits stage;
+    std::optional<vellum::spirv::TypeWords> payload; // of hit shaders
+};
+std::map<VkPipeline, std::vector<KnownStage>> knownStages;
+
+// "shaders defined in those libraries are treated as if they were defined as additional entries in pStages". Nothing
+// where a library was created by a deferred operation.
+std::optional<std::vector<KnownStage>> stagesOf(const VkRayTracingPipelineCreateInfoKHR &info)
 {
     constexpr uint32_t kAnyHit = 5315, kClosestHit = 5316; // ExecutionModel...
-    const auto payloadOf = [&](uint32_t stage, uint32_t model) {
-        std::lock_guard lock(mutex);
-        const auto found = stage < info.stageCount ? rayModules.find(info.pStages[stage].module) : rayModules.end();
+    std::vector<KnownStage> stages;
+    std::lock_guard lock(mutex);
+    for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
+        KnownStage &known = stages.emplace_back(stage.stage);
+        const auto words = rayModules.find(stage.module);
         vellum::spirv::PayloadTypes types;
-        return found == rayModules.end() ? std::nullopt : types.add(found->second, info.pStages[stage].pName, model);
+        if (words != rayModules.end() && stage.stage == VK_SHADER_STAGE_ANY_HIT_BIT_KHR)
+            known.payload = types.add(words->second, stage.pName, kAnyHit);
+        else if (words != rayModules.end() && stage.stage == VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR)
+            known.payload = types.add(words->second, stage.pName, kClosestHit);
+    }
+    for (uint32_t i = 0; info.pLibraryInfo != nullptr && i < info.pLibraryInfo->libraryCount; ++i) {
+        const auto more = knownStages.find(info.pLibraryInfo->pLibraries[i]);
+        if (more == knownStages.end())
+            return {};
+        stages.insert(stages.end(), more->second.begin(), more->second.end());
+    }
+    return stages;
+}
+
+// Each shader of a group is of its stage, and all of a hit group are called with the payload of the same ray, whose
+// type is one (VUID-RuntimeSpirv-OpTraceRayKHR-11855).
+void expectGroups(const char *where, const VkRayTracingPipelineCreateInfoKHR &info,
+                  const std::vector<KnownStage> &stages)
+{
+    constexpr VkShaderStageFlags kGeneral =
+        VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
+    const auto expectStage = [&](uint32_t stage, VkShaderStageFlags allowed) {
+        if (stage != VK_SHADER_UNUSED_KHR &&
+            (stage >= stages.size() || (VkShaderStageFlags{stages[stage].stage} & allowed) == 0))
+            tell(std::string(where) + ": a group names stage " + std::to_string(stage) + ", which is of another kind");
     };
+    const auto payloadOf = [&](uint32_t stage) { return stage < stages.size() ? stages[stage].payload : std::nullopt; };
     for (const VkRayTracingShaderGroupCreateInfoKHR &group : std::span(info.pGroups, info.groupCount)) {
-        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR)
+        if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
+            expectStage(group.generalShader, kGeneral);
             continue;
-        const auto anyHit = payloadOf(group.anyHitShader, kAnyHit);
-        const auto closestHit = payloadOf(group.closestHitShader, kClosestHit);
+        }
+        expectStage(group.closestHitShader, VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR);
+        expectStage(group.anyHitShader, VK_SHADER_STAGE_ANY_HIT_BIT_KHR);
+        expectStage(group.intersectionShader, VK_SHADER_STAGE_INTERSECTION_BIT_KHR);
+        const auto anyHit = payloadOf(group.anyHitShader);
+        const auto closestHit = payloadOf(group.closestHitShader);
         if (anyHit && closestHit && *anyHit != *closestHit)
             tell(std::string(where) + ": a hit group whose shaders have payloads of different types");
     }
@@ -197,7 +236,8 @@ struct StackNeed {
 std::map<VkPipeline, StackNeed> stackNeeds;
 std::map<VkCommandBuffer, VkPipeline> boundPipelines; // ray tracing
 
-StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &info, VkPipeline pipeline)
+StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &info, VkPipeline pipeline,
+                    const std::vector<KnownStage> &stages)
 {
     const auto sizeOf = SPY_NEXT(vkGetRayTracingShaderGroupStackSizeKHR);
     StackNeed need;
@@ -206,7 +246,8 @@ StackNeed stackNeed(VkDevice handle, const VkRayTracingPipelineCreateInfoKHR &in
         const VkRayTracingShaderGroupCreateInfoKHR &group = info.pGroups[i];
         if (group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR) {
             const VkDeviceSize size = sizeOf(handle, pipeline, i, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
-            const VkShaderStageFlagBits stage = info.pStages[group.generalShader].stage;
+            const VkShaderStageFlagBits stage =
+                group.generalShader < stages.size() ? stages[group.generalShader].stage : VK_SHADER_STAGE_ALL;
             VkDeviceSize &part = stage == VK_SHADER_STAGE_RAYGEN_BIT_KHR ? need.raygen
                                  : stage == VK_SHADER_STAGE_MISS_BIT_KHR ? need.miss
                                                                          : need.callable;
@@ -235,7 +276,8 @@ void expectPipeline(void *key, const VkRayTracingPipelineCreateInfoKHR &info)
         tell("vkCreateRayTracingPipelinesKHR: VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT");
     expectPromises("vkCreateRayTracingPipelinesKHR", flags);
     expectStageModules(key, "vkCreateRayTracingPipelinesKHR", {info.pStages, info.stageCount});
-    expectPayloads("vkCreateRayTracingPipelinesKHR", info);
+    if (const auto stages = stagesOf(info))
+        expectGroups("vkCreateRayTracingPipelinesKHR", info, *stages);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDeferredOperationKHR operation,
@@ -251,9 +293,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createRayTracingPipelines(VkDevice handle, VkDefe
         return result;
     for (uint32_t i = 0; i < count; ++i) {
         lookInCache(cache, infos[i], pipelines[i]);
-        const StackNeed need = stackNeed(handle, infos[i], pipelines[i]);
+        const auto stages = stagesOf(infos[i]);
+        const StackNeed need = stackNeed(handle, infos[i], pipelines[i], stages.value_or(std::vector<KnownStage>()));
         std::lock_guard lock(mutex);
         stackNeeds[pipelines[i]] = need;
+        knownStages.erase(pipelines[i]); // of an earlier pipeline with that handle
+        if (stages)
+            knownStages.emplace(pipelines[i], *stages);
     }
     return result;
 }
@@ -281,7 +327,59 @@ VKAPI_ATTR void VKAPI_CALL cmdSetStackSize(VkCommandBuffer handle, uint32_t size
     SPY_NEXT(vkCmdSetRayTracingPipelineStackSizeKHR)(handle, size);
 }
 
+// --- traces ---
+
+// What the traces of a command buffer with SIMULTANEOUS_USE read, which two queues may execute at once. No other trace
+// of it may have written that: then it would overlap, or have the same address.
+struct TracedWith {
+    std::vector<VkStridedDeviceAddressRegionKHR> hitTables;
+    std::vector<VkDeviceAddress> commands;
+};
+std::map<VkCommandBuffer, TracedWith> tracedWith;
+
+VKAPI_ATTR void VKAPI_CALL cmdTraceRays(VkCommandBuffer handle, const VkStridedDeviceAddressRegionKHR *raygen,
+                                        const VkStridedDeviceAddressRegionKHR *miss,
+                                        const VkStridedDeviceAddressRegionKHR *hit,
+                                        const VkStridedDeviceAddressRegionKHR *callable, uint32_t width,
+                                        uint32_t height, uint32_t depth)
+{
+    {
+        std::lock_guard lock(mutex);
+        if (const auto found = tracedWith.find(handle); found != tracedWith.end()) {
+            for (const VkStridedDeviceAddressRegionKHR &other : found->second.hitTables) {
+                const bool overlaps = hit->deviceAddress < other.deviceAddress + other.size &&
+                                      other.deviceAddress < hit->deviceAddress + hit->size;
+                if (overlaps && (hit->deviceAddress != other.deviceAddress || hit->size != other.size))
+                    tell("vkCmdTraceRaysKHR: hit tables of a command buffer that may run twice at once overlap");
+            }
+            found->second.hitTables.push_back(*hit);
+        }
+    }
+    SPY_NEXT(vkCmdTraceRaysKHR)(handle, raygen, miss, hit, callable, width, height, depth);
+}
+
+VKAPI_ATTR void VKAPI_CALL cmdTraceRaysIndirect2(VkCommandBuffer handle, VkDeviceAddress command)
+{
+    {
+        std::lock_guard lock(mutex);
+        if (const auto found = tracedWith.find(handle); found != tracedWith.end()) {
+            if (std::ranges::find(found->second.commands, command) != found->second.commands.end())
+                tell("vkCmdTraceRaysIndirect2KHR: commands of a command buffer that may run twice at once are one");
+            found->second.commands.push_back(command);
+        }
+    }
+    SPY_NEXT(vkCmdTraceRaysIndirect2KHR)(handle, command);
+}
+
 } // namespace
+
+void noteUsage(VkCommandBuffer commands, VkCommandBufferUsageFlags usage)
+{
+    std::lock_guard lock(mutex);
+    tracedWith.erase(commands);
+    if ((usage & VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT) != 0)
+        tracedWith.try_emplace(commands);
+}
 
 std::span<const Row> pipelines()
 {
@@ -293,6 +391,8 @@ std::span<const Row> pipelines()
         {"vkCreateRayTracingPipelinesKHR", SPY_FUNCTION(createRayTracingPipelines)},
         {"vkCmdBindPipeline", SPY_FUNCTION(cmdBindPipeline)},
         {"vkCmdSetRayTracingPipelineStackSizeKHR", SPY_FUNCTION(cmdSetStackSize)},
+        {"vkCmdTraceRaysKHR", SPY_FUNCTION(cmdTraceRays)},
+        {"vkCmdTraceRaysIndirect2KHR", SPY_FUNCTION(cmdTraceRaysIndirect2)},
     };
     return rows;
 }

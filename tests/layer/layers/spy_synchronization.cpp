@@ -7,8 +7,12 @@
 #include <sstream>
 #include <type_traits>
 
+#include "layer/base/vulkan_newer.h"
+
 namespace spy
 {
+
+namespace newer = vellum::newer;
 
 void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages)
 {
@@ -64,6 +68,12 @@ void expectDependency(void *key, const char *where, const VkDependencyInfo &info
         expectBarrier(key, where, b);
     for (const VkImageMemoryBarrier2 &b : std::span(info.pImageMemoryBarriers, info.imageMemoryBarrierCount))
         expectBarrier(key, where, b);
+    if (const auto *b = inChain<newer::TensorMemoryBarrier>(info.pNext, newer::kTensorMemoryBarrier))
+        expectBarrier(key, where, *b);
+    if (const auto *tensors = inChain<newer::TensorDependencyInfo>(info.pNext, newer::kTensorDependencyInfo)) {
+        for (uint32_t i = 0; i < tensors->tensorMemoryBarrierCount; ++i)
+            expectBarrier(key, where, tensors->pTensorMemoryBarriers[i]);
+    }
 }
 
 VKAPI_ATTR void VKAPI_CALL cmdPipelineBarrier2(VkCommandBuffer handle, const VkDependencyInfo *info)
@@ -165,6 +175,7 @@ VKAPI_ATTR VkResult VKAPI_CALL beginCommandBuffer(VkCommandBuffer handle, const 
         std::lock_guard lock(mutex);
         updates.erase(handle);
     }
+    noteUsage(handle, info->flags);
     return SPY_NEXT(vkBeginCommandBuffer)(handle, info);
 }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shaders and pipelines that do not declare their use of micromaps, on a device that has them: a warning each, and the
-// setting that uses micromaps anyway.
+// Shaders and pipelines that do not declare their use of micromaps, on a device that has them: a warning each once
+// there is geometry with micromaps, and the setting that uses micromaps anyway.
 #include <cstdlib>
 
+#include "check/gpu/copies.h"
 #include "check/gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
@@ -41,6 +42,12 @@ protected:
             count += message.id == id ? 1u : 0u;
         return count;
     }
+    // Builds geometry with micromaps.
+    void useMicromaps()
+    {
+        const Patchwork patchwork(gpu());
+        const Blas blas(gpu(), patchwork.geometries());
+    }
 
 private:
     std::optional<Gpu> gpu_;
@@ -72,6 +79,7 @@ TEST_P(ForgottenMicromaps, Pipelines)
         const PipelineTracer tracer(gpu(), setup);
         EXPECT_EQ(warnings("VELLUM-pipeline-without-micromaps"), GetParam() ? 0u : count);
     };
+    useMicromaps();
     expectWarnings({.flags = kMicromapBit}, 0);
     expectWarnings({.flags = 0}, 1);
     expectWarnings({.flags = 0}, 0); // the same shaders again
@@ -84,6 +92,7 @@ TEST_P(ForgottenMicromaps, PipelinesOfRayQueries)
 {
     if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
         GTEST_SKIP() << "no ray tracing pipelines";
+    useMicromaps();
     const Tracer tracer(gpu(), tracer_comp); // for its layout
     for (const VkPipelineCreateFlags flags : {VkPipelineCreateFlags{0}, kMicromapBit}) {
         gpu().takeMessages();
@@ -95,6 +104,33 @@ TEST_P(ForgottenMicromaps, PipelinesOfRayQueries)
         const RayPipeline pipeline(gpu(), setup);
         EXPECT_EQ(warnings("VELLUM-pipeline-without-micromaps"), 0u) << flags;
     }
+}
+
+// Programs that enable the feature, as all that there are, and never build a micromap.
+TEST_P(ForgottenMicromaps, WithoutMicromapsNothingIsForgotten)
+{
+    const Tracer tracer(gpu(), tracer_comp);
+    const bool pipelines = gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
+    if (pipelines)
+        const PipelineTracer traced(gpu(), {.flags = 0});
+    const Blas plain(gpu(), {Geometry{.vertices = triangleRow(1)}});
+    const auto expectWarnings = [&](size_t queries, size_t bits) {
+        std::vector<Message> messages = gpu().takeMessages();
+        const auto count = [&messages](const char *id) { return std::ranges::count(messages, id, &Message::id); };
+        EXPECT_EQ(count("VELLUM-queries-without-micromaps"), GetParam() ? 0 : static_cast<ptrdiff_t>(queries));
+        EXPECT_EQ(count("VELLUM-pipeline-without-micromaps"),
+                  GetParam() || !pipelines ? 0 : static_cast<ptrdiff_t>(bits));
+    };
+    expectWarnings(0, 0);
+    useMicromaps();
+    expectWarnings(1, 1);
+    useMicromaps();
+    expectWarnings(0, 0);
+    PipelineTracerSetup other{.flags = 0};
+    other.raygen = pipeline_constant_080;
+    if (pipelines)
+        const PipelineTracer traced(gpu(), other);
+    expectWarnings(0, 1);
 }
 
 INSTANTIATE_TEST_SUITE_P(Assumed, ForgottenMicromaps, testing::Bool());

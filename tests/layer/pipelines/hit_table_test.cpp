@@ -49,24 +49,31 @@ protected:
         return setup;
     }
 
+    static VkTraceRaysIndirectCommand2KHR commandOf(const PipelineTracer &tracer,
+                                                    const VkStridedDeviceAddressRegionKHR &hit)
+    {
+        const BindingTable &table = tracer.table();
+        return {table.raygen.deviceAddress,
+                table.raygen.size,
+                table.miss.deviceAddress,
+                table.miss.size,
+                table.miss.stride,
+                hit.deviceAddress,
+                hit.size,
+                hit.stride,
+                0,
+                0,
+                0,
+                tracer.rayCount(),
+                1,
+                1};
+    }
+
     void trace(PipelineTracer &tracer, const VkStridedDeviceAddressRegionKHR &hit, Command command)
     {
         const BindingTable &table = tracer.table();
         const VkTraceRaysIndirectCommandKHR size{tracer.rayCount(), 1, 1};
-        const VkTraceRaysIndirectCommand2KHR all{table.raygen.deviceAddress,
-                                                 table.raygen.size,
-                                                 table.miss.deviceAddress,
-                                                 table.miss.size,
-                                                 table.miss.stride,
-                                                 hit.deviceAddress,
-                                                 hit.size,
-                                                 hit.stride,
-                                                 0,
-                                                 0,
-                                                 0,
-                                                 tracer.rayCount(),
-                                                 1,
-                                                 1};
+        const VkTraceRaysIndirectCommand2KHR all = commandOf(tracer, hit);
         std::memcpy(command_.bytes(), &size, sizeof size);
         std::memcpy(command_.bytes() + 256, &all, sizeof all);
         tracer.clearResults();
@@ -252,6 +259,91 @@ TEST_F(HitTables, OffsetAndStrideOfTheTrace)
         for (const uint32_t flags : recordlessFlags())
             expect(tracer, scene, tracer.table().hit, flags | kRaySkipBoxes);
     }
+}
+
+// A command buffer that two queues may execute at once: no trace writes what another one reads. The spy looks at that
+// (layers/spy_pipelines.cpp), since lavapipe has one queue.
+TEST_F(HitTables, OfACommandBufferThatMayRunTwice)
+{
+    PipelineTracer tracer(gpu(), {.records = {0, 1, 0}});
+    const PipelineScene scene(gpu());
+    const BindingTable &table = tracer.table();
+    const VkDeviceSize stride = table.hit.stride;
+    for (const bool indirect : {false, true}) {
+        if (indirect && !gpu().vk().CmdTraceRaysIndirect2KHR)
+            continue;
+        tracer.prepare(scene.tlas(), scene.rays(0), 4);
+        tracer.clearResults();
+        VkCommandBuffer commands = gpu().begin(VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT);
+        tracer.bind(commands);
+        for (const uint32_t records : {3u, 2u}) {
+            const VkStridedDeviceAddressRegionKHR hit{table.hit.deviceAddress, stride, records * stride};
+            const VkTraceRaysIndirectCommand2KHR command = commandOf(tracer, hit);
+            const VkDeviceSize offset = VkDeviceSize{256} * records;
+            std::memcpy(command_.bytes() + offset, &command, sizeof command);
+            if (indirect)
+                gpu().vk().CmdTraceRaysIndirect2KHR(commands, command_.address() + offset);
+            else
+                gpu().vk().CmdTraceRaysKHR(commands, &table.raygen, &table.miss, &hit, &table.callable,
+                                           tracer.rayCount(), 1, 1);
+            barrier(commands);
+        }
+        gpu().end(commands);
+        gpu().execute(commands);
+        scene.expect(tracer.results(), 0);
+        vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+    }
+}
+
+// Memory for the tables of indirect traces, whose size only the GPU knows, on a device with 8 GiB.
+class HitTablesOfManyCommandBuffers : public HitTables
+{
+protected:
+    HitTablesOfManyCommandBuffers() : HitTables({.validation = false, .quirks = "discrete", .maintenance = true}) {}
+};
+
+// Each pool's command buffers need 3 GiB, which go back when they are reset, with or without their other resources.
+TEST_F(HitTablesOfManyCommandBuffers, GoBack)
+{
+    if (!gpu().vk().CmdTraceRaysIndirect2KHR)
+        GTEST_SKIP() << "no vkCmdTraceRaysIndirect2KHR";
+    constexpr uint32_t kCommandBuffers = 190;
+    const PipelineTracer tracer(gpu());
+    const auto poolInfo = vkInit<VkCommandPoolCreateInfo>(
+        {.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT, .queueFamilyIndex = gpu().family()});
+    std::vector<VkCommandPool> pools;
+    enum class Reset { Pool, WholePool, CommandBuffers, WholeCommandBuffers, AndTrim };
+    for (const Reset reset : {Reset::Pool, Reset::WholePool, Reset::CommandBuffers, Reset::WholeCommandBuffers,
+                              Reset::AndTrim, Reset::Pool}) {
+        VkCommandPool pool = VK_NULL_HANDLE;
+        VT_CHECK(vkCreateCommandPool(gpu().device(), &poolInfo, nullptr, &pool));
+        pools.push_back(pool); // they stay, with all command buffers
+        const auto info =
+            vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool, .commandBufferCount = kCommandBuffers});
+        std::vector<VkCommandBuffer> buffers(kCommandBuffers);
+        VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &info, buffers.data()));
+        for (const VkCommandBuffer commands : buffers) {
+            const auto begin = vkInit<VkCommandBufferBeginInfo>();
+            VT_CHECK(vkBeginCommandBuffer(commands, &begin));
+            tracer.bind(commands);
+            gpu().vk().CmdTraceRaysIndirect2KHR(commands, command_.address());
+            VT_CHECK(vkEndCommandBuffer(commands));
+        }
+        if (reset == Reset::CommandBuffers || reset == Reset::WholeCommandBuffers) {
+            for (const VkCommandBuffer commands : buffers)
+                VT_CHECK(vkResetCommandBuffer(
+                    commands, reset == Reset::CommandBuffers ? 0 : VK_COMMAND_BUFFER_RESET_RELEASE_RESOURCES_BIT));
+        } else {
+            VT_CHECK(vkResetCommandPool(gpu().device(), pool,
+                                        reset == Reset::WholePool ? VK_COMMAND_POOL_RESET_RELEASE_RESOURCES_BIT : 0));
+        }
+        if (reset == Reset::AndTrim)
+            vkTrimCommandPool(gpu().device(), pool, 0);
+        for (const Message &m : gpu().takeUnexpectedMessages())
+            ADD_FAILURE() << "reset " << static_cast<int>(reset) << ": " << m.id << ": " << m.text;
+    }
+    for (const VkCommandPool pool : pools)
+        vkDestroyCommandPool(gpu().device(), pool, nullptr);
 }
 
 // What inherits conditional rendering gets no work of the layer's.

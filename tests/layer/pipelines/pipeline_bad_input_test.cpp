@@ -159,6 +159,30 @@ TEST_F(PipelineBadInput, LibrariesWithAndWithoutTheBitInAPipelineWithoutIt)
     }
 }
 
+// Neither the pipeline nor its library has so many stages.
+TEST_F(PipelineBadInput, StageThatIsNotThere)
+{
+    for (const auto shader :
+         {&PipelineGroup::general, &PipelineGroup::closestHit, &PipelineGroup::anyHit, &PipelineGroup::intersection}) {
+        for (const uint32_t index : {9u, 1000u, kUnused - 1}) {
+            std::vector<RayPipeline> libraries;
+            tryChanged([&](PipelineSetup &setup) {
+                PipelineSetup library = setup;
+                library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+                library.stages.resize(3);
+                library.groups = {{}};
+                libraries.emplace_back(gpu(), library);
+                setup.libraries = {libraries[0].handle()};
+                PipelineGroup group;
+                group.*shader = index;
+                setup.groups.push_back(group);
+            });
+            EXPECT_FALSE(made_);
+            expectFinding("VELLUM-pipeline-group");
+        }
+    }
+}
+
 // Pipelines that can be made are made also where others in the call cannot.
 TEST_F(PipelineBadInput, OneOfThree)
 {

@@ -33,8 +33,9 @@ struct Push {
 struct Relay {
     bool queries = false;
     bool anyHit = true;
-    bool micromaps = true; // the pipeline has the bit, and the traced scene micromaps
-    bool others = false;   // there are groups of rays with another payload, and of any rays
+    bool micromaps = true;  // the pipeline has the bit, and the traced scene micromaps
+    bool others = false;    // there are groups of rays with another payload, and of any rays
+    bool libraries = false; // all stages but the ray generation shader are in libraries, whose groups do not name them
 };
 
 class PipelineStages : public PipelineTest
@@ -78,6 +79,19 @@ protected:
         setup.layout = resources.layout();
         setup.recursion = kDepth;
         setup.flags = relay.micromaps ? kMicromapBit : 0;
+        std::vector<RayPipeline> libraries;
+        if (relay.libraries) {
+            setup.payloadSize = 256;
+            for (const size_t first : {1u, 3u}) { // two libraries, with a group each that nobody uses
+                PipelineSetup library = setup;
+                library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+                const auto begin = setup.stages.begin() + static_cast<ptrdiff_t>(first);
+                library.stages.assign(begin, first == 1 ? begin + 2 : setup.stages.end());
+                library.groups = {{}};
+                setup.libraries.push_back(libraries.emplace_back(gpu(), library).handle());
+            }
+            setup.stages.resize(1);
+        }
         const RayPipeline pipeline(gpu(), setup);
         const BindingTable table(
             gpu(), pipeline, {.raygen = {0, {}}, .miss = {{1, {}}}, .hit = {{2, {}}}, .callable = {{3, {}}, {4, {}}}});
@@ -184,6 +198,17 @@ TEST_F(PipelineStages, PayloadsOfSeveralTypes)
 {
     expect({.others = true});
     expect({.anyHit = false, .others = true});
+}
+
+// The pipeline's groups name them all the same.
+TEST_F(PipelineStages, InLibraries)
+{
+    if (!gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))
+        GTEST_SKIP() << "no pipeline libraries";
+    for (const bool anyHit : {true, false}) {
+        for (const bool micromaps : {true, false})
+            expect({.anyHit = anyHit, .micromaps = micromaps, .others = true, .libraries = true});
+    }
 }
 
 TEST_F(PipelineStages, QueriesInEveryStage)

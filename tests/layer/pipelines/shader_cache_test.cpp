@@ -2,12 +2,12 @@
 // A driver's caches find in one run what was compiled in another: rewritten shaders are the same, although they contain
 // the addresses of the layer's tables. Each run is a process of its own, with randomized addresses. Mesa reports at the
 // end of a process what its cache found.
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
-#include <regex>
 #include <string>
 #include <vector>
 
@@ -235,10 +235,12 @@ protected:
         EXPECT_EQ(status, 0) << text;
         EXPECT_NE(text.find("[  PASSED  ] 1 test."), std::string::npos) << text;
         Outcome result;
-        const std::regex found("hits = ([0-9]+), misses = ([0-9]+)");
-        for (std::sregex_iterator at(text.begin(), text.end(), found), end; at != end; ++at) {
-            result.hits += static_cast<unsigned>(std::stoul((*at)[1]));
-            result.misses += static_cast<unsigned>(std::stoul((*at)[2]));
+        for (size_t at = text.find("hits = "); at != std::string::npos; at = text.find("hits = ", at + 1)) {
+            unsigned hits = 0, misses = 0;
+            if (std::sscanf(text.c_str() + at, "hits = %u, misses = %u", &hits, &misses) == 2) {
+                result.hits += hits;
+                result.misses += misses;
+            }
         }
         for (const auto &entry : fs::directory_iterator(own)) {
             if (entry.path().string().ends_with(".after.spv"))

@@ -29,7 +29,11 @@ std::string problemOfFolder(const std::filesystem::path &folder)
 
 TemporaryFile::TemporaryFile()
 {
-    std::string name = utf8Text(std::filesystem::temp_directory_path() / "vellum-XXXXXX");
+    std::error_code error;
+    const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+    if (error)
+        throw Error("the folder for temporary files (TMPDIR) cannot be used: " + error.message());
+    std::string name = utf8Text(folder / "vellum-XXXXXX");
     const int descriptor = mkstemp(name.data());
     if (descriptor < 0)
         throw Error(name + " cannot be written");

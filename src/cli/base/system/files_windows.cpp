@@ -14,7 +14,10 @@ namespace
 std::filesystem::path newFile()
 {
     wchar_t name[MAX_PATH];
-    const std::filesystem::path folder = std::filesystem::temp_directory_path();
+    std::error_code error;
+    const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+    if (error)
+        throw Error("the folder for temporary files (TMP) cannot be used: " + error.message());
     if (GetTempFileNameW(folder.c_str(), L"vel", 0, name) == 0)
         throw Error("no file can be made in " + utf8Text(folder) + ": " + lastMessage());
     return name;

@@ -48,9 +48,9 @@ public:
     [[nodiscard]] Rgb at(double u, double v, size_t x, size_t y) const
     {
         const double board = (x / 8 + y / 8) % 2 == 0 ? 255 : 232;
-        if (material_.image.rgba.empty())
+        if (!material_.image)
             return {board, board, board};
-        const Image &image = material_.image;
+        const Image &image = *material_.image;
         const double s = u * image.width - 0.5;
         const double t = v * image.height - 0.5;
         if (!(std::abs(s) < 1e9) || !(std::abs(t) < 1e9))
@@ -70,7 +70,7 @@ public:
 private:
     [[nodiscard]] Rgb greyOf(double x, double y, double board) const
     {
-        const Image &image = material_.image;
+        const Image &image = *material_.image;
         const auto column = wrapTexel(static_cast<int64_t>(x), image.width, material_.material.wrapU);
         const auto row = wrapTexel(static_cast<int64_t>(y), image.height, material_.material.wrapV);
         const uint8_t *texel =

@@ -29,14 +29,15 @@ class Viewer {
     this.texture = null;
     this.variants = {};
     this.hovered = this.pinned = -1;
-    if (material.texture) {
+    const texture = material.texture || facts.materials[material.textureOf]?.texture;
+    if (texture) {
       const image = new Image();
       image.onload = () => {
         if (this.material !== material) return;
         this.texture = image;
         this.draw();
       };
-      image.src = material.texture;
+      image.src = texture;
     }
     this.fit();
     this.forget();

@@ -25,11 +25,6 @@ bool linkTo(const std::filesystem::path &file, const std::filesystem::path &name
     return linkat(AT_FDCWD, file.c_str(), AT_FDCWD, name.c_str(), AT_SYMLINK_FOLLOW) == 0;
 }
 
-std::filesystem::path temporaryNameOf(const std::filesystem::path &path)
-{
-    return temporaryName(path, static_cast<unsigned long>(getpid()));
-}
-
 } // namespace
 
 bool makeFolder(const std::filesystem::path &folder)
@@ -52,11 +47,12 @@ NewFile::NewFile(const std::filesystem::path &path) : path_(path), folder_(folde
     // A file without a name goes away with the process, however that ends.
     file_ = open(folder_.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
     if (file_ < 0) {
-        std::filesystem::path name = temporaryNameOf(path);
-        file_ = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+        temporary_ = temporaryName(path, [&](const std::filesystem::path &name) {
+            file_ = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+            return file_ >= 0 || errno != EEXIST;
+        });
         if (file_ < 0)
             fail();
-        temporary_ = std::move(name);
     }
 }
 
@@ -117,8 +113,12 @@ void NewFile::replace()
     if (stat(path_.c_str(), &old) == 0)
         static_cast<void>(fchmod(static_cast<int>(file_), old.st_mode & 0777));
     if (temporary_.empty()) {
-        std::filesystem::path name = temporaryNameOf(path_);
-        if (!linkTo(readable(), name))
+        bool linked = false;
+        std::filesystem::path name = temporaryName(path_, [&](const std::filesystem::path &free) {
+            linked = linkTo(readable(), free);
+            return linked || errno != EEXIST;
+        });
+        if (!linked)
             fail();
         temporary_ = std::move(name);
     }

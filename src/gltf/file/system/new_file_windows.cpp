@@ -67,10 +67,13 @@ void NewFile::fail() const
 
 NewFile::NewFile(const std::filesystem::path &path) : path_(path)
 {
-    std::filesystem::path name = temporaryName(path, GetCurrentProcessId());
-    const HANDLE handle = CreateFileW(name.c_str(), GENERIC_READ | GENERIC_WRITE | DELETE,
-                                      FILE_SHARE_READ | FILE_SHARE_WRITE | FILE_SHARE_DELETE, nullptr, CREATE_NEW,
-                                      FILE_ATTRIBUTE_NORMAL, nullptr);
+    HANDLE handle = INVALID_HANDLE_VALUE;
+    std::filesystem::path name = temporaryName(path, [&](const std::filesystem::path &free) {
+        handle = CreateFileW(free.c_str(), GENERIC_READ | GENERIC_WRITE | DELETE,
+                             FILE_SHARE_READ | FILE_SHARE_WRITE | FILE_SHARE_DELETE, nullptr, CREATE_NEW,
+                             FILE_ATTRIBUTE_NORMAL, nullptr);
+        return handle != INVALID_HANDLE_VALUE || GetLastError() != ERROR_FILE_EXISTS;
+    });
     if (handle == INVALID_HANDLE_VALUE)
         fail();
     file_ = reinterpret_cast<intptr_t>(handle);

@@ -48,7 +48,10 @@ struct GeometryCounts {
     uint32_t stride = 0;
     const uint32_t *most = nullptr;
 
-    [[nodiscard]] uint32_t primitives(uint32_t g) const { return ranges ? ranges[g].primitiveCount : most[g]; }
+    [[nodiscard]] uint32_t primitives(uint32_t g) const
+    {
+        return ranges ? ranges[g].primitiveCount : most ? most[g] : 0;
+    }
     [[nodiscard]] VkDeviceAddress range(uint32_t g) const { return ranges ? 0 : address + VkDeviceAddress{g} * stride; }
 };
 

@@ -277,8 +277,10 @@ VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemap
 VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore, uint64_t *value)
 {
     const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
-    if (device.checks.sync && result == VK_SUCCESS)
+    if (device.checks.sync && result == VK_SUCCESS) {
+        device.logs.settle();
         device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
+    }
     reportCompleted(device, false);
     return result;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/gpu/gpu_records.h"
 
+#include <algorithm>
 #include <cstring>
 
 #include "layer/base/dispatch.h"
@@ -16,6 +17,14 @@ constexpr uint32_t kRecords = 1u << 16;
 constexpr uint32_t kBuckets = 1u << kReferenceBucketsLog2;
 constexpr uint32_t kMostBuckets = kBuckets / 4; // so that probes end
 constexpr VkDeviceSize kRecordBytes = sizeof(RecordWords);
+
+// The key of a bucket that had a reference: no address is as high.
+constexpr uint32_t kRemovedHigh = 0xffffffff;
+
+bool isRemoved(const uint32_t *words)
+{
+    return words[0] == 0 && words[1] == kRemovedHigh;
+}
 
 } // namespace
 
@@ -42,48 +51,94 @@ std::shared_ptr<StructureRecords::Owner> StructureRecords::take()
     return owner;
 }
 
-uint32_t *StructureRecords::bucketOf(VkDeviceAddress reference)
+// A bucket's words by its number.
+uint32_t *StructureRecords::bucket(uint32_t number)
+{
+    return references_.words() + VkDeviceSize{number & (kBuckets - 1)} * kReferenceBucketWords;
+}
+
+// The bucket of a reference; null if it has none, and `make` or the probes allow none.
+uint32_t *StructureRecords::bucketOf(VkDeviceAddress reference, bool make)
 {
     const auto low = static_cast<uint32_t>(reference);
     const auto high = static_cast<uint32_t>(reference >> 32);
-    uint32_t bucket = referenceBucket(low, high);
+    const uint32_t first = referenceBucket(low, high);
+    uint32_t *unused = nullptr;
     for (uint32_t probe = 0; probe < kReferenceProbes; ++probe) {
-        uint32_t *words = references_.words() + bucket * kReferenceBucketWords;
+        uint32_t *words = bucket(first + probe);
         if (words[0] == low && words[1] == high)
             return words;
-        if (words[0] == 0 && words[1] == 0 && buckets_ < kMostBuckets) {
-            ++buckets_;
-            words[0] = low;
-            words[1] = high;
-            return words;
-        }
-        bucket = (bucket + 1) & (kBuckets - 1);
+        const bool isEmpty = words[0] == 0 && words[1] == 0;
+        if (!unused && (isEmpty || isRemoved(words)))
+            unused = words;
+        if (isEmpty)
+            break;
     }
-    return nullptr;
+    if (!make || !unused || buckets_ == kMostBuckets)
+        return nullptr;
+    ++buckets_;
+    std::fill_n(unused, kReferenceBucketWords, 0u);
+    unused[0] = low;
+    unused[1] = high;
+    return unused;
+}
+
+// Probes for other references go on behind it, unless an empty one follows.
+void StructureRecords::remove(uint32_t *words)
+{
+    --buckets_;
+    auto number = static_cast<uint32_t>((words - references_.words()) / kReferenceBucketWords);
+    words[0] = 0;
+    words[1] = kRemovedHigh;
+    words[2] = words[3] = 0;
+    const uint32_t *next = bucket(number + 1);
+    if (next[0] != 0 || next[1] != 0)
+        return;
+    for (; isRemoved(bucket(number)); --number)
+        bucket(number)[1] = 0;
 }
 
 void StructureRecords::setReference(VkDeviceAddress reference, const Owner &record)
 {
     std::lock_guard lock(mutex_);
-    if (uint32_t *bucket = reference ? bucketOf(reference) : nullptr) {
-        // Two structures at one address: from now on it is unknown which of them an instance means.
-        if (bucket[2] != 0 && bucket[2] != record.index())
-            bucket[3] = 1;
-        bucket[2] = bucket[3] == 0 ? record.index() : 0;
-        referenceOf_[record.index()] = reference;
+    if (reference == 0 || referenceOf_.contains(record.index()))
+        return;
+    uint32_t &owners = owners_[reference];
+    referenceOf_[record.index()] = reference;
+    ++owners;
+    if (uint32_t *words = bucketOf(reference, true)) {
+        // Two structures at one address: until both are gone it is unknown which of them an instance means.
+        if (owners > 1)
+            words[3] = 1;
+        words[2] = words[3] == 0 ? record.index() : 0;
     }
+}
+
+void StructureRecords::removeReference(const Owner &record)
+{
+    std::lock_guard lock(mutex_);
+    removeReference(record.index());
+}
+
+void StructureRecords::removeReference(uint32_t index)
+{
+    const auto reference = referenceOf_.find(index);
+    if (reference == referenceOf_.end())
+        return;
+    const auto owners = owners_.find(reference->second);
+    if (owners == owners_.end() || --owners->second == 0) {
+        if (uint32_t *words = bucketOf(reference->second, false))
+            remove(words);
+        owners_.erase(reference->second);
+    }
+    referenceOf_.erase(reference);
 }
 
 void StructureRecords::giveBack(uint32_t index)
 {
     std::lock_guard lock(mutex_);
     free_.push_back(index);
-    const auto reference = referenceOf_.find(index);
-    if (reference == referenceOf_.end())
-        return;
-    if (uint32_t *bucket = bucketOf(reference->second); bucket && bucket[2] == index)
-        bucket[2] = 0;
-    referenceOf_.erase(reference);
+    removeReference(index);
 }
 
 void StructureRecords::set(const DeviceTable &next, VkCommandBuffer commandBuffer, const Owner &record,

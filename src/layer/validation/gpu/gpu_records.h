@@ -44,6 +44,8 @@ public:
     std::shared_ptr<Owner> take();
     // States that instances name a structure by that address.
     void setReference(VkDeviceAddress reference, const Owner &record);
+    // The structure is destroyed: another one may get the address.
+    void removeReference(const Owner &record);
 
     [[nodiscard]] VkDeviceAddress address() const { return records_.address(); }
     // Of record 0, which states nothing, for null.
@@ -63,7 +65,10 @@ public:
 
 private:
     void giveBack(uint32_t index);
-    [[nodiscard]] uint32_t *bucketOf(VkDeviceAddress reference);
+    void removeReference(uint32_t index);
+    [[nodiscard]] uint32_t *bucket(uint32_t number);
+    [[nodiscard]] uint32_t *bucketOf(VkDeviceAddress reference, bool make);
+    void remove(uint32_t *words);
 
     GpuBuffer records_;
     GpuBuffer references_;
@@ -72,6 +77,7 @@ private:
     uint32_t used_ = 1;                               // records that were in use at any time; record 0 is nobody's
     uint32_t buckets_ = 0;                            // in use
     std::map<uint32_t, VkDeviceAddress> referenceOf_; // of records
+    std::map<VkDeviceAddress, uint32_t> owners_;      // the number of records that have a reference
 };
 
 } // namespace vellum::layer

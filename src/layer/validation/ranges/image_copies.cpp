@@ -41,24 +41,42 @@ constexpr CopyRules kToMemory{"vkCmdCopyImageToMemoryKHR",
                               nullptr,
                               "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13104"};
 
+// The steps that the search for regions that overlap may take in one command. What it does not find then is not
+// reported.
+constexpr uint64_t kMostSteps = 1u << 18;
+
+uint64_t product(uint64_t a, uint64_t b) // UINT64_MAX: it is larger
+{
+    return a != 0 && b > UINT64_MAX / a ? UINT64_MAX : a * b;
+}
+
+uint64_t sum(uint64_t a, uint64_t b) // the same
+{
+    return b > UINT64_MAX - a ? UINT64_MAX : a + b;
+}
+
 // The rows of texel blocks in memory that a region accesses ("Buffer and Image Addressing").
 struct Rows {
     VkDeviceAddress address = 0;
     VkDeviceSize bytes = 0; // of a row
     VkDeviceSize rowPitch = 0, slicePitch = 0;
     uint64_t rows = 0, slices = 0; // rows in a slice
+    [[nodiscard]] uint64_t count() const { return rows * slices; }
+    // UINT64_MAX: more than memory can have.
     [[nodiscard]] VkDeviceSize size() const
     {
-        return bytes == 0 || rows == 0 || slices == 0 ? 0 : (slices - 1) * slicePitch + (rows - 1) * rowPitch + bytes;
+        return bytes == 0 || count() == 0
+                   ? 0
+                   : sum(sum(product(slices - 1, slicePitch), product(rows - 1, rowPitch)), bytes);
     }
     [[nodiscard]] VkDeviceAddress begin(uint64_t row) const
     {
         return address + row / rows * slicePitch + row % rows * rowPitch;
     }
-    // The first row that does not end before `at`. Rows do not overlap.
+    // The first row that ends behind `at`. Rows do not overlap.
     [[nodiscard]] uint64_t firstFrom(VkDeviceAddress at) const
     {
-        uint64_t low = 0, high = rows * slices;
+        uint64_t low = 0, high = count();
         while (low < high) {
             const uint64_t middle = low + (high - low) / 2;
             if (begin(middle) + bytes <= at)
@@ -83,22 +101,23 @@ Rows rowsOf(const VkDeviceMemoryImageCopyKHR &region, const TexelBlock &block, c
     rows.address = region.addressRange.address;
     rows.bytes = blocks(region.imageExtent.width, block.width) * block.bytes;
     rows.rowPitch = blocks(length, block.width) * block.bytes;
-    rows.slicePitch = blocks(height, block.height) * rows.rowPitch;
+    rows.slicePitch = product(blocks(height, block.height), rows.rowPitch);
     rows.rows = blocks(region.imageExtent.height, block.height);
     rows.slices = std::max(layers, region.imageExtent.depth);
     return rows;
 }
 
-bool overlap(const Rows &a, const Rows &b)
+// Whether a row of one overlaps a row of the other; false if the steps do not suffice. Each takes the next row that is
+// not before the other's.
+bool overlap(const Rows &a, const Rows &b, uint64_t &steps)
 {
-    const uint64_t end = a.rows * a.slices;
-    for (uint64_t row = a.firstFrom(b.address); row < end; ++row) {
-        const VkDeviceAddress begin = a.begin(row);
-        if (begin >= b.address + b.size())
+    for (uint64_t row = a.firstFrom(b.address); row < a.count() && steps != 0; --steps) {
+        const uint64_t other = b.firstFrom(a.begin(row));
+        if (other == b.count())
             return false;
-        const uint64_t other = b.firstFrom(begin + 1);
-        if (other < b.rows * b.slices && b.begin(other) < begin + a.bytes)
+        if (b.begin(other) < a.begin(row) + a.bytes)
             return true;
+        row = a.firstFrom(b.begin(other));
     }
     return false;
 }
@@ -177,15 +196,21 @@ private:
         std::vector<std::pair<Rows, uint32_t>> regions;
         for (uint32_t i = 0; image_ && i < info_.regionCount; ++i) {
             const VkDeviceMemoryImageCopyKHR &region = info_.pRegions[i];
-            if (const auto block = texelBlockOf(image_->format, region.imageSubresource.aspectMask))
-                regions.emplace_back(rowsOf(region, *block, *image_), i);
+            const auto block = texelBlockOf(image_->format, region.imageSubresource.aspectMask);
+            if (!block)
+                continue;
+            const Rows rows = rowsOf(region, *block, *image_);
+            // Others break the rules of ranges.
+            if (rows.size() != 0 && rows.size() <= region.addressRange.size &&
+                sum(rows.address, rows.size()) != UINT64_MAX)
+                regions.emplace_back(rows, i);
         }
-        std::erase_if(regions, [](const auto &region) { return region.first.size() == 0; });
         std::ranges::sort(regions, {}, [](const auto &region) { return region.first.address; });
+        uint64_t steps = kMostSteps;
         for (size_t a = 0; a < regions.size(); ++a) {
             const VkDeviceAddress end = regions[a].first.address + regions[a].first.size();
-            for (size_t b = a + 1; b < regions.size() && regions[b].first.address < end; ++b) {
-                if (!overlap(regions[a].first, regions[b].first))
+            for (size_t b = a + 1; b < regions.size() && regions[b].first.address < end && steps != 0; ++b) {
+                if (!overlap(regions[a].first, regions[b].first, steps))
                     continue;
                 const Place place = info.element("pRegions", regions[b].second);
                 return ranges_.fault(place.member("addressRange"), "VUID-VkCopyDeviceMemoryImageInfoKHR-pRegions-12473",
@@ -210,8 +235,10 @@ VkResult createImage(DeviceValidation &device, VkDevice handle, const VkImageCre
 {
     const VkResult result = device.next.CreateImage(handle, info, allocator, image);
     if (result == VK_SUCCESS)
-        device.images.set(*image, std::make_shared<const ValidatedImage>(
-                                      ValidatedImage{info->format, info->flags, info->arrayLayers}));
+        remember([&] {
+            device.images.set(*image, std::make_shared<const ValidatedImage>(
+                                          ValidatedImage{info->format, info->flags, info->arrayLayers}));
+        });
     return result;
 }
 

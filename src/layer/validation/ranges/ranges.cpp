@@ -110,10 +110,12 @@ void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range,
                                          : ": there is no buffer at this address"));
         return;
     }
-    if (need.usageRule && !addresses.covering(range.address, range.size, need.usage).buffer)
+    // Another thread may destroy the buffer, if it is not the application's for this range.
+    const auto buffer = device_.objects.buffers.get(any.buffer);
+    if (buffer && need.usageRule && !addresses.covering(range.address, range.size, need.usage).buffer)
         fault(member, need.usageRule,
-              "buffer " + device_.nameOf(any.buffer) + " has usage " +
-                  hex(device_.objects.buffers.get(any.buffer)->usage) + ", without " + hex(need.usage));
+              "buffer " + device_.nameOf(any.buffer) + " has usage " + hex(buffer->usage) + ", without " +
+                  hex(need.usage));
     checkFlags(place, range, flags, rules);
 }
 
@@ -191,7 +193,8 @@ void checkCreation(DeviceValidation &device, const Place &command, const VkAccel
 VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
                          VkFence fence)
 {
-    for (uint32_t i = 0; i < count; ++i) {
+    const VkResult result = device.next.QueueBindSparse(queue, count, infos, fence);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
         for (uint32_t b = 0; b < infos[i].bufferBindCount; ++b) {
             const VkSparseBufferMemoryBindInfo &info = infos[i].pBufferBinds[b];
             const auto buffer = device.objects.buffers.get(info.buffer);
@@ -201,7 +204,7 @@ VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count
             }
         }
     }
-    return device.next.QueueBindSparse(queue, count, infos, fence);
+    return result;
 }
 
 } // namespace validation

@@ -4,14 +4,12 @@
 #include <algorithm>
 #include <cstring>
 #include <span>
-#include <unordered_map>
 
 #include "core/opacity.h"
 #include "layer/base/pnext.h"
 #include "layer/validation/device_validation.h"
 #include "spirv/module/opcodes.h"
-#include "spirv/module/ray_instructions.h"
-#include "spirv/module/words.h"
+#include "spirv/module/scan.h"
 
 namespace vellum::layer
 {
@@ -78,31 +76,9 @@ bool isTrue(const spirv::MicromapMode &mode, const VkSpecializationInfo *constan
     return mode.initial;
 }
 
-// Ray flags that are constants.
-bool forcesTwoStatesWithoutCapability(std::span<const uint32_t> words)
-{
-    std::unordered_map<uint32_t, uint32_t> constants;
-    bool capability = false, forces = false;
-    spirv::visitInstructions(words, [&](spirv::Words in) {
-        const uint32_t opcode = spirv::opcodeOf(in);
-        if (opcode == spv::OpCapability && in.size() == 2)
-            capability = capability || in[1] == spirv::kCapabilityOpacityMicromap;
-        else if (opcode == spv::OpConstant && in.size() == 4)
-            constants[in[2]] = in[3];
-        const auto ray = spirv::rayInstruction(opcode);
-        const uint32_t flags = opcode == spv::OpRayQueryInitializeKHR ? 3 : ray ? ray->flags : 0;
-        if (flags != 0 && flags < in.size()) {
-            const auto value = constants.find(in[flags]);
-            forces = forces || (value != constants.end() && (value->second & shared::kRayForce2State) != 0);
-        }
-        return !capability;
-    });
-    return forces && !capability;
-}
-
 void checkWords(DeviceValidation &device, const Place &place, std::span<const uint32_t> words)
 {
-    if (spirv::isSpirv(words) && forcesTwoStatesWithoutCapability(words))
+    if (spirv::forcesTwoStatesWithoutCapability(words))
         device.fault(place.member("pCode"), "VUID-RuntimeSpirv-RayTracingOpacityMicromapKHR-11542",
                      "ray flags with ForceOpacityMicromap2StateKHR; the module lacks the capability "
                      "RayTracingOpacityMicromapKHR");

@@ -213,7 +213,7 @@ void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const
 void recordIndirectRanges(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                           const VkAccelerationStructureBuildGeometryInfoKHR *infos, const VkDeviceAddress *addresses)
 {
-    if (!device.checks.sync)
+    if (!device.checks.sync || !addresses)
         return;
     Recorder recorder(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR");
     for (uint32_t i = 0; i < count; ++i) {

@@ -76,6 +76,9 @@ VkResult signalSemaphore(DeviceValidation &, VkDevice, const VkSemaphoreSignalIn
 VkResult getQueryPoolResults(DeviceValidation &, VkDevice, VkQueryPool, uint32_t, uint32_t, size_t, void *,
                              VkDeviceSize, VkQueryResultFlags);
 VkResult getEventStatus(DeviceValidation &, VkDevice, VkEvent);
+VkResult setEvent(DeviceValidation &, VkDevice, VkEvent);
+VkResult resetEvent(DeviceValidation &, VkDevice, VkEvent);
+void destroyEvent(DeviceValidation &, VkDevice, VkEvent, const VkAllocationCallbacks *);
 
 } // namespace validation
 } // namespace vellum::layer

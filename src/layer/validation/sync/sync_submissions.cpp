@@ -98,6 +98,7 @@ void fencesComplete(DeviceValidation &device, VkDevice handle, uint32_t count, c
 
 void semaphoresReached(DeviceValidation &device, VkDevice handle, const VkSemaphoreWaitInfo &info)
 {
+    device.logs.settle();
     const bool all = info.semaphoreCount == 1 || (info.flags & VK_SEMAPHORE_WAIT_ANY_BIT) == 0;
     for (uint32_t i = 0; device.checks.sync && i < info.semaphoreCount; ++i) {
         uint64_t value = info.pValues[i];
@@ -145,6 +146,16 @@ void checkFree(DeviceValidation &device, VkDeviceMemory memory)
 
 namespace validation
 {
+namespace
+{
+
+void allIdle(DeviceValidation &device)
+{
+    device.logs.settle();
+    device.sync.tracker.allIdle();
+}
+
+} // namespace
 
 // ------------------------------------------------------------------------------------------ transfers
 
@@ -184,9 +195,10 @@ void cmdUpdateBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, Vk
 
 VkResult resetFences(DeviceValidation &device, VkDevice handle, uint32_t count, const VkFence *fences)
 {
-    for (uint32_t i = 0; i < count; ++i)
+    const VkResult result = device.next.ResetFences(handle, count, fences);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i)
         device.sync.tracker.forgetFence(uint64_t(fences[i]));
-    return device.next.ResetFences(handle, count, fences);
+    return result;
 }
 
 void destroyFence(DeviceValidation &device, VkDevice handle, VkFence fence, const VkAllocationCallbacks *allocator)
@@ -201,10 +213,11 @@ VkResult createSemaphore(DeviceValidation &device, VkDevice handle, const VkSema
     const VkResult result = device.next.CreateSemaphore(handle, info, allocator, semaphore);
     const auto *type =
         findInChain<VkSemaphoreTypeCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO);
-    if (result == VK_SUCCESS && type && type->semaphoreType == VK_SEMAPHORE_TYPE_TIMELINE) {
-        device.sync.timelines.set(*semaphore, true);
-        device.sync.tracker.hostSignal(uint64_t(*semaphore), type->initialValue);
-    }
+    if (result == VK_SUCCESS && type && type->semaphoreType == VK_SEMAPHORE_TYPE_TIMELINE)
+        remember([&] {
+            device.sync.timelines.set(*semaphore, true);
+            device.sync.tracker.hostSignal(uint64_t(*semaphore), type->initialValue);
+        });
     return result;
 }
 
@@ -222,8 +235,11 @@ void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore sem
 
 VkResult signalSemaphore(DeviceValidation &device, VkDevice handle, const VkSemaphoreSignalInfo *info)
 {
-    device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value);
-    return device.next.SignalSemaphore(handle, info);
+    const std::lock_guard lock(device.logs.submissions);
+    const VkResult result = device.next.SignalSemaphore(handle, info);
+    if (result == VK_SUCCESS)
+        remember([&] { device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value); });
+    return result;
 }
 
 // Results and events also show that commands are complete; of which queue is not known.
@@ -232,7 +248,7 @@ VkResult getQueryPoolResults(DeviceValidation &device, VkDevice handle, VkQueryP
 {
     const VkResult result = device.next.GetQueryPoolResults(handle, pool, first, count, size, data, stride, flags);
     if (result == VK_SUCCESS)
-        device.sync.tracker.allIdle();
+        allIdle(device);
     return result;
 }
 
@@ -240,8 +256,27 @@ VkResult getEventStatus(DeviceValidation &device, VkDevice handle, VkEvent event
 {
     const VkResult result = device.next.GetEventStatus(handle, event);
     if (result == VK_EVENT_SET)
-        device.sync.tracker.allIdle();
+        allIdle(device);
     return result;
+}
+
+// What commands did to an event before the host changes it, or destroys it, says nothing about later waits.
+VkResult setEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    return device.next.SetEvent(handle, event);
+}
+
+VkResult resetEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    return device.next.ResetEvent(handle, event);
+}
+
+void destroyEvent(DeviceValidation &device, VkDevice handle, VkEvent event, const VkAllocationCallbacks *allocator)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    device.next.DestroyEvent(handle, event, allocator);
 }
 
 } // namespace validation

@@ -60,9 +60,12 @@ struct DescriptorAccess {
     }
     void removePool(VkDescriptorPool pool) const
     {
-        for (const VkDescriptorSet set : pools()[pool])
+        const auto known = pools().find(pool);
+        if (known == pools().end())
+            return;
+        for (const VkDescriptorSet set : known->second)
             sets().erase(set);
-        pools().erase(pool);
+        pools().erase(known);
     }
     void write(StructureSet &set, const VkWriteDescriptorSet &write) const
     {
@@ -178,7 +181,7 @@ VkShaderStageFlags stagesOf(VkPipelineBindPoint point)
 void bindSets(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShaderStageFlags stages, uint32_t first,
               uint32_t count, const VkDescriptorSet *handles)
 {
-    const auto log = device.logs.get(commandBuffer);
+    const auto log = device.gpu.on ? device.logs.get(commandBuffer) : nullptr;
     if (!log)
         return;
     const DescriptorAccess access{device};
@@ -206,6 +209,8 @@ void push(const DescriptorAccess &access, VkCommandBuffer commandBuffer, VkShade
 void pushWrites(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShaderStageFlags stages, uint32_t number,
                 uint32_t count, const VkWriteDescriptorSet *writes)
 {
+    if (!device.gpu.on)
+        return;
     const DescriptorAccess access{device};
     push(access, commandBuffer, stages, number, [&](StructureSet &set) {
         for (uint32_t i = 0; i < count; ++i)
@@ -216,6 +221,8 @@ void pushWrites(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShade
 void pushTemplate(DeviceValidation &device, VkCommandBuffer commandBuffer, VkDescriptorUpdateTemplate handle,
                   uint32_t number, const void *data)
 {
+    if (!device.gpu.on)
+        return;
     const DescriptorAccess access{device};
     const StructureTemplate form = access.form(handle);
     push(access, commandBuffer, form.stages, number, [&](StructureSet &set) { access.write(set, form, data); });
@@ -230,11 +237,13 @@ VkResult createDescriptorSetLayout(DeviceValidation &device, VkDevice handle,
     const VkResult result = device.next.CreateDescriptorSetLayout(handle, info, allocator, layout);
     if (result != VK_SUCCESS)
         return result;
-    const DescriptorAccess access{device};
-    auto &sizes = access.layouts()[*layout];
-    sizes.clear();
-    for (uint32_t i = 0; i < info->bindingCount; ++i)
-        sizes[info->pBindings[i].binding] = info->pBindings[i].descriptorCount;
+    remember([&] {
+        const DescriptorAccess access{device};
+        auto &sizes = access.layouts()[*layout];
+        sizes.clear();
+        for (uint32_t i = 0; i < info->bindingCount; ++i)
+            sizes[info->pBindings[i].binding] = info->pBindings[i].descriptorCount;
+    });
     return result;
 }
 
@@ -263,15 +272,17 @@ VkResult allocateDescriptorSets(DeviceValidation &device, VkDevice handle, const
                                 VkDescriptorSet *sets)
 {
     const VkResult result = device.next.AllocateDescriptorSets(handle, info, sets);
-    if (result != VK_SUCCESS)
+    if (result != VK_SUCCESS || !device.gpu.on)
         return result;
-    const DescriptorAccess access{device};
-    for (uint32_t i = 0; i < info->descriptorSetCount; ++i) {
-        auto set = std::make_shared<StructureSet>();
-        set->sizes = access.layouts()[info->pSetLayouts[i]];
-        access.sets()[sets[i]] = std::move(set);
-        access.pools()[info->descriptorPool].insert(sets[i]);
-    }
+    remember([&] {
+        const DescriptorAccess access{device};
+        for (uint32_t i = 0; i < info->descriptorSetCount; ++i) {
+            auto set = std::make_shared<StructureSet>();
+            set->sizes = access.layouts()[info->pSetLayouts[i]];
+            access.pools()[info->descriptorPool].insert(sets[i]);
+            access.sets()[sets[i]] = std::move(set);
+        }
+    });
     return result;
 }
 
@@ -280,9 +291,10 @@ VkResult freeDescriptorSets(DeviceValidation &device, VkDevice handle, VkDescrip
 {
     {
         const DescriptorAccess access{device};
-        for (uint32_t i = 0; i < count; ++i) {
+        const auto known = access.pools().find(pool);
+        for (uint32_t i = 0; i < count && known != access.pools().end(); ++i) {
             access.sets().erase(sets[i]);
-            access.pools()[pool].erase(sets[i]);
+            known->second.erase(sets[i]);
         }
     }
     return device.next.FreeDescriptorSets(handle, pool, count, sets);
@@ -292,7 +304,7 @@ void updateDescriptorSets(DeviceValidation &device, VkDevice handle, uint32_t wr
                           const VkWriteDescriptorSet *writes, uint32_t copyCount, const VkCopyDescriptorSet *copies)
 {
     checkWrites(device, "vkUpdateDescriptorSets", writeCount, writes);
-    {
+    if (device.gpu.on) {
         const DescriptorAccess access{device};
         for (uint32_t i = 0; i < writeCount; ++i)
             if (const auto set = access.set(writes[i].dstSet))
@@ -310,14 +322,17 @@ VkResult createDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handl
     const VkResult created = device.next.CreateDescriptorUpdateTemplate(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    const DescriptorAccess access{device};
-    StructureTemplate &form = access.templates()[*result];
-    form.stages = info->templateType == VK_DESCRIPTOR_UPDATE_TEMPLATE_TYPE_PUSH_DESCRIPTORS_KHR
-                      ? stagesOf(info->pipelineBindPoint)
-                      : 0;
-    auto &entries = form.entries;
-    entries.assign(info->pDescriptorUpdateEntries, info->pDescriptorUpdateEntries + info->descriptorUpdateEntryCount);
-    std::erase_if(entries, [](const auto &entry) { return entry.descriptorType != kStructure; });
+    remember([&] {
+        const DescriptorAccess access{device};
+        StructureTemplate &form = access.templates()[*result];
+        form.stages = info->templateType == VK_DESCRIPTOR_UPDATE_TEMPLATE_TYPE_PUSH_DESCRIPTORS_KHR
+                          ? stagesOf(info->pipelineBindPoint)
+                          : 0;
+        auto &entries = form.entries;
+        entries.assign(info->pDescriptorUpdateEntries,
+                       info->pDescriptorUpdateEntries + info->descriptorUpdateEntryCount);
+        std::erase_if(entries, [](const auto &entry) { return entry.descriptorType != kStructure; });
+    });
     return created;
 }
 
@@ -331,7 +346,7 @@ void destroyDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handle, 
 void updateDescriptorSetWithTemplate(DeviceValidation &device, VkDevice handle, VkDescriptorSet set,
                                      VkDescriptorUpdateTemplate entries, const void *data)
 {
-    {
+    if (device.gpu.on) {
         const DescriptorAccess access{device};
         if (const auto known = access.set(set))
             access.write(*known, access.form(entries), data);

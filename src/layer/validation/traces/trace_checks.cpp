@@ -34,7 +34,7 @@ std::optional<BrokenRules> brokenBy(const DeviceValidation &device, const TraceU
     if (!references)
         return {};
     for (const VkDeviceAddress reference : *references) {
-        const auto structure = reference != 0 ? device.traces.byReference.get(reference).lock() : nullptr;
+        const auto structure = reference != 0 ? device.traces.byReference.at(reference) : nullptr;
         const auto contents = structure ? structure->contents : nullptr;
         if (!contents || structure->since > use.number)
             continue; // unknown, or built again since
@@ -76,18 +76,53 @@ std::string geometryText(const DeviceValidation &device, const TraceUse &use, co
 
 } // namespace
 
-std::optional<uint32_t> TraceMarks::add(const GpuContext &context, uint32_t rules)
+TraceMark::~TraceMark()
+{
+    marks_.giveBack(index_);
+}
+
+std::shared_ptr<const TraceMark> TraceMarks::add(const GpuContext &context, uint32_t rules)
 {
     const std::lock_guard lock(mutex_);
-    if (sites_.empty() && memory_.create(context, kMarks * sizeof(uint32_t)) != VK_SUCCESS)
-        return {};
-    if (sites_.size() == kMarks)
-        return {};
-    Site &site = sites_.emplace_back();
-    any_ = true;
+    if (sites_.empty()) {
+        free_.reserve(kMarks); // giving back does not fail
+        if (memory_.create(context, kMarks * sizeof(uint32_t)) != VK_SUCCESS)
+            return nullptr;
+    }
+    if (free_.empty() && sites_.size() == kMarks) // what is not certain yet of destroyed shaders is given up
+        std::erase_if(watched_, [&](uint32_t mark) { return sites_[mark].unused && forget(mark); });
+    if (free_.empty() && sites_.size() < kMarks) {
+        sites_.emplace_back();
+        free_.push_back(static_cast<uint32_t>(sites_.size() - 1));
+    }
+    if (free_.empty())
+        return nullptr;
+    auto mark = std::make_shared<const TraceMark>(*this, free_.back());
+    free_.pop_back();
+    Site &site = sites_[mark->index()];
+    site = {};
     site.rules = rules;
     start(site);
-    return static_cast<uint32_t>(sites_.size() - 1);
+    return mark;
+}
+
+void TraceMarks::giveBack(uint32_t index)
+{
+    const std::lock_guard lock(mutex_);
+    if (sites_[index].watched)
+        sites_[index].unused = true;
+    else
+        free_.push_back(index);
+}
+
+bool TraceMarks::forget(uint32_t index)
+{
+    Site &site = sites_[index];
+    site.watched = false;
+    site.uses.clear();
+    if (site.unused)
+        free_.push_back(index);
+    return true;
 }
 
 void TraceMarks::start(Site &site) const
@@ -106,10 +141,15 @@ void TraceMarks::use(uint32_t mark, TraceUse use)
     if (site.frozen || site.reported)
         return;
     const bool known = std::ranges::any_of(site.uses, [&use](const TraceUse &other) {
-        return other.contents == use.contents && other.structure == use.structure && other.code == use.code;
+        return other.contents == use.contents && other.structure == use.structure &&
+               other.code.handle == use.code.handle;
     });
     if (!known)
         site.uses.push_back(std::move(use));
+    if (site.watched)
+        return;
+    watched_.push_back(mark);
+    site.watched = any_ = true;
 }
 
 bool TraceMarks::fold(const DeviceValidation &device, Site &site)
@@ -132,14 +172,13 @@ void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
 {
     const TraceUse &use = *site.first;
     const BrokenRules &broken = site.byFirst;
-    const std::string code =
-        (use.code->shaderObject ? "shader object " : "pipeline ") + device.nameOf(use.code->handle);
+    const std::string code = (use.shaderObject ? "shader object " : "pipeline ") + device.nameOf(use.code);
     const auto text = [&](const MetGeometry &met, const char *found, const char *expected) {
         return geometryText(device, use, met) + " " + found + ". " + code + " " + expected;
     };
     const auto fault = [&](const char *rule, const MetGeometry &met, const char *found, const char *expected) {
         const std::string vuid = std::string("VUID-") + use.command + rule;
-        device.fault(use.command, vuid.c_str(), text(met, found, expected), use.code->handle);
+        device.fault(use.command, vuid.c_str(), text(met, found, expected), use.code);
     };
     const char *const withMicromap = "was built with a micromap";
     if ((site.broken & kRuleMode) != 0)
@@ -150,7 +189,7 @@ void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
         fault("-micromap-11640", broken.micromap, withMicromap,
               "must have been created with RAY_TRACING_OPACITY_MICROMAP");
     if ((site.broken & kRuleMixed) != 0)
-        fault(use.code->shaderObject ? "-micromap-11639" : "-micromap-11638", broken.mixed,
+        fault(use.shaderObject ? "-micromap-11639" : "-micromap-11638", broken.mixed,
               "has special indices and indices of a micromap",
               "must not have been created with OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX");
     if ((site.broken & kRuleDeserialized) != 0) {
@@ -164,33 +203,40 @@ void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
             "VELLUM-pipeline-disallows-micromaps",
             std::string(use.command) + ": " +
                 text(broken.micromap, withMicromap, "was created with DISALLOW_OPACITY_MICROMAP_BIT_ARM"),
-            use.code->handle.type, use.code->handle.handle);
+            use.code.type, use.code.handle);
 }
 
-void TraceMarks::report(DeviceValidation &device, bool idle)
+size_t TraceMarks::report(DeviceValidation &device, bool idle)
 {
-    if (!any_)
-        return;
+    if (!any_ && !idle)
+        return 0;
+    size_t looked = 0;
     std::vector<Site> found;
     {
         const std::lock_guard submissions(device.logs.submissions); // change what structures hold
         const std::lock_guard lock(mutex_);
-        for (Site &site : sites_) {
-            const uint32_t *mark = memory_.words() + (&site - sites_.data());
-            site.frozen = site.frozen || __atomic_load_n(mark, __ATOMIC_ACQUIRE) != 0;
-            if (site.reported)
-                continue;
+        looked = watched_.size();
+        std::erase_if(watched_, [&](uint32_t index) {
+            Site &site = sites_[index];
+            site.frozen = site.frozen || __atomic_load_n(memory_.words() + index, __ATOMIC_ACQUIRE) != 0;
             const bool known = fold(device, site);
             if (site.frozen && known && site.first && site.broken != 0) {
                 site.reported = true;
                 found.push_back(site);
-            } else if (idle) {
-                start(site);
+                return forget(index);
             }
-        }
+            return known && (site.frozen || site.unused) && forget(index); // nothing more can become certain
+        });
+        for (Site &site : sites_)
+            if (idle && (site.watched || site.frozen) && !site.reported)
+                start(site);
+        if (idle)
+            std::erase_if(watched_, [&](uint32_t index) { return forget(index); });
+        any_ = !watched_.empty();
     }
     for (const Site &site : found)
         reportSite(device, site);
+    return looked;
 }
 
 } // namespace vellum::layer

@@ -33,10 +33,27 @@ inline constexpr uint32_t kRuleMixed = 4;       // 11638, 11639: no mixed specia
 inline constexpr uint32_t kRuleDisallowed = 8;
 inline constexpr uint32_t kRuleDeserialized = 16; // 11637: no structure without the micromaps it was serialized with
 
+class TraceMarks;
+
+// A mark in memory. Its destructor gives it back. Must not outlive the marks.
+class TraceMark
+{
+public:
+    TraceMark(TraceMarks &marks, uint32_t index) : marks_(marks), index_(index) {}
+    ~TraceMark();
+    TraceMark(const TraceMark &) = delete;
+    TraceMark &operator=(const TraceMark &) = delete;
+    [[nodiscard]] uint32_t index() const { return index_; }
+
+private:
+    TraceMarks &marks_;
+    uint32_t index_;
+};
+
 // A place where the shader of a pipeline or a shader object traces rays.
 struct TracingSite {
-    uint32_t mark = 0;
-    uint32_t rules = 0; // kRule*
+    std::shared_ptr<const TraceMark> mark; // that of a library is also of the pipelines that are made of it
+    uint32_t rules = 0;                    // kRule*
     std::optional<spirv::StructureBinding> binding;
 };
 
@@ -66,7 +83,8 @@ struct TraceBindings {
 // A structure for which a site may have traced rays, in a command that was submitted.
 struct TraceUse {
     const char *command = nullptr;
-    std::shared_ptr<const TracingCode> code;
+    ObjectHandle code; // a pipeline or shader object
+    bool shaderObject = false;
     std::shared_ptr<ValidatedStructure> structure;     // null: unknown
     std::shared_ptr<const StructureContents> contents; // at that time; null: unknown
     uint64_t number = 0;                               // DeviceValidation::numbers at that time
@@ -88,33 +106,41 @@ struct BrokenRules {
 class TraceMarks
 {
 public:
-    // A mark for a site with these rules; nothing if there is none left.
-    std::optional<uint32_t> add(const GpuContext &context, uint32_t rules);
+    // A mark for a site with these rules; null if there is none left.
+    std::shared_ptr<const TraceMark> add(const GpuContext &context, uint32_t rules);
     [[nodiscard]] VkDeviceAddress address() const { return memory_.address(); }
     // The use is submitted.
     void use(uint32_t mark, TraceUse use);
-    // Reports what is certain now. `idle`: the device executes nothing.
-    void report(DeviceValidation &device, bool idle);
+    // Reports what is certain now. `idle`: the device executes nothing. Returns the number of sites it has looked at.
+    size_t report(DeviceValidation &device, bool idle);
 
 private:
+    friend TraceMark;
     struct Site {
         uint32_t rules = 0;
         uint32_t broken = 0; // by all uses so far
         bool frozen = false; // it was executed: later uses are not considered
         bool reported = false;
+        bool watched = false; // it has uses
+        bool unused = false;  // its mark was given back while it was watched
         std::optional<TraceUse> first;
         BrokenRules byFirst;
         std::vector<TraceUse> uses; // of which it is not known yet what they break
     };
     void start(Site &site) const;
+    void giveBack(uint32_t index);
+    // A site that is not watched any more. Its mark is free if it was given back. Returns true, for std::erase_if.
+    bool forget(uint32_t index);
     // Considers the uses of which it is known what they break. Returns whether that are all.
     static bool fold(const DeviceValidation &device, Site &site);
     static void reportSite(DeviceValidation &device, const Site &site);
 
-    std::atomic<bool> any_ = false; // sites; read without the mutex
+    std::atomic<bool> any_ = false; // sites are watched; read without the mutex
     std::mutex mutex_;
     GpuBuffer memory_;
-    std::vector<Site> sites_;
+    std::vector<Site> sites_;       // by mark
+    std::vector<uint32_t> free_;    // marks
+    std::vector<uint32_t> watched_; // marks whose sites were used, and of which more can become certain
 };
 
 } // namespace vellum::layer

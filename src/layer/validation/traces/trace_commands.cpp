@@ -29,7 +29,7 @@ void useSite(DeviceValidation &device, const TracingSite &site, const StructureS
     const auto useStructure = [&](const std::shared_ptr<ValidatedStructure> &structure) {
         use.contents = structure && isOrdered ? structure->contents : nullptr;
         use.structure = structure;
-        device.traces.marks.use(site.mark, use);
+        device.traces.marks.use(site.mark->index(), use);
     };
     const auto structures =
         set ? device.traces.descriptors.structures(*set, site.binding->binding, site.binding->element)
@@ -45,8 +45,10 @@ void useSite(DeviceValidation &device, const TracingSite &site, const StructureS
 void bindTracingPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
                          VkPipeline pipeline)
 {
+    if (!device.gpu.on || !isKnown(point))
+        return;
     const auto log = device.logs.get(commandBuffer);
-    if (!log || !isKnown(point))
+    if (!log)
         return;
     auto &code = log->traces.at(point).code;
     code.clear();
@@ -57,7 +59,7 @@ void bindTracingPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer
 void bindTracingShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                         const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
 {
-    const auto log = device.logs.get(commandBuffer);
+    const auto log = device.gpu.on ? device.logs.get(commandBuffer) : nullptr;
     for (uint32_t i = 0; log && i < count; ++i) {
         auto &code = log->traces.at(pointOf(stages[i])).code;
         code.erase(0);
@@ -69,7 +71,7 @@ void bindTracingShaders(DeviceValidation &device, VkCommandBuffer commandBuffer,
 
 void runTracing(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point, const char *command)
 {
-    const auto log = device.logs.get(commandBuffer);
+    const auto log = device.gpu.on ? device.logs.get(commandBuffer) : nullptr;
     if (!log)
         return;
     PointBindings &bindings = log->traces.at(point);
@@ -79,7 +81,11 @@ void runTracing(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipel
             auto set = bound == bindings.sets.end() ? nullptr : bound->second;
             device.logs.add(commandBuffer, [&device, &site, command, code = code, set](const Submission &submission) {
                 useSite(device, site, set.get(), submission.ordered,
-                        {.command = command, .code = code, .structure = {}, .contents = {}});
+                        {.command = command,
+                         .code = code->handle,
+                         .shaderObject = code->shaderObject,
+                         .structure = {},
+                         .contents = {}});
             });
         }
     }

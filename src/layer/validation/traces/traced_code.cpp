@@ -123,11 +123,10 @@ std::vector<uint32_t> withMarks(DeviceValidation &device, const Stage &stage, st
     for (const spirv::TraceSite &site : found) {
         const uint32_t rules = rulesOf(device.driver.enabled, site.query, hasMode, stage.flags) |
                                (device.traces.deserializes ? kRuleDeserialized : 0);
-        const auto mark =
-            rules != 0 && site.binding ? device.traces.marks.add(device.buffers.gpu, rules) : std::nullopt;
-        marks.push_back(mark.value_or(UINT32_MAX));
+        const auto mark = rules != 0 && site.binding ? device.traces.marks.add(device.buffers.gpu, rules) : nullptr;
+        marks.push_back(mark ? mark->index() : UINT32_MAX);
         if (mark)
-            marked.push_back({*mark, rules, site.binding});
+            marked.push_back({mark, rules, site.binding});
     }
     if (marked.empty())
         return {};
@@ -175,20 +174,30 @@ public:
         if (!modules_.empty() && !anyFirst_)
             CommandReports::cover("VELLUM-pipeline-without-micromaps");
     }
+    // Before the pipelines are created: nothing may fail later, since the marks of their shaders must stay theirs.
+    void prepare()
+    {
+        for (Made &made : made_) {
+            if (made.sites.empty())
+                continue;
+            made.code = std::make_shared<TracingCode>();
+            made.code->sites = std::move(made.sites);
+            made.entry = device_.traces.pipelines.entry(made.code);
+        }
+    }
     // The pipelines were created.
-    void set(uint32_t count, const VkPipeline *pipelines) const
+    void set(uint32_t count, const VkPipeline *pipelines)
     {
         for (uint32_t i = 0; i < count; ++i) {
             if (!pipelines[i])
                 continue;
-            if ((made_[i].flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
-                device_.traces.libraries.set(pipelines[i], made_[i].flags);
-            if (made_[i].sites.empty())
+            Made &made = made_[i];
+            if ((made.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
+                remember([&] { device_.traces.libraries.set(pipelines[i], made.flags); });
+            if (!made.code)
                 continue;
-            auto code = std::make_shared<TracingCode>();
-            code->handle = {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(pipelines[i])};
-            code->sites = made_[i].sites;
-            device_.traces.pipelines.set(pipelines[i], std::move(code));
+            made.code->handle = {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(pipelines[i])};
+            device_.traces.pipelines.set(pipelines[i], std::move(made.entry));
         }
     }
 
@@ -197,13 +206,17 @@ private:
         VkFlags64 flags = 0;
         bool binaries = false; // it has no code
         std::vector<TracingSite> sites;
+        std::shared_ptr<TracingCode> code; // null: without sites
+        decltype(DeviceTraces::pipelines)::Entry entry;
     };
 
     void begin(const void *pNext, VkPipelineCreateFlags flags)
     {
         made_.push_back({.flags = pipelineFlags(pNext, flags),
                          .binaries = findInChain(pNext, newer::kPipelineBinaryInfo) != nullptr,
-                         .sites = {}});
+                         .sites = {},
+                         .code = {},
+                         .entry = {}});
     }
 
     void change(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
@@ -239,10 +252,9 @@ private:
         VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
         info.codeSize = marked.size() * sizeof(uint32_t);
         info.pCode = marked.data();
-        VkShaderModule module = VK_NULL_HANDLE;
+        VkShaderModule &module = modules_.emplace_back(VK_NULL_HANDLE);
         if (device_.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &module) != VK_SUCCESS)
-            return;
-        modules_.push_back(module);
+            return modules_.pop_back();
         made.sites.insert(made.sites.end(), sites.begin(), sites.end());
         stage.module = module;
         Chain &chain = chains_.emplace_back(stage.pNext);
@@ -275,6 +287,7 @@ VkResult createPipelines(DeviceValidation &device, uint32_t count, const Info *i
     MarkedPipelines marked(device);
     for (Info &info : own)
         marked.change(info);
+    marked.prepare();
     marked.coverWarnings();
     const VkResult result = create(own.data());
     marked.set(count, pipelines);
@@ -323,11 +336,15 @@ VkResult createShaderModule(DeviceValidation &device, VkDevice handle, const VkS
 {
     checkModule(device, *info);
     const VkResult result = device.next.CreateShaderModule(handle, info, allocator, module);
-    if (result == VK_SUCCESS)
+    if (result != VK_SUCCESS)
+        return result;
+    remember([&] {
         keepModule(device, *info, *module);
-    const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
-    if (result == VK_SUCCESS && (device.checks.gpu || device.checks.core) && spirv::scan(words).tracesRays)
-        device.traces.modules.set(*module, std::make_shared<const std::vector<uint32_t>>(words.begin(), words.end()));
+        const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
+        if ((device.checks.gpu || device.checks.core) && spirv::scan(words).tracesRays)
+            device.traces.modules.set(*module,
+                                      std::make_shared<const std::vector<uint32_t>>(words.begin(), words.end()));
+    });
     return result;
 }
 
@@ -374,7 +391,7 @@ VkResult createRayTracingPipelines(DeviceValidation &device, VkDevice handle, Vk
     // The create infos of a deferred operation are used, and the handles are written, after this command.
     const VkResult result = deferred ? create(infos) : createPipelines(device, count, infos, pipelines, create);
     if (result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR)
-        keepLibraries(device, count, infos, pipelines);
+        remember([&] { keepLibraries(device, count, infos, pipelines); });
     return result;
 }
 
@@ -392,7 +409,8 @@ VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count
 {
     checkShaders(device, count, infos);
     std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
-    std::vector<std::vector<TracingSite>> sites(count);
+    std::vector<std::shared_ptr<TracingCode>> codes(count);
+    std::vector<decltype(DeviceTraces::shaders)::Entry> entries(count);
     std::deque<std::vector<uint32_t>> words;
     constexpr auto kPromise =
         static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
@@ -402,23 +420,24 @@ VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count
             continue;
         const VkFlags64 flags = (info.flags & kPromise) != 0 ? kMixedPromise : 0;
         const auto *code = static_cast<const uint32_t *>(info.pCode);
-        auto marked = withMarks(
-            device, {info.stage, {code, info.codeSize / 4}, info.pName, info.pSpecializationInfo, flags}, sites[i]);
+        codes[i] = std::make_shared<TracingCode>();
+        codes[i]->shaderObject = true;
+        auto marked =
+            withMarks(device, {info.stage, {code, info.codeSize / 4}, info.pName, info.pSpecializationInfo, flags},
+                      codes[i]->sites);
         if (marked.empty())
             continue;
+        entries[i] = device.traces.shaders.entry(codes[i]);
         words.push_back(std::move(marked));
         info.pCode = words.back().data();
         info.codeSize = words.back().size() * sizeof(uint32_t);
     }
     const VkResult result = device.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
     for (uint32_t i = 0; i < count; ++i) {
-        if (!shaders[i] || sites[i].empty())
+        if (!shaders[i] || entries[i].empty())
             continue;
-        auto code = std::make_shared<TracingCode>();
-        code->handle = {static_cast<VkObjectType>(1000482000), reinterpret_cast<uint64_t>(shaders[i])};
-        code->shaderObject = true;
-        code->sites = sites[i];
-        device.traces.shaders.set(shaders[i], std::move(code));
+        codes[i]->handle = {static_cast<VkObjectType>(1000482000), reinterpret_cast<uint64_t>(shaders[i])};
+        device.traces.shaders.set(shaders[i], std::move(entries[i]));
     }
     return result;
 }

@@ -28,9 +28,9 @@ struct DeviceTraces {
     MemoryPool memory; // of captures
     DescriptorTracker descriptors{};
     TraceMarks marks{};
-    std::atomic<bool> deserializes = false;                                      // a structure was deserialized
-    VkShaderStageFlags storingStages = 0;                                        // whose shaders may write to memory
-    HandleMap<VkDeviceAddress, std::weak_ptr<ValidatedStructure>> byReference{}; // as instances name them
+    std::atomic<bool> deserializes = false; // a structure was deserialized
+    VkShaderStageFlags storingStages = 0;   // whose shaders may write to memory
+    StructuresByReference byReference{};
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
     HandleMap<newer::ShaderEXT, std::shared_ptr<const TracingCode>> shaders{};

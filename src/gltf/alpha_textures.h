@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decodes the images of a document as far as its size allows: a small file can have many large images, and materials
+// that read one of them in many ways.
+#pragma once
+
+#include <exception>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <tuple>
+
+#include "gltf/primitive.h"
+
+namespace vellum
+{
+
+// Decodes images. Not more texels than their bytes can be worth, and some in addition.
+class ImageDecoder
+{
+public:
+    explicit ImageDecoder(const Document &document);
+
+    // Throws what readImage() throws, and GltfError for too many texels.
+    Image decode(int image) { return decode(image, readEncodedImage(document_, image)); }
+    Image decode(int image, const EncodedImage &encoded);
+    // Other work on so many texels. Throws GltfError for too many.
+    void account(uint64_t texels);
+
+private:
+    const Document &document_;
+    uint64_t allowance_;          // of texels
+    std::set<std::string> files_; // that are counted in it
+};
+
+// What decides the alpha at a texture coordinate.
+using TextureKey = std::tuple<int, Wrap, Wrap, Filter, float>;
+TextureKey textureKeyOf(const Material &material);
+
+// Makes the alpha textures of materials. Those that are alike, or have the same image, should be asked for one after
+// another: the last one and its image are kept.
+class AlphaTextures
+{
+public:
+    explicit AlphaTextures(const Document &document) : images_(document) {}
+
+    // Throws what readImage() throws, and GltfError for too many texels.
+    std::shared_ptr<const AlphaTexture> of(const Material &material);
+    [[nodiscard]] ImageDecoder &images() { return images_; }
+
+private:
+    ImageDecoder images_;
+    int decoded_ = -1; // the number of image_
+    Image image_;
+    std::exception_ptr failure_;    // why there is none
+    std::optional<TextureKey> key_; // of texture_
+    std::shared_ptr<const AlphaTexture> texture_;
+};
+
+} // namespace vellum

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// How long the driver's buffers live. A command or structure that is given an address is recorded with a buffer that
+// contains it. Where buffers alias each other in memory that may not be the one that the application means, and the
+// application may destroy it at any time: only memory must outlive commands by address. So all who name a buffer found
+// by an address own it together with the application, and the last one destroys it.
+//
+// The application may also free the memory of such a buffer first, as of any buffer (vkFreeMemory).
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::layer
+{
+
+struct DeviceBuffers;
+
+class DriverBuffer
+{
+public:
+    DriverBuffer(DeviceBuffers &device, VkBuffer handle) : device_(device), handle_(handle) {}
+    ~DriverBuffer();
+    DriverBuffer(const DriverBuffer &) = delete;
+    DriverBuffer &operator=(const DriverBuffer &) = delete;
+
+    // By the application. Without it, the destructor leaves the driver's buffer alone.
+    void destroy() { destroyed_ = true; }
+
+private:
+    DeviceBuffers &device_;
+    const VkBuffer handle_;
+    bool destroyed_ = false; // written by an owner, read when there is none left
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scratch memory of command buffers: how much of it stays allocated.
+#include "layer/memory/scratch_memory.h"
+#include "memory_device.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace vellum::test
+{
+namespace
+{
+
+using layer::MemoryPool;
+using layer::ScratchMemory;
+
+constexpr VkDeviceSize kMiB = 1024 * 1024;
+constexpr size_t kCommandBuffers = 50;
+
+class ScratchMemories : public testing::Test
+{
+protected:
+    ScratchMemories()
+    {
+        for (size_t i = 0; i < kCommandBuffers; ++i)
+            buffers_.push_back(std::make_unique<ScratchMemory>(pool_));
+    }
+    void record(VkDeviceSize bytes)
+    {
+        for (const auto &buffer : buffers_) {
+            buffer->reset();
+            buffer->restart();
+            EXPECT_NE(buffer->allocate(bytes), 0u);
+        }
+    }
+    [[nodiscard]] static VkDeviceSize allocated() { return MemoryDevice::allocatedBytes(); }
+
+    MemoryDevice device_;
+    MemoryPool pool_{device_.context(), layer::kScratchAlignment, layer::scratchUsage,
+                     layer::GpuBuffer::Content::DevicesOnly};
+    std::vector<std::unique_ptr<ScratchMemory>> buffers_;
+};
+
+TEST_F(ScratchMemories, ResetsReturnLargePieces)
+{
+    record(16 * kMiB);
+    EXPECT_GE(allocated(), kCommandBuffers * 16 * kMiB);
+    for (const auto &buffer : buffers_)
+        buffer->reset();
+    EXPECT_LE(allocated(), 512 * kMiB);
+    record(1000);
+    EXPECT_LE(allocated(), 512 * kMiB);
+}
+
+TEST_F(ScratchMemories, TrimmedPoolsHaveNoUnusedBlock)
+{
+    record(16 * kMiB);
+    for (const auto &buffer : buffers_)
+        buffer->release();
+    pool_.trim();
+    EXPECT_EQ(allocated(), 0u);
+    record(16 * kMiB); // it goes on working
+    EXPECT_GE(allocated(), kCommandBuffers * 16 * kMiB);
+}
+
+// One command buffer after the other is recorded again, as by a program that has some in flight.
+TEST_F(ScratchMemories, RecordingAgainAllocatesNothing)
+{
+    record(16 * kMiB);
+    const long allocations = MemoryDevice::allocations();
+    for (int frame = 0; frame < 5; ++frame)
+        record(16 * kMiB);
+    EXPECT_EQ(MemoryDevice::allocations(), allocations);
+}
+
+} // namespace
+} // namespace vellum::test

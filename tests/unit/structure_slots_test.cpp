@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// The instance slots of top-level structures that grow: old ones come back once nothing can access them.
+#include <array>
+#include <memory>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "core/records.h"
+#include "layer/state/device_state.h"
+#include "memory_device.h"
+
+namespace
+{
+
+using namespace vellum::layer;
+using namespace vellum::shared;
+
+class StructureSlots : public testing::Test
+{
+protected:
+    StructureSlots()
+    {
+        EXPECT_EQ(state_.root.create(device_.context()), VK_SUCCESS);
+        structure_.location = state_.locations.acquire({1, 0});
+        structure_.location->descriptor.words = words_.data();
+    }
+    // As the device does when it executes a build with these slots.
+    void execute(const SlotRange &slots)
+    {
+        words_[2] = kDescriptorTop;
+        words_[kDescriptorFirstSlot] = slots.first();
+    }
+    std::shared_ptr<SlotRange> record(uint32_t count) { return slotsFor(state_, structure_, count); }
+    // So that the structure's slots cannot be extended.
+    void occupyTheNext() { others_.push_back(state_.root.allocateSlots(1)); }
+
+    const vellum::test::MemoryDevice device_;
+    std::array<uint32_t, kDescriptorWords> words_{};
+    Driver driver_;
+    DeviceBuffers buffers_{driver_};
+    DeviceState state_{driver_, buffers_};
+    AccelerationStructure structure_;
+    std::vector<std::shared_ptr<SlotRange>> others_;
+};
+
+// In all, the structure has had three times as many slots as there are.
+TEST_F(StructureSlots, OfAGrowingStructureComeBack)
+{
+    for (uint32_t count = 1 << 16; count < 7u << 20; count += count / 4) {
+        const auto slots = record(count);
+        ASSERT_TRUE(slots) << count;
+        ASSERT_GE(slots->count(), count);
+        execute(*slots);
+        occupyTheNext();
+    }
+}
+
+TEST_F(StructureSlots, AreExtendedWhereTheNextAreFree)
+{
+    const auto first = record(100);
+    for (uint32_t count = 100; count < 3u << 20; count += count / 4)
+        ASSERT_EQ(record(count), first) << count;
+    EXPECT_EQ(first->first(), 0u);
+    const auto next = state_.root.allocateSlots(1);
+    EXPECT_EQ(next->first(), first->count());
+    EXPECT_TRUE(structure_.location->outgrownSlots.empty());
+    EXPECT_NE(record(first->count() + 1), first);
+}
+
+TEST_F(StructureSlots, StayWhileACommandBufferUsesThem)
+{
+    std::weak_ptr<SlotRange> first = record(100);
+    auto commands = first.lock()->use();
+    occupyTheNext();
+    execute(*record(1000));
+    occupyTheNext();
+    execute(*record(10000));
+    EXPECT_FALSE(first.expired());
+    commands.reset();
+    occupyTheNext();
+    (void)record(100000);
+    EXPECT_TRUE(first.expired());
+}
+
+TEST_F(StructureSlots, StayWhileTheContentUsesThem)
+{
+    std::weak_ptr<SlotRange> first = record(100);
+    execute(*first.lock());
+    occupyTheNext();
+    std::weak_ptr<SlotRange> second = record(1000); // never executed
+    occupyTheNext();
+    const auto third = record(10000);
+    EXPECT_FALSE(first.expired());
+    occupyTheNext();
+    (void)record(100000);
+    EXPECT_TRUE(second.expired());
+    EXPECT_FALSE(first.expired());
+    execute(*third);
+    occupyTheNext();
+    (void)record(1000000);
+    EXPECT_TRUE(first.expired());
+}
+
+// Commands that name a destroyed structure cannot be submitted any more.
+TEST_F(StructureSlots, GoWithTheStructure)
+{
+    std::weak_ptr<SlotRange> slots = record(100);
+    const auto commands = slots.lock()->use();
+    state_.locations.release({1, 0});
+    structure_.location.reset();
+    EXPECT_TRUE(slots.expired());
+}
+
+} // namespace
