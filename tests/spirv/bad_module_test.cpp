@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 namespace vellum::test
@@ -190,6 +191,35 @@ TEST(Modules, DecorationsBeforeAnUnknownType)
     without.erase(without.begin() + static_cast<ptrdiff_t>(unknown),
                   without.begin() + static_cast<ptrdiff_t>(unknown + 2));
     EXPECT_EQ(validate(without), "");
+}
+
+// Instructions of ray queries that nobody here knows, such as those of SPV_NV_linear_swept_spheres, stay as they are.
+// Spheres are candidates of the type of triangles; since their geometries have no micromaps, they are resolved as
+// triangles without one.
+TEST(Modules, UnknownInstructionsOfQueriesStay)
+{
+    constexpr uint32_t kIsSphereHit = 5438, kProceed = 4477, kGetType = 4479;
+    const Module original = loadShader("flags.comp", "v15");
+    uint32_t type = 0, query = 0, intersection = 0;
+    size_t after = 0;
+    spirv::visitInstructions(original, [&](spirv::Words in) {
+        if (spirv::opcodeOf(in) == kProceed)
+            type = in[1];
+        else if (spirv::opcodeOf(in) == kGetType && after == 0) {
+            query = in[3];
+            intersection = in[4];
+            after = static_cast<size_t>(in.data() - original.data()) + in.size();
+        }
+        return true;
+    });
+    ASSERT_NE(type, 0u);
+    ASSERT_NE(after, 0u);
+    Module words = original;
+    const Module added{5u << 16 | kIsSphereHit, type, words[3]++, query, intersection};
+    words.insert(words.begin() + static_cast<ptrdiff_t>(after), added.begin(), added.end());
+    const auto result = spirv::rewrite(words, {.rootAddress = 0x1000});
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_EQ(std::ranges::search(result.words, added).size(), added.size());
 }
 
 } // namespace
