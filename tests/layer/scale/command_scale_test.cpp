@@ -84,6 +84,7 @@ TEST_F(CommandScale, TracesInThousandsOfCommandBuffers)
     }
     EXPECT_NE(std::set<std::string>(expected.begin(), expected.end()).size(), 1u);
     free(buffers);
+    vkTrimCommandPool(gpu().device(), gpu().pool(), 0); // some unused memory is kept until then
     EXPECT_LE(allocations() - before, 1u);
 }
 
@@ -111,6 +112,7 @@ TEST_F(CommandScale, CopiesInThousandsOfCommandBuffers)
                   expected);
     }
     free(buffers);
+    vkTrimCommandPool(gpu().device(), gpu().pool(), 0); // some unused memory is kept until then
     EXPECT_LE(allocations() - before, 1u);
 }
 
@@ -165,6 +167,7 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
     const Blas compactable(gpu(), patchwork_.geometries(), VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR);
     const VkDeviceSize expected = queried(gpu(), compactable, kType);
     const uint64_t before = allocations();
+    uint64_t kept = 0; // memory of pools that were destroyed, for others
     for (int round = 0; round < 2; ++round) {
         std::vector<QueryPool> pools;
         timed("create" + std::to_string(round), scaled(2000), [&](size_t) { pools.emplace_back(gpu(), kType, 2); });
@@ -183,8 +186,11 @@ TEST_F(CommandScale, ThousandsOfQueryPools)
                       VK_NOT_READY);
             EXPECT_EQ(nothing[1], 0u);
         }
+        pools.clear();
+        if (round == 0)
+            kept = allocations() - before;
     }
-    EXPECT_LE(allocations() - before, 2u);
+    EXPECT_EQ(allocations() - before, kept);
 }
 
 // More than are looked up without a lock (entry/device.cpp), made and destroyed in turns.

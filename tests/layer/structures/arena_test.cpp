@@ -72,7 +72,8 @@ TEST_F(ArenaTest, WhatAnOperationMayNotWriteToIsCompared)
     b.bytes()[63] ^= 1;
     before.expectOnlyChanged(std::array{b.range()}, "a write to b");
     a.bytes()[0] ^= 1;
-    EXPECT_NONFATAL_FAILURE(before.expectOnlyChanged(std::array{b.range()}, "a write to a"), "a write to a: 1 bytes");
+    EXPECT_NONFATAL_FAILURE(before.expectOnlyChanged(std::array{b.range()}, "a write to a"),
+                            "a write to a: bytes changed that it may not write to (1 bytes");
     b.bytes()[64] ^= 1;
     EXPECT_NONFATAL_FAILURE(gpu().arena()->expectIntact("a write behind b"), "a write behind b");
     EXPECT_FALSE(b.intact());
