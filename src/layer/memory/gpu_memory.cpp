@@ -138,6 +138,8 @@ VkResult GpuBuffer::make(const GpuContext &context, VkDeviceSize bytes, VkBuffer
         if (result != VK_ERROR_OUT_OF_DEVICE_MEMORY)
             break;
     }
+    if (result != VK_SUCCESS)
+        memory_ = VK_NULL_HANDLE; // undefined after a failure, as is buffer_
     void *mapped = nullptr;
     if (result == VK_SUCCESS)
         result = next.BindBufferMemory(context.device, buffer_, memory_, 0);
@@ -177,8 +179,10 @@ VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags 
     bufferInfo.usage = kUsage | extraUsage;
     share(bufferInfo, context_);
     VkResult result = next.CreateBuffer(context_.device, &bufferInfo, nullptr, &buffer_);
-    if (result != VK_SUCCESS)
+    if (result != VK_SUCCESS) {
+        buffer_ = VK_NULL_HANDLE;
         return result;
+    }
     VkMemoryRequirements requirements{};
     next.GetBufferMemoryRequirements(context_.device, buffer_, &requirements);
     VkMemoryHostPointerPropertiesEXT host{VK_STRUCTURE_TYPE_MEMORY_HOST_POINTER_PROPERTIES_EXT};
@@ -195,7 +199,9 @@ VkResult GpuBuffer::makeOn(void *memory, VkDeviceSize bytes, VkBufferUsageFlags 
                                           VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
     const VkMemoryAllocateInfo allocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, bytes, types.front()};
     result = next.AllocateMemory(context_.device, &allocateInfo, nullptr, &memory_);
-    if (result == VK_SUCCESS)
+    if (result != VK_SUCCESS)
+        memory_ = VK_NULL_HANDLE;
+    else
         result = next.BindBufferMemory(context_.device, buffer_, memory_, 0);
     if (result != VK_SUCCESS)
         return result;
