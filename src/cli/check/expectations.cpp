@@ -7,11 +7,8 @@
 #include <utility>
 
 #include "cli/base/error.h"
-<<<<<<< HEAD
-#include "core/utf8_path.h"
-=======
 #include "cli/check/case_id.h"
->>>>>>> main
+#include "core/utf8_path.h"
 
 namespace vellum::cli
 {
