@@ -26,5 +26,5 @@ case $target in
   gltf_fuzz | inspect_fuzz) longest=131072 seconds=25 ;; # small files that ask for much work
 esac
 UBSAN_OPTIONS=print_stacktrace=1 \
-  exec "$program" -artifact_prefix="$work/findings/" -timeout=$seconds -rss_limit_mb=2048 -malloc_limit_mb=1024 \
+  exec "$program" -artifact_prefix="$work/findings/" -timeout=$seconds -report_slow_units=$seconds -rss_limit_mb=2048 -malloc_limit_mb=1024 \
   -max_len=$longest -len_control=0 "$@" "$work/corpus" "$seeds/$target"

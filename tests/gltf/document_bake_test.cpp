@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "glb_file.h"
+#include "gltf/alpha_textures.h"
 #include "gltf/primitive.h"
 
 using namespace vellum;
@@ -379,4 +380,39 @@ TEST(DocumentBake, ReadsAnImageOnceForAllMaterials)
             EXPECT_EQ(bake.primitives[i].micromap.micromap, i);
         }
     }
+}
+
+// Primitives that share their indices, which take no bytes at all.
+TEST(DocumentBake, TakesNoMoreTrianglesThanAFileCanHave)
+{
+    std::string primitives;
+    for (int i = 0; i < 40; ++i)
+        primitives +=
+            std::string(i == 0 ? "" : ", ") + R"({"attributes": {"POSITION": 0}, "indices": 1, "material": 0})";
+    const std::string json = R"({"asset": {"version": "2.0"}, "materials": [{"alphaMode": "MASK"}], "accessors": [
+        {"componentType": 5126, "count": 3, "type": "VEC3"}, {"componentType": 5125, "count": 4194303, "type": "SCALAR"}],
+        "meshes": [{"primitives": [)" +
+                             primitives + "]}]}";
+    const TemporaryFolder folder;
+    writeFile(folder / "test.gltf", {json.begin(), json.end()});
+    try {
+        bakeDocument(Document(folder / "test.gltf"), optionsOf());
+        ADD_FAILURE();
+    } catch (const GltfError &error) {
+        EXPECT_NE(std::string(error.what()).find("alpha-tested triangles"), std::string::npos) << error.what();
+    }
+}
+
+TEST(ImageDecoder, DecodesNoMoreThanTheBytesCanBeWorth)
+{
+    const TemporaryFolder folder;
+    writeFile(folder / "test.glb", cardGlb());
+    const Document document(folder / "test.glb");
+    constexpr uint64_t kTexels = 16 * 16;
+    const uint64_t most = (uint64_t{1} << 27) + 8 * kMostTexelsPerByte * document.model().buffers[0].data.size();
+    ImageDecoder decoder(document);
+    EXPECT_EQ(decoder.decode(0).width, 16u);
+    decoder.account(most - 2 * kTexels);
+    EXPECT_EQ(decoder.decode(0).width, 16u);
+    EXPECT_THROW(decoder.decode(0), GltfError);
 }

@@ -45,8 +45,8 @@ struct Source {
 constexpr size_t kMostLayers = 16;
 // How many of them are made in the time that it takes to decode the texture.
 constexpr size_t kMapsForImage = 16;
-// Of all primitives.
-constexpr size_t kMostTriangles = size_t{1} << 26;
+// Of all primitives, and one for each byte of the file's buffers. Primitives can share their indices.
+constexpr size_t kMostTriangles = size_t{1} << 24;
 
 bool matches(const std::string &name, const std::vector<std::string> &patterns)
 {
@@ -191,8 +191,11 @@ void DocumentBaker::addPrimitive(PrimitivePlace place)
         return skip(place, material.name, SkipReason::AmbiguousTriangles,
                     "its uncompressed data has other triangles than its compressed data");
     total_ += primitive.triangleCount();
-    if (total_ > kMostTriangles)
-        throw GltfError("it has more than " + std::to_string(kMostTriangles) + " alpha-tested triangles");
+    size_t most = kMostTriangles;
+    for (const gltf_json::Buffer &buffer : model.buffers)
+        most += buffer.data.size();
+    if (total_ > most)
+        throw GltfError("it has more than " + std::to_string(most) + " alpha-tested triangles");
     const size_t declared =
         source.indices < 0 ? primitive.indices.size() : model.accessors.at(static_cast<size_t>(source.indices)).count;
     if (draco && declared / 3 != primitive.triangleCount())
