@@ -131,8 +131,8 @@ private:
     uint32_t usedBuckets_ = 0;     // including deleted ones
     VkDeviceAddress heldKeys_ = 0; // number of synthetic keys ever allocated
     std::unordered_map<VkDeviceAddress, Descriptor> descriptors_;
-    StructureDescriptorPool structureDescriptors_; // written by the device
-    StructureDescriptorPool micromapDescriptors_;  // written by the host
+    StructureDescriptorPool structureDescriptors_{StructureDescriptorPool::Writer::Device};
+    StructureDescriptorPool micromapDescriptors_{StructureDescriptorPool::Writer::Host};
 };
 
 } // namespace vellum::layer
