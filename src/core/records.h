@@ -175,13 +175,15 @@ VELLUM_CONST uint kGreatestRecordOffset = kGpuErrorCounters;
 
 // --- hash table of acceleration structures: header (4 words: mask of the bucket index), then buckets ---
 // bucket word 0, 1: key, the acceleration structure reference; 0 empty, ~0 deleted
-// bucket word 2, 3: address of a descriptor
+// bucket word 2, 3: address of a descriptor, with its generation
 VELLUM_CONST uint kHashHeaderWords = 4u;
 VELLUM_CONST uint kHashBucketWords = 4u;
 
 // --- descriptor: states what an acceleration structure holds; the GPU writes it when a build or a copy executes ---
+// Its memory is used again for other structures, and is not zeroed. So each use has a generation, which is in the low
+// bits of every address of the descriptor. A descriptor that was written with another one states nothing.
 // word 0, 1: address of the tail; of a BLAS without records: end of the driver's part, 0 if that is unknown
-// word 2: kDescriptor*
+// word 2: kDescriptor* in the low 8 bits, and the generation
 // word 3: 16-byte units of the tail
 // word 4: number of geometry records or of instances
 // word 5: of a BLAS: 16-byte units of the tail without data units, which come last
@@ -194,6 +196,9 @@ VELLUM_CONST uint kHashBucketWords = 4u;
 // A descriptor of instances in serialized data has the address of the handles in words 6, 7.
 VELLUM_CONST uint kDescriptorWords = 8u;
 VELLUM_CONST uint kDescriptorFirstSlot = 6u;
+VELLUM_CONST uint kDescriptorGenerations = 32u; // as many as descriptors have bytes, so that the low bits are free
+VELLUM_CONST uint kDescriptorKindMask = 0xffu;
+VELLUM_CONST uint kDescriptorGenerationShift = 8u;
 VELLUM_CONST uint kDescriptorUnbuilt = 0u; // nothing was built
 VELLUM_CONST uint kDescriptorBottom = 1u;  // a BLAS with geometry records
 VELLUM_CONST uint kDescriptorTop = 2u;     // a TLAS

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cells on memory that the host may only write while nothing on the same page is in use.
+// Descriptors in memory that either the device or the host writes, and that is used again.
 #include <algorithm>
 #include <set>
 #include <vector>
@@ -15,81 +15,106 @@ namespace
 
 using namespace vellum::layer;
 using namespace vellum::shared;
-
-constexpr uintptr_t kPage = StructureDescriptorPool::kPageBytes;
+using Writer = StructureDescriptorPool::Writer;
 
 class StructureDescriptorPools : public ::testing::Test
 {
 protected:
-    // As the device: all words of a descriptor.
-    void write(uint32_t descriptor, uint32_t value) { std::fill_n(pool_.words(descriptor), kDescriptorWords, value); }
-    [[nodiscard]] bool holds(uint32_t descriptor, uint32_t value) const
+    // As the device or the host: all words of a descriptor, whose kind is not 0.
+    static void write(StructureDescriptorPool &pool, uint32_t descriptor)
     {
-        return std::count(pool_.words(descriptor), pool_.words(descriptor) + kDescriptorWords, value) ==
-               kDescriptorWords;
+        uint32_t *words = pool.words(descriptor);
+        std::fill_n(words, kDescriptorWords, ~descriptor); // not a kind
+        words[2] = kDescriptorBottom | generation(pool, descriptor) << kDescriptorGenerationShift;
     }
-    static uintptr_t pageOf(const uint32_t *words) { return reinterpret_cast<uintptr_t>(words) / kPage; }
+    static bool holds(const StructureDescriptorPool &pool, uint32_t descriptor)
+    {
+        const uint32_t *words = pool.words(descriptor);
+        return std::count(words, words + kDescriptorWords, ~descriptor) == kDescriptorWords - 1 &&
+               states(pool, descriptor);
+    }
+    static uint32_t generation(const StructureDescriptorPool &pool, uint32_t descriptor)
+    {
+        return static_cast<uint32_t>(pool.location(descriptor).address % kDescriptorGenerations);
+    }
+    // As shaders do (loadDescriptor).
+    static bool states(const StructureDescriptorPool &pool, uint32_t descriptor)
+    {
+        const uint32_t kind = pool.words(descriptor)[2];
+        return kind >> kDescriptorGenerationShift == generation(pool, descriptor) &&
+               (kind & kDescriptorKindMask) != kDescriptorUnbuilt;
+    }
 
     const vellum::test::MemoryDevice device_;
     const GpuContext &context_ = device_.context();
-    StructureDescriptorPool pool_;
 };
 
-// The host has written to a page if descriptors that were in use before are of zeroes again.
-TEST_F(StructureDescriptorPools, WritesOnlyPagesWithoutDescriptorsInUse)
+TEST_F(StructureDescriptorPools, ThoseInUseStayAndNewOnesStateNothing)
 {
-    std::vector<uint32_t> live;
-    uint32_t random = 1;
-    for (int step = 0; step < 20000; ++step) {
-        random = random * 1664525u + 1013904223u;
-        if (live.empty() || (random >> 16) % 100 < (step / 2500 % 2 == 0 ? 70u : 30u)) {
-            // What is given out is of zeroes, and what is in use beside it is as it was.
-            const uint32_t descriptor = pool_.acquire(context_);
-            ASSERT_NE(descriptor, StructureDescriptorPool::kNone);
-            ASSERT_TRUE(holds(descriptor, 0)) << "step " << step;
-            for (const uint32_t other : live) {
-                ASSERT_NE(other, descriptor);
-                if (pageOf(pool_.words(other)) == pageOf(pool_.words(descriptor))) {
-                    ASSERT_TRUE(holds(other, other + 1)) << "step " << step;
+    for (const Writer writer : {Writer::Device, Writer::Host}) {
+        StructureDescriptorPool pool(writer);
+        std::vector<uint32_t> live;
+        std::set<uint32_t> inUse;
+        uint32_t random = 1;
+        for (int step = 0; step < 20000; ++step) {
+            random = random * 1664525u + 1013904223u;
+            if (live.empty() || (random >> 16) % 100 < (step / 2500 % 2 == 0 ? 70u : 30u)) {
+                const uint32_t descriptor = pool.acquire(context_);
+                ASSERT_NE(descriptor, StructureDescriptorPool::kNone);
+                ASSERT_TRUE(inUse.insert(descriptor).second);
+                ASSERT_FALSE(states(pool, descriptor)) << "step " << step;
+                if (writer == Writer::Host) {
+                    ASSERT_EQ(std::count(pool.words(descriptor), pool.words(descriptor) + kDescriptorWords, 0u),
+                              kDescriptorWords);
+                    ASSERT_EQ(generation(pool, descriptor), 0u);
                 }
+                write(pool, descriptor);
+                live.push_back(descriptor);
+            } else {
+                const size_t i = (random >> 8) % live.size();
+                ASSERT_TRUE(holds(pool, live[i])) << "step " << step;
+                pool.release(live[i]);
+                inUse.erase(live[i]);
+                live[i] = live.back();
+                live.pop_back();
             }
-            write(descriptor, descriptor + 1);
-            live.push_back(descriptor);
-        } else {
-            const size_t i = (random >> 8) % live.size();
-            pool_.release(live[i]);
-            live[i] = live.back();
-            live.pop_back();
         }
+        for (const uint32_t descriptor : live)
+            EXPECT_TRUE(holds(pool, descriptor));
     }
-    for (const uint32_t descriptor : live)
-        EXPECT_TRUE(holds(descriptor, descriptor + 1));
 }
 
-TEST_F(StructureDescriptorPools, KeepsDescriptorsReservedWhileTheirPageIsInUse)
+// Whatever lives next to them: one long-lived structure in a thousand keeps no other descriptor from being reused.
+TEST_F(StructureDescriptorPools, ReleasedOnesAreReused)
 {
-    const uint32_t first = pool_.acquire(context_);
-    const uint32_t kept = pool_.acquire(context_);
-    ASSERT_EQ(pageOf(pool_.words(first)), pageOf(pool_.words(kept)));
-    pool_.release(first);
-    std::set<uint32_t> others;
-    for (int i = 0; i < 10000; ++i)
-        others.insert(pool_.acquire(context_));
-    EXPECT_EQ(others.size(), 10000u);
-    EXPECT_FALSE(others.contains(first));
-    // And then it is: memory does not grow for ever.
-    pool_.release(kept);
-    for (const uint32_t descriptor : others)
-        pool_.release(descriptor);
+    StructureDescriptorPool pool(Writer::Device);
+    std::vector<uint32_t> longLived, others;
+    for (int i = 0; i < 20000; ++i)
+        (i % 100 == 0 ? longLived : others).push_back(pool.acquire(context_));
     const long allocations = vellum::test::MemoryDevice::alive();
-    for (int round = 0; round < 5; ++round) {
-        std::vector<uint32_t> descriptors;
-        for (int i = 0; i < 10000; ++i)
-            descriptors.push_back(pool_.acquire(context_));
-        for (const uint32_t descriptor : descriptors)
-            pool_.release(descriptor);
+    for (int round = 0; round < 50; ++round) { // more than there are generations
+        for (const uint32_t descriptor : others) {
+            write(pool, descriptor);
+            pool.release(descriptor);
+        }
+        for (uint32_t &descriptor : others) {
+            descriptor = pool.acquire(context_);
+            ASSERT_FALSE(states(pool, descriptor));
+        }
     }
     EXPECT_EQ(vellum::test::MemoryDevice::alive(), allocations);
+}
+
+// A capture tool may write back whole pages that the host has written to.
+TEST_F(StructureDescriptorPools, TheHostDoesNotWriteToThoseOfTheDevice)
+{
+    StructureDescriptorPool pool(Writer::Device);
+    const uint32_t descriptor = pool.acquire(context_);
+    write(pool, descriptor);
+    const std::vector<uint32_t> before(pool.words(descriptor), pool.words(descriptor) + kDescriptorWords);
+    pool.release(descriptor);
+    ASSERT_EQ(pool.acquire(context_), descriptor);
+    EXPECT_EQ(std::vector<uint32_t>(pool.words(descriptor), pool.words(descriptor) + kDescriptorWords), before);
 }
 
 } // namespace

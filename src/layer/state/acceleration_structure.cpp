@@ -165,8 +165,8 @@ bool takeDeserialized(StructureLocation &location)
     const auto word = [&location](uint32_t i) {
         return __atomic_load_n(location.descriptor.words + i, __ATOMIC_ACQUIRE);
     };
-    const uint32_t kind = word(2);
-    if (word(kind == kDescriptorBoxes ? 6 : 7) != location.deserialization || word(2) != kind)
+    const uint32_t kind = word(2) & kDescriptorKindMask;
+    if (word(kind == kDescriptorBoxes ? 6 : 7) != location.deserialization || (word(2) & kDescriptorKindMask) != kind)
         return false;
     switch (kind) {
     case kDescriptorTop:
@@ -278,7 +278,8 @@ void returnOutgrownSlots(StructureLocation &location)
         if (slots.use_count() > 1 || slots->isUsed())
             return false;
         std::atomic_thread_fence(std::memory_order_acquire);
-        const bool inUse = words && __atomic_load_n(words + 2, __ATOMIC_RELAXED) == kDescriptorTop &&
+        const bool inUse = words &&
+                           (__atomic_load_n(words + 2, __ATOMIC_RELAXED) & kDescriptorKindMask) == kDescriptorTop &&
                            __atomic_load_n(words + kDescriptorFirstSlot, __ATOMIC_RELAXED) == slots->first();
         return !inUse;
     });
@@ -297,8 +298,6 @@ std::shared_ptr<SlotRange> slotsFor(DeviceState &device, AccelerationStructure &
     // Half as many more, so that a growing structure rarely gets others.
     const uint32_t had = slots ? slots->count() : 0;
     for (const uint32_t wanted : {std::max(count, had + had / 2), count}) {
-        if (slots && device.root.extendSlots(*slots, wanted))
-            return slots;
         if (auto others = device.root.allocateSlots(wanted)) {
             if (slots)
                 location.outgrownSlots.push_back(std::move(slots));

@@ -196,28 +196,6 @@ std::shared_ptr<SlotRange> RootTable::allocateSlots(uint32_t count)
     });
 }
 
-bool RootTable::extendSlots(SlotRange &slots, uint32_t count)
-{
-    return orNothing([&] {
-        std::lock_guard lock(mutex_);
-        const uint32_t end = slots.first_ + slots.count_;
-        const uint32_t more = count - std::min(count, slots.count_);
-        const auto after = freeSlots_.find(end);
-        if (more > 0 &&
-            (after == freeSlots_.end() || after->second < more || !addPages((end + more - 1) >> kSlotsPerPageLog2)))
-            return false;
-        slots.count_ += more;
-        if (more > 0) {
-            auto rest = freeSlots_.extract(after);
-            rest.key() = end + more;
-            rest.mapped() -= more;
-            if (rest.mapped() > 0)
-                freeSlots_.insert(std::move(rest));
-        }
-        return true;
-    });
-}
-
 void RootTable::freeSlots(uint32_t first, uint32_t count)
 {
     if (count == 0)

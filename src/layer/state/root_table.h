@@ -43,10 +43,9 @@ public:
     [[nodiscard]] bool isUsed() const { return use_.use_count() > 1; }
 
 private:
-    friend class RootTable;
     RootTable &table_;
     uint32_t first_;
-    uint32_t count_; // only grows
+    uint32_t count_;
     std::shared_ptr<const void> use_ = std::make_shared<char>();
 };
 
@@ -62,8 +61,6 @@ public:
 
     // Null if the 2^24 slots or memory are used up.
     std::shared_ptr<SlotRange> allocateSlots(uint32_t count);
-    // Adds the slots after a range until it has `count`. False if not all of them are free, or there is no memory.
-    bool extendSlots(SlotRange &slots, uint32_t count);
 
     // The descriptor of the acceleration structure with this reference, which the first call creates. Each call is
     // paired with a releaseDescriptor: acceleration structures that alias each other have the same reference and
@@ -131,8 +128,8 @@ private:
     uint32_t usedBuckets_ = 0;     // including deleted ones
     VkDeviceAddress heldKeys_ = 0; // number of synthetic keys ever allocated
     std::unordered_map<VkDeviceAddress, Descriptor> descriptors_;
-    StructureDescriptorPool structureDescriptors_; // written by the device
-    StructureDescriptorPool micromapDescriptors_;  // written by the host
+    StructureDescriptorPool structureDescriptors_{StructureDescriptorPool::Writer::Device};
+    StructureDescriptorPool micromapDescriptors_{StructureDescriptorPool::Writer::Host};
 };
 
 } // namespace vellum::layer

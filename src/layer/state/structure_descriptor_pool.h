@@ -3,8 +3,8 @@
 //
 // Either the device or the host writes the descriptors of a pool. When the host has written to a part of a page of
 // mapped memory, a tool between the layer and the driver may write the whole page back, as capture tools with guarded
-// pages do, and so overwrite what the device has written to the rest. So the host writes to a page only while none of
-// its descriptors is in use: a released descriptor is not reused before all descriptors of its page are released.
+// pages do, and so overwrite what the device has written to the rest. So the host never writes to descriptors of the
+// device. A released one is reused as it is, with the next generation, by which shaders see that it states nothing.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ namespace vellum::layer
 
 // The location of the descriptor of an acceleration structure.
 struct StructureDescriptor {
-    VkDeviceAddress address = 0;
+    VkDeviceAddress address = 0; // and the generation, in its low bits
     VkBuffer buffer = VK_NULL_HANDLE;
     VkDeviceSize offset = 0;
     const uint32_t *words = nullptr; // mapped; read by the host once the device has written them
@@ -27,30 +27,24 @@ class StructureDescriptorPool
 {
 public:
     static constexpr uint32_t kNone = UINT32_MAX;
-    // The granularity at which tools guard host memory: the largest page of the processor's systems.
-#if defined(__x86_64__) || defined(__i386__)
-    static constexpr uint32_t kPageBytes = 4096;
-#else
-    static constexpr uint32_t kPageBytes = 65536;
-#endif
+    enum class Writer { Device, Host };
+    explicit StructureDescriptorPool(Writer writer) : writer_(writer) {}
 
-    // The number of a descriptor of zeros; kNone if there is no memory.
+    // The number of a descriptor that states nothing; kNone if there is no memory. One that the host writes is of
+    // zeros.
     uint32_t acquire(const GpuContext &context);
+    // The device must have finished everything that uses it.
     void release(uint32_t descriptor);
     [[nodiscard]] StructureDescriptor location(uint32_t descriptor) const;
     [[nodiscard]] uint32_t *words(uint32_t descriptor) const;
 
 private:
-    struct Page {
-        uint32_t taken = 0; // descriptors acquired since the page was empty
-        uint32_t inUse = 0;
-    };
     bool grow(const GpuContext &context);
 
+    const Writer writer_;
     std::vector<GpuBuffer> buffers_;
-    std::vector<Page> pages_;
-    std::vector<uint32_t> emptyPages_; // pages without descriptors in use; they may hold old content
-    uint32_t open_ = kNone;            // the page from which descriptors are acquired
+    std::vector<uint8_t> generations_; // of all descriptors
+    std::vector<uint32_t> free_;       // the last one is next
 };
 
 } // namespace vellum::layer

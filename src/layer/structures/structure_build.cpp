@@ -318,6 +318,8 @@ private:
         std::array<uint32_t, kDescriptorWords> words{};
         words[2] = kDescriptorPlain;
         setBoxes(words, part.build);
+        words[2] |= static_cast<uint32_t>(part.descriptor.address % kDescriptorGenerations)
+                    << kDescriptorGenerationShift;
         if (part.driverBytes > 0) {
             const VkDeviceAddress end = beginOf(device_.driver, part.target()) + part.driverBytes;
             std::memcpy(words.data(), &end, sizeof end);

@@ -12,19 +12,32 @@ struct Descriptor {
 
 layout(buffer_reference, std430, buffer_reference_align = 16) buffer Units { uvec4 at[]; };
 
+// The low bits of the address of a descriptor are its generation.
+uint generationOf(uvec2 address)
+{
+    return address.x & kDescriptorGenerations - 1u;
+}
+
+uvec2 descriptorWords(uvec2 address)
+{
+    return uvec2(address.x - generationOf(address), address.y);
+}
+
 Descriptor loadDescriptor(uvec2 address)
 {
-    Words c = Words(address);
-    return Descriptor(uvec2(c.w[0], c.w[1]), c.w[2], c.w[3], c.w[4], c.w[5], uvec2(c.w[6], c.w[7]));
+    Words c = Words(descriptorWords(address));
+    if (c.w[2] >> kDescriptorGenerationShift != generationOf(address))
+        return Descriptor(uvec2(0), kDescriptorUnbuilt, 0u, 0u, 0u, uvec2(0));
+    return Descriptor(uvec2(c.w[0], c.w[1]), c.w[2] & kDescriptorKindMask, c.w[3], c.w[4], c.w[5], uvec2(c.w[6], c.w[7]));
 }
 
 // Coherent, since the host may read a descriptor before the work is complete: sign() in structure_restore.comp.
 void storeDescriptor(uvec2 address, Descriptor descriptor)
 {
-    CoherentWords c = CoherentWords(address);
+    CoherentWords c = CoherentWords(descriptorWords(address));
     c.w[0] = descriptor.tail.x;
     c.w[1] = descriptor.tail.y;
-    c.w[2] = descriptor.kind;
+    c.w[2] = descriptor.kind | generationOf(address) << kDescriptorGenerationShift;
     c.w[3] = descriptor.units;
     c.w[4] = descriptor.count;
     c.w[5] = descriptor.recordUnits;

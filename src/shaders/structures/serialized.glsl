@@ -18,7 +18,7 @@ uint headerUnits(uint named)
 // The geometry records and micromap names in the tail of a descriptor, for loops over them.
 Units recordsOf(Descriptor descriptor, uvec2 other)
 {
-    return Units(readable(descriptor.tail, other));
+    return Units(readable(descriptor.tail, descriptorWords(other)));
 }
 
 // The name of geometry g's micromap; 0: it has no name.

@@ -203,8 +203,8 @@ uvec2 micromapInHeader(uint number, uint named, uint offset, uint units)
 void sign()
 {
     memoryBarrierBuffer();
-    CoherentWords descriptor = CoherentWords(push.descriptor);
-    descriptor.w[descriptor.w[2] == kDescriptorBoxes ? 6u : 7u] = push.serial;
+    CoherentWords descriptor = CoherentWords(descriptorWords(push.descriptor));
+    descriptor.w[(descriptor.w[2] & kDescriptorKindMask) == kDescriptorBoxes ? 6u : 7u] = push.serial;
 }
 
 void finish(uint me, uint all)

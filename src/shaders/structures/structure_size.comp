@@ -68,7 +68,7 @@ void main()
         result = bytesOfUnits(part + descriptor.units);
         // A compacted copy reads the offset of its tail from here.
         if (push.property == kPropertyCompactedSize)
-            Words(push.descriptor).w[6] = part;
+            Words(descriptorWords(push.descriptor)).w[6] = part;
     } else if (ends) {
         result = bytesOfUnits(min(unitsOfBytes(driver), offset));
     }

@@ -44,17 +44,17 @@ Referenced findReferenced(uvec2 reference)
     const uvec2 address = findDescriptor(push.root, reference);
     if ((address.x | address.y) == 0u)
         return found;
-    Words descriptor = Words(address);
+    const Descriptor descriptor = loadDescriptor(address);
     found.known = true;
-    found.built = descriptor.w[2] != kDescriptorUnbuilt && descriptor.w[2] != kDescriptorMicromap;
-    found.broken = descriptor.w[2] == kDescriptorBroken;
-    if (descriptor.w[2] == kDescriptorBottom) {
-        found.records = uvec2(descriptor.w[0], descriptor.w[1]);
-        found.geometries = descriptor.w[4];
+    found.built = descriptor.kind != kDescriptorUnbuilt && descriptor.kind != kDescriptorMicromap;
+    found.broken = descriptor.kind == kDescriptorBroken;
+    if (descriptor.kind == kDescriptorBottom) {
+        found.records = descriptor.tail;
+        found.geometries = descriptor.count;
     }
-    found.boxes = descriptor.w[2] == kDescriptorBoxes;
+    found.boxes = descriptor.kind == kDescriptorBoxes;
     if (found.boxes)
-        found.opaqueBoxes = descriptor.w[7];
+        found.opaqueBoxes = descriptor.extra.y;
     return found;
 }
 

@@ -343,7 +343,8 @@ TEST_F(BadCopies, HandlesThatNameNothing)
         for (const std::string &one : seen(gpu(), *target, rays))
             EXPECT_EQ(one, "");
     }
-    // Created but not built.
+    // Created but not built, with the descriptor of one that was.
+    std::make_unique<Blas>(gpu(), patchwork_->geometries()).reset();
     const auto unbuilt = made(kBottom, second.size());
     Serialized changed = data;
     changed.relocate([&](uint64_t handle) { return handle == second.address() ? unbuilt->address() : handle; });
@@ -369,7 +370,8 @@ TEST_F(BadCopies, DestroyedReferences)
 
 TEST_F(BadCopies, SourcesThatWereNeverBuilt)
 {
-    // Undefined content; the layer's part does no harm.
+    // Undefined content; the layer's part does no harm. Nor does the descriptor of one that was built.
+    std::make_unique<Tlas>(gpu(), std::vector{instance(*source_, {}, 1)}).reset();
     const auto unbuilt = made(kTop, 1 << 16), target = made(kTop, 1 << 16);
     copyWith(unbuilt->handle(), target->handle(), VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
     expectNothing(*target, true);
