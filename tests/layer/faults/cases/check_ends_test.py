@@ -11,7 +11,7 @@ import tempfile
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
-BUILD = pathlib.Path(os.environ["VELLUM_BUILD"]).resolve()
+BUILD = pathlib.Path(os.environ["VELLUM_TEST_BUILD"]).resolve()
 sys.path.insert(0, str(ROOT / "bench/faults"))
 import faults  # noqa: E402
 

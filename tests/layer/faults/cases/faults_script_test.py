@@ -10,7 +10,7 @@ import tempfile
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
-BUILD = os.environ.get("VELLUM_BUILD")
+BUILD = os.environ.get("VELLUM_TEST_BUILD")
 
 PROGRAM = """#!{python}
 import os, pathlib, sys, time
