@@ -64,6 +64,19 @@ TEST_F(ScratchMemories, TrimmedPoolsHaveNoUnusedBlock)
     EXPECT_GE(allocated(), kCommandBuffers * 16 * kMiB);
 }
 
+// A command buffer that may be executed on two queues at once.
+TEST_F(ScratchMemories, CommandsHaveTheirOwnMemoryUnlessTheyShareIt)
+{
+    ScratchMemory &buffer = *buffers_.front();
+    for (const bool shared : {true, false}) {
+        buffer.reset();
+        buffer.setShared(shared);
+        const VkDeviceAddress first = buffer.allocate(256);
+        buffer.restart();
+        EXPECT_EQ(buffer.allocate(256) == first, shared);
+    }
+}
+
 // One command buffer after the other is recorded again, as by a program that has some in flight.
 TEST_F(ScratchMemories, RecordingAgainAllocatesNothing)
 {

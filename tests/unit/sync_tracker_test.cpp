@@ -246,6 +246,15 @@ std::vector<Sequence> queueSequences()
          {end(1, {timeline(1)}), begin(1), build(kA), end(1, {timeline(2)}),
           host([](Tracker &t) { t.semaphoreReached(11, 1); }), begin(2), build(kA, 2)},
          {kWaw}},
+        {"FailedHostSignal", // what the wait is for is unknown again
+         {build(kA), host([](Tracker &t) {
+              t.hostSignal(11, 1);
+              t.undoHostSignal(11, 1);
+          }),
+          begin(2, {timeline(1)}), build(kA, 2)}},
+        {"HostSignal",
+         {build(kA), host([](Tracker &t) { t.hostSignal(11, 1); }), begin(2, {timeline(1)}), build(kA, 2)},
+         {kWaw}},
         {"Ownership", {build(kA), end(1, {kBinary}), begin(2, {kBinary}), read(kA, 2)}, {kOwnership}},
         {"OwnershipIsAcquired", {build(kA), end(1, {kBinary}), begin(2, {kBinary}), acquire(kA), read(kA, 2)}},
         {"OwnershipWithoutContents",

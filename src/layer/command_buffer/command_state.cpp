@@ -196,7 +196,7 @@ VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer comman
         state->conditionalRendering.reset();
         state->rejectedTransformFeedback = false;
         state->descriptorsWait = false;
-        state->mayRunTwice = (info->flags & VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT) != 0;
+        state->scratch.setShared((info->flags & VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT) == 0);
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(

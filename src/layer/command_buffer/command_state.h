@@ -39,7 +39,6 @@ struct CommandState {
     std::vector<PushedConstants> pushes;           // in the order of the commands, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
-    bool mayRunTwice = false; // at the same time, by VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT
     // vkCmdBeginTransformFeedback2EXT was rejected; the next vkCmdEndTransformFeedback2EXT must be, too.
     bool rejectedTransformFeedback = false;
     // A barrier from builds to transfers to structure descriptors was recorded.

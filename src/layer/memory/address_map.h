@@ -20,11 +20,13 @@ class AddressMap
 {
 public:
     using Owner = std::shared_ptr<DriverBuffer>;
-    // `usage`: the flags that the driver got. `owner`: null where nobody names the buffer to the driver. Address 0 and
-    // buffers that are known already are ignored.
+    // `usage`: the flags that the driver got. `owner`: null if the locations that are found are never passed to the
+    // driver. Address 0 and buffers that are known already are ignored.
     void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage, Owner owner = {});
     // Returns the owner; null also for a buffer that is not known.
     Owner remove(VkBuffer buffer);
+    // Searches no longer find the buffer, whose memory is freed. It keeps its owner until remove().
+    void hide(VkBuffer buffer);
     struct Location {
         VkBuffer buffer = VK_NULL_HANDLE; // null if there is none
         VkDeviceSize offset = 0;
@@ -63,6 +65,7 @@ private:
         return {range.buffer, address - begin, range.end - address, range.owner};
     }
     using Ranges = std::multimap<VkDeviceAddress, Range>;
+    Ranges::iterator rangeOf(VkBuffer buffer); // end() for a buffer that is not known
     void updateReach(Ranges::iterator from);
     // Calls `visit(begin, range)` for every range that contains `address`, the nearest first, until it returns true.
     template <typename Visit>

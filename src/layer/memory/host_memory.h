@@ -17,6 +17,7 @@
 namespace vellum::layer
 {
 
+class AddressMap;
 struct DeviceBuffers;
 struct Driver;
 
@@ -36,8 +37,9 @@ class HostMemory
 {
 public:
     void allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPropertyFlags properties);
-    // Returns the buffers that were bound to it.
-    std::unordered_set<VkBuffer> freed(VkDeviceMemory memory);
+    // Hides the addresses of the buffers that are bound to it: other memory may have them next, while the buffers still
+    // exist.
+    void freed(VkDeviceMemory memory, AddressMap &addresses);
     void bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset);
     void destroyed(VkBuffer buffer);
 
@@ -46,8 +48,8 @@ public:
     void unmap(const Driver &driver, VkDeviceMemory memory);
     // The driver has mapped or unmapped the memory for the application: bytes from `offset` on are at `data`.
     void mappedByDriver(VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize bytes, void *data);
-    // The driver is about to unmap it: nobody reads the mapping any more. Returns what mappedByDriver() takes, for a
-    // driver that fails.
+    // The driver is about to unmap it: the mapping is no longer read. Returns the mapping, which mappedByDriver()
+    // restores if the driver's command fails.
     struct Mapping {
         VkDeviceSize offset = 0;
         VkDeviceSize bytes = 0;

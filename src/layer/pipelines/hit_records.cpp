@@ -44,9 +44,7 @@ shared::HitRecordsPush pushOf(const DevicePipelines &device, const RayTracingPip
 
 VkDeviceAddress allocate(const DevicePipelines &device, CommandState &state, VkDeviceSize bytes)
 {
-    // Two executions, on different queues, have the same tables: then no trace may write where another one reads.
-    if (!state.mayRunTwice)
-        state.scratch.restart();
+    state.scratch.restart();
     const VkDeviceAddress address = state.scratch.allocate(bytes);
     if (!address)
         device.driver.report().error("VELLUM-out-of-memory",

@@ -235,10 +235,12 @@ void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore sem
 
 VkResult signalSemaphore(DeviceValidation &device, VkDevice handle, const VkSemaphoreSignalInfo *info)
 {
-    const std::lock_guard lock(device.logs.submissions);
+    // Known before the driver signals it, as a host wait may end then. CommandLogs::submissions is not held: a
+    // submission may hold it in the driver until this signal.
+    remember([&] { device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value); });
     const VkResult result = device.next.SignalSemaphore(handle, info);
-    if (result == VK_SUCCESS)
-        remember([&] { device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value); });
+    if (result != VK_SUCCESS)
+        device.sync.tracker.undoHostSignal(uint64_t(info->semaphore), info->value);
     return result;
 }
 
@@ -260,7 +262,7 @@ VkResult getEventStatus(DeviceValidation &device, VkDevice handle, VkEvent event
     return result;
 }
 
-// What commands did to an event before the host changes it, or destroys it, says nothing about later waits.
+// Once the host changes or destroys an event, a later wait for it is not ordered after the commands that set it before.
 VkResult setEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
 {
     device.sync.tracker.resetEvent(uint64_t(event));

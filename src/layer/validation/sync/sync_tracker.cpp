@@ -244,6 +244,13 @@ void Tracker::hostSignal(uint64_t semaphore, uint64_t value)
     signal(semaphore, value, complete_);
 }
 
+void Tracker::undoHostSignal(uint64_t semaphore, uint64_t value)
+{
+    std::lock_guard lock(mutex_);
+    if (const auto values = timeline_.find(semaphore); values != timeline_.end())
+        values->second.erase(value);
+}
+
 void Tracker::semaphoreReached(uint64_t semaphore, uint64_t value)
 {
     std::lock_guard lock(mutex_);

@@ -111,6 +111,7 @@ public:
     void fenceComplete(uint64_t fence);
     void forgetFence(uint64_t fence);
     void hostSignal(uint64_t semaphore, uint64_t value);
+    void undoHostSignal(uint64_t semaphore, uint64_t value); // that failed
     void semaphoreReached(uint64_t semaphore, uint64_t value);
     void forgetSemaphore(uint64_t semaphore);
     void queueIdle(QueueKey queue);
