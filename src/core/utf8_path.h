@@ -20,7 +20,7 @@ inline std::string utf8Text(const std::filesystem::path &path)
     return {text.begin(), text.end()};
 }
 
-// ".glb" of "tree.GLB": what a file's name says of its format.
+// ".glb" of "tree.GLB": the format that a file's name states.
 inline std::string suffixOf(const std::filesystem::path &path)
 {
     std::string suffix = utf8Text(path.extension());

@@ -74,7 +74,7 @@ std::string fitText(std::string_view text, Font font, int width)
         return advance;
     };
     const int dots = 3 * advanceOf('.');
-    size_t fitting = 0; // bytes that leave room for the dots
+    size_t fitting = 0; // bytes that fit together with the dots
     int pen = 0;
     for (size_t i = 0; i < text.size(); ++i) {
         pen += advanceOf(text[i]);

@@ -376,8 +376,8 @@ std::vector<Message> warningsOf(Gpu &gpu)
     return messages;
 }
 
-// A device without micromaps may enable such an extension; one with micromaps may not, and is told why. A program that
-// enables all features that one query returns gets its device, with micromaps.
+// A device without micromaps may enable such an extension; for one with micromaps that is an error with a message. A program
+// that enables all features that one query returns gets its device, with micromaps.
 TEST(Driver, ExtensionsThatConflictWithMicromaps)
 {
     for (const bool translated : {false, true}) {

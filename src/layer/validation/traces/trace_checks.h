@@ -35,7 +35,7 @@ inline constexpr uint32_t kRuleDeserialized = 16; // 11637: no structure without
 
 class TraceMarks;
 
-// A mark in memory. Its destructor gives it back. Must not outlive the marks.
+// A mark in memory. Its destructor releases it. Must not outlive the marks.
 class TraceMark
 {
 public:
