@@ -46,6 +46,7 @@ public:
 private:
     void describe();
     std::optional<GltfError> readTexels(const Material &material);
+    void collectAlphas();
     void verifyMaterial(const Material &material, const std::vector<PrimitivePlace> &places);
     void verifyPrimitive(PrimitivePlace place, const Material &material);
     void skip(PrimitivePlace place, const std::string &reason);
@@ -65,6 +66,8 @@ private:
     // Of the primitives with one material, by a hash of what decides their results: into report_.primitives.
     std::map<uint64_t, size_t> verified_;
     uint64_t work_ = 0; // that is left
+    // By micromap, the alphas of triangles whose vertices have equal alphas; no more than decide Options::manyAlphas.
+    std::map<uint32_t, std::set<float>> alphas_;
     size_t done_ = 0;   // triangles
     size_t total_ = 0;
 };
@@ -158,6 +161,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
     if (material.masked() && (!cutoff || (inRange && onlyOutcome(material, *cutoff))))
         options.tolerances.value = 0;
     if (options_.progress)
+    options.manyAlphas = alphas_[stored.micromap].size() > kMostVertexAlphas;
         options.progress = [&](size_t done, size_t total) {
             options_.progress(done_ + stored.indices.size() * done / std::max<size_t>(total, 1), total_);
         };
@@ -227,6 +231,26 @@ FileReport FileVerifier::operator()()
 {
     CheckedMicromaps checked = checkMicromaps(document_, options_.maxStructureFindings);
     report_.findings = std::move(checked.findings);
+void FileVerifier::collectAlphas()
+{
+    const auto &meshes = document_.model().meshes;
+    for (const auto &[place, stored] : report_.stored.primitives) {
+        std::set<float> &alphas = alphas_[stored.micromap];
+        if (!meshes.at(place.mesh).primitives.at(place.primitive).attributes.contains("COLOR_0")) {
+            alphas.insert(1);
+            continue;
+        }
+        try {
+            for (const TriangleCorners &t : cornersOf(readPrimitive(document_, place, Positions::Skip), true))
+                if (alphas.size() <= kMostVertexAlphas && t.alpha[0] == t.alpha[1] && t.alpha[0] == t.alpha[2] &&
+                    t.alpha[0] > 0 && t.alpha[0] <= 1)
+                    alphas.insert(t.alpha[0]);
+        } catch (const GltfError &) {
+            // It is reported where the primitive is verified.
+        }
+    }
+}
+
     if (!report_.findings.empty())
         return std::move(report_);
     report_.stored = std::move(checked.stored);
@@ -235,6 +259,7 @@ FileReport FileVerifier::operator()()
     const auto &meshes = document_.model().meshes;
     for (const auto &[place, primitive] : report_.stored.primitives)
         places[meshes.at(place.mesh).primitives.at(place.primitive).material].push_back(place);
+    collectAlphas();
     // Those with the same texture one after another: it is read once, and only one at a time.
     std::multimap<TextureKey, std::pair<Material, int>> materials;
     for (const auto &[number, its] : places) {
