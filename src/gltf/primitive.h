@@ -89,6 +89,8 @@ bool isMadeOfTriangles(const Document &document, PrimitivePlace place);
 
 // -1 gives the default material.
 Material readMaterial(const Document &document, int material);
+// Material::name of a material that exists.
+std::string materialName(const gltf_json::Model &model, size_t material);
 
 // glTF leaves it open what a primitive without positions is: it is read for its texture coordinates with Skip, and is
 // GltfUnsupported with Read.
