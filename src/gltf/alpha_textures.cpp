@@ -61,7 +61,9 @@ std::shared_ptr<const AlphaTexture> AlphaTextures::of(const Material &material)
     if (key_ == key)
         return texture_;
     key_.reset();
+    texture_.reset();
     if (material.image >= 0 && decoded_ != material.image) {
+        image_ = {}; // before the next one is decoded
         decoded_ = material.image;
         failure_ = nullptr;
         try {

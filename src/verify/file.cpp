@@ -61,13 +61,14 @@ private:
     ChangingAlpha changing_;
     AlphaTextures textures_;
     std::shared_ptr<const AlphaTexture> texture_;
-    std::optional<Texels> texels_; // of texture_
+    std::optional<Texels> texels_;  // of texture_
+    std::optional<TextureKey> key_; // of texture_; none for materials without alpha test
     FileReport report_;
     // Of the primitives with one material, by a hash of what decides their results: into report_.primitives.
     std::map<uint64_t, size_t> verified_;
-    uint64_t work_ = 0; // that is left
     // By micromap, the alphas of triangles whose vertices have equal alphas; no more than decide Options::manyAlphas.
     std::map<uint32_t, std::set<float>> alphas_;
+    uint64_t work_ = 0; // that is left
     size_t done_ = 0;   // triangles
     size_t total_ = 0;
 };
@@ -160,8 +161,8 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
                                      [](float alpha) { return alpha >= 0 && alpha <= 1; });
     if (material.masked() && (!cutoff || (inRange && onlyOutcome(material, *cutoff))))
         options.tolerances.value = 0;
-    if (options_.progress)
     options.manyAlphas = alphas_[stored.micromap].size() > kMostVertexAlphas;
+    if (options_.progress)
         options.progress = [&](size_t done, size_t total) {
             options_.progress(done_ + stored.indices.size() * done / std::max<size_t>(total, 1), total_);
         };
@@ -190,20 +191,23 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
 // Where the image of a material cannot be read, says why.
 std::optional<GltfError> FileVerifier::readTexels(const Material &material)
 {
+    const std::optional key = material.masked() ? std::optional(textureKeyOf(material)) : std::nullopt;
+    if (texels_ && key == key_)
+        return std::nullopt;
+    texels_.reset();
+    texture_.reset(); // before the next one is read
+    key_ = key;
     try {
-        if (!material.masked()) {
+        if (material.masked()) {
+            texture_ = textures_.of(material);
+            textures_.images().account(texture_->alpha.size());
+        } else {
             AlphaTexture opaque;
             opaque.width = opaque.height = 1;
             opaque.alpha = {1};
-            texels_.reset();
             texture_ = std::make_shared<AlphaTexture>(std::move(opaque));
-        } else if (const auto texture = textures_.of(material); texture != texture_ || !texels_) {
-            textures_.images().account(texture->alpha.size());
-            texels_.reset();
-            texture_ = texture;
         }
-        if (!texels_)
-            texels_.emplace(*texture_);
+        texels_.emplace(*texture_);
         return std::nullopt;
     } catch (const GltfError &error) {
         return error;
@@ -227,10 +231,6 @@ void FileVerifier::verifyMaterial(const Material &material, const std::vector<Pr
     }
 }
 
-FileReport FileVerifier::operator()()
-{
-    CheckedMicromaps checked = checkMicromaps(document_, options_.maxStructureFindings);
-    report_.findings = std::move(checked.findings);
 void FileVerifier::collectAlphas()
 {
     const auto &meshes = document_.model().meshes;
@@ -251,15 +251,19 @@ void FileVerifier::collectAlphas()
     }
 }
 
+FileReport FileVerifier::operator()()
+{
+    CheckedMicromaps checked = checkMicromaps(document_, options_.maxStructureFindings);
+    report_.findings = std::move(checked.findings);
     if (!report_.findings.empty())
         return std::move(report_);
     report_.stored = std::move(checked.stored);
     describe();
+    collectAlphas();
     std::map<int, std::vector<PrimitivePlace>> places;
     const auto &meshes = document_.model().meshes;
     for (const auto &[place, primitive] : report_.stored.primitives)
         places[meshes.at(place.mesh).primitives.at(place.primitive).material].push_back(place);
-    collectAlphas();
     // Those with the same texture one after another: it is read once, and only one at a time.
     std::multimap<TextureKey, std::pair<Material, int>> materials;
     for (const auto &[number, its] : places) {
