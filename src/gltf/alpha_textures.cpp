@@ -13,7 +13,7 @@ namespace
 // For files of small images: eight of 4096 x 4096.
 constexpr uint64_t kAlwaysAllowed = uint64_t{1} << 27;
 constexpr uint64_t kMostOfOne = uint64_t{1} << 24;
-// Every image may be used in some ways.
+// Each image can be used by eight materials with different samplers or factors, however well it is compressed.
 constexpr uint64_t kTexelsPerByte = 8 * kMostTexelsPerByte;
 
 } // namespace
