@@ -24,8 +24,10 @@ std::filesystem::path finalPath(HANDLE handle, const std::filesystem::path &name
     std::wstring path(GetFinalPathNameByHandleW(handle, nullptr, 0, VOLUME_NAME_DOS), L'\0');
     if (!path.empty())
         path.resize(GetFinalPathNameByHandleW(handle, path.data(), static_cast<DWORD>(path.size()), VOLUME_NAME_DOS));
+    if (!path.empty())
+        return path;
     std::error_code error;
-    return path.empty() ? std::filesystem::canonical(named, error) : std::filesystem::path(path);
+    return std::filesystem::canonical(named, error);
 }
 
 } // namespace
