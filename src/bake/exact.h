@@ -38,7 +38,7 @@ private:
         BigInt x;
         BigInt y;
     };
-    // The same in integers of the machine: for nearly all triangles, and many times as fast.
+    // A point in 64-bit integers, which suffice for nearly all triangles and are much faster.
     struct SmallPoint {
         int64_t x;
         int64_t y;
@@ -68,7 +68,7 @@ private:
     unsigned shiftY_;
     std::array<Point, 3> vertices_; // vertex 0, and the other two from there
     std::array<SmallPoint, 3> smallVertices_;
-    bool small_; // they are the same
+    bool small_; // smallVertices_ has the values of vertices_; otherwise they do not fit
 };
 
 } // namespace vellum

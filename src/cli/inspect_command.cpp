@@ -181,10 +181,9 @@ void placeOutputs(InspectOptions &options)
         return;
     if (!said && isStandardStream(options.input))
         throw UsageError("reading from stdin needs an output: -o FILE");
-    if (said)
-        checkSuffix(*said, {".html", ".htm", ".png"});
     std::filesystem::path standard = options.input;
     const std::filesystem::path output = outputFor(said, standard.replace_extension(".html"));
+    checkSuffix(output, {".html", ".htm", ".png"});
     auto &place = suffixOf(output) == ".png" ? options.picture : options.html;
     if (place)
         throw UsageError(std::string("--output and ") + (&place == &options.html ? "--html" : "--picture") +

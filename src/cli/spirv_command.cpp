@@ -28,8 +28,8 @@ namespace
 constexpr const char *kSpirvDetails = R"(
 With VK_KHR_opacity_micromap alone, ray queries use micromaps only in entry points with the execution mode
 OpacityMicromapIdKHR, which some compilers cannot express. This adds it to compiled modules, removes it, or lists what a
-module declares. A module that needs no change is written as it is. - is stdin or stdout. An existing SPIR-V module is
-replaced, as compilers do; the input itself, and any other file, only with --force.
+module declares. A module that needs no change is written as it is. - is stdin or stdout. With -o, an existing SPIR-V module is
+replaced, as compilers do. The input itself, any other file, and OUT without -o, only with --force.
 
 --lint exits with 1 for ray queries without the mode, a mode that has no effect or is invalid, and code that the layer
 cannot emulate micromaps for.
@@ -53,7 +53,8 @@ constexpr const char *kAlways = "always";
 struct SpirvOptions {
     std::vector<std::filesystem::path> inputs;
     std::optional<std::filesystem::path> output;
-    std::string enable; // as given: "always" or a constant id
+    bool operandOutput = false; // `output` was given without -o
+    std::string enable;         // as given: "always" or a constant id
     bool disable = false;
     bool rewrite = false;
     bool lint = false;
@@ -70,8 +71,7 @@ void declareSpirv(CLI::App &command, SpirvOptions &options)
 {
     command.footer(kSpirvDetails + exitStatus({ExitCode::Success, ExitCode::Failed, ExitCode::Usage}));
     command.option_defaults()->group(kInput);
-    command
-        .add_option("IN", options.inputs, "A SPIR-V module, and OUT, the same as -o OUT; with --lint several modules")
+    command.add_option("IN", options.inputs, "A SPIR-V module, and OUT, a new file; with --lint several modules")
         ->type_name("IN... [OUT]")
         ->required();
     command.option_defaults()->group("Action");
@@ -103,7 +103,8 @@ void declareSpirv(CLI::App &command, SpirvOptions &options)
     takesWords(api, {"ext", "khr"});
     command.option_defaults()->group(kOutput);
     command.add_option("-o,--output", options.output, "The module to write")->type_name("OUT");
-    command.add_flag("--force", options.force, "Replace the input, or a file that is no SPIR-V module");
+    command.add_flag("--force", options.force,
+                     "Replace the input, OUT without -o, or a file that is not a SPIR-V module");
     command.add_flag("--json", options.json, "Print JSON instead of text");
     command.add_flag("-q,--quiet", options.quiet, "Print errors only")->group(kGeneral);
 }
@@ -113,6 +114,7 @@ void checkSpirv(SpirvOptions &options)
     if (!options.lint && !options.output && options.inputs.size() == 2) {
         options.output = options.inputs.back();
         options.inputs.pop_back();
+        options.operandOutput = true;
     }
     const bool enables = !options.enable.empty();
     if (int{enables} + int{options.disable} + int{options.rewrite} + int{options.lint} != 1)
@@ -245,9 +247,12 @@ const char *actionOf(const SpirvOptions &options)
     return options.rewrite ? "rewrite" : options.disable ? "disable" : "enable";
 }
 
-// Whether the output is a module, which has no place for a mark of who wrote it, and not the input.
+// Whether the output may be replaced without --force: a module, which cannot record who wrote it, but not the input,
+// and not an operand: *.spv in a folder of two modules is IN OUT.
 bool replacesModule(const SpirvOptions &options)
 {
+    if (options.operandOutput)
+        return false;
     std::error_code error;
     if (std::filesystem::equivalent(options.inputs.front(), *options.output, error))
         return false;

@@ -13,7 +13,7 @@ namespace
 // For files of small images: eight of 4096 x 4096.
 constexpr uint64_t kAlwaysAllowed = uint64_t{1} << 27;
 constexpr uint64_t kMostOfOne = uint64_t{1} << 24;
-// Every image may be used in some ways.
+// Each image can be used by eight materials with different samplers or factors, however well it is compressed.
 constexpr uint64_t kTexelsPerByte = 8 * kMostTexelsPerByte;
 
 } // namespace
@@ -61,7 +61,9 @@ std::shared_ptr<const AlphaTexture> AlphaTextures::of(const Material &material)
     if (key_ == key)
         return texture_;
     key_.reset();
+    texture_.reset();
     if (material.image >= 0 && decoded_ != material.image) {
+        image_ = {}; // before the next one is decoded
         decoded_ = material.image;
         failure_ = nullptr;
         try {

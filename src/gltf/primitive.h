@@ -48,6 +48,9 @@ struct Material {
 // is. As a cutoff, and a distance within which values are neither.
 constexpr double kBlendCutoff = 0.5 + 0x1p-53;
 constexpr double kBlendBand = 0.5 - 0x1p-53;
+// The most vertex alphas with which triangles of one micromap are baked: each needs a map of the texture's cells of its
+// own. Triangles with others, the rarest, stay unknown.
+constexpr size_t kMostVertexAlphas = 16;
 // Of what a cutoff for it is not true; `done` is what was done with the primitive.
 std::string blendCaution(double cutoff, const std::string &done);
 
@@ -86,6 +89,8 @@ bool isMadeOfTriangles(const Document &document, PrimitivePlace place);
 
 // -1 gives the default material.
 Material readMaterial(const Document &document, int material);
+// Material::name of a material that exists.
+std::string materialName(const gltf_json::Model &model, size_t material);
 
 // glTF leaves it open what a primitive without positions is: it is read for its texture coordinates with Skip, and is
 // GltfUnsupported with Read.

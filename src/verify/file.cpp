@@ -46,6 +46,7 @@ public:
 private:
     void describe();
     std::optional<GltfError> readTexels(const Material &material);
+    void collectAlphas();
     void verifyMaterial(const Material &material, const std::vector<PrimitivePlace> &places);
     void verifyPrimitive(PrimitivePlace place, const Material &material);
     void skip(PrimitivePlace place, const std::string &reason);
@@ -60,10 +61,13 @@ private:
     ChangingAlpha changing_;
     AlphaTextures textures_;
     std::shared_ptr<const AlphaTexture> texture_;
-    std::optional<Texels> texels_; // of texture_
+    std::optional<Texels> texels_;  // of texture_
+    std::optional<TextureKey> key_; // of texture_; none for materials without alpha test
     FileReport report_;
     // Of the primitives with one material, by a hash of what decides their results: into report_.primitives.
     std::map<uint64_t, size_t> verified_;
+    // By micromap, the alphas of triangles whose vertices have equal alphas; no more than decide Options::manyAlphas.
+    std::map<uint32_t, std::set<float>> alphas_;
     uint64_t work_ = 0; // that is left
     size_t done_ = 0;   // triangles
     size_t total_ = 0;
@@ -157,6 +161,7 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
                                      [](float alpha) { return alpha >= 0 && alpha <= 1; });
     if (material.masked() && (!cutoff || (inRange && onlyOutcome(material, *cutoff))))
         options.tolerances.value = 0;
+    options.manyAlphas = alphas_[stored.micromap].size() > kMostVertexAlphas;
     if (options_.progress)
         options.progress = [&](size_t done, size_t total) {
             options_.progress(done_ + stored.indices.size() * done / std::max<size_t>(total, 1), total_);
@@ -186,20 +191,23 @@ void FileVerifier::verifyPrimitive(PrimitivePlace place, const Material &materia
 // Where the image of a material cannot be read, says why.
 std::optional<GltfError> FileVerifier::readTexels(const Material &material)
 {
+    const std::optional key = material.masked() ? std::optional(textureKeyOf(material)) : std::nullopt;
+    if (texels_ && key == key_)
+        return std::nullopt;
+    texels_.reset();
+    texture_.reset(); // before the next one is read
+    key_ = key;
     try {
-        if (!material.masked()) {
+        if (material.masked()) {
+            texture_ = textures_.of(material);
+            textures_.images().account(texture_->alpha.size());
+        } else {
             AlphaTexture opaque;
             opaque.width = opaque.height = 1;
             opaque.alpha = {1};
-            texels_.reset();
             texture_ = std::make_shared<AlphaTexture>(std::move(opaque));
-        } else if (const auto texture = textures_.of(material); texture != texture_ || !texels_) {
-            textures_.images().account(texture->alpha.size());
-            texels_.reset();
-            texture_ = texture;
         }
-        if (!texels_)
-            texels_.emplace(*texture_);
+        texels_.emplace(*texture_);
         return std::nullopt;
     } catch (const GltfError &error) {
         return error;
@@ -223,6 +231,26 @@ void FileVerifier::verifyMaterial(const Material &material, const std::vector<Pr
     }
 }
 
+void FileVerifier::collectAlphas()
+{
+    const auto &meshes = document_.model().meshes;
+    for (const auto &[place, stored] : report_.stored.primitives) {
+        std::set<float> &alphas = alphas_[stored.micromap];
+        if (!meshes.at(place.mesh).primitives.at(place.primitive).attributes.contains("COLOR_0")) {
+            alphas.insert(1);
+            continue;
+        }
+        try {
+            for (const TriangleCorners &t : cornersOf(readPrimitive(document_, place, Positions::Skip), true))
+                if (alphas.size() <= kMostVertexAlphas && t.alpha[0] == t.alpha[1] && t.alpha[0] == t.alpha[2] &&
+                    t.alpha[0] > 0 && t.alpha[0] <= 1)
+                    alphas.insert(t.alpha[0]);
+        } catch (const GltfError &) {
+            // It is reported where the primitive is verified.
+        }
+    }
+}
+
 FileReport FileVerifier::operator()()
 {
     CheckedMicromaps checked = checkMicromaps(document_, options_.maxStructureFindings);
@@ -231,6 +259,7 @@ FileReport FileVerifier::operator()()
         return std::move(report_);
     report_.stored = std::move(checked.stored);
     describe();
+    collectAlphas();
     std::map<int, std::vector<PrimitivePlace>> places;
     const auto &meshes = document_.model().meshes;
     for (const auto &[place, primitive] : report_.stored.primitives)

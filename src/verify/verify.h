@@ -29,6 +29,9 @@ struct Options {
     // Claims of 2-state data count as those of 4-state data: as wrong unless they hold all over the micro-triangle.
     // Otherwise they are taken for the approximation that they usually are, and only counted.
     bool strictTwoState = false;
+    // Triangles of this micromap have more vertex alphas than the baker decides: those that are unknown as a whole are
+    // not needlessly so.
+    bool manyAlphas = false;
     // Most findings of each kind that are listed; all are counted.
     size_t maxFindings = 20;
     // 0 takes one for each processor. The result does not depend on it.

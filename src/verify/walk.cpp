@@ -26,6 +26,14 @@ LatticePoint twice(const LatticePoint &a)
     return between(a, a);
 }
 
+// Whether a baker may leave the whole triangle unknown: the alphas of its vertices differ or are not those of a
+// texture, or there are too many of them. With alpha 0 the texture does not matter.
+bool alphasMayBeSkipped(const std::array<float, 3> &alpha, bool manyAlphas)
+{
+    const bool same = alpha[0] == alpha[1] && alpha[0] == alpha[2];
+    return !same || !(alpha[0] >= 0 && alpha[0] <= 1) || (manyAlphas && alpha[0] != 0);
+}
+
 bool isUnknown(State state)
 {
     return state != State::Opaque && state != State::Transparent;
@@ -46,7 +54,7 @@ std::array<MicroCorners, 4> childrenOnCurve(const MicroCorners &corners)
 TriangleWalk::TriangleWalk(const Texels &texels, const TriangleCorners &triangle, const Claims &claims,
                            const Options &options, uint64_t work, std::vector<Finding> *list)
     : texels_(texels), claims_(claims),
-      factored_(std::any_of(triangle.alpha.begin(), triangle.alpha.end(), [](float alpha) { return alpha != 1; })),
+      mayBeSkipped_(claims.data == nullptr && alphasMayBeSkipped(triangle.alpha, options.manyAlphas)),
       options_(options), list_(list), region_(texels, triangle, options.tolerances, options.rule()),
       bare_(texels, triangle, kNone, options.rule()),
       work_(std::min(work, kWork + kWorkForMicroTriangle * microTriangleCount(claims.level)))
@@ -79,11 +87,10 @@ bool TriangleWalk::approximate() const
     return claims_.data != nullptr && claims_.format == Format::TwoState && !options_.strictTwoState;
 }
 
-// What a baker need not decide: triangles far away, and whole triangles with factors, each of which needs a map of the
-// texture of its own, or, where the factors of a triangle differ, another method.
+// Whether unknown states are not needless: the triangle is far away, or its vertex alphas are not baked.
 bool TriangleWalk::mayBeUnknown() const
 {
-    return region_.far() || (factored_ && claims_.data == nullptr);
+    return region_.far() || mayBeSkipped_;
 }
 
 void TriangleWalk::walk(const Branch &branch)

@@ -54,7 +54,7 @@ private:
 
     const Texels &texels_;
     Claims claims_;
-    bool factored_; // the value is not that of the texture alone
+    bool mayBeSkipped_; // as a whole, because of the alphas of its vertices
     const Options &options_;
     std::vector<Finding> *list_;
     Region region_; // with tolerances

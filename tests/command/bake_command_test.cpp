@@ -112,6 +112,13 @@ TEST(BakeCommand, ReportsExclusionsThatMatchNothing)
     EXPECT_EQ(outcome.exitCode, 0);
     EXPECT_EQ(outcome.errors, "vellum: --exclude-material laef matches no material\n"
                               "vellum: --exclude-mesh nothing[0-9] matches no mesh\n");
+    // A material without a name is matched by its number.
+    writeFile(folder / "unnamed.glb", cardGlb({{R"("name": "leaf", )", ""}}));
+    EXPECT_EQ(bake({(folder / "unnamed.glb").string(), "--exclude-material", "0"}).errors, "");
+    // A file that is not read may have a match.
+    const Outcome unread = bake({tree, (folder / "missing.glb").string(), "--exclude-material", "laef"});
+    EXPECT_EQ(unread.exitCode, 1);
+    EXPECT_EQ(unread.errorLines(), 1) << unread.errors;
     const Outcome inspected = runVellum({"inspect", tree, "--bake", "--exclude-material", "laef", "--json"});
     EXPECT_EQ(inspected.exitCode, 0);
     EXPECT_EQ(inspected.errors, "vellum: --exclude-material laef matches no material\n");

@@ -143,6 +143,9 @@ TEST_F(GltfReport, InspectWritesWhereItIsToldTo)
     run({"inspect", in("card.glb"), "--bake", "--output", in("b.png")});
     EXPECT_EQ(textOf(folder / "b.png").substr(1, 3), "PNG");
     EXPECT_FALSE(std::filesystem::exists(folder / "b.html"));
+    std::filesystem::create_directory(folder / "baked-v1.2");
+    run({"inspect", in("card.glb"), "--bake", "-o", in("baked-v1.2")});
+    EXPECT_TRUE(has(textOf(folder / "baked-v1.2/card.html"), "<!DOCTYPE html>"));
     EXPECT_EQ(run({"inspect", in("card.glb"), "--bake", "-o", in("c.html"), "--html", in("d.html")}, 2).errorLines(),
               1);
 }

@@ -120,6 +120,10 @@ TEST_F(SpirvCommand, TakesOutAsAnOperand)
     const Outcome outcome = run({"--enable-micromaps", queries, out});
     EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
     EXPECT_EQ(modeOf(out), spirv::MicromapMode{When::Always});
+    expectFailure(run({"--disable", queries, out}), "--force"); // *.spv may name two modules
+    EXPECT_EQ(modeOf(out), spirv::MicromapMode{When::Always});
+    EXPECT_EQ(run({"--disable", queries, out, "--force"}).exitCode, 0);
+    EXPECT_EQ(modeOf(out), spirv::MicromapMode{});
     expectUsageError({"--enable-micromaps", queries, anyHit, "-o", out}, "IN OUT");
     expectUsageError({"--enable-micromaps", queries, anyHit, out}, "IN OUT");
 }

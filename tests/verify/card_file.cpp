@@ -64,11 +64,12 @@ Bytes CardFile::bytes() const
         R"("POSITION": )" + accessor(bytesOf<float>({-1, 0, 0, 1, 0, 0, 1, 2, 0, -1, 2, 0}), 5126, 4, "VEC3");
     if (textured)
         attributes += R"(, "TEXCOORD_0": )" + accessor(bytesOf<float>({0, 1, 1, 1, 1, 0, 0, 0}), 5126, 4, "VEC2");
-    if (!alphas.empty()) {
-        std::vector<float> colors;
-        for (const float alpha : alphas)
-            colors.insert(colors.end(), {1, 1, 1, alpha});
-        attributes += R"(, "COLOR_0": )" + accessor(bytesOf(colors), 5126, 4, "VEC4");
+    std::vector<std::string> colors;
+    for (size_t first = 0; first < alphas.size(); first += 4) {
+        std::vector<float> values;
+        for (size_t corner = 0; corner < 4; ++corner)
+            values.insert(values.end(), {1, 1, 1, alphas[first + corner]});
+        colors.push_back(R"(, "COLOR_0": )" + accessor(bytesOf(values), 5126, 4, "VEC4"));
     }
     const std::string indices = accessor(bytesOf<uint16_t>({0, 1, 2, 0, 2, 3}), 5123, 6, "SCALAR");
     std::string root;
@@ -88,7 +89,8 @@ Bytes CardFile::bytes() const
     }
     std::string primitives;
     for (unsigned i = 0; i < cards; ++i)
-        primitives += (i == 0 ? "" : ", ") + (R"({"attributes": {)" + attributes + R"(}, "indices": )") + indices +
+        primitives += (i == 0 ? "" : ", ") + (R"({"attributes": {)" + attributes) +
+                      (colors.empty() ? "" : colors[i % colors.size()]) + R"(}, "indices": )" + indices +
                       R"(, "material": 0)" + extensions + "}";
     const std::string image = buffer.add(discPng());
     return packGlb(R"({"asset": {"version": "2.0"}, )" + root + R"("meshes": [{"name": "leaves", "primitives": [)" +

@@ -14,7 +14,7 @@ namespace vellum::test
 struct CardFile {
     Micromap micromap; // of each card; baseTriangle must be 0
     std::string material = R"("alphaMode": "MASK", "alphaCutoff": 0.5)";
-    std::vector<float> alphas; // of COLOR_0 at the 4 corners; none: no colours
+    std::vector<float> alphas; // of COLOR_0 at the 4 corners, of all cards or of each; none: no colours
     unsigned cards = 1;        // primitives of one mesh
     bool textured = true;      // has TEXCOORD_0
     bool extension = true;

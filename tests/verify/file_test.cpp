@@ -277,6 +277,20 @@ TEST(VerifyFile, FindsNothingInABakedFileWithVertexAlphas)
         for (size_t kind = 0; kind < verify::kKinds; ++kind)
             EXPECT_EQ(report.counts().findings[kind], 0u) << kind << ' ' << alphas[0];
     }
+    // Whole triangles do count where one alpha decides them, and alpha 0 is decided without the texture.
+    for (const auto &[alpha, needless] : {std::pair{0.25f, 2u}, {0.0f, 2u}, {2.0f, 0u}}) {
+        CardFile unknown = cardOf(State::UnknownOpaque);
+        unknown.alphas = std::vector<float>(4, alpha);
+        EXPECT_EQ(verifyCard(unknown).counts().of(Kind::Needless), needless) << alpha;
+    }
+    // The baker decides the 16 most frequent alphas of a micromap.
+    for (const unsigned cards : {16u, 17u}) {
+        CardFile unknown = cardOf(State::UnknownOpaque);
+        unknown.cards = cards;
+        for (unsigned i = 0; i < 4 * cards; ++i)
+            unknown.alphas.push_back(static_cast<float>(i / 4 + 1) / 64);
+        EXPECT_EQ(verifyCard(unknown).counts().of(Kind::Needless), cards == 16 ? 32u : 0u);
+    }
     // Micro-triangles of such a triangle that are unknown one by one do count.
     CardFile card = bakedCard();
     card.alphas = {0.25f, 0.25f, 0.25f, 0.125f};

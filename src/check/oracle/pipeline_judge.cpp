@@ -162,7 +162,7 @@ private:
         const bool box = result_.committed == kGenerated;
         const Hit *hit = find(result_, box);
         if (hit == nullptr || !accepts(*hit) || !hasClosestHit(*hit))
-            return "the committed hit is none that may be";
+            return "the committed hit is not one that may be committed";
         if (box && std::find(generated_.begin(), generated_.end(), hit) == generated_.end())
             return "the committed box was not reported";
         const bool othersReported = std::any_of(result_.visits.begin(), result_.visits.end(), [&](const auto &visit) {
@@ -192,7 +192,7 @@ private:
             if (h.box && groupOf(h) && !seen(result_.visits, h))
                 return describe("a box was left out", h);
             if (!h.box && asks(h) && !seen(result_.candidates, h))
-                return describe("a candidate was left out", h);
+                return describe("a missing candidate", h);
             if (h.box && asks(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
                 !seen(result_.candidates, h))
                 return describe("a reported hit was left out", h);

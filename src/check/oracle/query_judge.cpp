@@ -23,7 +23,7 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
             return names(h, c) && h.box == c.box() && (h.box || h.opacity == Opacity::NonOpaque);
         });
         if (hit == hits.end())
-            return "a candidate that is none" + inWords(c);
+            return "an invalid candidate" + inWords(c);
         if (hit->box) {
             generated |= c.confirmed();
             if (c.boxOpaque() != (hit->opacity == Opacity::Opaque))
@@ -47,7 +47,7 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
             return !h.box && names(h, result) && (h.opacity == Opacity::Opaque || confirms(ray, h));
         });
         if (hit == hits.end())
-            return "the committed triangle is none that may be";
+            return "the committed triangle is not one that may be committed";
         if (std::abs(double{result.u} - hit->u) > 1e-3 || std::abs(double{result.v} - hit->v) > 1e-3 ||
             std::abs(double{result.t} - hit->t) > 1e-3 || (result.frontFace != 0) != hit->frontFace)
             return "place of the committed triangle";
@@ -63,7 +63,7 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
         return "nothing committed";
     }
 
-    // Nearer than that hit, nothing may have been left out.
+    // No candidate nearer than that hit may be missing.
     if ((ray.flags & kRayTerminateOnFirstHit) != 0 && result.committed != kNone)
         return {};
     for (const Hit &h : hits) {
@@ -71,7 +71,7 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
             continue;
         if (std::none_of(result.candidates.begin(), result.candidates.end(),
                          [&h](const Candidate &c) { return names(h, c); }))
-            return "a candidate was left out" + inWords(h);
+            return "a missing candidate" + inWords(h);
     }
     return {};
 }

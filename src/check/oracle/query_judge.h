@@ -10,7 +10,7 @@
 namespace vellum::check::oracle
 {
 
-// Which candidate or hit a fault is about, in parentheses: "a candidate was left out (instance 0, ...)".
+// Which candidate or hit a fault is about, in parentheses: "a missing candidate (instance 0, ...)".
 template <class T>
 std::string inWords(const T &x)
 {

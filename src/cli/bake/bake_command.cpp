@@ -82,7 +82,10 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
     options.bake.progress = [&](size_t done, size_t total) {
         report(job, total == 0 ? 0 : static_cast<double>(done) / static_cast<double>(total));
     };
+    bool noted = false;
     const auto failed = [&](const std::string &error) {
+        if (!noted)
+            exclusions_.noteUnread();
         BakeFileReport report;
         report.job = jobs_[job];
         report.error = error;
@@ -97,6 +100,7 @@ BakeFileReport Bakery::bakeOne(size_t job, unsigned threads)
     try {
         const Document document = openDocument(jobs_[job].input);
         exclusions_.note(document);
+        noted = true;
         return reportOf(jobs_[job], bakeFile(document, jobs_[job].output, options));
     } catch (const BakeCancelled &) {
         return failed(prefix + kNotBaked);

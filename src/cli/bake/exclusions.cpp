@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bake/exclusions.h"
 
-#include <algorithm>
 #include <cstdio>
 
 #include "gltf/micromaps/name_pattern.h"
+#include "gltf/primitive.h"
 
 namespace vellum::cli
 {
@@ -12,13 +12,21 @@ namespace vellum::cli
 void UnmatchedExclusions::note(const Document &document)
 {
     const std::lock_guard lock(noting_);
-    const auto eraseMatched = [](std::vector<std::string> &patterns, const auto &named) {
-        std::erase_if(patterns, [&](const std::string &pattern) {
-            return std::ranges::any_of(named, [&](const auto &one) { return matchesPattern(one.name, pattern); });
-        });
+    const auto eraseMatched = [](std::vector<std::string> &patterns, const std::string &name) {
+        std::erase_if(patterns, [&](const std::string &pattern) { return matchesPattern(name, pattern); });
     };
-    eraseMatched(materials_, document.model().materials);
-    eraseMatched(meshes_, document.model().meshes);
+    const gltf_json::Model &model = document.model();
+    for (size_t i = 0; i < model.materials.size(); ++i)
+        eraseMatched(materials_, materialName(model, i));
+    for (const gltf_json::Mesh &mesh : model.meshes)
+        eraseMatched(meshes_, mesh.name);
+}
+
+void UnmatchedExclusions::noteUnread()
+{
+    const std::lock_guard lock(noting_);
+    materials_.clear();
+    meshes_.clear();
 }
 
 void UnmatchedExclusions::print() const

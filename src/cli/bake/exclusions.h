@@ -11,7 +11,7 @@
 namespace vellum::cli
 {
 
-// The patterns that match nothing in any of the documents. `note` may be called by several threads.
+// The patterns that match nothing in any of the documents. Several threads may note documents.
 class UnmatchedExclusions
 {
 public:
@@ -20,6 +20,8 @@ public:
     {
     }
     void note(const Document &document);
+    // A document that was not read: any pattern may match in it.
+    void noteUnread();
     // To stderr, a line each.
     void print() const;
 

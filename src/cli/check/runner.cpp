@@ -141,7 +141,7 @@ void Runner::Slot::ask()
         try {
             process_ = std::make_unique<WorkerProcess>(options);
         } catch (const Error &error) { // a limit of processes or of files
-            runner_.noteFailedStart(error.what());
+            runner_.noteFailedStart(error.what(), lastStart_);
             return;
         }
         ++runner_.workers_;
@@ -336,11 +336,13 @@ bool Runner::mustConfirm(const Finished &finished) const
     return confirmed == confirmed_.end() || confirmed->second < kMostConfirmations;
 }
 
-// While other workers run, what they use is missing here: there is no reason to give up.
-void Runner::noteFailedStart(const std::string &error)
+// While other workers run, what they use is missing here: there is no reason to give up. Slots that fail at the same
+// time count as one.
+void Runner::noteFailedStart(const std::string &error, Clock::time_point time)
 {
-    if (workers_ != 0)
+    if (workers_ != 0 || std::chrono::duration<double>(time - lastFailedStart_).count() <= kSecondsBetweenStarts)
         return;
+    lastFailedStart_ = time;
     ++failedOpenings_;
     whyMissing_ = "no worker can be started: " + error;
 }

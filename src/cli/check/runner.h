@@ -62,7 +62,7 @@ private:
     std::optional<CaseId> nextOf(Stream &stream);
     // Whether a failure is to be run again.
     [[nodiscard]] bool mustConfirm(const Finished &finished) const;
-    void noteFailedStart(const std::string &error);
+    void noteFailedStart(const std::string &error, Clock::time_point time);
     void reportMissing(const CaseId &id);
 
     RunSettings settings_;
@@ -70,10 +70,11 @@ private:
     std::function<void(const Finished &)> report_;
     std::function<void()> tick_;
     Clock::time_point start_ = Clock::now();
-    double turn_ = 0;             // seconds that a worker runs the cases of one stream
-    unsigned failedOpenings_ = 0; // one after the other
-    unsigned workers_ = 0;        // that exist
-    std::string whyMissing_;      // of the last one
+    double turn_ = 0;                   // seconds that a worker runs the cases of one stream
+    unsigned failedOpenings_ = 0;       // one after the other
+    unsigned workers_ = 0;              // that exist
+    Clock::time_point lastFailedStart_; // that counts
+    std::string whyMissing_;            // of the last one
     bool failed_ = false;
     std::map<std::string, size_t> confirmed_; // cases that failed twice, by cause
 };

@@ -144,7 +144,8 @@ std::vector<Manifest> findLayerManifests(const fs::path &folder)
                 continue;
             manifests.push_back({path, {}, place.from, ""});
             readManifest(manifests.back(), "layer");
-            if (manifests.back().problem.empty())
+            std::error_code error;
+            if (manifests.back().problem.empty() && fs::is_directory(place.path, error))
                 manifests.back().problem = problemOfListing(path);
         }
     }

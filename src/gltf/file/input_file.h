@@ -28,7 +28,7 @@ public:
     size_t read(std::span<uint8_t> bytes);
 
 private:
-    // Without links in it; empty where the system does not tell.
+    // The path without links; empty if it cannot be determined.
     [[nodiscard]] std::filesystem::path realPath() const;
 
     std::filesystem::path path_;

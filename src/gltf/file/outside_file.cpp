@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/input_file.h"
@@ -90,7 +91,9 @@ void InputFile::requireIn(const std::filesystem::path &folder) const
 {
     const std::filesystem::path root = realFolder(folder);
     const std::filesystem::path real = realPath();
-    if (root.empty() || std::mismatch(root.begin(), root.end(), real.begin(), real.end()).first != root.end())
+    // Windows ends the path of a drive's root folder, \\?\D:\, with a separator: an empty last component.
+    const auto end = root.has_relative_path() && !root.has_filename() ? std::prev(root.end()) : root.end();
+    if (root.empty() || std::mismatch(root.begin(), end, real.begin(), real.end()).first != end)
         throw GltfUnsupported("a link leads out of the file's folder");
 }
 

@@ -41,9 +41,7 @@ struct Source {
     std::optional<StoredMicromap> baked;
 };
 
-// Each needs a map of the texture's cells of its own.
-constexpr size_t kMostLayers = 16;
-// How many of them are made in the time that it takes to decode the texture.
+// How many maps of the texture's cells are made in the time that it takes to decode the texture.
 constexpr size_t kMapsForImage = 16;
 // Of all primitives, and one for each byte of the file's buffers. Primitives can share their indices.
 constexpr size_t kMostTriangles = size_t{1} << 24;
@@ -221,7 +219,7 @@ void DocumentBaker::dropRareLayers()
         for (const auto &[alpha, layer] : source.layers)
             sizes.emplace_back(layer.uvs.size(), alpha);
         std::sort(sizes.rbegin(), sizes.rend());
-        for (size_t i = kMostLayers; i < sizes.size(); ++i) {
+        for (size_t i = kMostVertexAlphas; i < sizes.size(); ++i) {
             for (const TrianglePlace &place : source.layers[sizes[i].second].places)
                 ++result_.primitives[place.primitive].varying;
             source.layers.erase(sizes[i].second);

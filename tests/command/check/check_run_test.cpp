@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum check`: what becomes of cases that pass, fail, crash, hang and lie.
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <gtest/gtest.h>
 
@@ -259,6 +260,17 @@ TEST_F(Check, FewerWorkersThanJobs)
     const Outcome outcome = runVellumWithOpenFiles(arguments, 12);
     EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
     EXPECT_EQ(statusesIn(folder_ / "out/results.csv").size(), 10U);
+}
+
+// The failures of all slots at one time are one attempt; others follow, half a second apart.
+TEST_F(Check, WorkersAreStartedAgainAfterAPause)
+{
+    const auto begin = std::chrono::steady_clock::now();
+    const CheckRun check = run({"used-up-crash.*", "sometimes.*"}, {"--jobs", "6"});
+    EXPECT_EQ(check.outcome.exitCode, 1) << check.outcome.errors;
+    EXPECT_NE(check.outcome.output.find("  Missing: no worker can be started: "), std::string::npos)
+        << check.outcome.output;
+    EXPECT_GT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(2));
 }
 
 TEST_F(Check, ResultsOutliveWorkersThatCannotBeStarted)

@@ -17,13 +17,17 @@ HANDLE handleOf(intptr_t file)
     return reinterpret_cast<HANDLE>(file);
 }
 
-// With the prefix \\?\, and in the case that the file system has; empty where it fails.
-std::filesystem::path finalPath(HANDLE handle)
+// With the prefix \\?\, and in the case that the file system has. Where the volume's driver does not support that,
+// `named` without links; empty where that fails as well.
+std::filesystem::path finalPath(HANDLE handle, const std::filesystem::path &named)
 {
     std::wstring path(GetFinalPathNameByHandleW(handle, nullptr, 0, VOLUME_NAME_DOS), L'\0');
     if (!path.empty())
         path.resize(GetFinalPathNameByHandleW(handle, path.data(), static_cast<DWORD>(path.size()), VOLUME_NAME_DOS));
-    return path;
+    if (!path.empty())
+        return path;
+    std::error_code error;
+    return std::filesystem::canonical(named, error);
 }
 
 } // namespace
@@ -73,7 +77,7 @@ size_t InputFile::read(std::span<uint8_t> bytes)
 
 std::filesystem::path InputFile::realPath() const
 {
-    return finalPath(handleOf(file_));
+    return finalPath(handleOf(file_), path_);
 }
 
 std::filesystem::path realFolder(const std::filesystem::path &folder)
@@ -83,8 +87,10 @@ std::filesystem::path realFolder(const std::filesystem::path &folder)
                                       OPEN_EXISTING, FILE_FLAG_BACKUP_SEMANTICS, nullptr); // for a folder
     if (handle == INVALID_HANDLE_VALUE)
         throw GltfError("the file's folder cannot be found");
-    const std::filesystem::path real = finalPath(handle);
+    std::filesystem::path real = finalPath(handle, named);
     CloseHandle(handle);
+    if (real.empty())
+        throw GltfError("the file's folder cannot be found");
     return real;
 }
 
