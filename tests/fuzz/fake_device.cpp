@@ -140,7 +140,7 @@ void FakeDevice::clear()
 {
     for (size_t i = 0; i < memories.size(); ++i) {
         state_->buffers.host.destroyed(handleOf<VkBuffer>(i));
-        state_->buffers.host.freed(handleOf<VkDeviceMemory>(i));
+        state_->buffers.host.freed(handleOf<VkDeviceMemory>(i), state_->buffers.addresses);
         state_->buffers.infos.take(handleOf<VkBuffer>(i));
     }
     memories.clear();

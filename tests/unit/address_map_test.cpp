@@ -34,9 +34,12 @@ public:
         map_.add(known.begin, known.buffer, known.size, known.usage);
         all_.push_back(known);
     }
-    void remove(size_t i)
+    void remove(size_t i, bool hideOnly)
     {
-        map_.remove(all_[i].buffer);
+        if (hideOnly)
+            map_.hide(all_[i].buffer);
+        else
+            map_.remove(all_[i].buffer);
         all_.erase(all_.begin() + static_cast<ptrdiff_t>(i));
     }
     [[nodiscard]] size_t count() const { return all_.size(); }
@@ -117,7 +120,7 @@ TEST(AddressMap, AgreesWithALookAtEveryBuffer)
         Model model;
         for (uint64_t step = 1; step <= 60; ++step) {
             if (model.count() > 0 && upTo(2) == 0)
-                model.remove(upTo(static_cast<uint32_t>(model.count() - 1)));
+                model.remove(upTo(static_cast<uint32_t>(model.count() - 1)), upTo(1) == 0);
             else
                 model.add({handle(step), 1 + upTo(60), 1 + upTo(upTo(1) ? 4 : 40), upTo(7)});
             for (int look = 0; look < 20; ++look) {
@@ -140,6 +143,22 @@ TEST(AddressMap, RangesThatWouldWrapAreInNoBuffer)
     EXPECT_EQ(map.covering(0x1000, 0x100, 0).buffer, handle(1));
     EXPECT_EQ(map.covering(0x1000, 0x101, 0).buffer, handle(0));
     EXPECT_EQ(map.within(0x10f0, UINT64_MAX).size(), 1u);
+}
+
+// The memory of a buffer is freed before the buffer is destroyed.
+TEST(AddressMap, HiddenBuffersKeepTheirOwner)
+{
+    AddressMap map;
+    // Nothing looks at what it owns.
+    const AddressMap::Owner owner(reinterpret_cast<vellum::layer::DriverBuffer *>(1), [](auto *) {});
+    map.add(0x1000, handle(1), 0x100, 0, owner);
+    map.hide(handle(1));
+    map.hide(handle(2));
+    map.add(0x1000, handle(3), 0x80, 0);
+    EXPECT_EQ(map.find(0x1000).buffer, handle(3));
+    EXPECT_EQ(map.find(0x1080).buffer, handle(0));
+    EXPECT_EQ(map.remove(handle(1)), owner);
+    EXPECT_EQ(map.find(0x1000).buffer, handle(3));
 }
 
 TEST(AddressMap, AddressZeroIsNoAddress)

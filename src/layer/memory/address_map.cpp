@@ -46,18 +46,35 @@ void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size
     undo.keep();
 }
 
+AddressMap::Ranges::iterator AddressMap::rangeOf(VkBuffer buffer)
+{
+    const auto known = addresses_.find(buffer);
+    if (known == addresses_.end())
+        return ranges_.end();
+    const auto [first, last] = ranges_.equal_range(known->second);
+    return std::find_if(first, last, [buffer](const auto &range) { return range.second.buffer == buffer; });
+}
+
 AddressMap::Owner AddressMap::remove(VkBuffer buffer)
 {
     std::unique_lock lock(mutex_);
-    const auto known = addresses_.find(buffer);
-    if (known == addresses_.end())
+    const auto it = rangeOf(buffer);
+    if (it == ranges_.end())
         return nullptr;
-    const auto [first, last] = ranges_.equal_range(known->second);
-    const auto it = std::find_if(first, last, [buffer](const auto &range) { return range.second.buffer == buffer; });
     Owner owner = std::move(it->second.owner);
     updateReach(ranges_.erase(it));
-    addresses_.erase(known);
+    addresses_.erase(buffer);
     return owner;
+}
+
+void AddressMap::hide(VkBuffer buffer)
+{
+    std::unique_lock lock(mutex_);
+    const auto it = rangeOf(buffer);
+    if (it == ranges_.end())
+        return;
+    it->second.end = it->first;
+    updateReach(it);
 }
 
 AddressMap::Location AddressMap::find(VkDeviceAddress address, VkFlags64 usage) const

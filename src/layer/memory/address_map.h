@@ -25,6 +25,8 @@ public:
     void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage, Owner owner = {});
     // Returns the owner; null also for a buffer that is not known.
     Owner remove(VkBuffer buffer);
+    // Searches no longer find the buffer, whose memory is freed. It keeps its owner until remove().
+    void hide(VkBuffer buffer);
     struct Location {
         VkBuffer buffer = VK_NULL_HANDLE; // null if there is none
         VkDeviceSize offset = 0;
@@ -63,6 +65,7 @@ private:
         return {range.buffer, address - begin, range.end - address, range.owner};
     }
     using Ranges = std::multimap<VkDeviceAddress, Range>;
+    Ranges::iterator rangeOf(VkBuffer buffer); // end() for a buffer that is not known
     void updateReach(Ranges::iterator from);
     // Calls `visit(begin, range)` for every range that contains `address`, the nearest first, until it returns true.
     template <typename Visit>

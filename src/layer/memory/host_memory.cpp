@@ -17,15 +17,17 @@ void HostMemory::allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPr
     memories_[memory] = {.properties = properties, .bytes = bytes};
 }
 
-std::unordered_set<VkBuffer> HostMemory::freed(VkDeviceMemory memory)
+void HostMemory::freed(VkDeviceMemory memory, AddressMap &addresses)
 {
+    // Held throughout: the handle of a buffer is not used again before destroyed().
     std::lock_guard lock(mutex_);
-    auto known = memories_.extract(memory);
+    const auto known = memories_.extract(memory);
     if (!known)
-        return {};
-    for (const VkBuffer buffer : known.mapped().buffers)
+        return;
+    for (const VkBuffer buffer : known.mapped().buffers) {
+        addresses.hide(buffer);
         bindings_.erase(buffer);
-    return std::move(known.mapped().buffers);
+    }
 }
 
 void HostMemory::bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset)
@@ -159,9 +161,7 @@ HostView::~HostView()
 
 void freeMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory, const VkAllocationCallbacks *allocator)
 {
-    // Other memory may have its addresses next, while the buffers still exist.
-    for (const VkBuffer buffer : device.host.freed(memory))
-        device.addresses.remove(buffer);
+    device.host.freed(memory, device.addresses);
     device.driver.next.FreeMemory(handle, memory, allocator);
 }
 

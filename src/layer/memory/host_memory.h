@@ -17,6 +17,7 @@
 namespace vellum::layer
 {
 
+class AddressMap;
 struct DeviceBuffers;
 struct Driver;
 
@@ -36,8 +37,9 @@ class HostMemory
 {
 public:
     void allocated(VkDeviceMemory memory, VkDeviceSize bytes, VkMemoryPropertyFlags properties);
-    // Returns the buffers that were bound to it.
-    std::unordered_set<VkBuffer> freed(VkDeviceMemory memory);
+    // Hides the addresses of the buffers that are bound to it: other memory may have them next, while the buffers still
+    // exist.
+    void freed(VkDeviceMemory memory, AddressMap &addresses);
     void bound(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset);
     void destroyed(VkBuffer buffer);
 

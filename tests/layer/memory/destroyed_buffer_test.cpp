@@ -269,6 +269,29 @@ TEST_F(DestroyedBuffersByAddress, WhoseMemoryIsFreed)
         GTEST_SKIP() << "new memory has another address";
 }
 
+// The application may free the memory of a buffer, destroy the buffer, and then the structure at its address. The
+// driver's buffer lives as long as the structure, which the spy checks when the structure's address is queried.
+TEST_F(DestroyedBuffersByAddress, WhoseMemoryIsFreedBeforeAStructure)
+{
+    auto info = vkInit<VkBufferCreateInfo>(
+        {.size = 65536, .usage = gpu().structureUsage() | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(gpu().device(), buffer, &needs);
+    VkDeviceMemory memory = gpu().allocate({needs.size, needs.alignment, needs.memoryTypeBits}, 0);
+    VT_CHECK(vkBindBufferMemory(gpu().device(), buffer, memory, 0));
+    auto create = vkInit<VkAccelerationStructureCreateInfo2KHR>(
+        {.addressRange = {gpu().address(buffer), 4096}, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    VT_CHECK(gpu().vk().CreateAccelerationStructure2KHR(gpu().device(), &create, nullptr, &structure));
+    vkFreeMemory(gpu().device(), memory, nullptr);
+    vkDestroyBuffer(gpu().device(), buffer, nullptr);
+    auto query = vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structure});
+    EXPECT_NE(gpu().vk().GetAccelerationStructureDeviceAddressKHR(gpu().device(), &query), 0u);
+    gpu().vk().DestroyAccelerationStructureKHR(gpu().device(), structure, nullptr);
+}
+
 // One thread creates and destroys aliases while another records and submits.
 TEST_F(DestroyedBuffersByAddress, WhileCommandsAreRecorded)
 {
