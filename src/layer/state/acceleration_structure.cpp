@@ -275,7 +275,11 @@ void returnOutgrownSlots(StructureLocation &location)
 {
     const uint32_t *words = location.descriptor.words;
     std::erase_if(location.outgrownSlots, [words](const std::shared_ptr<SlotRange> &slots) {
-        if (slots.use_count() > 1 || slots->isUsed())
+        // Each count is read without an order. Who released the slots may have taken them into use before.
+        if (slots.use_count() > 1)
+            return false;
+        std::atomic_thread_fence(std::memory_order_acquire);
+        if (slots->isUsed())
             return false;
         std::atomic_thread_fence(std::memory_order_acquire);
         const bool inUse = words &&
