@@ -45,8 +45,10 @@ bool EntryWrapper::selectEntryPoint(const PipelineStage &stage)
     application_ = module_.word(*chosen, 2);
     if (stage.hidden.inPayload())
         declaredPayload_ = incomingPayload(module_, *chosen);
-    const Instruction entry = *chosen;
-    entries = {entry};
+    // The section may have unknown instructions, too.
+    std::erase_if(entries, [&, first = chosen->first](Instruction in) {
+        return in.opcode == spv::OpEntryPoint && in.first != first;
+    });
     std::erase_if(module_.section(Section::ExecutionModes), [&](Instruction in) {
         return (in.opcode == spv::OpExecutionMode || in.opcode == spv::OpExecutionModeId) &&
                module_.word(in, 1) != application_;
@@ -91,7 +93,9 @@ bool EntryWrapper::wrap(const PipelineStage &stage)
     auto &functions = module_.section(Section::Functions);
     functions.insert(functions.end(), code_.out.begin(), code_.out.end());
     entry_[1] = wrapper;
-    module_.section(Section::EntryPoints) = {module_.make(spv::OpEntryPoint, entry_)};
+    std::ranges::replace_if(
+        module_.section(Section::EntryPoints), [](Instruction in) { return in.opcode == spv::OpEntryPoint; },
+        module_.make(spv::OpEntryPoint, entry_));
     return error_.empty();
 }
 

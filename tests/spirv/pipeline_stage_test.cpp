@@ -6,6 +6,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <vector>
+
 namespace vellum::test
 {
 namespace
@@ -72,6 +75,20 @@ TEST(PipelineStages, AnyHitShadersOfTrianglesAreAskedLast)
     for (const char *builtIn : {"InstanceCustomIndex", "IncomingRayFlags", "PrimitiveId", "RayGeometryIndex"})
         EXPECT_EQ(count(text, std::string("BuiltIn ") + builtIn), 1u) << builtIn;
     EXPECT_EQ(count(text, "OpVariable %_ptr_HitAttributeNV") + count(text, "OpVariable %_ptr_HitAttributeKHR"), 1u);
+}
+
+// Instructions that nobody here knows may be next to the entry points.
+TEST(PipelineStages, UnknownInstructionsBesideTheEntryPointStay)
+{
+    const std::vector<uint32_t> unknown{3u << 16 | 0x7abc, 0x1234567, 0x89abcde};
+    Module words = loadShader(kTriangles.shader, "v15");
+    size_t at = 5;
+    while ((words[at] & 0xffff) != spv::OpEntryPoint)
+        at += words[at] >> 16;
+    words.insert(words.begin() + static_cast<ptrdiff_t>(at), unknown.begin(), unknown.end());
+    const auto result = spirv::rewrite(words, optionsOf(kTriangles));
+    ASSERT_EQ(result.status, Status::Rewritten) << result.error;
+    EXPECT_FALSE(std::ranges::search(result.words, unknown).empty());
 }
 
 TEST(PipelineStages, WhatAnAnyHitShaderLacksIsAdded)
