@@ -157,7 +157,9 @@ spirv::HiddenFlags MicromapStages::hiddenFor(const Key &key) const
     return {rewrite_.hidden.fixed, rewrite_.hidden.constant, std::get<spirv::TypeWords>(key)};
 }
 
-// Adds each stage of the application once for each key that its groups need. The first keeps the stage's index.
+// Adds each stage of the application once for each key that its groups need. The first keeps the stage's index. In a
+// library that is the one that groups of other pipelines name: where such a stage declares no payload and the library's
+// groups need it with several payload types, it has the first of these.
 VkResult MicromapStages::addStages(const VkRayTracingPipelineCreateInfoKHR &info)
 {
     std::vector<std::set<Key>> needed(info.stageCount);
