@@ -125,7 +125,7 @@ const Row kRows[] = {
     row<getPipelineKey>("vkGetPipelineKeyKHR", Scope::Shaders),
     row<getPipelineBinaryData>("vkGetPipelineBinaryDataKHR", Scope::Emulated),
     row<createRayTracingPipelines>("vkCreateRayTracingPipelinesKHR", Scope::Shaders),
-    row<destroyPipeline>("vkDestroyPipeline", Scope::Emulated),
+    row<destroyPipeline>("vkDestroyPipeline", Scope::Shaders),
     row<getShaderGroupHandles>("vkGetRayTracingShaderGroupHandlesKHR", Scope::Emulated),
     row<getCaptureReplayShaderGroupHandles>("vkGetRayTracingCaptureReplayShaderGroupHandlesKHR", Scope::Emulated),
     row<getShaderGroupStackSize>("vkGetRayTracingShaderGroupStackSizeKHR", Scope::Emulated),

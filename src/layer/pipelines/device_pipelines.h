@@ -54,7 +54,10 @@ struct DevicePipelines {
     DeviceCommandBuffers &commands;
     HandleMap<VkShaderModule, std::shared_ptr<const RayTracingModule>> rayTracingModules{};
     HandleMap<VkPipeline, std::shared_ptr<RayTracingPipeline>> rayTracingPipelines{}; // those that use micromaps
-    HandleMap<VkShaderModule, bool> tracingModules{};                                 // true: shaders that trace rays
+    // Libraries of drivers with micromaps of their own, to which the setting assume_micromaps did not add the bit.
+    using Flagged = HandleMap<VkPipeline, bool>;
+    Flagged librariesWithoutMicromaps{};
+    HandleMap<VkShaderModule, bool> tracingModules{}; // true: shaders that trace rays
     TracingIdentifiers tracingIdentifiers{};
     HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};

@@ -35,16 +35,19 @@ VkFlags64 flagsOf(const VkRayTracingPipelineCreateInfoKHR &info)
     return pipelineFlags(info.pNext, info.flags);
 }
 
-// Whether the setting assume_micromaps gives a pipeline the micromap bit. Not one that promises to meet no micromaps.
-bool isAssumed(const Driver &driver, const VkRayTracingPipelineCreateInfoKHR &info)
-{
-    return driver.assumesMicromaps() && (flagsOf(info) & newer::kPipelineDisallowOpacityMicromap) == 0;
-}
-
 std::span<const VkPipeline> librariesOf(const VkRayTracingPipelineCreateInfoKHR &info)
 {
     return info.pLibraryInfo ? std::span(info.pLibraryInfo->pLibraries, info.pLibraryInfo->libraryCount)
                              : std::span<const VkPipeline>();
+}
+
+// Whether the setting assume_micromaps gives a pipeline the micromap bit. Not one that promises to meet no micromaps,
+// nor one with such a library (VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598).
+bool isAssumed(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info)
+{
+    return device.driver.assumesMicromaps() && (flagsOf(info) & newer::kPipelineDisallowOpacityMicromap) == 0 &&
+           std::ranges::none_of(librariesOf(info),
+                                [&](VkPipeline library) { return device.librariesWithoutMicromaps.get(library); });
 }
 
 // The create infos of one vkCreateRayTracingPipelinesKHR as the driver gets them. Must live as long as the driver may
@@ -64,11 +67,12 @@ public:
     {
         VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
         records_.emplace_back();
+        withoutMicromaps_.emplace_back();
         ownAnyHitGroups_.emplace_back();
         const Driver &driver = device_.driver;
         if (!driver.providesMicromaps())
             return passOn(own);
-        bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0 || isAssumed(driver, info);
+        bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0 || isAssumed(device_, info);
         if (!checkFlags(info, usesMicromaps))
             return VK_ERROR_VALIDATION_FAILED_EXT;
         if (driver.emulated()) {
@@ -106,6 +110,8 @@ public:
             std::copy_n(feedback.own.begin(), std::min<size_t>(feedback.count, feedback.own.size()),
                         feedback.application);
         for (size_t i = 0; i < records_.size(); ++i) {
+            if (withoutMicromaps_[i] && pipelines_[i])
+                device_.librariesWithoutMicromaps.set(pipelines_[i], std::move(withoutMicromaps_[i]));
             if (!records_[i] || !pipelines_[i])
                 continue;
             if (records_[i]->hasNullGroup)
@@ -201,8 +207,13 @@ private:
     // A pipeline whose micromaps, if it has any, are the driver's.
     VkResult passOn(VkRayTracingPipelineCreateInfoKHR &info)
     {
-        const bool addsBit = !device_.driver.emulated() && isAssumed(device_.driver, info);
-        const VkFlags64 added = addsBit ? kMicromapPipelineFlag : 0;
+        const bool mayAdd = !device_.driver.emulated() && device_.driver.assumesMicromaps();
+        const VkFlags64 added = mayAdd && isAssumed(device_, info) ? kMicromapPipelineFlag : 0;
+        const VkFlags64 kind = (flagsOf(info) | added) & (kMicromapPipelineFlag | VK_PIPELINE_CREATE_LIBRARY_BIT_KHR);
+        if (pipelines_ && mayAdd && kind == VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) {
+            withoutMicromaps_.back() = DevicePipelines::Flagged::entry(true);
+            changed_ = true; // so that finish() is called
+        }
         if (!changeFlags(info, unknownPipelineFlags(device_.driver), added))
             return VK_ERROR_INITIALIZATION_FAILED;
         if (!binariesOf(info.pNext) && !stages_.rewrite(info.pStages, info.stageCount))
@@ -354,9 +365,10 @@ private:
     std::deque<MicromapStages> micromapStages_;
     VkPipeline *pipelines_;
     std::vector<VkRayTracingPipelineCreateInfoKHR> infos_;
-    std::vector<std::shared_ptr<RayTracingPipeline>> records_; // null for pipelines without micromaps
-    std::vector<Entry> entries_;                               // of the records
-    std::vector<std::vector<uint32_t>> ownAnyHitGroups_;       // per pipeline
+    std::vector<std::shared_ptr<RayTracingPipeline>> records_;      // null for pipelines without micromaps
+    std::vector<Entry> entries_;                                    // of the records
+    std::vector<DevicePipelines::Flagged::Entry> withoutMicromaps_; // of libraries that librariesWithoutMicromaps gets
+    std::vector<std::vector<uint32_t>> ownAnyHitGroups_;            // per pipeline
     std::deque<Chain> chains_;
     std::deque<DriverIdentifiers> identifiers_;
     std::deque<VkRayTracingPipelineInterfaceCreateInfoKHR> interfaces_;

@@ -69,6 +69,7 @@ void destroyPipeline(DevicePipelines &device, VkDevice handle, VkPipeline pipeli
                      const VkAllocationCallbacks *allocator)
 {
     device.rayTracingPipelines.take(pipeline);
+    device.librariesWithoutMicromaps.take(pipeline);
     device.driver.next.DestroyPipeline(handle, pipeline, allocator);
 }
 

@@ -84,6 +84,36 @@ protected:
         expectTraced({.flags = 0, .inlineModules = true}, assumed());
     }
 
+    // A library that promises to meet no micromaps gets no micromap bit, nor does a pipeline that links it
+    // (VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598): the driver would not create it.
+    void expectLinked()
+    {
+        if (!assumed() || !gpu().has("VK_KHR_maintenance5") || !gpu().has(VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME))
+            GTEST_SKIP() << "no VkPipelineCreateFlags2CreateInfo, or no libraries";
+        PipelineSetup setup;
+        setup.stages = {{VK_SHADER_STAGE_RAYGEN_BIT_KHR, query_raygen}};
+        setup.groups = {{.general = 0}};
+        setup.layout = tracer_->layout();
+        setup.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+        const auto create = [&](const PipelineSetup &own, const void *pNext) {
+            PipelineInfo info(gpu(), own);
+            info.get().pNext = pNext;
+            VkPipeline pipeline = VK_NULL_HANDLE;
+            VT_CHECK(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1,
+                                                             &info.get(), nullptr, &pipeline));
+            return RayPipeline(gpu(), pipeline);
+        };
+        const auto disallows = vkInit<newer::PipelineCreateFlags2CreateInfo>(
+            {.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | newer::kPipelineDisallowOpacityMicromap});
+        const RayPipeline library = create(setup, &disallows);
+        setup.flags = 0;
+        setup.libraries = {library.handle()};
+        gpu().takeMessages();
+        EXPECT_NE(create(setup, nullptr).handle(), VkPipeline{});
+        for (const Message &message : gpu().takeMessages())
+            EXPECT_EQ(message.id.find("11598"), std::string::npos) << message.text;
+    }
+
     std::optional<Gpu> gpu_;
     std::optional<StateScene> scene_;
     std::optional<Tracer> tracer_;
@@ -198,12 +228,17 @@ TEST_P(AssumedOnDeferringDriver, Pipelines)
 class AssumedOnExtDriver : public OnDriver
 {
 protected:
-    explicit AssumedOnExtDriver(Api api = Api::Ext) : OnDriver({.quirks = "ext", .api = api}) {}
+    explicit AssumedOnExtDriver(Api api = Api::Ext) : OnDriver({.quirks = "ext", .api = api, .newer = true}) {}
 };
 
 TEST_P(AssumedOnExtDriver, Pipelines)
 {
     expectPipelines();
+}
+
+TEST_P(AssumedOnExtDriver, LibraryThatDisallowsMicromaps)
+{
+    expectLinked();
 }
 
 class AssumedTranslated : public AssumedOnExtDriver
@@ -215,6 +250,11 @@ protected:
 TEST_P(AssumedTranslated, Pipelines)
 {
     expectPipelines();
+}
+
+TEST_P(AssumedTranslated, LibraryThatDisallowsMicromaps)
+{
+    expectLinked();
 }
 
 TEST_P(AssumedTranslated, ReportsNoMissingMode)
