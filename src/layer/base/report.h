@@ -100,8 +100,8 @@ private:
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
 };
 
-// Ids of faults that validation has reported and that the implementation may find as well, on the device: it takes them
-// when it looks for what the device found, and does not report them. They do not outlast that.
+// Ids of faults that validation has reported and that the implementation may find as well, on the device. When the
+// implementation reads what the device found, it does not report faults with these ids, and then removes the ids.
 class CoveredIds
 {
 public:

@@ -37,8 +37,8 @@ constexpr ConflictingExtension kConflicting[] = {
      static_cast<VkStructureType>(1000134000), 2, Translated::NotBesideKhr},
 };
 
-// Parts of the names of extensions for ray tracing, and all of these that work beside the layer's micromaps.
-// tests/structure/check_extensions.py compares them with the registry.
+// Parts of the names of extensions for ray tracing, and all of these that can be enabled together with the layer's
+// micromaps. tests/structure/check_extensions.py compares them with the registry.
 constexpr std::string_view kRayTracing[] = {"ray_tracing", "ray_query", "acceleration_structure", "micromap"};
 constexpr std::string_view kCompatible[] = {
     "VK_ARM_pipeline_opacity_micromap",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Extensions of drivers that concern ray tracing: those that cannot be enabled together with the layer's micromaps, and
-// those that work beside them.
+// those that can.
 //
 // An extension that cannot is offered all the same: a device without micromaps may enable it. A device that enables
 // both is not created. Programs that enable every feature they know would then have no device, so a query of features

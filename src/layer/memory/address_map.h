@@ -20,8 +20,8 @@ class AddressMap
 {
 public:
     using Owner = std::shared_ptr<DriverBuffer>;
-    // `usage`: the flags that the driver got. `owner`: null where nobody names the buffer to the driver. Address 0 and
-    // buffers that are known already are ignored.
+    // `usage`: the flags that the driver got. `owner`: null if the locations that are found are never passed to the
+    // driver. Address 0 and buffers that are known already are ignored.
     void add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size, VkFlags64 usage, Owner owner = {});
     // Returns the owner; null also for a buffer that is not known.
     Owner remove(VkBuffer buffer);

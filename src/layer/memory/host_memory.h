@@ -48,8 +48,8 @@ public:
     void unmap(const Driver &driver, VkDeviceMemory memory);
     // The driver has mapped or unmapped the memory for the application: bytes from `offset` on are at `data`.
     void mappedByDriver(VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize bytes, void *data);
-    // The driver is about to unmap it: nobody reads the mapping any more. Returns what mappedByDriver() takes, for a
-    // driver that fails.
+    // The driver is about to unmap it: the mapping is no longer read. Returns the mapping, which mappedByDriver()
+    // restores if the driver's command fails.
     struct Mapping {
         VkDeviceSize offset = 0;
         VkDeviceSize bytes = 0;

@@ -91,7 +91,7 @@ struct ValidatedStructure {
     VkDeviceSize offset = 0;                 // in the buffer
     VkDeviceSize size = 0;
     VkDeviceAddress memoryAddress = 0; // of its memory; 0: unknown
-    // By vkGetAccelerationStructureDeviceAddressKHR; 0: not asked for.
+    // From vkGetAccelerationStructureDeviceAddressKHR; 0 until the application calls it.
     std::atomic<VkDeviceAddress> referenceAddress = 0;
 
     std::shared_ptr<StructureRecords::Owner> record; // null without the check `gpu`
@@ -121,8 +121,8 @@ struct ValidatedQueryPool {
     std::vector<State> states; // of its queries, which change when commands are executed
 };
 
-// Structures by an address. Those that are gone are removed now and then, so that at most half of the entries are
-// theirs.
+// Structures by an address. Entries of destroyed structures are removed now and then, so that they are at most half of
+// all entries.
 class StructuresByAddress
 {
 public:

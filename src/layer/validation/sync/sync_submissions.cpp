@@ -262,7 +262,7 @@ VkResult getEventStatus(DeviceValidation &device, VkDevice handle, VkEvent event
     return result;
 }
 
-// What commands did to an event before the host changes it, or destroys it, says nothing about later waits.
+// Once the host changes or destroys an event, a later wait for it is not ordered after the commands that set it before.
 VkResult setEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
 {
     device.sync.tracker.resetEvent(uint64_t(event));

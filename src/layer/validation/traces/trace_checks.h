@@ -131,7 +131,7 @@ private:
     void giveBack(uint32_t index);
     // A site that is not watched any more. Its mark is free if it was given back. Returns true, for std::erase_if.
     bool forget(uint32_t index);
-    // Considers the uses of which it is known what they break. Returns whether that are all.
+    // Considers the uses of which it is known what they break. Returns whether none is left.
     static bool fold(const DeviceValidation &device, Site &site);
     static void reportSite(DeviceValidation &device, const Site &site);
 

@@ -174,7 +174,7 @@ public:
         if (!modules_.empty() && !anyFirst_)
             CommandReports::cover("VELLUM-pipeline-without-micromaps");
     }
-    // Before the pipelines are created: nothing may fail later, since the marks of their shaders must stay theirs.
+    // Before the pipelines are created: nothing may fail later, since no other shader may get the marks of theirs.
     void prepare()
     {
         for (Made &made : made_) {
