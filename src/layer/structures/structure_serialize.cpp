@@ -24,7 +24,8 @@ using namespace shared;
 
 constexpr VkDeviceSize kPlanBytes =
     256; // before the driver's data in staging memory: shaders/structures/serialized.glsl
-constexpr uint32_t kPlanDescriptorWord = 8; // in the plan
+constexpr uint32_t kPlanDescriptorWord = 8;                           // in the plan
+static_assert(kPlanDescriptorWord * 4 % kDescriptorGenerations == 0); // its address has no generation
 // Bytes that the driver's serialized data has more than the structure, at most; 56 on known drivers.
 constexpr VkDeviceSize kDriverOverhead = 65536;
 
