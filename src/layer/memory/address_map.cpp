@@ -38,10 +38,9 @@ void AddressMap::add(VkDeviceAddress address, VkBuffer buffer, VkDeviceSize size
     if (address == 0)
         return;
     std::unique_lock lock(mutex_);
-    const auto [known, added] = addresses_.emplace(buffer, address);
-    if (!added)
+    if (!addresses_.emplace(buffer, address).second)
         return;
-    Undo undo([&] { addresses_.erase(known); });
+    Undo undo([&] { addresses_.erase(buffer); });
     updateReach(ranges_.insert({address, {buffer, address + size, usage, 0, std::move(owner)}}));
     undo.keep();
 }
