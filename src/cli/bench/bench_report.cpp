@@ -50,8 +50,8 @@ std::optional<Quartiles> ratioOf(const Row &row)
 std::string comparison(const Quartiles &quartiles, const char *words)
 {
     const bool same = quartiles.low <= 1 && quartiles.high >= 1;
-    return fmt::format("{:.2f} times as {} ({:.2f} to {:.2f}{})", quartiles.middle, words, quartiles.low, quartiles.high,
-                       same ? ", not distinguishable" : "");
+    return fmt::format("{:.2f} times as {} ({:.2f} to {:.2f}{})", quartiles.middle, words, quartiles.low,
+                       quartiles.high, same ? ", not distinguishable" : "");
 }
 
 // "emulated micromaps", "the driver's micromaps"
@@ -134,9 +134,10 @@ void addNoise(const std::vector<PartResult> &results, std::vector<std::string> &
         }
     }
     if (3 * wide > all)
-        verdict.push_back(fmt::format("Noisy: run again. The times of {} of {} comparisons of frames spread by more than "
-                                      "{:.0f} %, so other programs use the machine, or its speed changes.",
-                                      wide, all, 100 * kWide));
+        verdict.push_back(
+            fmt::format("Noisy: run again. The times of {} of {} comparisons of frames spread by more than "
+                        "{:.0f} %, so other programs use the machine, or its speed changes.",
+                        wide, all, 100 * kWide));
 }
 
 // "The part ... was not completed", or it was slow.
