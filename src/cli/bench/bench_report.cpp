@@ -84,7 +84,7 @@ void addFrames(const PartResult &result, std::vector<std::string> &verdict)
             const std::optional<Quartiles> ratio = ratioOf(row);
             if (row["heavy"].GetBool() != heavy || !ratio)
                 continue;
-            levels += fmt::format("{}level {} {}", levels.empty() ? "" : "; ", row["level"].GetUint(),
+            levels += fmt::format("{}level {} is {}", levels.empty() ? "" : "; ", row["level"].GetUint(),
                                   comparison({1 / ratio->high, 1 / ratio->middle, 1 / ratio->low}, "fast"));
         }
         if (!levels.empty())
