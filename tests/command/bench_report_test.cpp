@@ -115,6 +115,12 @@ TEST(BenchReport, ABusyMachineIsNoisy)
         "Noisy: run again. The times of 1 of 2 comparisons of frames spread by more than 10 %, so other programs use "
         "the machine, or its speed changes.");
     EXPECT_FALSE(noisy({wide, quiet, quiet}));
+    PartResult busy = framesOf({quiet});
+    busy.others = 0.19;
+    EXPECT_EQ(verdictOf({busy}).size(), 1U);
+    busy.others = 0.85;
+    EXPECT_EQ(verdictOf({framesOf({quiet}), busy}).at(0),
+              "Noisy: run again. Other programs took up to 85 % of the processors.");
     EXPECT_FALSE(noisy({frameRow(3, false, 0.48, 0.5, 0.52), quiet})) << "relative to the median";
 }
 
