@@ -199,6 +199,13 @@ oracle::Scene lossyRow(Random &random, const DeviceLimits &limits)
     addRow(random, scene, triangles, level, 48);
     scene.objects[0].meshes[0].micromap =
         oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
+    // Instances behind each other, so that rays meet several hits of which most are not known.
+    for (uint32_t i = chance(random, 40) ? 5 + below(random, 3) : 1; i > 1; --i) {
+        scene.instances.push_back(oneInstance(random));
+        scene.instances.back().transform.matrix[2][3] = -0.5f * static_cast<float>(i);
+        if (chance(random, 20))
+            scene.instances.back().flags = kFlagTwoState;
+    }
     return scene;
 }
 
