@@ -21,8 +21,6 @@ using oracle::MicromapTriangle;
 using oracle::Scene;
 using Kind = Step::Kind;
 
-constexpr std::array kStateNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
-
 std::string counted(size_t count, std::string_view what)
 {
     return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
@@ -289,6 +287,7 @@ int Account::explainState(const Hit &hit)
     const MeshMicromap &use = *mesh.micromap;
     const int32_t index = use.indexOf(hit.primitive);
     int state = -1 - index;
+    uint32_t element = 0;
     if (index < 0) {
         line("  - Its index is {}, the special index for {}.", index, kStateNames[static_cast<size_t>(state)]);
     } else {
@@ -301,8 +300,14 @@ int Account::explainState(const Hit &hit)
         line("  - Index {} + baseTriangle {}: triangle {} of micromap {}, level {}. Micro-triangle {} of {} is {}.",
              index, use.base, number, *use.micromap, triangle.level, micro, triangle.states.size(),
              kStateNames[static_cast<size_t>(state)]);
-        if ((micromap.flags & kLossy) != 0 && triangle.format == kFourState && state < 2)
-            line("  - The build is lossy: either unknown state is allowed as well.");
+        element = micro;
+    }
+    const auto made = verdict_.substitution.find({instance.object, hit.geometry, hit.primitive, element});
+    if (made != verdict_.substitution.end()) {
+        state = made->second;
+        line("  - The build is lossy, which allows unknown states. An equal build on a second device is {} there, so "
+             "this one must be as well.",
+             kStateNames[static_cast<size_t>(state)]);
     }
     if ((instance.flags & kFlagDisable) != 0)
         line("  - The instance disables micromaps; the geometry is {}.", own);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "check/gpu/pipeline_builder.h"
-#include "check/oracle/scene.h"
+#include "check/oracle/cpu_trace.h"
 
 namespace vellum::check
 {
@@ -132,6 +132,7 @@ struct Verdict {
     uint64_t rays = 0;               // that were compared with the oracle
     std::optional<uint32_t> ray;     // the first that is wrong
     std::vector<uint32_t> wrongRays; // all that are wrong
+    oracle::Substitution substitution; // that lossy builds must have made
     bool skipped = false;            // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };

@@ -23,6 +23,7 @@ using Bit = Name<uint32_t>;
 
 inline constexpr uint64_t kMostStates = uint64_t{1} << 28; // of all micromaps of a case
 inline constexpr char kStateLetters[] = "TOto";            // transparent and opaque, in lower case: unknown
+inline constexpr std::array kStateNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
 
 inline constexpr std::array kMemoryNames{
     Name<Memory>{Memory::Apart, "apart"},

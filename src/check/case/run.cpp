@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "check/case/built_case.h"
+#include "check/case/lossy.h"
 #include "check/case/trace.h"
 #include "check/oracle/query_judge.h"
 
@@ -56,9 +57,14 @@ Verdict run(Device &gpu, const Case &c)
         return verdict;
     }
     gpu.takeFaults();
-    std::vector<oracle::Hits> hits;
-    for (const Ray &ray : after.rays)
-        hits.push_back(oracle::allHits(after, ray));
+    std::vector<oracle::Hits> hits = oracle::allHits(after);
+    const bool lossy = std::ranges::any_of(hits, [](const oracle::Hits &of) { return !of.lossy.empty(); });
+    LossyStates expected;
+    if (lossy) {
+        expected = lossyStatesOfTwin(gpu, c, after, hits);
+        hits = oracle::allHits(after, expected.states);
+        verdict.substitution = expected.states;
+    }
     std::vector<std::string> faults;
     {
         BuiltCase built(gpu, c);
@@ -66,6 +72,11 @@ Verdict run(Device &gpu, const Case &c)
         if (c.build.single || c.trace.besideBuild)
             withRays = [&](VkCommandBuffer commands) { built.recordWithRays(commands); };
         faults = traceFaults(gpu, built.top(), after, hits, c.trace, withRays);
+        if (lossy) {
+            const std::vector<std::string> all = lossyFaults(expected, lossyStatesIn(gpu, built, after, hits), hits);
+            for (size_t i = 0; i < all.size(); ++i)
+                faults[i] = all[i].empty() ? faults[i] : all[i];
+        }
     }
     for (size_t i = 0; i < faults.size(); ++i) {
         verdict.rays += hits[i].unsure ? 0u : 1u;

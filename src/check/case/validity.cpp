@@ -67,9 +67,19 @@ void checkMicromapTriangles(const std::vector<oracle::MicromapTriangle> &triangl
     }
 }
 
+// VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712 and 11713
+void checkLossy(VkBuildMicromapFlagsEXT flags, const std::vector<oracle::MicromapTriangle> &triangles,
+                const std::string &where)
+{
+    rule((flags & kLossy) == 0 ||
+             std::ranges::all_of(triangles, [](const auto &triangle) { return triangle.format == kFourState; }),
+         where, "a lossy micromap has a triangle of the 2-state format");
+}
+
 void checkMicromap(const oracle::SceneMicromap &micromap, const std::string &where, uint64_t &states)
 {
     checkMicromapTriangles(micromap.triangles, where + ".triangles", states);
+    checkLossy(micromap.flags, micromap.triangles, where);
     rule((micromap.flags & ~allOf(kMicromapFlagNames)) == 0, where, "no such flag");
     rule(oneAtMost(micromap.flags,
                    VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT),
@@ -226,6 +236,7 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
              "micromap {} does not allow compaction", step.target);
     } else if (step.kind == Kind::SetStates || !step.states.empty()) {
         checkMicromapTriangles(step.states, where + ".states", states);
+        checkLossy(scene.micromaps[step.target].flags, step.states, where);
         // Of the same size, so that they can be built in the same memory.
         rule((step.kind == Kind::SetStates && !step.inPlace) ||
                  std::ranges::equal(
@@ -251,7 +262,7 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     }
 }
 
-// What is updated allows updates since its first build (BuiltCase::flagsOf).
+// What is updated allows updates since its first build (buildFlagsOf).
 void checkUpdates(const Case &c, const Scene &scene, const Step &step, const std::string &where)
 {
     const auto has = [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); };

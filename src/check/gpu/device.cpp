@@ -99,6 +99,7 @@ Device::Device(DeviceOptions options) : options_(std::move(options))
 
 Device::~Device()
 {
+    twin_.reset();
     if (device_ != VK_NULL_HANDLE) {
         vkDeviceWaitIdle(device_);
         kept_.clear();
@@ -109,6 +110,16 @@ Device::~Device()
     if (messenger_ != VK_NULL_HANDLE)
         commands_.DestroyDebugUtilsMessengerEXT(instance_, messenger_, nullptr);
     vkDestroyInstance(instance_, nullptr);
+}
+
+Device &Device::twin()
+{
+    if (!twin_) {
+        DeviceOptions options = options_;
+        options.memory = Memory::Apart;
+        twin_ = std::make_unique<Device>(std::move(options));
+    }
+    return *twin_;
 }
 
 void Device::fault(const std::string &what)

@@ -305,6 +305,9 @@ public:
         return std::static_pointer_cast<T>(object);
     }
 
+    // A second device of an instance of its own, both created like this one's, with Memory::Apart.
+    Device &twin();
+
     // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
     // Reports what is wrong: to DeviceOptions::onFault, or keeps it for takeFaults.
@@ -326,6 +329,7 @@ private:
     uint32_t family_ = 0;
     std::vector<VkQueueFamilyProperties> families_;
     std::unique_ptr<Arena> arena_;
+    std::unique_ptr<Device> twin_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     std::map<std::type_index, std::shared_ptr<void>> kept_;
     Commands commands_;

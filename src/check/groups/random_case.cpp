@@ -45,7 +45,7 @@ void useDescriptors(TracePlan &trace)
 bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags, const DeviceLimits &limits)
 {
     if (triangle.format == kTwoState)
-        return triangle.level <= limits.maxLevel2;
+        return triangle.level <= limits.maxLevel2 && (flags & kLossy) == 0; // VUID-...-format-11713
     return triangle.level <= ((flags & kLossy) != 0 ? limits.maxLossyLevel : limits.maxLevel4);
 }
 
