@@ -3,6 +3,7 @@
 
 #include "check/gpu/arena.h"
 #include "check/gpu/execution_mode.h"
+#include "check/gpu/vertex_format.h"
 
 #include <stdexcept>
 #include <utility>
@@ -399,6 +400,18 @@ std::vector<uint32_t> Device::code(std::span<const uint32_t> words) const
 {
     return khr() && options_.declaresMode ? withModeWhereNeeded(words)
                                           : std::vector<uint32_t>(words.begin(), words.end());
+}
+
+std::vector<VkFormat> Device::vertexFormats() const
+{
+    std::vector<VkFormat> formats;
+    for (const VkFormat format : kVertexFormats) {
+        VkFormatProperties properties{};
+        vkGetPhysicalDeviceFormatProperties(physical_, format, &properties);
+        if ((properties.bufferFeatures & VK_FORMAT_FEATURE_ACCELERATION_STRUCTURE_VERTEX_BUFFER_BIT_KHR) != 0)
+            formats.push_back(format);
+    }
+    return formats;
 }
 
 VkShaderModule Device::shader(std::span<const uint32_t> original) const

@@ -260,6 +260,8 @@ public:
     }
     // Of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
     [[nodiscard]] uint32_t maxLossyLevel() const { return maxLevels_[2]; }
+    // Those of kVertexFormats that the device has.
+    [[nodiscard]] std::vector<VkFormat> vertexFormats() const;
     [[nodiscard]] const VkPhysicalDeviceDriverProperties &driver() const { return driver_; }
     [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
