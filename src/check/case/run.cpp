@@ -55,6 +55,7 @@ Verdict run(Device &gpu, const Case &c)
         verdict.skipped = true;
         return verdict;
     }
+    gpu.insertLabel(c.group + " " + std::to_string(c.seed));
     gpu.takeFaults();
     std::vector<oracle::Hits> hits;
     for (const Ray &ray : after.rays)
