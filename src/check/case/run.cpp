@@ -61,6 +61,7 @@ Verdict run(Device &gpu, const Case &c)
         verdict.skipped = true;
         return verdict;
     }
+    gpu.insertLabel(c.group + " " + std::to_string(c.seed));
     gpu.takeFaults();
     std::vector<oracle::Hits> hits = oracle::allHits(after);
     const bool lossy = std::ranges::any_of(hits, [](const oracle::Hits &of) { return !of.lossy.empty(); });

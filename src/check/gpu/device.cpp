@@ -396,6 +396,13 @@ void Device::submit(const std::function<void(VkCommandBuffer)> &record)
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
 }
 
+void Device::insertLabel(const std::string &text) const
+{
+    const auto label = vkInit<VkDebugUtilsLabelEXT>({.pLabelName = text.c_str()});
+    if (commands_.QueueInsertDebugUtilsLabelEXT != nullptr)
+        commands_.QueueInsertDebugUtilsLabelEXT(queue_, &label);
+}
+
 std::vector<uint32_t> Device::code(std::span<const uint32_t> words) const
 {
     return khr() && options_.declaresMode ? withModeWhereNeeded(words)

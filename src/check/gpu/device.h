@@ -101,6 +101,7 @@ struct DeviceOptions {
     X(CmdTraceRaysIndirect2KHR)                                                                                        \
     X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
     X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(QueueInsertDebugUtilsLabelEXT)                                                                                   \
     X(CreateDeferredOperationKHR)                                                                                      \
     X(DestroyDeferredOperationKHR)                                                                                     \
     X(DeferredOperationJoinKHR)                                                                                        \
@@ -295,6 +296,8 @@ public:
     void execute(VkCommandBuffer commands);
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
+    // Names what follows in capture tools: VkDebugUtilsLabelEXT.
+    void insertLabel(const std::string &text) const;
     VkShaderModule shader(std::span<const uint32_t> words) const;
 
     // An object that a user of the device keeps with it, one of each type; destroyed before the device.
