@@ -113,7 +113,7 @@ TEST(BenchReport, ABusyMachineIsNoisy)
     EXPECT_EQ(
         verdictOf({framesOf({wide, quiet})}).at(0),
         "Noisy: run again. The times of 1 of 2 comparisons of frames spread by more than 10 %, so other programs use "
-        "the machine, or its speed changes.");
+        "the device, or its speed changes.");
     EXPECT_FALSE(noisy({wide, quiet, quiet}));
     PartResult busy = framesOf({quiet});
     busy.others = 0.19;
