@@ -296,6 +296,7 @@ void BuiltCase::prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode)
         objects.push_back(bottom.structure.get());
     const bool updated =
         std::ranges::any_of(case_.steps, [](const Step &step) { return step.kind == Kind::UpdateTop; });
+    tlas.usePointers(case_.build.geometryPointers);
     tlas.prepare(
         oracle::instancesOf(scene_, objects),
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |

@@ -27,6 +27,7 @@ struct BuildPlan {
     bool together = false;         // all micromaps by one command, all bottom-level structures by another
     uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
+    bool geometryPointers = false; // the top level's geometry comes by ppGeometries
     bool single = false;           // everything by one command buffer, with the rays; without steps only
     // Builds, copies and queries are recorded within conditional rendering whose predicate is false. They are none of
     // the commands that it discards.

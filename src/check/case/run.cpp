@@ -33,6 +33,11 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
                 return "a subdivision level is above the limit of the device";
         }
     }
+    const std::vector<VkFormat> formats = gpu.vertexFormats();
+    for (const oracle::Object &object : c.scene.objects)
+        for (const oracle::Mesh &mesh : object.meshes)
+            if (std::ranges::find(formats, mesh.layout.vertexFormat) == formats.end())
+                return "a vertex format is not supported";
     if (const auto lacks = missingFor(gpu, c.trace))
         return *lacks;
     return sceneRule(gpu, c.trace, after).value_or("");
@@ -56,6 +61,7 @@ Verdict run(Device &gpu, const Case &c)
         verdict.skipped = true;
         return verdict;
     }
+    gpu.insertLabel(c.group + " " + std::to_string(c.seed));
     gpu.takeFaults();
     std::vector<oracle::Hits> hits = oracle::allHits(after);
     const bool lossy = std::ranges::any_of(hits, [](const oracle::Hits &of) { return !of.lossy.empty(); });

@@ -3,6 +3,7 @@
 
 #include "check/gpu/arena.h"
 #include "check/gpu/execution_mode.h"
+#include "check/gpu/vertex_format.h"
 
 #include <stdexcept>
 #include <utility>
@@ -395,10 +396,29 @@ void Device::submit(const std::function<void(VkCommandBuffer)> &record)
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
 }
 
+void Device::insertLabel(const std::string &text) const
+{
+    const auto label = vkInit<VkDebugUtilsLabelEXT>({.pLabelName = text.c_str()});
+    if (commands_.QueueInsertDebugUtilsLabelEXT != nullptr)
+        commands_.QueueInsertDebugUtilsLabelEXT(queue_, &label);
+}
+
 std::vector<uint32_t> Device::code(std::span<const uint32_t> words) const
 {
     return khr() && options_.declaresMode ? withModeWhereNeeded(words)
                                           : std::vector<uint32_t>(words.begin(), words.end());
+}
+
+std::vector<VkFormat> Device::vertexFormats() const
+{
+    std::vector<VkFormat> formats;
+    for (const VkFormat format : kVertexFormats) {
+        VkFormatProperties properties{};
+        vkGetPhysicalDeviceFormatProperties(physical_, format, &properties);
+        if ((properties.bufferFeatures & VK_FORMAT_FEATURE_ACCELERATION_STRUCTURE_VERTEX_BUFFER_BIT_KHR) != 0)
+            formats.push_back(format);
+    }
+    return formats;
 }
 
 VkShaderModule Device::shader(std::span<const uint32_t> original) const

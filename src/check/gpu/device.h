@@ -101,6 +101,7 @@ struct DeviceOptions {
     X(CmdTraceRaysIndirect2KHR)                                                                                        \
     X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
     X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(QueueInsertDebugUtilsLabelEXT)                                                                                   \
     X(CreateDeferredOperationKHR)                                                                                      \
     X(DestroyDeferredOperationKHR)                                                                                     \
     X(DeferredOperationJoinKHR)                                                                                        \
@@ -260,6 +261,8 @@ public:
     }
     // Of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
     [[nodiscard]] uint32_t maxLossyLevel() const { return maxLevels_[2]; }
+    // Those of kVertexFormats that the device has.
+    [[nodiscard]] std::vector<VkFormat> vertexFormats() const;
     [[nodiscard]] const VkPhysicalDeviceDriverProperties &driver() const { return driver_; }
     [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
@@ -293,6 +296,8 @@ public:
     void execute(VkCommandBuffer commands);
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
+    // Names what follows in capture tools: VkDebugUtilsLabelEXT.
+    void insertLabel(const std::string &text) const;
     VkShaderModule shader(std::span<const uint32_t> words) const;
 
     // An object that a user of the device keeps with it, one of each type; destroyed before the device.

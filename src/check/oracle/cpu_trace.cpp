@@ -139,8 +139,9 @@ public:
                 const Mesh &mesh = object.meshes[g];
                 for (uint32_t p = 0; p < mesh.boxes.size(); ++p)
                     box(instance, mesh, {i, g, p, instance.customIndex, true, {}, false, 0, 0, 0, false});
-                for (uint32_t p = 0; p < mesh.vertices.size() / 3; ++p)
-                    triangle(instance, mesh, {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true});
+                for (uint32_t p = 0; p < mesh.triangles(); ++p)
+                    triangle(instance, mesh,
+                             {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true, mesh.noDuplicates});
             }
         }
         for (size_t i = 0; i < out_.hits.size(); ++i) {
@@ -170,11 +171,15 @@ private:
     {
         if ((ray_.flags & kRaySkipTriangles) != 0)
             return;
-        const Point v0 = widen(mesh.vertices[3 * hit.primitive]);
-        const Point e1 = widen(mesh.vertices[3 * hit.primitive + 1]) - v0;
-        const Point e2 = widen(mesh.vertices[3 * hit.primitive + 2]) - v0;
+        const Corners corners = cornersOf(mesh, hit.primitive);
+        const Point &v0 = corners[0];
+        const Point e1 = corners[1] - v0;
+        const Point e2 = corners[2] - v0;
         const Point normal = cross(e1, e2);
         const double area = std::sqrt(dot(normal, normal));
+        // Neither degenerate triangles nor inactive ones, whose area is NaN, are ever met.
+        if (!(area > 0))
+            return;
         const Point p = cross(local_.direction, e2);
         const double determinant = dot(e1, p);
         const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
@@ -245,8 +250,11 @@ private:
     {
         if ((ray_.flags & kRaySkipBoxes) != 0)
             return;
+        const VkAabbPositionsKHR &bounds = mesh.boxes[hit.primitive];
+        if (std::isnan(bounds.minX))
+            return; // inactive
         double from = 0, to = 0;
-        hit.certain = slab(mesh.boxes[hit.primitive], -2e-3, from, to);
+        hit.certain = slab(bounds, -2e-3, from, to);
         hit.t = from;
         add(instance, mesh, hit, kBox);
     }

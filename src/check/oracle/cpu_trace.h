@@ -25,6 +25,8 @@ struct Hit {
     // False: a box that the ray does not meet for certain. "The occurrence of an AABB intersection candidate does not
     // guarantee the ray intersects the application-provided AABB."
     bool certain;
+    // A triangle of a geometry that promises to show each candidate once.
+    bool once = false;
 };
 
 // The number of the micro-triangle at barycentrics (u, v). `edge` becomes how near the next line between two of them
