@@ -18,6 +18,7 @@ constexpr double kGrazing = 0.02;  // cosine
 // to maintain as much precision as possible" is all that the specification says.
 constexpr double kPlace = 5e-6;
 constexpr double kMostMargin = 5e-4; // in barycentrics: half of what the judges tolerate
+constexpr double kWidest = 0.05;     // the same of slivers
 
 using Point = std::array<double, 3>;
 
@@ -189,6 +190,8 @@ private:
         hit.v = dot(local_.direction, q) / determinant;
         hit.t = dot(e2, q) / determinant;
         const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
+        if (!(inside > -kWidest))
+            return;
         const double length = std::sqrt(std::max({dot(e1, e1), dot(e2, e2), dot(e2 - e1, e2 - e1)}));
         // What kPlace is in barycentrics, where the height above the longest edge decides, and along the ray.
         const double moved = std::max(double{scene_.edge}, kPlace * length / (area * std::abs(cosine)));
@@ -196,7 +199,7 @@ private:
                           kPlace / (std::abs(cosine) * std::sqrt(dot(local_.direction, local_.direction))));
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.
         const bool bad = std::abs(cosine) < kGrazing || area < 0.02 || moved > kMostMargin;
-        const double margin = bad ? 0.05 : moved;
+        const double margin = bad ? kWidest : moved;
         if (!(inside > -margin) || hit.t < double{ray_.tMin} - slack_ || hit.t > double{ray_.tMax} + slack_)
             return;
         // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a
