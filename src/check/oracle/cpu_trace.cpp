@@ -241,6 +241,8 @@ private:
         from = double{ray_.tMin};
         to = double{ray_.tMax};
         for (size_t a = 0; a < 3; ++a) {
+            if (high[a] - low[a] < -2 * growth)
+                return false; // thinner than what it is to shrink by
             const double first = (low[a] - growth - local_.origin[a]) / local_.direction[a];
             const double second = (high[a] + growth - local_.origin[a]) / local_.direction[a];
             from = std::max(from, std::min(first, second));
