@@ -21,6 +21,9 @@ struct DeviceLimits {
     bool pipelines = false;   // ray tracing pipelines
     bool hostCommands = false;
     bool indirectBuilds = false;
+    bool hostReset = false;   // of queries
+    bool maintenance = false; // VK_KHR_ray_tracing_maintenance1
+    bool dataAccess = false;  // VK_KHR_ray_tracing_position_fetch
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
     std::vector<KnownFault> faults;
 
@@ -67,5 +70,6 @@ Outcome runGroup(Session &session, std::string_view group, uint64_t seed)
 std::span<const Group> resolutionGroups();
 std::span<const Group> buildGroups();
 std::span<const Group> objectGroups();
+std::span<const Group> queryGroups();
 
 } // namespace vellum::check
