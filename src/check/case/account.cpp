@@ -200,9 +200,12 @@ private:
     }
     void writeTop()
     {
-        number("{} builds the top level{}, flags {} and those that what follows needs:", structureBuild(),
+        number("{} builds the top level{}{}:", structureBuild(),
                case_.build.instancePointers ? " from an array of pointers" : "",
-               namesOf(case_.scene.topFlags, kStructureFlagNames));
+               case_.scene.topFlags != 0
+                   ? fmt::format(", flags {} and those that what follows needs",
+                                 namesOf(case_.scene.topFlags, kStructureFlagNames))
+                   : "");
         writeInstances(case_.scene.instances);
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");

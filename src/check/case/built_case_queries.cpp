@@ -242,17 +242,18 @@ void BuiltCase::QueryRun::copy(const QueryCommand &command)
     if (!command.wait && writes)
         execute();
     const Layout layout(command);
-    Buffer buffer(gpu, layout.size + Layout::kGuard,
+    // VUID-VkStridedDeviceAddressRangeKHR-stride-10957: the range holds the stride of the last result as well.
+    const size_t range = layout.stride * command.count;
+    Buffer buffer(gpu, layout.offset + range + Layout::kGuard,
                   VK_BUFFER_USAGE_TRANSFER_DST_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     std::memset(buffer.bytes(), kUnwritten, static_cast<size_t>(buffer.size()));
     record([&](VkCommandBuffer to) {
         if (!command.byAddress)
             return vkCmdCopyQueryPoolResults(to, pool, command.first, command.count, buffer.handle(), layout.offset,
                                              layout.stride, resultFlags(command));
-        const VkStridedDeviceAddressRangeKHR range{.address = buffer.address() + layout.offset,
-                                                   .size = layout.size - layout.offset,
-                                                   .stride = layout.stride};
-        gpu.vk().CmdCopyQueryPoolResultsToMemoryKHR(to, pool, command.first, command.count, &range, kUnknownUsage,
+        const VkStridedDeviceAddressRangeKHR results{
+            .address = buffer.address() + layout.offset, .size = range, .stride = layout.stride};
+        gpu.vk().CmdCopyQueryPoolResultsToMemoryKHR(to, pool, command.first, command.count, &results, kUnknownUsage,
                                                     resultFlags(command));
     });
     copies.push_back({&command, statesFor(command), std::move(buffer)});

@@ -342,7 +342,6 @@ void checkQueryTarget(const Case &c, const QueryPlan &plan, const QueryTarget &t
 void checkQueries(const Case &c)
 {
     constexpr uint32_t kMost = 4096;
-    rule(!c.build.single || c.queries.empty(), "queries", "nothing is built before the rays are traced");
     for (size_t p = 0; p < c.queries.size(); ++p) {
         const QueryPlan &plan = c.queries[p];
         const std::string where = fmt::format("queries[{}]", p);
@@ -404,6 +403,7 @@ void checkPlans(const Case &c)
     rule(isNamed(kLaunchNames, c.trace.launch), "trace.launch", "no such command");
     rule(c.trace.recordPadding <= 64, "trace.recordPadding", "{} is too large", c.trace.recordPadding);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
+    rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");
     rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
     rule(c.build.spareInstances <= 1000, "build.spareInstances", "{} is too large", c.build.spareInstances);

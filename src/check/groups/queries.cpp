@@ -181,7 +181,7 @@ Case queries(Random &random, const DeviceLimits &limits)
                                Kind::CloneTop,      Kind::CompactTop,      Kind::ReloadTop};
     addSteps(random, c, kinds, below(random, 4), limits);
     for (uint32_t i = 1 + below(random, 3); i > 0; --i) {
-        if (auto plan = Plan(random, c.scene, limits).make())
+        if (auto plan = randomQueries(random, c.scene, limits))
             c.queries.push_back(std::move(*plan));
     }
     return c;
@@ -198,6 +198,11 @@ constexpr std::array kGroups{
 };
 
 } // namespace
+
+std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scene, const DeviceLimits &limits)
+{
+    return Plan(random, scene, limits).make();
+}
 
 std::span<const Group> queryGroups()
 {

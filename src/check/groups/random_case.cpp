@@ -74,28 +74,6 @@ VkBuildAccelerationStructureFlagsKHR randomFlags(Random &random, const DeviceLim
     return flags;
 }
 
-// Flags that nothing needs, and inputs that are stated in unusual forms.
-void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits)
-{
-    const auto some = [&](uint32_t percent, uint32_t bits) {
-        return chance(random, percent) ? below(random, bits + 1) : 0;
-    };
-    scene.topFlags = randomFlags(random, limits);
-    for (oracle::SceneMicromap &micromap : scene.micromaps) {
-        micromap.usage = some(50, allOf(kUsageNames));
-        micromap.layout = some(50, allOf(kDataNames));
-    }
-    for (oracle::Object &object : scene.objects) {
-        object.flags = randomFlags(random, limits);
-        for (oracle::Mesh &mesh : object.meshes) {
-            if (!mesh.micromap)
-                continue;
-            mesh.micromap->usagePointers = chance(random, 30);
-            mesh.micromap->usage = some(50, allOf(kUsageNames));
-        }
-    }
-}
-
 // sameSize: of the same levels and formats.
 std::vector<oracle::MicromapTriangle> otherStates(Random &random, const oracle::SceneMicromap &micromap, bool sameSize,
                                                   const DeviceLimits &limits)
@@ -146,6 +124,27 @@ Limits smallScene(const DeviceLimits &limits)
             .meshes = 3,
             .instances = 5,
             .triangles = 12};
+}
+
+void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits)
+{
+    const auto some = [&](uint32_t percent, uint32_t bits) {
+        return chance(random, percent) ? below(random, bits + 1) : 0;
+    };
+    scene.topFlags = randomFlags(random, limits);
+    for (oracle::SceneMicromap &micromap : scene.micromaps) {
+        micromap.usage = some(50, allOf(kUsageNames));
+        micromap.layout = some(50, allOf(kDataNames));
+    }
+    for (oracle::Object &object : scene.objects) {
+        object.flags = randomFlags(random, limits);
+        for (oracle::Mesh &mesh : object.meshes) {
+            if (!mesh.micromap)
+                continue;
+            mesh.micromap->usagePointers = chance(random, 30);
+            mesh.micromap->usage = some(50, allOf(kUsageNames));
+        }
+    }
 }
 
 oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits &limits)

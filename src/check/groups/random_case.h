@@ -55,6 +55,11 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step:
 // Appends `count` steps of random kinds.
 void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32_t count, const DeviceLimits &limits);
 
+// Flags that nothing needs, and inputs that are stated in unusual forms. makeScene does it.
+void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits);
+// A pool of queries of a random property, and what is done with it; nothing where there is nothing to query.
+std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scene, const DeviceLimits &limits);
+
 // Runs a case, and makes it smaller if it fails, for at most that many seconds.
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
 // The same with a random case.
