@@ -165,7 +165,8 @@ TEST(Account, OfRandomCases)
     for (uint32_t seed = 0; seed < 100; ++seed) {
         const Case c = randomCase(seed, 3);
         const std::string account = accountOf(c, {.cause = "x", .detail = "found", .ray = 2}, Api::Khr);
-        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() + 1;
+        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() +
+                                c.queries.size() + 1;
         EXPECT_NE(account.find(numberText(commands)), std::string::npos) << account;
         EXPECT_EQ(account.find(numberText(commands + 1)), std::string::npos) << account;
         EXPECT_EQ(account.find('?'), std::string::npos) << account;

@@ -84,7 +84,7 @@ std::string secondQuery(Gpu &gpu, const std::function<void(VkQueryPool)> &afterw
         (void)vkGetQueryPoolResults(gpu.device(), pool, 0, 2, 2 * kStride, buffer.bytes(), kStride,
                                     kFlags | VK_QUERY_RESULT_PARTIAL_BIT);
     std::string seen;
-    for (const size_t word : {1, 4})
+    for (const size_t word : {size_t{1}, size_t{4}})
         seen += buffer.as<uint64_t>()[word] == kUnwritten ? '-' : buffer.as<uint64_t>()[word] != 0 ? 'a' : 'u';
     return seen;
 }
