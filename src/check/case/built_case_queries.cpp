@@ -124,6 +124,11 @@ struct BuiltCase::QueryRun {
             judge(copy.command->byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR" : "vkCmdCopyQueryPoolResults",
                   *copy.command, copy.expected, {copy.buffer.bytes(), static_cast<size_t>(copy.buffer.size())});
     }
+    void fault(const std::string &what)
+    {
+        gpu.fault(what);
+        wrong = true;
+    }
     void execute()
     {
         submit();
@@ -153,6 +158,7 @@ struct BuiltCase::QueryRun {
     QueryPool pool;
     VkCommandBuffer commands = VK_NULL_HANDLE; // recorded and not executed
     bool resets = false, writes = false;       // whether they do that to queries
+    bool wrong = false;                        // whether a fault was found, after which waiting may never end
     std::vector<CopyResult> copies;
     std::map<std::pair<QueryTarget::Of, uint32_t>, uint64_t> values; // of queries that are alone in a pool
 };
@@ -179,18 +185,18 @@ void BuiltCase::QueryRun::judge(const char *name, const QueryCommand &command, c
         const uint64_t right = available ? alone(expected[i].target) : 0;
         // "If an unsigned integer query's value overflows the result type, the value may either wrap or saturate."
         if (available && (command.wide || right <= UINT32_MAX) && value != right)
-            gpu.fault(fmt::format("{} writes another value than a query of the structure alone has ({}: {}, not {})",
+            fault(fmt::format("{} writes another value than a query of the structure alone has ({}: {}, not {})",
                                   name, which, value, right));
         if (!command.availability)
             continue;
         const uint64_t availability = wordAt(&bytes[at + layout.word], layout.word);
         if (available != (availability != 0))
-            gpu.fault(fmt::format("{} writes availability {} of a query that is {}available ({})", name,
+            fault(fmt::format("{} writes availability {} of a query that is {}available ({})", name,
                                   availability != 0 ? "1" : "0", available ? "" : "not ", which));
     }
     for (size_t i = 0; i < bytes.size(); ++i) {
         if (!mayChange[i] && bytes[i] != kUnwritten)
-            return gpu.fault(fmt::format("{} writes beside its results (byte {} of {})", name, i, bytes.size()));
+            return fault(fmt::format("{} writes beside its results (byte {} of {})", name, i, bytes.size()));
     }
 }
 
@@ -229,7 +235,7 @@ void BuiltCase::QueryRun::read(const QueryCommand &command)
         vkGetQueryPoolResults(gpu.device(), pool, command.first, command.count, layout.size - layout.offset, bytes,
                               layout.stride, resultFlags(command));
     if (result != VK_SUCCESS && (result != VK_NOT_READY || allAvailable(states, command)))
-        gpu.fault(fmt::format("vkGetQueryPoolResults returns VkResult {}", static_cast<int>(result)));
+        fault(fmt::format("vkGetQueryPoolResults returns VkResult {}", static_cast<int>(result)));
     QueryCommand without = command;
     without.offset = 0;
     judge("vkGetQueryPoolResults", without, statesFor(command), {bytes, memory.size() * kUnit});
@@ -269,7 +275,7 @@ void BuiltCase::QueryRun::writeOnHost(const QueryCommand &command)
     for (size_t i = 0; i < sizes.size(); ++i) {
         const uint64_t right = alone(command.targets[i]);
         if (sizes[i] != right)
-            gpu.fault(fmt::format("vkWriteMicromapsPropertiesEXT writes another value than the device "
+            fault(fmt::format("vkWriteMicromapsPropertiesEXT writes another value than the device "
                                   "(micromap {}: {}, not {})",
                                   command.targets[i].number, sizes[i], right));
     }
@@ -299,8 +305,8 @@ void BuiltCase::runQueries()
     for (const QueryPlan &plan : case_.queries) {
         executeOnHost("queries", {}, [&] {
             QueryRun run(*this, plan);
-            for (const QueryCommand &command : plan.commands)
-                run.run(command);
+            for (size_t i = 0; i < plan.commands.size() && !run.wrong; ++i)
+                run.run(plan.commands[i]);
             run.execute();
         });
     }

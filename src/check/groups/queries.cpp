@@ -59,6 +59,9 @@ public:
         plan_.count = 1 + below(random_, 12);
         states_.resize(plan_.count);
         reset(0, plan_.count);
+        // What is wrong shows before anything waits for it.
+        write();
+        read(0, plan_.count);
         for (uint32_t i = 3 + below(random_, 12); i > 0; --i) {
             switch (below(random_, 10)) {
             case 0: reset(below(random_, plan_.count), 1 + below(random_, plan_.count)); break;
