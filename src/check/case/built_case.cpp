@@ -227,7 +227,7 @@ void BuiltCase::buildMicromapsTogether()
         writes.insert(writes.end(), {micromap->range(), micromap->scratchRange()});
     }
     if (case_.build.mixed && gpu_.khr()) {
-        describeObjects(0);
+        describeObjects();
         for (uint32_t o = 0; o < bottoms_.size(); ++o) {
             if (std::ranges::any_of(scene_.objects[o].meshes, [](const auto &mesh) { return mesh.micromap.has_value(); }))
                 continue;
@@ -241,15 +241,20 @@ void BuiltCase::buildMicromapsTogether()
             [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, builds, others); });
 }
 
-// spare: triangles of each mesh that are not built
-void BuiltCase::describeObjects(uint32_t spare)
+// Triangles of each mesh that are not built.
+uint32_t BuiltCase::spareTriangles() const
+{
+    return isIndirect(case_) ? case_.build.spareTriangles : 0;
+}
+
+void BuiltCase::describeObjects()
 {
     bottoms_.resize(scene_.objects.size());
     for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
         if (bottoms_[o].structure)
             continue;
-        bottoms_[o].flags = flagsOf(o);
-        bottoms_[o].geometries = oracle::geometriesOf(scene_.objects[o], micromaps_, spare);
+        bottoms_[o].flags = buildFlagsOf(case_, o);
+        bottoms_[o].geometries = oracle::geometriesOf(scene_.objects[o], micromaps_, spareTriangles());
     }
 }
 
@@ -264,9 +269,9 @@ BuiltCase::Writes BuiltCase::prepareNew(uint32_t object, SharedScratch *scratch)
     return {bottom.structure->range(), bottom.structure->scratchRange()};
 }
 
-VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
+VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object)
 {
-    VkBuildAccelerationStructureFlagsKHR flags = case_.scene.objects[object].flags;
+    VkBuildAccelerationStructureFlagsKHR flags = c.scene.objects[object].flags;
     // "specifies the acceleration structure can be referenced by an instance with the
     // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_BIT_KHR flag set" (VkBuildAccelerationStructureFlagBitsKHR)
     const auto allowDisabling = [&](const std::vector<oracle::Instance> &instances) {
@@ -274,10 +279,10 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
             if (instance.object == object && (instance.flags & kFlagDisable) != 0)
                 flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
     };
-    allowDisabling(case_.scene.instances);
-    oracle::Scene scene = case_.scene;
+    allowDisabling(c.scene.instances);
+    oracle::Scene scene = c.scene;
     bool deserialized = false;
-    for (const Step &step : case_.steps) {
+    for (const Step &step : c.steps) {
         applyTo(scene, step);
         allowDisabling(step.instances);
         const bool updated = isUpdated(step, object, scene);
@@ -292,7 +297,7 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
         deserialized |= step.kind == Kind::ReloadObject && step.target == object;
     }
-    if (queriesCompactedSize(case_, {QueryTarget::Of::Object, object}))
+    if (queriesCompactedSize(c, {QueryTarget::Of::Object, object}))
         flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
     return flags;
 }
@@ -314,7 +319,7 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::topFlags() const
 void BuiltCase::buildObjects()
 {
     const bool indirect = isIndirect(case_);
-    describeObjects(indirect ? case_.build.spareTriangles : 0);
+    describeObjects();
     std::vector<uint32_t> objects; // that are not built yet
     for (uint32_t o = 0; o < bottoms_.size(); ++o) {
         if (!bottoms_[o].structure)
@@ -361,9 +366,23 @@ void BuiltCase::prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode)
     std::vector<const Structure *> objects;
     for (const Bottom &bottom : bottoms_)
         objects.push_back(bottom.structure.get());
+    tlas.usePointers(case_.build.geometryPointers);
     tlas.prepare(oracle::instancesOf(scene_, objects), topFlags(), mode,
                  case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array, 0,
                  isIndirect(case_) ? case_.build.spareInstances : 0);
+}
+
+std::unique_ptr<Tlas> BuiltCase::plainTop() const
+{
+    oracle::Scene scene = scene_;
+    for (oracle::Instance &instance : scene.instances) {
+        instance.flags = 0;
+        instance.mask = 0xff;
+    }
+    std::vector<const Structure *> objects;
+    for (const Bottom &bottom : bottoms_)
+        objects.push_back(bottom.structure.get());
+    return std::make_unique<Tlas>(gpu_, oracle::instancesOf(scene, objects));
 }
 
 void BuiltCase::updateTop(bool outOfPlace)
@@ -386,7 +405,7 @@ void BuiltCase::prepareAll()
 {
     for (const oracle::SceneMicromap &from : scene_.micromaps)
         micromaps_.push_back(std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags));
-    describeObjects(0);
+    describeObjects();
     for (uint32_t o = 0; o < bottoms_.size(); ++o)
         prepareNew(o, nullptr);
     auto tlas = std::make_unique<Tlas>(gpu_);

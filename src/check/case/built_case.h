@@ -13,6 +13,9 @@
 namespace vellum::check
 {
 
+// The flags that a bottom-level structure of the case is built with.
+VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object);
+
 class BuiltCase
 {
 public:
@@ -22,6 +25,8 @@ public:
     BuiltCase &operator=(const BuiltCase &) = delete;
 
     [[nodiscard]] const Structure &top() const { return *top_; }
+    // A top level of the same instances without flags, which rays of every mask see.
+    [[nodiscard]] std::unique_ptr<Tlas> plainTop() const;
     // Records what the case has in the submission that traces: all builds, or one in new memory beside the rays.
     void recordWithRays(VkCommandBuffer commands);
 
@@ -43,7 +48,8 @@ private:
     void buildAll();
     void buildMicromaps();
     void buildMicromapsTogether();
-    void describeObjects(uint32_t spare);
+    [[nodiscard]] uint32_t spareTriangles() const;
+    void describeObjects();
     Writes prepareNew(uint32_t object, SharedScratch *scratch);
     void buildObjects();
     void buildTop();
@@ -56,7 +62,6 @@ private:
     void recordAll(VkCommandBuffer commands) const;
     void buildMicromap(Micromap &micromap, const Step &step);
 
-    [[nodiscard]] VkBuildAccelerationStructureFlagsKHR flagsOf(uint32_t object) const;
     [[nodiscard]] VkBuildAccelerationStructureFlagsKHR topFlags() const;
     // How builds and updates of objects are done.
     struct BuildMode {

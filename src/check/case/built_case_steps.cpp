@@ -43,7 +43,8 @@ bool compatible(const Device &gpu, const uint8_t *version)
 std::unique_ptr<Blas> BuiltCase::prepareObject(uint32_t object, BuildMode mode)
 {
     Bottom &bottom = bottoms_[object];
-    bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_);
+    // With as many vertices as before, which an update must not change.
+    bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_, spareTriangles());
     std::unique_ptr<Blas> source;
     if (mode.update && mode.outOfPlace) {
         source = std::exchange(bottom.structure, std::make_unique<Blas>(gpu_));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Groups about builds: commands, threads, memory.
 #include <array>
+#include <cmath>
 
 #include "check/case/trace.h"
 #include "check/groups/random_case.h"
@@ -14,16 +15,17 @@ namespace
 void aimAt(oracle::Scene &scene, const oracle::Instance &instance, const oracle::Mesh &mesh, uint32_t triangle,
            std::array<double, 2> place)
 {
+    const oracle::Corners corners = oracle::cornersOf(mesh, triangle);
     Ray ray;
     for (size_t i = 0; i < 3; ++i) {
         double point = double{instance.transform.matrix[i][3]};
         for (size_t k = 0; k < 3; ++k) {
-            const Vec3 &a = mesh.vertices[3 * triangle], &b = mesh.vertices[3 * triangle + 1],
-                       &c = mesh.vertices[3 * triangle + 2];
-            const double inObject = double{a[k]} + place[0] * (double{b[k]} - double{a[k]}) +
-                                    place[1] * (double{c[k]} - double{a[k]});
+            const double inObject = corners[0][k] + place[0] * (corners[1][k] - corners[0][k]) +
+                                    place[1] * (corners[2][k] - corners[0][k]);
             point += double{instance.transform.matrix[i][k]} * inObject;
         }
+        if (!std::isfinite(point)) // of an inactive triangle
+            return;
         constexpr std::array<double, 3> kFrom{3.1, 4.7, 5.9};
         ray.origin[i] = static_cast<float>(point + kFrom[i]);
         ray.direction[i] = static_cast<float>(-kFrom[i]);
@@ -84,6 +86,32 @@ Case builds(Random &random, const DeviceLimits &limits)
         c.build.spareInstances = below(random, 4);
     }
     c.build.instancePointers = chance(random, 50);
+    return c;
+}
+
+// Geometry in all its forms, in structures that are built, updated and copied in all ways.
+Case geometry(Random &random, const DeviceLimits &limits)
+{
+    using Kind = Step::Kind;
+    Limits scene = smallScene(limits);
+    scene.unusual = 95;
+    Case c{.scene = makeScene(random, scene, limits)};
+    c.build.together = chance(random, 40);
+    c.build.instancePointers = chance(random, 30);
+    c.build.geometryPointers = chance(random, 50);
+    c.build.single = chance(random, 20);
+    if (!c.build.single && limits.indirectBuilds && chance(random, 40)) {
+        c.build.structures = BuildCommand::Indirect;
+        c.build.spareTriangles = below(random, 4);
+    }
+    if (!c.build.single && chance(random, 60)) {
+        constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject, Kind::CloneObject, Kind::CompactObject,
+                                   Kind::ReloadObject,  Kind::SetIndices,   Kind::SetStates,   Kind::RebuildObjects,
+                                   Kind::CloneMicromap, Kind::ReloadTop};
+        addSteps(random, c, kinds, 1 + below(random, 3), limits);
+    }
+    if (limits.pipelines && chance(random, 30))
+        c.trace.method = TracePlan::Method::Pipeline;
     return c;
 }
 
@@ -172,6 +200,13 @@ constexpr std::array kGroups{
           200, runGroup<builds>},
     Group{"nearly-equal", "micromap triangles that equal others or differ from them in one bit",
           "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>},
+    Group{"geometry",
+          "vertices of all formats, strides, offsets, indices and transforms; geometries without triangles, degenerate "
+          "and inactive triangles; many geometries; ppGeometries; NO_DUPLICATE_ANY_HIT_INVOCATION",
+          "VkAccelerationStructureGeometryTrianglesDataKHR; VkAccelerationStructureGeometryAabbsDataKHR; "
+          "VkAccelerationStructureBuildRangeInfoKHR; VkGeometryFlagBitsKHR; Inactive Primitives and Instances; "
+          "Degenerate Primitives and Instances",
+          300, runGroup<geometry>},
     Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",

@@ -25,6 +25,7 @@ struct DeviceLimits {
     bool maintenance = false; // VK_KHR_ray_tracing_maintenance1
     bool dataAccess = false;  // VK_KHR_ray_tracing_position_fetch
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
+    std::vector<VkFormat> vertexFormats = {kVertexFormats.begin(), kVertexFormats.begin() + kRequiredVertexFormats};
     std::vector<KnownFault> faults;
 
     [[nodiscard]] bool has(Fault fault) const

@@ -24,6 +24,8 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
         });
         if (hit == hits.end())
             return "an invalid candidate" + inWords(c);
+        if (cameAgain(*hit, result.candidates))
+            return "a candidate came twice" + inWords(c);
         if (hit->box) {
             generated |= c.confirmed();
             if (c.boxOpaque() != (hit->opacity == Opacity::Opaque))
