@@ -10,7 +10,11 @@ using namespace vellum::check;
 Case randomCase(uint32_t seed, uint32_t rays)
 {
     Random random(seed);
-    const Limits limits{.rays = rays, .byteIndices = true, .lossy = true};
+    const Limits limits{.rays = rays,
+                        .byteIndices = true,
+                        .lossy = true,
+                        .unusual = 50,
+                        .formats = {kVertexFormats.begin(), kVertexFormats.end()}};
     Case c{.group = "random", .seed = (uint64_t{random()} << 32) | random()};
     c.scene = oracle::randomScene(random, limits);
     const auto yes = [&] { return below(random, 2) == 0; };
@@ -34,6 +38,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .together = yes(),
                .threads = 1 + below(random, 4),
                .instancePointers = yes(),
+               .geometryPointers = yes(),
                .single = c.steps.empty() && yes(),
                .conditional = yes(),
                .spareTriangles = below(random, 3),

@@ -197,35 +197,35 @@ constexpr std::array kGroups{
           "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
           "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
           "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
-          200, runGroup<builds>},
+          200, runGroup<builds>, 150},
     Group{"nearly-equal", "micromap triangles that equal others or differ from them in one bit",
-          "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>},
+          "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>, 60},
     Group{"geometry",
           "vertices of all formats, strides, offsets, indices and transforms; geometries without triangles, degenerate "
           "and inactive triangles; many geometries; ppGeometries; NO_DUPLICATE_ANY_HIT_INVOCATION",
           "VkAccelerationStructureGeometryTrianglesDataKHR; VkAccelerationStructureGeometryAabbsDataKHR; "
           "VkAccelerationStructureBuildRangeInfoKHR; VkGeometryFlagBitsKHR; Inactive Primitives and Instances; "
           "Degenerate Primitives and Instances",
-          300, runGroup<geometry>},
+          300, runGroup<geometry>, 200},
     Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",
-          150, runGroup<single>},
+          150, runGroup<single>, 120},
     Group{"host-builds", "micromaps that are built on the host", "vkBuildMicromapsEXT; micromapHostCommands", 60,
-          runGroup<hostBuilds>},
+          runGroup<hostBuilds>, 60},
     Group{
         "packed", "micromaps and structures side by side in one buffer: builds write nothing else",
         "VkAccelerationStructureBuildSizesInfoKHR and VkMicromapBuildSizesInfoEXT: sizes of memory and scratch memory",
-        150, runGroup<packed>},
+        150, runGroup<packed>, 120},
     Group{"generic", "GENERIC structures that reach to the end of their buffer, beyond what is built in them",
           "VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; VkAccelerationStructureCreateInfoKHR: size", 150,
-          runGroup<generic>},
+          runGroup<generic>, 120},
     Group{"state", "what is bound before a build is still there after it; builds within conditional rendering",
           "Command Buffer State: build and copy commands change no bound pipeline, descriptor set or push constants; "
           "Conditional Rendering: discards draws, dispatches and clears only",
-          120, runGroup<state>},
+          120, runGroup<state>, 50},
     Group{"threads", "builds recorded on several threads and submitted to all queues; rays beside a build",
-          "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>},
+          "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>, 100},
 };
 
 } // namespace

@@ -2,6 +2,7 @@
 #include "check/groups/random_case.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "check/case/json.h"
 #include "check/case/names.h"
@@ -30,6 +31,25 @@ void showBeforeOthers(oracle::Scene &scene)
         }
         others |= !instance->inactive && instance->mask != 0;
     }
+}
+
+// Fault::FirstVertexIgnored, FourthComponentTransformed, InactiveHideOthers
+void avoidFaultsOfGeometry(oracle::Mesh &mesh, const DeviceLimits &limits)
+{
+    if (limits.has(Fault::FirstVertexIgnored))
+        mesh.layout.firstVertex = 0;
+    if (limits.has(Fault::FourthComponentTransformed) && vertexFormat(mesh.layout.vertexFormat).components == 4) {
+        mesh.layout.transform.reset();
+        mesh.layout.transformOffset = 0;
+    }
+    if (!limits.has(Fault::InactiveHideOthers))
+        return;
+    for (VkAabbPositionsKHR &box : mesh.boxes)
+        if (std::isnan(box.minX))
+            box = {box.maxX, box.maxY, box.maxZ, box.maxX, box.maxY, box.maxZ};
+    for (size_t i = 0; i < mesh.vertices.size(); ++i)
+        if (std::isnan(mesh.vertices[i][0]))
+            std::fill_n(mesh.vertices.begin() + static_cast<ptrdiff_t>(i - i % 3), 3, Vec3{});
 }
 
 // Fault::AddressWithConstantFlags
@@ -159,6 +179,9 @@ oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits 
                 triangle = oracle::randomTriangle(random, scene.maxLevel);
         }
     }
+    for (oracle::Object &object : made.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            avoidFaultsOfGeometry(mesh, limits);
     if (limits.has(Fault::InstanceBehindInvisible))
         showBeforeOthers(made);
     varyBuilds(random, made, limits);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All faults, and the levels of the faulty driver.
+// All faults and freedoms, and the levels of the faulty driver.
 #include "faults/faults.h"
 
 #include <array>
@@ -9,7 +9,10 @@ namespace driver
 
 const char *const kQuirkVariable = "VELLUM_TEST_FAULT";
 
-std::span<const Quirk> allQuirks()
+namespace
+{
+
+std::span<const Quirk> allFaults()
 {
     static constexpr const char *kOffByDefault = "a parameter that most programs leave at its default";
     static constexpr const char *kNarrow = "a field that is stored with too few bits";
@@ -130,6 +133,7 @@ std::span<const Quirk> allQuirks()
          "an opaque fast path that is chosen first"},
         {"update-keeps-instance-flags", Level::Instances, "an update of a top-level structure keeps instance flags",
          "updates that rewrite transforms only"},
+        {"instances-displaced", Level::Instances, "instances are a hundredth to the side", "transforms of half floats"},
         {"copy-loses-instance-flags", Level::Instances, "instances of a cloned top-level structure have no flags",
          "copies that convert instances"},
         // copies.cpp
@@ -156,6 +160,8 @@ std::span<const Quirk> allQuirks()
         {"generic-cleared-to-its-end", Level::Generic,
          "a build clears the whole range of a GENERIC structure, which other structures may share",
          "lavapipe 25.0.7, under programs like vkd3d-proton"},
+        // boxes.cpp
+        {"boxes-shrunk", Level::Boxes, "boxes are smaller than they were given", "quantization that rounds inwards"},
         // shaders.cpp
         {"mode-constant-true", Level::Shaders,
          "a specialization constant of the execution mode that defaults to false defaults to true",
@@ -195,13 +201,42 @@ std::span<const Quirk> allQuirks()
     return faults;
 }
 
+// What the specification allows and lavapipe does not do, and where it says so. A check that reports one of these as a
+// failure is wrong.
+std::span<const Quirk> allFreedoms()
+{
+    static constexpr Quirk freedoms[]{
+        {"coarse-arithmetic", Level::Instances,
+         "distances and barycentrics differ by a few units in the last place of world coordinates (Ray Traversal)"},
+        {"boxes-grown", Level::Boxes,
+         "boxes are candidates of rays that pass beside them (Ray Intersection Candidate Determination)"},
+        {"lossy-by-content", Level::Micromaps,
+         "a third of the elements of lossy micromaps are unknown, depending on nothing but their content (Ray Opacity "
+         "Micromap)"},
+    };
+    return freedoms;
+}
+
+} // namespace
+
+std::span<const Quirk> allQuirks()
+{
+    static const std::vector<Quirk> all = [] {
+        std::vector<Quirk> both(allFaults().begin(), allFaults().end());
+        both.insert(both.end(), allFreedoms().begin(), allFreedoms().end());
+        return both;
+    }();
+    return all;
+}
+
 std::span<const NamedLevel> allLevels()
 {
     static const NamedLevel all[]{
         {Level::Process, faults::processRows(), true},    {Level::Shaders, faults::shaderRows(), true},
         {Level::Instances, faults::instanceRows(), true}, {Level::Attachments, faults::attachmentRows(), true},
         {Level::Copies, faults::copyRows(), true},        {Level::Generic, faults::genericRows(), true},
-        {Level::Micromaps, faults::micromapRows(), true}, {Level::Commands, faults::commandRows(), true},
+        {Level::Boxes, faults::boxRows(), true},          {Level::Micromaps, faults::micromapRows(), true},
+        {Level::Commands, faults::commandRows(), true},
         {Level::State, faults::stateRows(), true},        {Level::Submissions, faults::submissionRows(), true},
     };
     return all;
@@ -214,7 +249,7 @@ std::span<const NamedLevel> allLevels()
 extern "C" __attribute__((visibility("default"))) const char *vellumFault(unsigned i, unsigned member);
 extern "C" const char *vellumFault(unsigned i, unsigned member)
 {
-    const auto all = driver::allQuirks();
+    const auto all = driver::allFaults();
     if (i >= all.size())
         return nullptr;
     const driver::Quirk &fault = all[i];

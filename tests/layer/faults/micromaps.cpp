@@ -156,6 +156,19 @@ void lossyTransparent(MicromapTriangle &triangle, const MicromapTriangles &)
     }
 }
 
+// A third of all states, chosen by what the triangle has.
+void lossyByContent(MicromapTriangle &triangle)
+{
+    uint32_t hash = triangle.level;
+    for (const uint8_t state : triangle.states)
+        hash = (hash ^ state) * 0x01000193u;
+    for (uint32_t i = 0; triangle.lossy && i < triangle.states.size(); ++i) {
+        const uint32_t choice = ((hash ^ i) * 0x9e3779b9u >> 16) % 6;
+        if (choice < 2)
+            triangle.states[i] = choice == 0 ? kUnknownTransparent : kUnknownOpaque;
+    }
+}
+
 std::mutex devicesMutex;
 std::vector<void *> devices; // those that have built a micromap, by key
 
@@ -214,6 +227,7 @@ constexpr Fault kFaults[]{
     {"opaque-becomes-unknown", nullptr, nullptr, opaqueUnknown},
     {"unknown-states-swapped", nullptr, nullptr, unknownSwapped},
     {"lossy-opaque-to-transparent", nullptr, nullptr, lossyTransparent},
+    {"lossy-by-content", nullptr, nullptr, lossyByContent},
     {"lossy-differs-by-device", nullptr, nullptr, lossyByDevice},
     {"lossy-differs-by-address", nullptr, nullptr, lossyByAddress},
 };
