@@ -163,6 +163,24 @@ constexpr VkBuildAccelerationStructureFlagsKHR kUpdate =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR |
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
 
+std::string fastTrace(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    return RowScene(gpu, micromap.get(), 2, {}, 0, VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR).states();
+}
+
+std::string updatedElsewhere(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    Geometry geometry{.vertices = triangleRow(2)};
+    geometry.micromap = Attachment{micromap.get()};
+    const Blas source(gpu, {geometry}, kUpdate);
+    Blas target(gpu);
+    target.updateFrom(&source);
+    target.build({geometry}, kUpdate, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    return statesOf(gpu, Tlas(gpu, {instance(target, {}, 1)}), 2);
+}
+
 // After an update with other indices, or with another micromap.
 std::string updated(Gpu &gpu, std::vector<int32_t> indices, MicromapInput other)
 {
@@ -253,6 +271,8 @@ std::span<const Case> attachmentCases()
         Case{"primitive-offset-moves-indices", skippedTriangle, "01", "12"},
         Case{"special-unknown-swapped", unknownSpecial, "23", "32"},
         Case{"update-drops-micromap", updatedSame, "01", "nn"},
+        Case{"fast-trace-without-micromap", fastTrace, "01", "nn"},
+        Case{"update-elsewhere-drops-micromap", updatedElsewhere, "01", "nn"},
         Case{"update-keeps-indices", updatedIndices, "10", "01"},
         Case{"update-keeps-micromap", updatedMicromap, "23", "01"},
         Case{"lossy-copy-loses-more", lossyClone, "01", "31", Api::Khr},
