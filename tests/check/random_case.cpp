@@ -45,15 +45,15 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .inlineModules = yes(),
                .besideBuild = yes(),
                .boundFirst = yes(),
-               .libraries = static_cast<TracePlan::Libraries>(below(random, 4)),
                .dynamicStackSize = yes(),
-               .recursion = yes(),
+               .from = static_cast<TracePlan::From>(below(random, 3)),
                .flags2 = yes(),
                .unusedStage = yes(),
                .launch = static_cast<Launch>(below(random, 3)),
-               .recordPadding = below(random, 3),
                .withoutMicromaps = yes()};
-    c.trace.queryArray = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
-                         !c.trace.byAddress;
+    if (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
+        !c.trace.byAddress)
+        c.trace.query = static_cast<TracePlan::Query>(below(random, 5));
+    c.trace.shaderObjects = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !c.trace.inlineModules && yes();
     return c;
 }

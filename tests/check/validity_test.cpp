@@ -81,11 +81,11 @@ const Break kBreaks[] = {
      })},
     {"flags that exclude each other",
      kAlwaysPossible([](Case &c) { c.scene.rays[0].flags |= kRaySkipTriangles | kRaySkipBoxes; })},
-    {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 3; })},
+    {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 4; })},
     {"no such stage",
      kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
     {"needs the compute stage", kAlwaysPossible([](Case &c) {
-         c.trace.queryArray = true;
+         c.trace.query = TracePlan::Query::Array;
          c.trace.byAddress = true;
      })},
     {"has no host command", kAlwaysPossible([](Case &c) {

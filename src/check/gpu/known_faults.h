@@ -19,6 +19,7 @@ enum class Fault {
     AddressWithConstantFlags,
     LayerIntersectionShaders,
     LayerSerializedStructures,
+    LayerMixedLibraries,
 };
 
 struct KnownFault {

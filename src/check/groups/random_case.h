@@ -52,6 +52,13 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step:
 // Appends `count` steps of random kinds.
 void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32_t count, const DeviceLimits &limits);
 
+// All rays have the same flags, which the shader knows.
+void fixFlags(Random &random, Case &c);
+// Some candidates end their rays.
+void terminateSome(Random &random, oracle::Scene &scene);
+// Record offsets of instances, which any ray of the case's pipelines may use: triangles and boxes reach different ones.
+void setRecords(Random &random, Case &c);
+
 // Runs a case, and makes it smaller if it fails, for at most that many seconds.
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
 // The same with a random case.
@@ -65,6 +72,7 @@ Outcome runGroup(Session &session, std::string_view group, uint64_t seed)
 
 // The groups of each file.
 std::span<const Group> resolutionGroups();
+std::span<const Group> pipelineGroups();
 std::span<const Group> buildGroups();
 std::span<const Group> objectGroups();
 

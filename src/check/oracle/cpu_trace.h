@@ -27,6 +27,7 @@ struct Hit {
     // False: a box that the ray does not meet for certain. "The occurrence of an AABB intersection candidate does not
     // guarantee the ray intersects the application-provided AABB."
     bool certain;
+    uint32_t record = 0; // instanceShaderBindingTableRecordOffset
 };
 
 // The number of the micro-triangle at barycentrics (u, v). `edge` becomes how near the next line between two of them

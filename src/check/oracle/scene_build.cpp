@@ -6,6 +6,8 @@ namespace vellum::check::oracle
 
 uint32_t recordOffset(const Scene &scene, uint32_t instance)
 {
+    if (scene.instances[instance].record)
+        return *scene.instances[instance].record;
     const bool boxes = !scene.objects[scene.instances[instance].object].meshes[0].boxes.empty();
     return instance % kRecordOffsets + (boxes ? kBoxRecords : 0);
 }
@@ -93,7 +95,7 @@ Built build(Device &gpu, const Scene &scene)
 
 bool confirms(const Ray &ray, const Hit &hit)
 {
-    return ray.rule == kAlways ||
+    return ray.rule == kAlways || ray.rule == kTerminate ||
            (ray.rule == kHash && hashConfirms(hit.customIndex, hit.instance, hit.geometry, hit.primitive));
 }
 
