@@ -53,7 +53,7 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .withoutMicromaps = yes()};
     if (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
         !c.trace.byAddress)
-        c.trace.query = static_cast<TracePlan::Query>(below(random, 5));
+        c.trace.query = static_cast<TracePlan::Query>(below(random, 6));
     c.trace.shaderObjects = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !c.trace.inlineModules && yes();
     return c;
 }

@@ -354,6 +354,7 @@ void Account::writeTracePlan()
         case TracePlan::Query::Array: line("The ray query is one of two in an array."); break;
         case TracePlan::Query::Functions: line("The ray query is a parameter of functions."); break;
         case TracePlan::Query::Again: line("The ray query was initialized before, and is initialized again."); break;
+        case TracePlan::Query::Getters: line("The shader also reads origins, directions and transforms."); break;
         case TracePlan::Query::Sites: line("The ray query is initialized in two places, of which rays take one."); break;
         }
         if (trace.shaderObjects)

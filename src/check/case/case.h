@@ -103,8 +103,9 @@ struct TracePlan {
     enum class From { RayGeneration, ClosestHit, Miss };
     // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a
     // parameter initialize it, proceed and read it. Again: it is initialized with other flags and proceeds before.
-    // Sites: it is initialized and proceeds in two places, of which rays take either.
-    enum class Query { Plain, Array, Functions, Again, Sites };
+    // Sites: it is initialized and proceeds in two places, of which rays take either. Getters: origins, directions and
+    // transforms are read as well.
+    enum class Query { Plain, Array, Functions, Again, Sites, Getters };
 
     Method method = Method::Query;
     // Query: the stage that has the ray query: any that kQueryStages lists.

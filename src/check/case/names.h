@@ -85,6 +85,7 @@ inline constexpr std::array kQueryNames{
     Name<TracePlan::Query>{TracePlan::Query::Functions, "functions"},
     Name<TracePlan::Query>{TracePlan::Query::Again, "again"},
     Name<TracePlan::Query>{TracePlan::Query::Sites, "sites"},
+    Name<TracePlan::Query>{TracePlan::Query::Getters, "getters"},
 };
 // Stages and groups of PipelineTracerSetup, with decoys.
 inline constexpr std::array kTracerStageNames{

@@ -31,6 +31,7 @@
 #include "shaders/tracer_comp.h"
 #include "shaders/tracer_comp_again.h"
 #include "shaders/tracer_comp_by_address.h"
+#include "shaders/tracer_comp_getters.h"
 #include "shaders/tracer_comp_in_array.h"
 #include "shaders/tracer_comp_in_functions.h"
 #include "shaders/tracer_comp_sites.h"
@@ -158,6 +159,7 @@ std::span<const uint32_t> queryModule(TracePlan::Query query)
     case TracePlan::Query::Functions: return tracer_comp_in_functions;
     case TracePlan::Query::Again: return tracer_comp_again;
     case TracePlan::Query::Sites: return tracer_comp_sites;
+    case TracePlan::Query::Getters: return tracer_comp_getters;
     default: return tracer_comp;
     }
 }

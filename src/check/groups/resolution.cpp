@@ -214,7 +214,7 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
 {
     Case c = queries(random, limits);
     constexpr std::array forms{TracePlan::Query::Plain, TracePlan::Query::Array, TracePlan::Query::Functions,
-                               TracePlan::Query::Again, TracePlan::Query::Sites};
+                               TracePlan::Query::Again, TracePlan::Query::Sites, TracePlan::Query::Getters};
     c.trace.query = forms[below(random, forms.size())];
     c.trace.shaderObjects = c.trace.query == TracePlan::Query::Plain || chance(random, 20);
     terminateSome(random, c.scene);

@@ -8,7 +8,7 @@
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
-//   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES   TracePlan::Query
+//   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS   TracePlan::Query
 #ifdef BY_ADDRESS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
@@ -74,6 +74,9 @@ bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint pr
                           ray.tMin, vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax)
 
 // Whether what the query says of the ray and of a hit's instance fits together: what was traced, and one transform.
+#ifndef GETTERS
+#define CONSISTENT(query, committed) true
+#else
 #define CONSISTENT(query, committed)                                                                                   \
     (rayQueryGetWorldRayOriginEXT(query) == vec3(ray.origin[0], ray.origin[1], ray.origin[2]) &&                       \
      rayQueryGetWorldRayDirectionEXT(query) == vec3(ray.direction[0], ray.direction[1], ray.direction[2]) &&           \
@@ -91,6 +94,7 @@ bool near(vec3 a, vec3 b)
 {
     return all(lessThan(abs(a - b), vec3(1e-3) * (1.0 + abs(a) + abs(b))));
 }
+#endif
 
 // One candidate. These are macros because a query may be an element of an array.
 #define CANDIDATE(query)                                                                                               \
