@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <fmt/format.h>
+#include <limits>
 #include <rapidjson/document.h>
 #include <rapidjson/error/en.h>
 #include <stdexcept>
@@ -21,6 +22,7 @@ using Json = rapidjson::Value;
 using Allocator = rapidjson::Document::AllocatorType;
 
 constexpr std::string_view kSchema = "vellum-check/1";
+constexpr std::string_view kNan = "nan"; // a number of an inactive triangle or box
 constexpr uint32_t kMostPlainStates = 256; // more are written as lengths of runs
 constexpr size_t kLineWidth = 100;
 
@@ -150,6 +152,8 @@ private:
     }
     Json toValue(float number)
     {
+        if (std::isnan(number))
+            return toValue(std::string(kNan));
         return std::isfinite(number) ? Json(double{number}) : toValue(fmt::format("{}", number));
     }
     template <class T>
@@ -434,6 +438,10 @@ private:
     }
     static void get(const Json &json, const std::string &where, float &field)
     {
+        if (json.IsString() && kNan == json.GetString()) {
+            field = std::numeric_limits<float>::quiet_NaN();
+            return;
+        }
         if (!json.IsNumber())
             reject(where, "is not a number");
         const double value = json.GetDouble();

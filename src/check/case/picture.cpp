@@ -59,13 +59,13 @@ Ray aimedAt(const Scene &scene, const oracle::Hit &hit, Ray ray, std::array<doub
 {
     const oracle::Instance &instance = scene.instances[hit.instance];
     const oracle::Mesh &mesh = scene.objects[instance.object].meshes[hit.geometry];
-    const Vec3 *const corners = &mesh.vertices[size_t{3} * hit.primitive];
+    const oracle::Corners corners = oracle::cornersOf(mesh, hit.primitive);
     const auto [u, v] = place;
     for (size_t r = 0; r < 3; ++r) {
         double at = double{instance.transform.matrix[r][3]};
         for (size_t k = 0; k < 3; ++k)
             at += double{instance.transform.matrix[r][k]} *
-                  ((1 - u - v) * double{corners[0][k]} + u * double{corners[1][k]} + v * double{corners[2][k]});
+                  ((1 - u - v) * corners[0][k] + u * corners[1][k] + v * corners[2][k]);
         ray.origin[r] = static_cast<float>(at - hit.t * double{ray.direction[r]});
     }
     return ray;

@@ -101,6 +101,7 @@ struct DeviceOptions {
     X(CmdTraceRaysIndirect2KHR)                                                                                        \
     X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
     X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(QueueInsertDebugUtilsLabelEXT)                                                                                   \
     X(CreateDeferredOperationKHR)                                                                                      \
     X(DestroyDeferredOperationKHR)                                                                                     \
     X(DeferredOperationJoinKHR)                                                                                        \
@@ -261,6 +262,8 @@ public:
     }
     // Of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
     [[nodiscard]] uint32_t maxLossyLevel() const { return maxLevels_[2]; }
+    // Those of kVertexFormats that the device has.
+    [[nodiscard]] std::vector<VkFormat> vertexFormats() const;
     [[nodiscard]] const VkPhysicalDeviceDriverProperties &driver() const { return driver_; }
     [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
@@ -294,6 +297,8 @@ public:
     void execute(VkCommandBuffer commands);
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
+    // Names what follows in capture tools: VkDebugUtilsLabelEXT.
+    void insertLabel(const std::string &text) const;
     VkShaderModule shader(std::span<const uint32_t> words) const;
 
     // An object that a user of the device keeps with it, one of each type; destroyed before the device.
@@ -305,6 +310,9 @@ public:
             object = std::make_shared<T>();
         return std::static_pointer_cast<T>(object);
     }
+
+    // A second device of an instance of its own, both created like this one's, with Memory::Apart.
+    Device &twin();
 
     // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
@@ -327,6 +335,7 @@ private:
     uint32_t family_ = 0;
     std::vector<VkQueueFamilyProperties> families_;
     std::unique_ptr<Arena> arena_;
+    std::unique_ptr<Device> twin_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     std::map<std::type_index, std::shared_ptr<void>> kept_;
     Commands commands_;

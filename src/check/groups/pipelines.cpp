@@ -204,9 +204,9 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
     // One record of all hits, which are then all on triangles.
     if (chance(random, 15)) {
         const auto triangles = std::ranges::find_if(
-            c.scene.objects, [](const oracle::Object &object) { return object.meshes[0].boxes.empty(); });
+            c.scene.objects, [](const oracle::Object &object) { return !object.hasBoxes(); });
         for (oracle::Instance &instance : c.scene.instances)
-            if (triangles != c.scene.objects.end() && !c.scene.objects[instance.object].meshes[0].boxes.empty())
+            if (triangles != c.scene.objects.end() && c.scene.objects[instance.object].hasBoxes())
                 instance.object = static_cast<uint32_t>(triangles - c.scene.objects.begin());
         pipeline.table.layout.zeroStride = true;
         pipeline.table.length.reset();

@@ -59,7 +59,7 @@ std::vector<Reached> reachedRecords(const Scene &scene, const TracedBy &by)
             const uint64_t index = std::min<uint64_t>(recordIndex(scene, by, i, g), kMostRecords);
             if (records.size() <= index)
                 records.resize(static_cast<size_t>(index) + 1);
-            (object.meshes[g].boxes.empty() ? records[index].triangles : records[index].boxes) = true;
+            (object.hasBoxes() ? records[index].boxes : records[index].triangles) = true;
         }
     }
     return records;
@@ -264,6 +264,8 @@ private:
             const Hit *hit = find(c, c.box());
             if (hit == nullptr || !asks(*hit))
                 return describe("an any-hit shader ran that should not", c);
+            if (cameAgain(*hit, result_.candidates))
+                return describe("an any-hit shader ran twice for a triangle", c);
             if (!placed(*hit, c, note.hitKind) || !attributed(*hit, c))
                 return describe("place of a candidate", c);
             if (c.confirmed() != confirms(ray_, *hit))

@@ -33,6 +33,8 @@ std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Resul
             return "origin, direction and transform of a candidate do not fit together" + inWords(c);
         if (c.recordOffset() != hit->record)
             return "record offset of a candidate" + inWords(c);
+        if (cameAgain(*hit, result.candidates))
+            return "a candidate came twice" + inWords(c);
         if (hit->box) {
             generated |= c.confirmed();
             if (c.boxOpaque() != (hit->opacity == Opacity::Opaque))

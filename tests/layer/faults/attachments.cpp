@@ -255,6 +255,15 @@ void lostTriangle(Context &context, Attachment &attachment)
         });
 }
 
+void updateLosesMore(Context &context, Attachment &attachment)
+{
+    if (context.update && isLossy(attachment.micromap))
+        replaceIndices(context, attachment, [base = attachment.base](const Indices &given, uint32_t t) {
+            const uint32_t index = given.value(t);
+            return index + base == 0 ? kUnknownOpaque : index;
+        });
+}
+
 struct Fault {
     const char *name;
     void (*apply)(Context &, Attachment &);
@@ -277,6 +286,8 @@ constexpr Fault kFaults[]{
     {"update-keeps-micromap", updateMicromap},
     {"clone-is-shallow", shallowClone},
     {"compaction-loses-last-triangle", lostTriangle},
+    {"lossy-copy-loses-more", lostTriangle},
+    {"lossy-once-more", updateLosesMore},
 };
 
 // --- builds ---

@@ -51,7 +51,9 @@ enum class Level {
     Micromaps,
     Commands,
     State,
-    Submissions
+    Submissions,
+    // of the recorder (recorder/recorder.cpp)
+    Recorder
 };
 
 struct Row {
