@@ -326,7 +326,7 @@ constexpr std::array kGroups{
           "objects",
           "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own; "
           "OpRayQueryTerminateKHR; VK_EXT_shader_object",
-          100, runGroup<queryObjects>},
+          100, runGroup<queryObjects>, 12},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
           runGroup<executionMode>},
