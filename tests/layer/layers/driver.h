@@ -48,6 +48,7 @@ enum class Level {
     Attachments,
     Copies,
     Generic,
+    Boxes,
     Micromaps,
     Commands,
     State,
