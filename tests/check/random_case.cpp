@@ -59,15 +59,49 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .inlineModules = yes(),
                .besideBuild = yes(),
                .boundFirst = yes(),
-               .libraries = static_cast<TracePlan::Libraries>(below(random, 4)),
                .dynamicStackSize = yes(),
-               .recursion = yes(),
+               .from = static_cast<TracePlan::From>(below(random, 3)),
                .flags2 = yes(),
                .unusedStage = yes(),
                .launch = static_cast<Launch>(below(random, 3)),
-               .recordPadding = below(random, 3),
                .withoutMicromaps = yes()};
-    c.trace.queryArray = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
-                         !c.trace.byAddress;
+    if (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
+        !c.trace.byAddress)
+        c.trace.query = static_cast<TracePlan::Query>(below(random, 6));
+    using oracle::HitRecord;
+    const auto table = [&] {
+        oracle::TablePlan made{.misses = 1 + below(random, 3),
+                               .nullMiss = yes(),
+                               .content = yes() ? RecordData::Word : RecordData::Words,
+                               .layout = {.before = below(random, 3),
+                                          .reversed = yes(),
+                                          .missPadding = below(random, 3),
+                                          .hitPadding = below(random, 3),
+                                          .cut = yes()}};
+        for (uint32_t i = below(random, 4); i > 0; --i)
+            made.records.push_back(static_cast<HitRecord>(below(random, 5)));
+        return made;
+    };
+    const auto pipeline = [&] {
+        PipelinePlan made{.table = table()};
+        if (yes())
+            made.parts = {{{3, 2, 9}, {2, 3}}, {{5, 1, 4, 7, 6, 8, 10}, {4, 6, 7, 10, 12}, {0}},
+                          {{0, 10}, {0, 1, 5, 8, 9, 11, 13, 14}, {1}}};
+        if (yes())
+            made.otherTables.push_back(table());
+        return made;
+    };
+    c.trace.pipeline = pipeline();
+    if (yes())
+        c.trace.otherPipelines.push_back(pipeline());
+    c.trace.firstDestroyed = !c.trace.otherPipelines.empty() && yes();
+    // Parts have the stage and the group of the shader that traces in recursion where there is one.
+    for (PipelinePlan *each : {&c.trace.pipeline, c.trace.otherPipelines.empty() ? nullptr : &c.trace.otherPipelines[0]})
+        for (size_t i = 0; each != nullptr && c.trace.from == TracePlan::From::RayGeneration && i < each->parts.size();
+             ++i) {
+            std::erase(each->parts[i].stages, 10u);
+            std::erase(each->parts[i].groups, 14u);
+        }
+    c.trace.shaderObjects = c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !c.trace.inlineModules && yes();
     return c;
 }

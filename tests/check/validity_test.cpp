@@ -107,13 +107,43 @@ const Break kBreaks[] = {
      })},
     {"flags that exclude each other",
      kAlwaysPossible([](Case &c) { c.scene.rays[0].flags |= kRaySkipTriangles | kRaySkipBoxes; })},
-    {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 3; })},
+    {"no such rule", kAlwaysPossible([](Case &c) { c.scene.rays[0].rule = 4; })},
     {"no such stage",
      kAlwaysPossible([](Case &c) { c.trace.stage = VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT; })},
     {"needs the compute stage", kAlwaysPossible([](Case &c) {
-         c.trace.queryArray = true;
+         c.trace.query = TracePlan::Query::Array;
          c.trace.byAddress = true;
      })},
+    {"library 1 is no part before", kAlwaysPossible([](Case &c) {
+         c.trace.pipeline.parts = {{{0}, {}, {1}}, {}};
+     })},
+    {"lacks stage any-hit", kAlwaysPossible([](Case &c) {
+         c.trace.pipeline.parts = {{{0, 1, 2, 4, 5, 6, 7, 8, 9}, {2}}};
+     })},
+    {"is nowhere", kAlwaysPossible([](Case &c) { c.trace.pipeline.parts = {{{0}, {0}}}; })},
+    {"has the micromap bit and library 0 lacks it", kAlwaysPossible([](Case &c) {
+         c.trace.pipeline.parts = {{{0}, {}}, {{1}, {}, {0}, true}, {{2}, {}, {1}}};
+     })},
+    {"skips triangles and boxes", kAlwaysPossible([](Case &c) {
+         c.trace.pipeline.flags = VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR |
+                                  VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR;
+     })},
+    {"the miss index is beyond the miss records", kAlwaysPossible([](Case &c) {
+         c.trace.method = TracePlan::Method::Pipeline;
+         c.trace.pipeline.parameters.missIndex = 3;
+     })},
+    {"rays read beyond the hit records", kAlwaysPossible([](Case &c) {
+         c.trace.method = TracePlan::Method::Pipeline;
+         c.trace.from = TracePlan::From::RayGeneration;
+         c.trace.pipeline = {.table = {.length = 0}};
+         c.scene.rays[0].flags = 0;
+     })},
+    {"a zero miss record", kAlwaysPossible([](Case &c) {
+         c.trace.method = TracePlan::Method::Pipeline;
+         c.trace.pipeline = {.flags = VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR,
+                             .table = {.nullMiss = true}};
+     })},
+    {"has more than 24 bits", kAlwaysPossible([](Case &c) { c.scene.instances[0].record = 1u << 24; })},
     {"has no host command", kAlwaysPossible([](Case &c) {
          c.steps = {stepOf(Step::Kind::CloneTop, 0)};
          c.steps[0].host = true;

@@ -96,21 +96,28 @@ TEST_F(Plans, QueriesWithEveryMode)
 
 TEST_F(Plans, Pipelines)
 {
-    using Libraries = Plan::Libraries;
     constexpr auto kPipeline = Plan::Method::Pipeline;
+    using From = Plan::From;
+    // Groups of the pipeline name stages of libraries, one of which links another.
+    const std::vector<vellum::check::PipelinePart> parts{{{3, 2, 9}, {2, 3}},
+                                                         {{5, 1, 4, 7, 6, 8}, {4, 6, 7, 10, 12}, {0}},
+                                                         {{0}, {0, 1, 5, 8, 9, 11, 13}, {1}}};
+    const vellum::check::PipelinePlan linked{.parts = parts};
     const std::vector<Plan> plans{
         {.method = kPipeline},
         {.method = kPipeline, .flags = Plan::Flags::Specialized, .byAddress = true},
         {.method = kPipeline, .flags = Plan::Flags::Literal, .inlineModules = true},
-        {.method = kPipeline, .libraries = Libraries::Two},
-        {.method = kPipeline, .inlineModules = true, .libraries = Libraries::Three, .dynamicStackSize = true},
-        {.method = kPipeline, .byAddress = true, .libraries = Libraries::Nested, .flags2 = true},
+        {.method = kPipeline, .flags = Plan::Flags::Mixed},
+        {.method = kPipeline, .flags = Plan::Flags::Computed},
+        {.method = kPipeline, .pipeline = linked},
+        {.method = kPipeline, .inlineModules = true, .pipeline = linked, .dynamicStackSize = true},
+        {.method = kPipeline, .byAddress = true, .pipeline = linked, .flags2 = true},
         {.method = kPipeline, .besideBuild = true, .dynamicStackSize = true},
-        {.method = kPipeline, .recursion = true},
-        {.method = kPipeline, .flags = Plan::Flags::Literal, .byAddress = true, .recursion = true, .flags2 = true},
-        {.method = kPipeline, .libraries = Libraries::Two, .dynamicStackSize = true, .recursion = true},
+        {.method = kPipeline, .from = From::ClosestHit},
+        {.method = kPipeline, .flags = Plan::Flags::Literal, .byAddress = true, .from = From::Miss, .flags2 = true},
         {.method = kPipeline, .withoutMicromaps = true},
-        {.method = kPipeline, .libraries = Libraries::Three, .recursion = true, .withoutMicromaps = true},
+        {.method = kPipeline, .pipeline = linked, .withoutMicromaps = true},
+        {.method = kPipeline, .pipeline = linked, .otherPipelines = {{}}, .firstDestroyed = true},
     };
     for (size_t i = 0; i < plans.size(); ++i)
         expectNoFault(plans[i], "plan " + std::to_string(i));

@@ -132,6 +132,8 @@ std::string describe(const oracle::Mesh &mesh)
 std::string describe(const oracle::Instance &instance)
 {
     std::string text = fmt::format("object {}, flags {}", instance.object, namesOf(instance.flags, kInstanceFlagNames));
+    if (instance.record)
+        text += fmt::format(", instanceShaderBindingTableRecordOffset {}", *instance.record);
     if (instance.mask != 0xff)
         text += fmt::format(", mask {:#x}", instance.mask);
     return text + (instance.inactive ? ", inactive (reference 0)" : "");
@@ -247,6 +249,8 @@ private:
     }
 
     [[nodiscard]] std::string commandsOf(const Step &step) const;
+    void writeTracePlan();
+    void writePipeline(const PipelinePlan &pipeline);
     void writeQueries(const QueryPlan &plan);
     void writeRay();
     void writeHit(const Ray &ray, const Hit &hit);
@@ -435,6 +439,81 @@ void Account::writeHit(const Ray &ray, const Hit &hit)
     }
 }
 
+// What is not the default of ray queries.
+void Account::writeTracePlan()
+{
+    const TracePlan &trace = case_.trace;
+    const TracePlan standard;
+    if (trace.flags != standard.flags)
+        line("Ray flags are {}.", nameOf(kFlagSourceNames, trace.flags));
+    if (trace.method == TracePlan::Method::Query) {
+        switch (trace.query) {
+        case TracePlan::Query::Plain: break;
+        case TracePlan::Query::Array: line("The ray query is one of two in an array."); break;
+        case TracePlan::Query::Functions: line("The ray query is a parameter of functions."); break;
+        case TracePlan::Query::Again: line("The ray query was initialized before, and is initialized again."); break;
+        case TracePlan::Query::Getters: line("The shader also reads origins, directions and transforms."); break;
+        case TracePlan::Query::Sites: line("The ray query is initialized in two places, of which rays take one."); break;
+        }
+        if (trace.shaderObjects)
+            line("The shader is a shader object.");
+        return;
+    }
+    if (trace.from != standard.from)
+        line("A {} shader traces the rays, in recursion.", nameOf(kFromNames, trace.from));
+    if (trace.withoutMicromaps)
+        line("The pipeline lacks the micromap bit.");
+    writePipeline(trace.pipeline);
+    for (const PipelinePlan &pipeline : trace.otherPipelines) {
+        line("Another pipeline traces the rays afterwards, by the same command buffer:");
+        writePipeline(pipeline);
+    }
+    if (trace.firstDestroyed)
+        line("Then the first pipeline is destroyed, and the others trace again.");
+}
+
+void Account::writePipeline(const PipelinePlan &pipeline)
+{
+    if (pipeline.flags != 0)
+        line("Pipeline flags: {}.", namesOf(pipeline.flags, kPipelineFlagNames));
+    const auto listOf = [](const std::vector<uint32_t> &numbers, const auto &names) {
+        std::vector<std::string_view> list;
+        for (const uint32_t number : numbers)
+            list.push_back(nameOf(names, number));
+        return list.empty() ? std::string("none") : fmt::format("{}", fmt::join(list, ", "));
+    };
+    for (size_t i = 0; i < pipeline.parts.size(); ++i) {
+        const PipelinePart &part = pipeline.parts[i];
+        line("     {}: stages {}; groups {}{}{}.",
+             i + 1 == pipeline.parts.size() ? std::string("pipeline") : fmt::format("library {}", i),
+             listOf(part.stages, kTracerStageNames), listOf(part.groups, kTracerGroupNames),
+             part.libraries.empty() ? "" : fmt::format("; links libraries {}", fmt::join(part.libraries, ", ")),
+             part.micromapBit ? "; with the micromap bit" : "");
+    }
+    const TraceParameters &parameters = pipeline.parameters;
+    line("traceRayEXT: sbtRecordOffset {}, sbtRecordStride {}, missIndex {}.", parameters.recordOffset,
+         parameters.recordStride, parameters.missIndex);
+    for (size_t t = 0; t <= pipeline.otherTables.size(); ++t) {
+        const oracle::TablePlan &table = t == 0 ? pipeline.table : pipeline.otherTables[t - 1];
+        std::string text = fmt::format("Hit records: {}", table.length ? fmt::format("{}", *table.length)
+                                                                       : "as many as the scene reaches");
+        std::vector<std::string_view> kinds;
+        for (const oracle::HitRecord record : table.records)
+            kinds.push_back(nameOf(kHitRecordNames, record));
+        if (!kinds.empty())
+            text += fmt::format(", in turn {}", fmt::join(kinds, ", "));
+        if (table.layout.zeroStride)
+            text += ", stride 0";
+        if (table.layout.hitPadding > 0)
+            text += fmt::format(", stride {} handle alignments longer than needed", table.layout.hitPadding);
+        if (table.layout.cut)
+            text += ", the region ends with the data of the last record";
+        text += fmt::format("; {} miss record{}{}", table.misses, table.misses == 1 ? "" : "s",
+                            table.nullMiss ? ", that of the rays zero" : "");
+        line("{}.", text);
+    }
+}
+
 void Account::writeRay()
 {
     if (after_.rays.empty())
@@ -448,6 +527,7 @@ void Account::writeRay()
              : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage)));
     if (case_.trace.boundFirst)
         line("What traces was bound before the builds of the same command buffer.");
+    writeTracePlan();
     if (case_.trace.launch != Launch::Direct)
         line("The command is vkCmdTraceRaysIndirect{}KHR.", case_.trace.launch == Launch::Indirect2 ? "2" : "");
     line("origin ({}), direction ({}), t {} to {}, cull mask {:#x}, flags {}; candidates are confirmed: {}.",

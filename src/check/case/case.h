@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "check/gpu/pipeline_builder.h"
-#include "check/oracle/cpu_trace.h"
+#include "check/gpu/programs/pipeline_libraries.h"
+#include "check/oracle/pipeline_judge.h"
 
 namespace vellum::check
 {
@@ -84,6 +84,19 @@ struct Step {
     std::vector<oracle::Instance> instances;
 };
 
+// A ray tracing pipeline, all of whose tables trace all rays.
+struct PipelinePlan {
+    // Libraries, and the pipeline, which is the last part; stages and groups are numbered as kTracerStageNames and
+    // kTracerGroupNames. Empty: a pipeline without libraries.
+    std::vector<PipelinePart> parts;
+    VkPipelineCreateFlags flags = 0; // besides the micromap bit
+    TraceParameters parameters{.recordStride = 1};
+    oracle::TablePlan table;
+    std::vector<oracle::TablePlan> otherTables;
+
+    bool operator==(const PipelinePlan &) const = default;
+};
+
 // What a query is about.
 struct QueryTarget {
     enum class Of { Object, Micromap, Top };
@@ -130,12 +143,19 @@ struct QueryPlan {
 struct TracePlan {
     enum class Method { Query, Pipeline };
     // Where ray flags come from. Specialized, Literal: rays with the same flags are traced together, by a pipeline of
-    // their own, so they should have few different ones.
-    enum class Flags { RunTime, Specialized, Literal };
+    // their own, so they should have few different ones; the parameters of traceRayEXT that name records are such
+    // constants, too. Of pipelines only: Mixed: two instructions trace, one with the literal flags of the first ray.
+    // Computed: a function traces in a loop, with flags that it computes.
+    enum class Flags { RunTime, Specialized, Literal, Mixed, Computed };
     // The execution mode of modules with ray queries (VK_KHR_opacity_micromap). False: sceneRule.
     enum class Mode { True, False, SpecializedTrue, SpecializedFalse };
-    // The hit groups of a pipeline.
-    enum class Libraries { None, Two, Three, Nested };
+    // The shader of a pipeline that traces the rays; not ray generation: in recursion.
+    enum class From { RayGeneration, ClosestHit, Miss };
+    // How a shader uses its ray query. Array: one of two queries in an array. Functions: functions that get it as a
+    // parameter initialize it, proceed and read it. Again: it is initialized with other flags and proceeds before.
+    // Sites: it is initialized and proceeds in two places, of which rays take either. Getters: origins, directions and
+    // transforms are read as well.
+    enum class Query { Plain, Array, Functions, Again, Sites, Getters };
 
     Method method = Method::Query;
     // Query: the stage that has the ray query: any that kQueryStages lists.
@@ -147,16 +167,19 @@ struct TracePlan {
     bool besideBuild = false;   // traced while another structure is built by the same submission
     // Pipeline, descriptors and push constants are bound before the builds of the same command buffer.
     bool boundFirst = false;
-    // Query, in the compute stage, with flags of run time and a descriptor: one of two queries in an array.
-    bool queryArray = false;
+    // Query; other than Plain: in the compute stage, of a descriptor, with flags that are not Specialized or Literal.
+    Query query = Query::Plain;
+    bool shaderObjects = false; // Query, in a compute shader: VK_EXT_shader_object
     // Pipeline
-    Libraries libraries = Libraries::None;
+    PipelinePlan pipeline;
+    std::vector<PipelinePlan> otherPipelines; // alive at the same time; their traces follow in the command buffer
+    // The first pipeline is destroyed afterwards, and the others trace again.
+    bool firstDestroyed = false;
     bool dynamicStackSize = false;
-    bool recursion = false;   // traced by a closest-hit shader
+    From from = From::RayGeneration;
     bool flags2 = false;      // VkPipelineCreateFlags2CreateInfo
     bool unusedStage = false; // a stage that no group uses
     Launch launch = Launch::Direct;
-    uint32_t recordPadding = 0;    // of hit records, in multiples of shaderGroupHandleAlignment
     bool withoutMicromaps = false; // without the micromap bit: sceneRule
 
     bool operator==(const TracePlan &) const = default;

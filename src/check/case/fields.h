@@ -2,7 +2,7 @@
 // The fields of a case, listed once for all that reads or writes them. An archive has these functions, each with a
 // field's name and the field:
 //   value (a default), name (a table, a default), bits (a table), floats, states: one value
-//   vectors, indices: lists of numbers
+//   vectors, indices: lists of numbers; names (a table): a list of names
 //   object, list: a structure or a list of them, whose fields a function lists
 //   optional: std::optional of a structure
 #pragma once
@@ -94,6 +94,7 @@ void ofInstance(Archive &archive, T &instance)
     archive.value("mask", instance.mask, 0xffu);
     archive.bits("flags", instance.flags, kInstanceFlagNames);
     archive.value("inactive", instance.inactive, false);
+    archive.value("record", instance.record, std::optional<uint32_t>());
 }
 
 template <class Archive, class T>
@@ -156,6 +157,45 @@ void ofStep(Archive &archive, T &step)
 }
 
 template <class Archive, class T>
+void ofPart(Archive &archive, T &part)
+{
+    archive.names("stages", part.stages, kTracerStageNames);
+    archive.names("groups", part.groups, kTracerGroupNames);
+    archive.indices("libraries", part.libraries);
+    archive.value("micromapBit", part.micromapBit, false);
+}
+
+template <class Archive, class T>
+void ofTable(Archive &archive, T &table)
+{
+    const oracle::TablePlan standard;
+    archive.names("records", table.records, kHitRecordNames);
+    archive.value("length", table.length, std::optional<uint32_t>());
+    archive.value("misses", table.misses, standard.misses);
+    archive.value("nullMiss", table.nullMiss, false);
+    archive.name("content", table.content, kRecordDataNames, standard.content);
+    archive.value("before", table.layout.before, 0u);
+    archive.value("reversed", table.layout.reversed, false);
+    archive.value("missPadding", table.layout.missPadding, 0u);
+    archive.value("hitPadding", table.layout.hitPadding, 0u);
+    archive.value("zeroStride", table.layout.zeroStride, false);
+    archive.value("cut", table.layout.cut, false);
+}
+
+template <class Archive, class T>
+void ofPipeline(Archive &archive, T &pipeline)
+{
+    const PipelinePlan standard;
+    archive.list("parts", pipeline.parts, [](auto &a, auto &part) { ofPart(a, part); });
+    archive.bits("flags", pipeline.flags, kPipelineFlagNames);
+    archive.value("recordOffset", pipeline.parameters.recordOffset, standard.parameters.recordOffset);
+    archive.value("recordStride", pipeline.parameters.recordStride, standard.parameters.recordStride);
+    archive.value("missIndex", pipeline.parameters.missIndex, standard.parameters.missIndex);
+    archive.object("table", pipeline.table, [](auto &a, auto &table) { ofTable(a, table); });
+    archive.list("otherTables", pipeline.otherTables, [](auto &a, auto &table) { ofTable(a, table); });
+}
+
+template <class Archive, class T>
 void ofQueryTarget(Archive &archive, T &target)
 {
     archive.name("of", target.of, kQueryTargetNames);
@@ -198,14 +238,16 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("inlineModules", trace.inlineModules, standard.inlineModules);
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
     archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
-    archive.value("queryArray", trace.queryArray, standard.queryArray);
-    archive.name("libraries", trace.libraries, kLibrariesNames, standard.libraries);
+    archive.name("query", trace.query, kQueryNames, standard.query);
+    archive.value("shaderObjects", trace.shaderObjects, standard.shaderObjects);
+    archive.object("pipeline", trace.pipeline, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
+    archive.list("otherPipelines", trace.otherPipelines, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
+    archive.value("firstDestroyed", trace.firstDestroyed, standard.firstDestroyed);
     archive.value("dynamicStackSize", trace.dynamicStackSize, standard.dynamicStackSize);
-    archive.value("recursion", trace.recursion, standard.recursion);
+    archive.name("from", trace.from, kFromNames, standard.from);
     archive.value("flags2", trace.flags2, standard.flags2);
     archive.value("unusedStage", trace.unusedStage, standard.unusedStage);
     archive.name("launch", trace.launch, kLaunchNames, standard.launch);
-    archive.value("recordPadding", trace.recordPadding, standard.recordPadding);
     archive.value("withoutMicromaps", trace.withoutMicromaps, standard.withoutMicromaps);
 }
 

@@ -107,6 +107,20 @@ public:
     }
     void vectors(const char *key, const float (&field)[3][4]) { addLists(key, field); }
     void indices(const char *key, const std::vector<int32_t> &field) { add(key, toList(field)); }
+    void indices(const char *key, const std::vector<uint32_t> &field)
+    {
+        if (!field.empty())
+            add(key, toList(field));
+    }
+    template <class T, size_t N>
+    void names(const char *key, const std::vector<T> &field, const std::array<Name<T>, N> &names)
+    {
+        Json list(rapidjson::kArrayType);
+        for (const T value : field)
+            list.PushBack(toValue(std::string(nameOf(names, value))), allocator_);
+        if (!list.Empty())
+            add(key, std::move(list));
+    }
     template <class T, class Function>
     void object(const char *key, const T &field, Function &&fields)
     {
@@ -327,7 +341,15 @@ public:
             std::ranges::copy(values, field[row]);
         }
     }
-    void indices(const char *key, std::vector<int32_t> &field)
+    template <class T, size_t N>
+    void names(const char *key, std::vector<T> &field, const std::array<Name<T>, N> &names)
+    {
+        forEach(key, [&](const Json &element, const std::string &where) {
+            field.push_back(named(element, where, names));
+        });
+    }
+    template <class T>
+    void indices(const char *key, std::vector<T> &field)
     {
         forEach(key, [&](const Json &element, const std::string &where) { get(element, where, field.emplace_back()); });
     }

@@ -87,6 +87,8 @@ inline constexpr std::array kFlagSourceNames{
     Name<TracePlan::Flags>{TracePlan::Flags::RunTime, "run-time"},
     Name<TracePlan::Flags>{TracePlan::Flags::Specialized, "specialized"},
     Name<TracePlan::Flags>{TracePlan::Flags::Literal, "literal"},
+    Name<TracePlan::Flags>{TracePlan::Flags::Mixed, "mixed"},
+    Name<TracePlan::Flags>{TracePlan::Flags::Computed, "computed"},
 };
 inline constexpr std::array kModeNames{
     Name<TracePlan::Mode>{TracePlan::Mode::True, "true"},
@@ -94,11 +96,74 @@ inline constexpr std::array kModeNames{
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedTrue, "specialized-true"},
     Name<TracePlan::Mode>{TracePlan::Mode::SpecializedFalse, "specialized-false"},
 };
-inline constexpr std::array kLibrariesNames{
-    Name<TracePlan::Libraries>{TracePlan::Libraries::None, "none"},
-    Name<TracePlan::Libraries>{TracePlan::Libraries::Two, "two"},
-    Name<TracePlan::Libraries>{TracePlan::Libraries::Three, "three"},
-    Name<TracePlan::Libraries>{TracePlan::Libraries::Nested, "nested"},
+inline constexpr std::array kFromNames{
+    Name<TracePlan::From>{TracePlan::From::RayGeneration, "ray-generation"},
+    Name<TracePlan::From>{TracePlan::From::ClosestHit, "closest-hit"},
+    Name<TracePlan::From>{TracePlan::From::Miss, "miss"},
+};
+inline constexpr std::array kQueryNames{
+    Name<TracePlan::Query>{TracePlan::Query::Plain, "plain"},
+    Name<TracePlan::Query>{TracePlan::Query::Array, "array"},
+    Name<TracePlan::Query>{TracePlan::Query::Functions, "functions"},
+    Name<TracePlan::Query>{TracePlan::Query::Again, "again"},
+    Name<TracePlan::Query>{TracePlan::Query::Sites, "sites"},
+    Name<TracePlan::Query>{TracePlan::Query::Getters, "getters"},
+};
+// Stages and groups of PipelineTracerSetup, with decoys.
+inline constexpr std::array kTracerStageNames{
+    Name<uint32_t>{0, "ray-generation"},
+    Name<uint32_t>{1, "miss"},
+    Name<uint32_t>{2, "closest-hit"},
+    Name<uint32_t>{3, "any-hit"},
+    Name<uint32_t>{4, "intersection"},
+    Name<uint32_t>{5, "intersection-without-any-hit"},
+    Name<uint32_t>{6, "decoy-closest-hit"},
+    Name<uint32_t>{7, "decoy-any-hit"},
+    Name<uint32_t>{8, "decoy-intersection"},
+    Name<uint32_t>{9, "decoy-miss"},
+    Name<uint32_t>{10, "relay"},
+};
+inline constexpr std::array kTracerGroupNames{
+    Name<uint32_t>{0, "ray-generation"},
+    Name<uint32_t>{1, "miss"},
+    Name<uint32_t>{2, "triangles"},
+    Name<uint32_t>{3, "triangles-without-any-hit"},
+    Name<uint32_t>{4, "triangles-without-closest-hit"},
+    Name<uint32_t>{5, "triangles-without-both"},
+    Name<uint32_t>{6, "boxes"},
+    Name<uint32_t>{7, "boxes-without-any-hit"},
+    Name<uint32_t>{8, "boxes-without-closest-hit"},
+    Name<uint32_t>{9, "boxes-without-both"},
+    Name<uint32_t>{10, "decoy-triangles"},
+    Name<uint32_t>{11, "decoy-triangles-with-any-hit"},
+    Name<uint32_t>{12, "decoy-boxes"},
+    Name<uint32_t>{13, "decoy-miss"},
+    Name<uint32_t>{14, "relay"},
+};
+inline constexpr std::array kHitRecordNames{
+    Name<oracle::HitRecord>{oracle::HitRecord::Full, "full"},
+    Name<oracle::HitRecord>{oracle::HitRecord::WithoutAnyHit, "without-any-hit"},
+    Name<oracle::HitRecord>{oracle::HitRecord::WithoutClosestHit, "without-closest-hit"},
+    Name<oracle::HitRecord>{oracle::HitRecord::WithoutBoth, "without-both"},
+    Name<oracle::HitRecord>{oracle::HitRecord::Null, "null"},
+};
+inline constexpr std::array kRecordDataNames{
+    Name<RecordData>{RecordData::None, "none"},
+    Name<RecordData>{RecordData::Word, "word"},
+    Name<RecordData>{RecordData::Words, "words"},
+};
+inline constexpr std::array kPipelineFlagNames{
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR,
+        "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR"},
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR,
+        "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR"},
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR,
+        "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR"},
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR,
+        "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR"},
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR,
+        "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR"},
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR, "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR"},
 };
 inline constexpr std::array kLaunchNames{
     Name<Launch>{Launch::Direct, "direct"},
@@ -153,6 +218,7 @@ inline constexpr std::array kRuleNames{
     Name<uint32_t>{kNever, "never"},
     Name<uint32_t>{kAlways, "always"},
     Name<uint32_t>{kHash, "hash"},
+    Name<uint32_t>{kTerminate, "terminate"},
 };
 
 inline constexpr std::array kMicromapFlagNames{
@@ -207,6 +273,7 @@ inline constexpr std::array kRayFlagNames{
     Bit{kRayOpaque, "OpaqueKHR"},
     Bit{kRayNoOpaque, "NoOpaqueKHR"},
     Bit{kRayTerminateOnFirstHit, "TerminateOnFirstHitKHR"},
+    Bit{kRaySkipClosestHit, "SkipClosestHitShaderKHR"},
     Bit{kRayCullBack, "CullBackFacingTrianglesKHR"},
     Bit{kRayCullFront, "CullFrontFacingTrianglesKHR"},
     Bit{kRayCullOpaque, "CullOpaqueKHR"},

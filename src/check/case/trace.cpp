@@ -51,9 +51,14 @@ std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, c
 class PlannedTracer::Pipelines
 {
 public:
-    Pipelines(Device &gpu, const TracePlan &plan) : gpu_(gpu), plan_(plan) {}
+    Pipelines(Device &gpu, const TracePlan &plan) : gpu_(gpu) { setPlan(plan); }
 
-    void setPlan(const TracePlan &plan) { plan_ = plan; }
+    void setPlan(const TracePlan &plan)
+    {
+        plan_ = plan;
+        pipelines_ = {plan.pipeline};
+        pipelines_.insert(pipelines_.end(), plan.otherPipelines.begin(), plan.otherPipelines.end());
+    }
 
     std::vector<std::string> faults(const Structure &top, const Scene &scene, std::span<const Hits> hits,
                                     const Record &beside)
@@ -68,13 +73,13 @@ public:
                 rays.push_back(scene.rays[i]);
             const auto judge = [&](size_t n, const auto &judgeHits) {
                 const size_t i = batch[n];
-                if (!hits[i].unsure)
+                if (!hits[i].unsure && faults[i].empty())
                     faults[i] = judgeHits(hits[i].hits);
             };
             if (plan_.method == TracePlan::Method::Query)
                 traceQueries(top, rays, *first, judge);
             else
-                tracePipeline(top, scene, rays, *first, judge);
+                tracePipelines(top, scene, rays, *first, judge);
             static const Record kNothing;
             first = &kNothing;
         }
@@ -86,7 +91,7 @@ private:
     {
         std::map<uint32_t, std::vector<size_t>> groups;
         for (size_t i = 0; i < scene.rays.size(); ++i)
-            groups[plan_.flags == TracePlan::Flags::RunTime ? 0 : scene.rays[i].flags].push_back(i);
+            groups[isConstant() ? scene.rays[i].flags : 0].push_back(i);
         std::vector<std::vector<size_t>> batches;
         for (const auto &[flags, rays] : groups) {
             for (size_t at = 0; at < rays.size(); at += StageProgram::kMostRays) {
@@ -98,31 +103,43 @@ private:
         return batches;
     }
 
+    // Whether all rays of a pipeline have the same flags.
+    [[nodiscard]] bool isConstant() const
+    {
+        return plan_.flags == TracePlan::Flags::Specialized || plan_.flags == TracePlan::Flags::Literal;
+    }
     // The flags that a pipeline has for these rays.
     [[nodiscard]] uint32_t key(std::span<const Ray> rays) const
     {
-        return plan_.flags == TracePlan::Flags::RunTime ? 0 : rays[0].flags;
+        return isConstant() || plan_.flags == TracePlan::Flags::Mixed ? rays[0].flags : 0;
     }
 
     template <class Traces>
-    void run(Traces &tracer, const Structure &top, std::span<const Ray> rays, const Record &beside)
+    void run(std::span<Traces *const> tracers, const Structure &top, std::span<const Ray> rays, const Record &beside)
     {
-        if constexpr (std::is_same_v<Traces, PipelineTracer>)
-            tracer.setLaunch(plan_.launch, plan_.recordPadding);
-        tracer.prepare(top, rays, oracle::kCapacity);
-        tracer.clearResults();
-        gpu_.submit([&](VkCommandBuffer commands) {
-            barrier(commands);
-            if (beside && !plan_.boundFirst)
-                beside(commands);
+        for (Traces *const tracer : tracers) {
+            tracer->prepare(top, rays, oracle::kCapacity);
+            tracer->clearResults();
+        }
+        const auto bind = [&](VkCommandBuffer commands, const Traces &tracer) {
             tracer.bind(commands);
             if constexpr (std::is_same_v<Traces, PipelineTracer>) {
                 if (plan_.dynamicStackSize)
                     gpu_.vk().CmdSetRayTracingPipelineStackSizeKHR(commands, tracer.stackSize());
             }
+        };
+        gpu_.submit([&](VkCommandBuffer commands) {
+            barrier(commands);
+            if (beside && !plan_.boundFirst)
+                beside(commands);
+            bind(commands, *tracers.front());
             if (beside && plan_.boundFirst)
                 beside(commands);
-            tracer.dispatch(commands);
+            for (Traces *const tracer : tracers) {
+                if (tracer != tracers.front())
+                    bind(commands, *tracer);
+                tracer->dispatch(commands);
+            }
             barrier(commands);
         });
     }
@@ -133,33 +150,84 @@ private:
         std::unique_ptr<Tracer> &tracer = queries_[key(rays)];
         if (!tracer)
             tracer = queryTracer(gpu_, plan_, key(rays));
-        run(*tracer, top, rays, beside);
+        Tracer *const one = tracer.get();
+        run(std::span(&one, 1), top, rays, beside);
         const std::vector<Result> results = tracer->results();
         for (size_t i = 0; i < results.size(); ++i)
             judge(i, [&](const std::vector<Hit> &hits) { return queryFault(rays[i], hits, results[i]); });
     }
 
-    template <class Judge>
-    void tracePipeline(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
-                       const Judge &judge)
+    struct PipelineTrace {
+        size_t pipeline, table;
+        oracle::TracedBy by;
+    };
+    // Every table of every pipeline, from the pipeline `first` on.
+    [[nodiscard]] std::vector<PipelineTrace> pipelineTraces(size_t first) const
     {
-        std::unique_ptr<PipelineTracer> &tracer = rayPipelines_[key(rays)];
-        if (!tracer)
-            tracer = pipelineTracer(gpu_, plan_, key(rays));
-        run(*tracer, top, rays, beside);
+        std::vector<PipelineTrace> traces;
+        for (size_t p = first; p < pipelines_.size(); ++p) {
+            for (size_t t = 0; t <= pipelines_[p].otherTables.size(); ++t)
+                traces.push_back({p, t,
+                                  {pipelines_[p].flags, pipelines_[p].parameters,
+                                   t == 0 ? pipelines_[p].table : pipelines_[p].otherTables[t - 1],
+                                   static_cast<uint32_t>(p * 16 + t) << 20}});
+        }
+        return traces;
+    }
+    PipelineTracer &tracerFor(const PipelineTrace &trace, uint32_t flags)
+    {
+        auto &tracers = rayPipelines_[{flags, trace.pipeline}];
+        while (tracers.size() <= trace.table)
+            tracers.push_back(pipelineTracer(gpu_, plan_, pipelines_[trace.pipeline], flags,
+                                             tracers.empty() ? nullptr : tracers[0].get()));
+        return *tracers[trace.table];
+    }
+
+    template <class Judge>
+    void tracePipelines(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
+                        const Judge &judge)
+    {
+        tracePipelines(top, scene, rays, beside, judge, 0);
+        if (!plan_.firstDestroyed)
+            return;
+        rayPipelines_.erase({key(rays), 0});
+        tracePipelines(top, scene, rays, {}, judge, 1);
+    }
+
+    template <class Judge>
+    void tracePipelines(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
+                        const Judge &judge, size_t first)
+    {
+        const std::vector<PipelineTrace> traces = pipelineTraces(first);
+        std::vector<PipelineTracer *> tracers;
+        for (const PipelineTrace &trace : traces) {
+            PipelineTracer &tracer = *tracers.emplace_back(&tracerFor(trace, key(rays)));
+            tracer.setTable(oracle::tableOf(scene, trace.by));
+            tracer.setLaunch(plan_.launch);
+        }
+        run(std::span<PipelineTracer *const>(tracers), top, rays, beside);
         const oracle::Tolerance tolerance = oracle::toleranceFor(gpu_);
-        const std::vector<PipelineResult> results = tracer->results();
-        for (size_t i = 0; i < results.size(); ++i)
-            judge(i, [&](const std::vector<Hit> &hits) {
-                return pipelineFault(scene, rays[i], hits, results[i], tolerance);
-            });
+        for (size_t k = 0; k < traces.size(); ++k) {
+            const std::vector<PipelineResult> results = tracers[k]->results();
+            for (size_t i = 0; i < results.size(); ++i)
+                judge(i, [&](const std::vector<Hit> &hits) {
+                    std::string fault = pipelineFault(scene, rays[i], hits, results[i], tolerance, traces[k].by);
+                    if (!fault.empty() && traces.size() > 1)
+                        fault += " (pipeline " + std::to_string(traces[k].pipeline) + ", table " +
+                                 std::to_string(traces[k].table) +
+                                 (first > 0 ? ", after the first pipeline was destroyed)" : ")");
+                    return fault;
+                });
+        }
     }
 
     Device &gpu_;
     TracePlan plan_;
-    // By the rays' flags, or 0 if they are of run time.
+    // By the constant flags of rays, or 0.
     std::map<uint32_t, std::unique_ptr<Tracer>> queries_;
-    std::map<uint32_t, std::unique_ptr<PipelineTracer>> rayPipelines_;
+    // By that and the number of the pipeline: one for each table.
+    std::map<std::pair<uint32_t, size_t>, std::vector<std::unique_ptr<PipelineTracer>>> rayPipelines_;
+    std::vector<PipelinePlan> pipelines_;
 };
 
 PlannedTracer::PlannedTracer(Device &gpu, const TracePlan &plan) : pipelines_(std::make_unique<Pipelines>(gpu, plan)) {}
@@ -187,7 +255,13 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     TracePlan pipelines = plan; // what pipelines depend on
     pipelines.besideBuild = pipelines.boundFirst = false;
     pipelines.launch = Launch::Direct;
-    pipelines.recordPadding = 0;
+    pipelines.firstDestroyed = false;
+    const auto withoutTables = [](PipelinePlan &pipeline) {
+        pipeline.table = {};
+        pipeline.otherTables.clear();
+    };
+    withoutTables(pipelines.pipeline);
+    std::ranges::for_each(pipelines.otherPipelines, withoutTables);
     auto found = std::find_if(tracers->all.begin(), tracers->all.end(),
                               [&](const auto &kept) { return kept.first == pipelines; });
     if (found == tracers->all.end()) {

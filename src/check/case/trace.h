@@ -22,6 +22,10 @@ inline constexpr std::array kQueryStages{
     VK_SHADER_STAGE_ANY_HIT_BIT_KHR, VK_SHADER_STAGE_INTERSECTION_BIT_KHR, VK_SHADER_STAGE_CALLABLE_BIT_KHR,
 };
 
+// The stages of kTracerStageNames that a group of kTracerGroupNames may name: with pipeline flags, groups have shaders
+// that they lack otherwise.
+std::vector<uint32_t> stagesOfGroup(uint32_t group);
+
 // What the device lacks; nothing: it can trace by the plan.
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan);
 

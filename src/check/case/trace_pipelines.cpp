@@ -17,14 +17,15 @@ bool usesMicromaps(const Device &gpu)
     return gpu.options().micromaps && gpu.options().micromapFeature;
 }
 
-// A module of the plan: with what the ray flags of micromaps need, and literal flags.
-std::vector<uint32_t> withFlags(const Device &gpu, const TracePlan &plan, std::span<const uint32_t> module,
-                                uint32_t flags)
+// A module of the plan: with what the ray flags of micromaps need, and literal constants.
+std::vector<uint32_t> completed(const Device &gpu, std::span<const uint32_t> module, std::span<const uint32_t> literals)
 {
     std::vector<uint32_t> words(module.begin(), module.end());
     if (usesMicromaps(gpu))
         words = withMicromapFlag(words);
-    return plan.flags == TracePlan::Flags::Literal ? withLiteral(words, 0, flags) : words;
+    for (uint32_t i = 0; i < literals.size(); ++i)
+        words = withLiteral(words, i, literals[i]);
+    return words;
 }
 
 std::optional<uint32_t> specializedFlags(const TracePlan &plan, uint32_t flags)
@@ -39,23 +40,6 @@ Mode modeOf(const TracePlan &plan)
     case TracePlan::Mode::False: return Mode::False;
     default: return Mode::Specialized;
     }
-}
-
-// The groups of the pipeline tracer: ray generation, miss, those of kHitGroups, and the relay. Ray generation and relay
-// stay in the pipeline itself (Fault::RayGenerationInLibrary).
-LibraryPlan libraryPlan(const TracePlan &plan)
-{
-    LibraryPlan out{.own = {0}};
-    if (plan.recursion)
-        out.own.push_back(2 + static_cast<uint32_t>(oracle::kHitGroups.size()));
-    switch (plan.libraries) {
-    case TracePlan::Libraries::Two: out.libraries = {{6, 2, 4}, {1, 3, 5}}; break;
-    case TracePlan::Libraries::Three: out.libraries = {{3}, {5, 4}, {2, 6, 1}}; break;
-    default: // Nested
-        out.libraries = {{4, 1}, {2, 5}, {6, 3}};
-        out.nested = true;
-    }
-    return out;
 }
 
 bool has(const Device &gpu, const char *extension, std::optional<std::string> &missing)
@@ -93,6 +77,27 @@ std::optional<std::string> missingStage(const Device &gpu, VkShaderStageFlagBits
 
 } // namespace
 
+std::vector<uint32_t> stagesOfGroup(uint32_t group)
+{
+    switch (group) {
+    case 0: return {0};
+    case 1: return {1};
+    case 2:
+    case 3:
+    case 4:
+    case 5: return {2, 3};
+    case 6:
+    case 7:
+    case 8:
+    case 9: return {2, 3, 4, 5};
+    case 10:
+    case 11: return {6, 7};
+    case 12: return {6, 7, 8};
+    case 13: return {9};
+    default: return {10};
+    }
+}
+
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
 {
     const bool pipeline = plan.method == TracePlan::Method::Pipeline;
@@ -103,32 +108,46 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
         !gpu.has(VK_EXT_GRAPHICS_PIPELINE_LIBRARY_EXTENSION_NAME))
         return "neither VK_KHR_maintenance5 nor VK_EXT_graphics_pipeline_library is supported";
     if (!pipeline) {
+        if (plan.shaderObjects && !has(gpu, "VK_EXT_shader_object", missing))
+            return missing;
         if (plan.mode != TracePlan::Mode::True && !(gpu.khr() && usesMicromaps(gpu)))
             return "the execution mode is part of VK_KHR_opacity_micromap";
         return {};
     }
-    if (plan.libraries != TracePlan::Libraries::None && !has(gpu, VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME, missing))
-        return missing;
+    std::vector<PipelinePlan> pipelines = plan.otherPipelines;
+    pipelines.push_back(plan.pipeline);
+    for (const PipelinePlan &each : pipelines) {
+        if (!each.parts.empty() && !has(gpu, VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME, missing))
+            return missing;
+        constexpr VkPipelineCreateFlags kSkip = VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR |
+                                                VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR;
+        if ((each.flags & kSkip) != 0 && !gpu.hasPrimitiveCulling())
+            return "rayTraversalPrimitiveCulling is not supported";
+    }
     if (plan.flags2 && !has(gpu, "VK_KHR_maintenance5", missing))
         return missing;
     if (plan.launch == Launch::Indirect && !gpu.hasIndirectTraces())
         return "rayTracingPipelineTraceRaysIndirect is not supported";
     if (plan.launch == Launch::Indirect2 && !gpu.hasIndirectTraces2())
         return "rayTracingPipelineTraceRaysIndirect2 is not supported";
-    if (plan.recursion && gpu.pipelineProperties().maxRayRecursionDepth < 2)
+    if (plan.from != TracePlan::From::RayGeneration && gpu.pipelineProperties().maxRayRecursionDepth < 2)
         return "maxRayRecursionDepth is 1";
     return {};
 }
 
 std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t flags)
 {
+    const std::span<const uint32_t> module =
+        plan.query != TracePlan::Query::Plain
+            ? queryModule(plan.query)
+            : queryModule(plan.stage, plan.flags != TracePlan::Flags::RunTime, plan.byAddress);
+    const std::array literals{flags};
     std::vector<uint32_t> words =
-        withFlags(gpu, plan,
-                  plan.queryArray ? queryModuleInArray()
-                                  : queryModule(plan.stage, plan.flags != TracePlan::Flags::RunTime, plan.byAddress),
-                  flags);
-    TracerSetup setup{
-        .specializedFlags = specializedFlags(plan, flags), .inlineModule = plan.inlineModules, .stage = plan.stage};
+        completed(gpu, module, std::span(literals).first(plan.flags == TracePlan::Flags::Literal ? 1 : 0));
+    TracerSetup setup{.specializedFlags = specializedFlags(plan, flags),
+                      .inlineModule = plan.inlineModules,
+                      .stage = plan.stage,
+                      .shaderObject = plan.shaderObjects};
     if (gpu.khr() && usesMicromaps(gpu)) {
         words = withMode(words, modeOf(plan), Tracer::kModeConstant);
         if (modeOf(plan) == Mode::Specialized)
@@ -137,29 +156,44 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
     return std::make_unique<Tracer>(gpu, words, setup);
 }
 
-std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &plan, uint32_t flags)
+std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &plan, const PipelinePlan &pipeline,
+                                               uint32_t flags, const PipelineTracer *shared)
 {
+    const bool relay = plan.from != TracePlan::From::RayGeneration;
+    const bool relayMisses = plan.from == TracePlan::From::Miss;
+    const TraceParameters &parameters = pipeline.parameters;
+    PipelineTracerSetup setup{
+        .relayStage = relayMisses ? VK_SHADER_STAGE_MISS_BIT_KHR : VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR,
+        .specializedFlags = specializedFlags(plan, flags),
+        .specializedParameters = plan.flags == TracePlan::Flags::Specialized,
+        .groups = oracle::hitGroups(pipeline.flags),
+        .sbtOffset = parameters.recordOffset,
+        .sbtStride = parameters.recordStride,
+        .missIndex = parameters.missIndex,
+        .flags2 = plan.flags2,
+        .inlineModules = plan.inlineModules,
+        .dynamicStackSize = plan.dynamicStackSize,
+        .unusedStage = plan.unusedStage,
+        .decoys = !pipeline.parts.empty(),
+    };
+    // A miss shader that traces has the first miss record.
+    const std::array literals{flags, parameters.recordOffset, parameters.recordStride,
+                              parameters.missIndex + (relayMisses ? 1 : 0)};
+    const size_t literal = plan.flags == TracePlan::Flags::Literal ? 4 : plan.flags == TracePlan::Flags::Mixed ? 1 : 0;
     const std::vector<uint32_t> tracing =
-        withFlags(gpu, plan,
-                  tracingModule(plan.recursion ? VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR : VK_SHADER_STAGE_RAYGEN_BIT_KHR,
-                                plan.flags != TracePlan::Flags::RunTime, plan.byAddress),
-                  flags);
-    PipelineTracerSetup setup{.specializedFlags = specializedFlags(plan, flags),
-                              .groups = {oracle::kHitGroups.begin(), oracle::kHitGroups.end()},
-                              .records = {oracle::kHitRecords.begin(), oracle::kHitRecords.end()},
-                              .sbtStride = 1,
-                              .flags2 = plan.flags2,
-                              .inlineModules = plan.inlineModules,
-                              .dynamicStackSize = plan.dynamicStackSize,
-                              .unusedStage = plan.unusedStage};
-    (plan.recursion ? setup.relay : setup.raygen) = tracing;
-    if (plan.withoutMicromaps)
-        setup.flags = VkPipelineCreateFlags{0};
-    if (plan.libraries != TracePlan::Libraries::None)
-        setup.make = [&plan](Device &device, const PipelineSetup &from) {
-            return linked(device, from, libraryPlan(plan));
+        completed(gpu,
+                  tracingModule(relay ? setup.relayStage : VK_SHADER_STAGE_RAYGEN_BIT_KHR, plan.flags, plan.byAddress),
+                  std::span(literals).first(literal));
+    (relay ? setup.relay : setup.raygen) = tracing;
+    setup.flags = pipeline.flags;
+    if (usesMicromaps(gpu) && !plan.withoutMicromaps)
+        *setup.flags |= kMicromapBit;
+    if (!pipeline.parts.empty())
+        setup.make = [&pipeline](Device &device, const PipelineSetup &from) {
+            return linked(device, from, pipeline.parts);
         };
-    return std::make_unique<PipelineTracer>(gpu, setup);
+    return shared != nullptr ? std::make_unique<PipelineTracer>(*shared, setup)
+                             : std::make_unique<PipelineTracer>(gpu, setup);
 }
 
 } // namespace vellum::check

@@ -12,6 +12,8 @@ namespace vellum::check
 
 // flags: of the rays, where they are not of run time.
 std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t flags);
-std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &plan, uint32_t flags);
+// shared: traces by the pipeline of another tracer.
+std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &plan, const PipelinePlan &pipeline,
+                                               uint32_t flags, const PipelineTracer *shared = nullptr);
 
 } // namespace vellum::check

@@ -6,15 +6,35 @@
 
 #include "shaders/pipeline_traces_rchit.h"
 #include "shaders/pipeline_traces_rchit_by_address.h"
+#include "shaders/pipeline_traces_rchit_computed.h"
+#include "shaders/pipeline_traces_rchit_computed_by_address.h"
+#include "shaders/pipeline_traces_rchit_mixed.h"
+#include "shaders/pipeline_traces_rchit_mixed_by_address.h"
 #include "shaders/pipeline_traces_rchit_specialized.h"
 #include "shaders/pipeline_traces_rchit_specialized_by_address.h"
 #include "shaders/pipeline_traces_rgen.h"
 #include "shaders/pipeline_traces_rgen_by_address.h"
+#include "shaders/pipeline_traces_rgen_computed.h"
+#include "shaders/pipeline_traces_rgen_computed_by_address.h"
+#include "shaders/pipeline_traces_rgen_mixed.h"
+#include "shaders/pipeline_traces_rgen_mixed_by_address.h"
 #include "shaders/pipeline_traces_rgen_specialized.h"
 #include "shaders/pipeline_traces_rgen_specialized_by_address.h"
+#include "shaders/pipeline_traces_rmiss.h"
+#include "shaders/pipeline_traces_rmiss_by_address.h"
+#include "shaders/pipeline_traces_rmiss_computed.h"
+#include "shaders/pipeline_traces_rmiss_computed_by_address.h"
+#include "shaders/pipeline_traces_rmiss_mixed.h"
+#include "shaders/pipeline_traces_rmiss_mixed_by_address.h"
+#include "shaders/pipeline_traces_rmiss_specialized.h"
+#include "shaders/pipeline_traces_rmiss_specialized_by_address.h"
 #include "shaders/tracer_comp.h"
+#include "shaders/tracer_comp_again.h"
 #include "shaders/tracer_comp_by_address.h"
+#include "shaders/tracer_comp_getters.h"
 #include "shaders/tracer_comp_in_array.h"
+#include "shaders/tracer_comp_in_functions.h"
+#include "shaders/tracer_comp_sites.h"
 #include "shaders/tracer_comp_specialized.h"
 #include "shaders/tracer_comp_specialized_by_address.h"
 #include "shaders/tracer_frag.h"
@@ -94,19 +114,34 @@ const std::array<Variants, 12> kQueries{{
     VARIANTS(VK_SHADER_STAGE_INTERSECTION_BIT_KHR, tracer_rint),
     VARIANTS(VK_SHADER_STAGE_CALLABLE_BIT_KHR, tracer_rcall),
 }};
-const std::array<Variants, 2> kTracing{{
-    VARIANTS(VK_SHADER_STAGE_RAYGEN_BIT_KHR, pipeline_traces_rgen),
-    VARIANTS(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_traces_rchit),
-}};
 #undef VARIANTS
 
-std::span<const uint32_t> variantOf(std::span<const Variants> modules, VkShaderStageFlagBits stage, bool specialized,
-                                    bool byAddress)
-{
-    for (const Variants &variants : modules) {
-        if (variants.stage == stage)
-            return variants.words[(specialized ? 1u : 0u) + (byAddress ? 2u : 0u)];
+// Of each source of flags: by a descriptor, by address.
+struct Tracing {
+    VkShaderStageFlagBits stage;
+    std::array<std::span<const uint32_t>, 2> plain, specialized, mixed, computed;
+};
+#define TRACING(stage, name)                                                                                           \
+    {                                                                                                                  \
+        stage, {name, name##_by_address}, {name##_specialized, name##_specialized_by_address},                         \
+            {name##_mixed, name##_mixed_by_address},                                                                   \
+        {                                                                                                              \
+            name##_computed, name##_computed_by_address                                                                \
+        }                                                                                                              \
     }
+const std::array<Tracing, 3> kTracing{{
+    TRACING(VK_SHADER_STAGE_RAYGEN_BIT_KHR, pipeline_traces_rgen),
+    TRACING(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_traces_rchit),
+    TRACING(VK_SHADER_STAGE_MISS_BIT_KHR, pipeline_traces_rmiss),
+}};
+#undef TRACING
+
+template <class Modules>
+const typename Modules::value_type &ofStage(const Modules &modules, VkShaderStageFlagBits stage)
+{
+    for (const auto &variants : modules)
+        if (variants.stage == stage)
+            return variants;
     throw std::runtime_error("rays are not traced from this stage");
 }
 
@@ -114,17 +149,31 @@ std::span<const uint32_t> variantOf(std::span<const Variants> modules, VkShaderS
 
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress)
 {
-    return variantOf(kQueries, stage, specialized, byAddress);
+    return ofStage(kQueries, stage).words[(specialized ? 1u : 0u) + (byAddress ? 2u : 0u)];
 }
 
-std::span<const uint32_t> queryModuleInArray()
+std::span<const uint32_t> queryModule(TracePlan::Query query)
 {
-    return tracer_comp_in_array;
+    switch (query) {
+    case TracePlan::Query::Array: return tracer_comp_in_array;
+    case TracePlan::Query::Functions: return tracer_comp_in_functions;
+    case TracePlan::Query::Again: return tracer_comp_again;
+    case TracePlan::Query::Sites: return tracer_comp_sites;
+    case TracePlan::Query::Getters: return tracer_comp_getters;
+    default: return tracer_comp;
+    }
 }
 
-std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress)
+std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, TracePlan::Flags flags, bool byAddress)
 {
-    return variantOf(kTracing, stage, specialized, byAddress);
+    const Tracing &modules = ofStage(kTracing, stage);
+    const size_t i = byAddress ? 1 : 0;
+    switch (flags) {
+    case TracePlan::Flags::RunTime: return modules.plain[i];
+    case TracePlan::Flags::Mixed: return modules.mixed[i];
+    case TracePlan::Flags::Computed: return modules.computed[i];
+    default: return modules.specialized[i];
+    }
 }
 
 } // namespace vellum::check

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include <vulkan/vulkan.h>
+#include "check/case/case.h"
 
 namespace vellum::check
 {
@@ -13,9 +13,10 @@ namespace vellum::check
 // specialized: ray flags by specialization constant 0 instead of each ray's own. byAddress: the acceleration structure
 // comes as a device address.
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress);
-// TracePlan::queryArray
-std::span<const uint32_t> queryModuleInArray();
-// VK_SHADER_STAGE_RAYGEN_BIT_KHR or VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR
-std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress);
+// Not of TracePlan::Query::Plain.
+std::span<const uint32_t> queryModule(TracePlan::Query query);
+// VK_SHADER_STAGE_RAYGEN_BIT_KHR, ..._CLOSEST_HIT_... or ..._MISS_.... Specialized and literal flags: by specialization
+// constants 0 (flags) and 1 to 3 (TraceParameters); mixed ones: by constant 0.
+std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, TracePlan::Flags flags, bool byAddress);
 
 } // namespace vellum::check

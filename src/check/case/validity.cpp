@@ -9,6 +9,7 @@
 #include "check/case/names.h"
 #include "check/case/queries.h"
 #include "check/case/step.h"
+#include "check/case/trace.h"
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check
@@ -257,6 +258,8 @@ void checkInstance(const Scene &scene, const oracle::Instance &instance, const s
     rule(instance.customIndex <= 0xffffffu, where, "customIndex {} has more than 24 bits", instance.customIndex);
     rule(instance.mask <= 0xffu, where, "mask {} has more than 8 bits", instance.mask);
     rule((instance.flags & ~allOf(kInstanceFlagNames)) == 0, where, "no such flag");
+    rule(instance.record.value_or(0) <= 0xffffffu, where, "record {} has more than 24 bits",
+         instance.record.value_or(0));
 }
 
 void checkRay(const Ray &ray, const std::string &where)
@@ -455,6 +458,107 @@ void checkSteps(const Case &c, uint64_t &states)
     checkDataUpdates(c);
 }
 
+// Groups of the tracer by the stages that they may name, where flags give each hit group all shaders.
+constexpr uint32_t kTracerGroups = kTracerGroupNames.size();
+constexpr uint32_t kRelayStage = kTracerStageNames.size() - 1, kRelayGroup = kTracerGroups - 1;
+
+void checkParts(const PipelinePlan &pipeline, bool relay, const std::string &where)
+{
+    const std::vector<PipelinePart> &parts = pipeline.parts;
+    std::vector<uint32_t> users(parts.size()), places(kTracerGroups);
+    for (size_t i = 0; i < parts.size(); ++i) {
+        const PipelinePart &part = parts[i];
+        const std::string here = fmt::format("{}.parts[{}]", where, i);
+        const bool last = &part == &parts.back();
+        rule(!last || !part.micromapBit, here, "the pipeline itself has micromapBit");
+        for (const uint32_t library : part.libraries) {
+            rule(library < i, here, "library {} is no part before", library);
+            rule(++users[library] == 1, here, "library {} is linked twice", library);
+            // VUID-VkRayTracingPipelineCreateInfoKHR-flags-07403
+            rule(!part.micromapBit || parts[library].micromapBit, here, "has the micromap bit and library {} lacks it",
+                 library);
+        }
+        // VUID-VkRayTracingPipelineCreateInfoKHR-pLibraryInfo-03600 and 03601, without libraries
+        rule(!part.libraries.empty() || !part.stages.empty(), here, "has neither libraries nor stages");
+        for (size_t k = 0; k < part.stages.size(); ++k) {
+            rule(part.stages[k] < kTracerStageNames.size() && (relay || part.stages[k] != kRelayStage), here,
+                 "no such stage");
+            rule(std::ranges::count(part.stages, part.stages[k]) == 1, here, "a stage twice");
+        }
+        const std::vector<uint32_t> stages = stagesOf(parts, part);
+        for (const uint32_t group : part.groups) {
+            rule(group < kTracerGroups && (relay || group != kRelayGroup), here, "no such group");
+            rule(++places[group] == 1, here, "group {} twice", nameOf(kTracerGroupNames, group));
+            for (const uint32_t stage : stagesOfGroup(group))
+                rule(std::ranges::count(stages, stage) > 0, here, "group {} lacks stage {}",
+                     nameOf(kTracerGroupNames, group), nameOf(kTracerStageNames, stage));
+        }
+    }
+    for (size_t i = 0; i + 1 < parts.size(); ++i)
+        rule(users[i] == 1, where, "part {} is in no pipeline", i);
+    for (uint32_t group = 0; !parts.empty() && group < kTracerGroups; ++group)
+        rule(places[group] == 1 || (group == kRelayGroup && !relay), where, "group {} is nowhere",
+             nameOf(kTracerGroupNames, group));
+}
+
+void checkTable(const oracle::TablePlan &table, const std::string &where)
+{
+    rule(std::ranges::all_of(table.records, [](oracle::HitRecord record) { return isNamed(kHitRecordNames, record); }),
+         where, "no such record");
+    rule(table.length.value_or(0) <= 1u << 18 && table.misses >= 1 && table.misses <= 1000, where,
+         "has too many records, or no miss records");
+    rule(isNamed(kRecordDataNames, table.content), where, "no such content");
+    rule(table.layout.before <= 1000 && table.layout.missPadding <= 64 && table.layout.hitPadding <= 64, where,
+         "padding is too large");
+}
+
+void checkPipeline(const Case &c, const Scene &after, const PipelinePlan &pipeline, const std::string &where)
+{
+    const bool closestHit = c.trace.from == TracePlan::From::ClosestHit;
+    rule((pipeline.flags & ~allOf(kPipelineFlagNames)) == 0, where, "no such flag");
+    rule(oneAtMost(pipeline.flags, VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR |
+                                       VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR),
+         where, "skips triangles and boxes"); // VUID-VkRayTracingPipelineCreateInfoKHR-flags-06546
+    checkParts(pipeline, c.trace.from != TracePlan::From::RayGeneration, where);
+    // Also where the scene is not traced by pipelines.
+    const bool traced = c.trace.method == TracePlan::Method::Pipeline;
+    for (size_t t = 0; t <= pipeline.otherTables.size(); ++t) {
+        const std::string here = t == 0 ? where + ".table" : fmt::format("{}.otherTables[{}]", where, t - 1);
+        const oracle::TablePlan &table = t == 0 ? pipeline.table : pipeline.otherTables[t - 1];
+        checkTable(table, here);
+        if (const std::string broken =
+                traced ? tableRule(after, {pipeline.flags, pipeline.parameters, table}, closestHit) : std::string();
+            !broken.empty())
+            throw Broken{here + ": " + broken};
+    }
+}
+
+void checkTrace(const Case &c)
+{
+    const TracePlan &trace = c.trace;
+    const bool traced = trace.method == TracePlan::Method::Pipeline;
+    rule(isNamed(kMethodNames, trace.method), "trace.method", "no such method");
+    rule(isNamed(kStageNames, trace.stage), "trace.stage", "no such stage");
+    rule(isNamed(kFlagSourceNames, trace.flags), "trace.flags", "no such source");
+    rule(isNamed(kModeNames, trace.mode), "trace.mode", "no such mode");
+    rule(isNamed(kQueryNames, trace.query), "trace.query", "no such use");
+    rule(isNamed(kFromNames, trace.from), "trace.from", "no such stage");
+    rule(isNamed(kLaunchNames, trace.launch), "trace.launch", "no such command");
+    const bool constant = trace.flags == TracePlan::Flags::Specialized || trace.flags == TracePlan::Flags::Literal;
+    rule(traced || constant || trace.flags == TracePlan::Flags::RunTime, "trace.flags", "are those of pipelines");
+    rule(trace.query == TracePlan::Query::Plain ||
+             (trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !constant && !trace.byAddress),
+         "trace.query", "needs the compute stage, ray flags of run time and a descriptor");
+    rule(!trace.shaderObjects || (trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && !trace.inlineModules),
+         "trace.shaderObjects", "needs the compute stage, and is without modules");
+    rule(trace.otherPipelines.size() <= 8 && (!trace.firstDestroyed || !trace.otherPipelines.empty()),
+         "trace.otherPipelines", "too many, or none although the first is destroyed");
+    const Scene after = sceneAfter(c);
+    checkPipeline(c, after, trace.pipeline, "trace.pipeline");
+    for (size_t i = 0; i < trace.otherPipelines.size(); ++i)
+        checkPipeline(c, after, trace.otherPipelines[i], fmt::format("trace.otherPipelines[{}]", i));
+}
+
 void checkPlans(const Case &c)
 {
     rule(isNamed(kMemoryNames, c.memory), "memory", "no such kind");
@@ -464,16 +568,6 @@ void checkPlans(const Case &c)
          "build.structures", "are built on the device");
     rule(c.build.threads >= 1 && c.build.threads <= kMostThreads, "build.threads", "{} is not 1 to {}", c.build.threads,
          kMostThreads);
-    rule(isNamed(kMethodNames, c.trace.method), "trace.method", "no such method");
-    rule(isNamed(kStageNames, c.trace.stage), "trace.stage", "no such stage");
-    rule(isNamed(kFlagSourceNames, c.trace.flags), "trace.flags", "no such source");
-    rule(isNamed(kModeNames, c.trace.mode), "trace.mode", "no such mode");
-    rule(isNamed(kLibrariesNames, c.trace.libraries), "trace.libraries", "no such number");
-    rule(!c.trace.queryArray || (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT &&
-                                 c.trace.flags == TracePlan::Flags::RunTime && !c.trace.byAddress),
-         "trace.queryArray", "needs the compute stage, ray flags of run time and a descriptor");
-    rule(isNamed(kLaunchNames, c.trace.launch), "trace.launch", "no such command");
-    rule(c.trace.recordPadding <= 64, "trace.recordPadding", "{} is too large", c.trace.recordPadding);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
     rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");
@@ -500,6 +594,7 @@ void check(const Case &c)
     checkSteps(c, states);
     checkQueries(c);
     checkPlans(c);
+    checkTrace(c);
 }
 
 } // namespace

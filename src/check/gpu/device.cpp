@@ -349,6 +349,7 @@ void Device::createDevice()
     hostQueryReset_ = vulkan12.hostQueryReset != VK_FALSE;
     indirectTraces_ = {pipelines.rayTracingPipelineTraceRaysIndirect != VK_FALSE,
                        maintenance.rayTracingPipelineTraceRaysIndirect2 != VK_FALSE};
+    primitiveCulling_ = pipelines.rayTraversalPrimitiveCulling != VK_FALSE;
 }
 
 VkQueue Device::queueOf(uint32_t family) const

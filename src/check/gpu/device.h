@@ -255,6 +255,7 @@ public:
     [[nodiscard]] bool hasHostQueryReset() const { return hostQueryReset_; }
     [[nodiscard]] bool hasIndirectTraces() const { return indirectTraces_[0]; } // vkCmdTraceRaysIndirectKHR
     [[nodiscard]] bool hasIndirectTraces2() const { return indirectTraces_[1]; }
+    [[nodiscard]] bool hasPrimitiveCulling() const { return primitiveCulling_; } // rayTraversalPrimitiveCulling
     // Of micromap triangles, by format.
     [[nodiscard]] uint32_t maxLevel(uint16_t format) const
     {
@@ -345,6 +346,7 @@ private:
     bool lavapipe26_ = false;
     bool indirectBuilds_ = false, micromapHostCommands_ = false, hostQueryReset_ = false;
     std::array<bool, 2> indirectTraces_{};
+    bool primitiveCulling_ = false;
     std::array<uint32_t, 3> maxLevels_{};
     std::mutex faultsMutex_;
     std::vector<std::string> faults_;

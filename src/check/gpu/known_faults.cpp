@@ -71,7 +71,7 @@ struct OfLayer {
     std::string_view description; // what the layer reports that it does
 };
 
-constexpr std::array<OfLayer, 2> kOfLayer{{
+constexpr std::array<OfLayer, 3> kOfLayer{{
     {{Fault::LayerIntersectionShaders,
       "Vellum's layer emulates: intersection shaders may lack ray flags, and run for boxes that a ray flag culls",
       "neither is judged"},
@@ -80,6 +80,10 @@ constexpr std::array<OfLayer, 2> kOfLayer{{
       "Vellum's layer translates to VK_EXT_opacity_micromap, and rejects serializing a BLAS with micromaps",
       "with VK_KHR_opacity_micromap, such structures are not serialized"},
      "translated"},
+    {{Fault::LayerMixedLibraries,
+      "Vellum's layer emulates: it creates no pipelines of libraries with and without the micromap bit",
+      "all libraries of a pipeline have it, or none"},
+     "emulated"},
 }};
 
 std::vector<VkPhysicalDeviceToolProperties> toolsOf(VkPhysicalDevice device)

@@ -22,6 +22,7 @@ enum class Fault {
     InactiveHideOthers,
     LayerIntersectionShaders,
     LayerSerializedStructures,
+    LayerMixedLibraries,
 };
 
 struct KnownFault {

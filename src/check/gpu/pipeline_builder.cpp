@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 
 namespace vellum::check
 {
@@ -145,45 +146,53 @@ VkDeviceSize RayPipeline::stackSize(uint32_t group, VkShaderGroupShaderKHR shade
 BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records) : gpu_(gpu)
 {
     const auto &limits = gpu.pipelineProperties();
+    const TableLayout &layout = records.layout;
     const VkDeviceSize base = std::max(limits.shaderGroupBaseAlignment, 64u);
     const VkDeviceSize handle = limits.shaderGroupHandleSize;
-    const VkDeviceSize stride =
-        alignUp(handle + kDataWords * 4, std::max<VkDeviceSize>(limits.shaderGroupHandleAlignment, 4));
+    const VkDeviceSize alignment = std::max<VkDeviceSize>(limits.shaderGroupHandleAlignment, 4);
+    const VkDeviceSize used = handle + VkDeviceSize{records.dataWords} * 4; // of a record
     struct Part {
         VkStridedDeviceAddressRegionKHR *region;
         std::vector<BindingRecord> records;
-        VkDeviceSize offset;
+        VkDeviceSize stride, offset = 0;
     };
-    std::array<Part, 4> parts{{{&raygen, {records.raygen}, 0},
-                               {&miss, records.miss, 0},
-                               {&hit, records.hit, 0},
-                               {&callable, records.callable, 0}}};
-    const VkDeviceSize hitStride =
-        stride + records.hitPadding * std::max<VkDeviceSize>(limits.shaderGroupHandleAlignment, 4);
-    const auto strideOf = [&](const Part &part) { return part.region == &hit ? hitStride : stride; };
-    VkDeviceSize size = base;
+    const VkDeviceSize stride = alignUp(used, alignment);
+    std::array<Part, 4> parts{{{&raygen, {records.raygen}, stride},
+                               {&miss, records.miss, stride + layout.missPadding * alignment},
+                               {&hit, records.hit, stride + layout.hitPadding * alignment},
+                               {&callable, records.callable, stride}}};
+    if (layout.reversed)
+        std::ranges::reverse(parts);
+    VkDeviceSize size = base * (1 + layout.before);
     for (Part &part : parts) {
         part.offset = size;
-        size = alignUp(size + strideOf(part) * part.records.size(), base) + base;
+        size = alignUp(size + part.stride * part.records.size(), base) + base;
     }
     buffer_ = Buffer(gpu, size + base,
                      VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     const VkDeviceSize start = alignUp(buffer_.address(), base) - buffer_.address();
+    std::map<uint32_t, std::vector<uint8_t>> handles;
     for (Part &part : parts) {
         for (size_t i = 0; i < part.records.size(); ++i) {
             const BindingRecord &record = part.records[i];
-            uint8_t *at = buffer_.bytes() + start + part.offset + i * strideOf(part);
-            if (record.group)
-                std::memcpy(at, pipeline.groupHandles(*record.group).data(), static_cast<size_t>(handle));
-            if (record.data.size() > kDataWords)
+            uint8_t *at = buffer_.bytes() + start + part.offset + i * part.stride;
+            if (record.group) {
+                std::vector<uint8_t> &bytes = handles[*record.group];
+                if (bytes.empty())
+                    bytes = pipeline.groupHandles(*record.group);
+                std::memcpy(at, bytes.data(), static_cast<size_t>(handle));
+            }
+            if (record.data.size() > records.dataWords)
                 throw std::runtime_error("too much data in a binding table record");
             if (!record.data.empty())
                 std::memcpy(at + handle, record.data.data(), record.data.size() * 4);
         }
-        const bool none = part.records.empty();
-        const VkDeviceSize partStride = strideOf(part);
-        const VkDeviceSize bytes = partStride * part.records.size();
-        *part.region = {none ? 0 : buffer_.address() + start + part.offset, none ? 0 : partStride, none ? 0 : bytes};
+        if (part.records.empty())
+            continue;
+        const bool cut = layout.cut && (part.region == &miss || part.region == &hit);
+        const VkDeviceSize bytes = part.stride * (part.records.size() - 1) + (cut ? used : part.stride);
+        const bool still = layout.zeroStride && part.region == &hit;
+        *part.region = {buffer_.address() + start + part.offset, still ? 0 : part.stride, bytes};
     }
 }
 

@@ -101,10 +101,21 @@ struct BindingRecord {
     std::vector<uint32_t> data;
 };
 
+// How the regions of a table lie in their buffer.
+struct TableLayout {
+    uint32_t before = 0;                         // multiples of shaderGroupBaseAlignment before the first region
+    bool reversed = false;                       // callable, hit, miss, ray generation records
+    uint32_t missPadding = 0, hitPadding = 0;    // after each record, in multiples of shaderGroupHandleAlignment
+    bool zeroStride = false;                     // of the hit region, whose first record is that of all hits
+    bool cut = false;                            // miss and hit regions end with the data of their last records
+    bool operator==(const TableLayout &) const = default;
+};
+
 struct BindingRecords {
     BindingRecord raygen{0, {}};
     std::vector<BindingRecord> miss, hit, callable;
-    uint32_t hitPadding = 0; // after each hit record, in multiples of shaderGroupHandleAlignment
+    uint32_t dataWords = 4; // space for data in each record
+    TableLayout layout{};
 };
 
 // What traces rays: vkCmdTraceRaysKHR or its indirect forms.
@@ -113,8 +124,6 @@ enum class Launch { Direct, Indirect, Indirect2 };
 class BindingTable
 {
 public:
-    static constexpr uint32_t kDataWords = 4; // space for data in each record
-
     BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records);
     void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
     // Prepares a trace of that width by the command.

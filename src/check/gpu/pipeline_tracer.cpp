@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <array>
 
+#include "shaders/pipeline_decoy_any_hit.h"
+#include "shaders/pipeline_decoy_closest_hit.h"
+#include "shaders/pipeline_decoy_intersection.h"
+#include "shaders/pipeline_decoy_miss.h"
 #include "shaders/pipeline_launcher.h"
 #include "shaders/pipeline_tracer_any_hit.h"
 #include "shaders/pipeline_tracer_closest_hit.h"
@@ -23,11 +27,27 @@ struct More {
 };
 static_assert(sizeof(CandidateNote) == 16 && sizeof(BoxVisit) == 32 && sizeof(More) == 32);
 
+// Miss records before those of the tracer: that of a relay.
+uint32_t missesBefore(const PipelineTracerSetup &setup)
+{
+    return !setup.relay.empty() && setup.relayStage == VK_SHADER_STAGE_MISS_BIT_KHR ? 1 : 0;
+}
+
+std::vector<uint32_t> recordData(RecordData content, uint32_t first)
+{
+    std::vector<uint32_t> words{first, ~first, first * 0x9e3779b1u, first ^ 0x5bd1e995u};
+    words.resize(static_cast<size_t>(content));
+    return words;
+}
+
 MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTracerSetup &setup)
 {
-    const VkSpecializationMapEntry entry{0, 0, sizeof(uint32_t)};
-    const uint32_t flags = setup.specializedFlags.value_or(0);
-    const VkSpecializationInfo specialization{1, &entry, sizeof(flags), &flags};
+    static constexpr std::array<VkSpecializationMapEntry, 4> kEntries{{{0, 0, 4}, {1, 4, 4}, {2, 8, 4}, {3, 12, 4}}};
+    const std::array<uint32_t, 4> constants{setup.specializedFlags.value_or(0), setup.sbtOffset, setup.sbtStride,
+                                            setup.missIndex + missesBefore(setup)};
+    const bool flags = setup.specializedFlags.has_value();
+    const VkSpecializationInfo specialization{(flags ? 1u : 0u) + (setup.specializedParameters ? 3u : 0u),
+                                              kEntries.data() + (flags ? 0 : 1), sizeof constants, constants.data()};
     PipelineSetup pipeline;
     pipeline.stages = {
         {VK_SHADER_STAGE_RAYGEN_BIT_KHR,
@@ -40,17 +60,25 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
         // the any-hit shader of one of them for both.
         {VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_tracer_intersection},
     };
-    constexpr uint32_t kRelayStage = 6;
-    // launcher.rgen, whose rays are to hit a triangle
-    constexpr uint32_t kTriangle = 2;
-    const VkSpecializationInfo toTriangle{1, &entry, sizeof(kTriangle), &kTriangle};
+    if (setup.decoys) {
+        pipeline.stages.emplace_back(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, pipeline_decoy_closest_hit);
+        pipeline.stages.emplace_back(VK_SHADER_STAGE_ANY_HIT_BIT_KHR, pipeline_decoy_any_hit);
+        pipeline.stages.emplace_back(VK_SHADER_STAGE_INTERSECTION_BIT_KHR, pipeline_decoy_intersection);
+        pipeline.stages.emplace_back(VK_SHADER_STAGE_MISS_BIT_KHR, pipeline_decoy_miss);
+    }
+    constexpr uint32_t kDecoys = 6;
+    const auto relayStage = static_cast<uint32_t>(pipeline.stages.size());
+    const bool relayMisses = missesBefore(setup) > 0;
+    // launcher.rgen, whose rays are to miss or to hit a triangle
+    const uint32_t target = relayMisses ? 0 : 2;
+    const VkSpecializationInfo toTarget{1, kEntries.data(), sizeof target, &target};
     PipelineStage *tracing = &pipeline.stages[0];
     if (!setup.relay.empty()) {
-        pipeline.stages[0] = {VK_SHADER_STAGE_RAYGEN_BIT_KHR, pipeline_launcher, "main", &toTriangle};
-        tracing = &pipeline.stages.emplace_back(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, setup.relay);
+        pipeline.stages[0] = {VK_SHADER_STAGE_RAYGEN_BIT_KHR, pipeline_launcher, "main", &toTarget};
+        tracing = &pipeline.stages.emplace_back(setup.relayStage, setup.relay);
         pipeline.recursion = 2;
     }
-    if (setup.specializedFlags)
+    if (specialization.mapEntryCount > 0)
         tracing->specialization = &specialization;
     if (setup.unusedStage)
         pipeline.stages.push_back(PipelineStage(*tracing));
@@ -63,10 +91,25 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
                                    .intersection = !group.box     ? kUnused
                                                    : group.anyHit ? 4u
                                                                   : 5u});
+    if (setup.decoys) {
+        pipeline.groups.push_back({.closestHit = kDecoys});
+        pipeline.groups.push_back({.closestHit = kDecoys, .anyHit = kDecoys + 1});
+        pipeline.groups.push_back({.closestHit = kDecoys, .anyHit = kDecoys + 1, .intersection = kDecoys + 2});
+        pipeline.groups.push_back({.general = kDecoys + 3});
+    }
     if (!setup.relay.empty())
-        pipeline.groups.push_back({.closestHit = kRelayStage});
+        pipeline.groups.push_back(relayMisses ? PipelineGroup{.general = relayStage}
+                                              : PipelineGroup{.closestHit = relayStage});
     pipeline.layout = layout;
     pipeline.flags = setup.flags.value_or(gpu.options().micromaps ? kMicromapBit : 0);
+    // VUID-VkRayTracingPipelineCreateInfoKHR-flags-03470 and 03471: such groups of decoys and relays would be invalid.
+    for (PipelineGroup &group : pipeline.groups) {
+        if (group.general != kUnused)
+            continue;
+        if ((pipeline.flags & VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR) != 0 &&
+            group.anyHit == kUnused)
+            group.anyHit = group.closestHit == kDecoys ? kDecoys + 1 : 3;
+    }
     pipeline.flags2 = setup.flags2;
     pipeline.dynamicStackSize = setup.dynamicStackSize;
     if (setup.make)
@@ -78,46 +121,68 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
 
 PipelineTracer::PipelineTracer(Device &gpu, const PipelineTracerSetup &setup)
     : gpu_(gpu), pushSize_(setup.relay.empty() ? kPushSize : sizeof(Push)),
-      resources_(gpu, 6, pushSize_, setup.otherPushConstants), pipeline_(makePipeline(gpu, resources_.layout(), setup)),
-      groups_(setup.groups)
+      resources_(gpu, 6, pushSize_, setup.otherPushConstants),
+      pipeline_(std::make_shared<MadePipeline>(makePipeline(gpu, resources_.layout(), setup)))
 {
-    std::vector<std::optional<uint32_t>> names = setup.records;
-    for (uint32_t i = 0; setup.records.empty() && i < setup.groups.size(); ++i)
-        names.emplace_back(i);
-    BindingRecords &records = records_;
-    records.raygen.group = placeOf(0);
-    if (setup.missRecord)
-        records.miss = {{placeOf(1), {50}}};
-    else
-        records.miss = {{std::nullopt, {}}};
-    for (uint32_t i = 0; i < names.size(); ++i)
-        records.hit.push_back({names[i] ? std::optional(placeOf(2 + *names[i])) : std::nullopt, {100 + i}});
-    if (!setup.relay.empty()) {
-        helper_ = std::make_unique<HelperScene>(gpu, static_cast<uint32_t>(records.hit.size()));
-        records.hit.push_back({placeOf(2 + static_cast<uint32_t>(setup.groups.size())), {}});
-        push_.helper = helper_->address();
-    }
-    table_ = std::make_unique<BindingTable>(gpu, pipeline_.pipeline, records);
-    push_.sbtOffset = setup.sbtOffset;
-    push_.sbtStride = setup.sbtStride;
+    setUp(setup);
 }
 
-void PipelineTracer::setLaunch(Launch launch, uint32_t recordPadding)
+PipelineTracer::PipelineTracer(const PipelineTracer &other, const PipelineTracerSetup &setup)
+    : gpu_(other.gpu_), pushSize_(other.pushSize_), resources_(gpu_, 6, pushSize_, setup.otherPushConstants),
+      pipeline_(other.pipeline_)
 {
-    launch_ = launch;
-    if (records_.hitPadding == recordPadding)
+    setUp(setup);
+}
+
+void PipelineTracer::setUp(const PipelineTracerSetup &setup)
+{
+    groups_ = setup.groups;
+    push_.sbtOffset = setup.sbtOffset;
+    push_.sbtStride = setup.sbtStride;
+    push_.missIndex = setup.missIndex + missesBefore(setup);
+    TracerTable table{.hit = setup.records, .miss = {setup.missRecord}};
+    for (uint32_t i = 0; setup.records.empty() && i < setup.groups.size(); ++i)
+        table.hit.emplace_back(i);
+    if (!setup.relay.empty()) {
+        relayGroup_ = static_cast<uint32_t>(2 + setup.groups.size() + (setup.decoys ? 4 : 0));
+        relayMisses_ = missesBefore(setup) > 0;
+    }
+    setTable(table);
+}
+
+void PipelineTracer::setTable(const TracerTable &table)
+{
+    if (content_ == table)
         return;
-    records_.hitPadding = recordPadding;
-    table_ = std::make_unique<BindingTable>(gpu_, pipeline_.pipeline, records_);
+    content_ = table;
+    push_.content = table.content;
+    BindingRecords records{.dataWords = static_cast<uint32_t>(table.content), .layout = table.layout};
+    records.raygen.group = placeOf(0);
+    if (relayMisses_)
+        records.miss.push_back({placeOf(relayGroup_), {}});
+    for (uint32_t i = 0; i < table.miss.size(); ++i)
+        records.miss.push_back({table.miss[i] ? std::optional(placeOf(1)) : std::nullopt,
+                                recordData(table.content, table.data + 50 + i)});
+    for (uint32_t i = 0; i < table.hit.size(); ++i)
+        records.hit.push_back({table.hit[i] ? std::optional(placeOf(2 + *table.hit[i])) : std::nullopt,
+                               recordData(table.content, table.data + 100 + i)});
+    if (relayGroup_ > 0) {
+        // The relay's record is behind those of the table.
+        helper_ = std::make_unique<HelperScene>(gpu_, static_cast<uint32_t>(records.hit.size()));
+        if (!relayMisses_)
+            records.hit.push_back({placeOf(relayGroup_), {}});
+        push_.helper = helper_->address();
+    }
+    table_ = std::make_unique<BindingTable>(gpu_, pipeline_->pipeline, records);
 }
 
 uint32_t PipelineTracer::stackSize() const
 {
-    const RayPipeline &pipeline = pipeline_.pipeline;
+    const RayPipeline &pipeline = pipeline_->pipeline;
     const auto sizeOf = [&](uint32_t group, VkShaderGroupShaderKHR shader) {
         return pipeline.stackSize(placeOf(group), shader);
     };
-    const VkDeviceSize miss = sizeOf(1, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
+    VkDeviceSize miss = sizeOf(1, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
     VkDeviceSize closestHit = 0, anyHit = 0, intersection = 0;
     for (uint32_t i = 0; i < groups_.size(); ++i) {
         if (groups_[i].closestHit)
@@ -128,11 +193,12 @@ uint32_t PipelineTracer::stackSize() const
             intersection = std::max(intersection, sizeOf(2 + i, VK_SHADER_GROUP_SHADER_INTERSECTION_KHR));
     }
     VkDeviceSize size = sizeOf(0, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
-    if (helper_) {
-        const auto relay = static_cast<uint32_t>(2 + groups_.size());
-        closestHit = std::max(closestHit, sizeOf(relay, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR));
+    if (relayMisses_)
+        miss = std::max(miss, sizeOf(relayGroup_, VK_SHADER_GROUP_SHADER_GENERAL_KHR));
+    else if (relayGroup_ > 0)
+        closestHit = std::max(closestHit, sizeOf(relayGroup_, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR));
+    if (relayGroup_ > 0)
         size += std::max(closestHit, miss);
-    }
     return static_cast<uint32_t>(size + std::max({closestHit, miss, intersection + anyHit}));
 }
 
@@ -154,7 +220,7 @@ void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, 
 
 void PipelineTracer::bind(VkCommandBuffer commands) const
 {
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline_.pipeline.handle());
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR, pipeline_->pipeline.handle());
     resources_.bind(commands);
     vkCmdPushConstants(commands, resources_.layout(), PipelineResources::kStages, 0, pushSize_, &push_);
 }

@@ -13,8 +13,6 @@
 namespace vellum::check
 {
 
-inline constexpr uint32_t kTerminate = 3; // a Rule: accept the candidate and end the ray
-inline constexpr uint32_t kRaySkipClosestHit = 0x008;
 inline constexpr uint32_t kUnknownResult = 0xffffffff; // neither closest-hit nor miss shader ran
 inline constexpr uint32_t kHitKindFront = 0xfe;
 inline constexpr uint32_t kHitKindBack = 0xff;
@@ -35,7 +33,7 @@ struct PipelineResult : Result {
     std::vector<BoxVisit> visits;
     uint32_t visitCount;
     uint32_t hitKind;
-    uint32_t record; // first word of the record of the closest-hit or miss shader
+    uint32_t record; // of the closest-hit or miss shader: RecordData
     uint32_t invocations;
     bool intact; // the payload, where nobody was to write
 };
@@ -46,6 +44,26 @@ struct TracerGroup {
     bool closestHit = true;
 };
 
+// Shaders read the data of their records as kUnknownResult where they have no words, or where words 1 to 3 do not fit
+// to word 0.
+enum class RecordData : uint32_t { None = 0, Word = 1, Words = 4 };
+
+// A binding table of the tracer.
+struct TracerTable {
+    std::vector<std::optional<uint32_t>> hit; // groups of the setup, nothing: a zero record
+    std::vector<bool> miss{true};             // false: a zero record
+    RecordData content = RecordData::Word;
+    uint32_t data = 0; // added to that of all records: 100 + i for hit record i, 50 + i for miss record i
+    TableLayout layout;
+    bool operator==(const TracerTable &) const = default;
+};
+
+// The parameters of traceRayEXT that name records.
+struct TraceParameters {
+    uint32_t recordOffset = 0, recordStride = 0, missIndex = 0;
+    bool operator==(const TraceParameters &) const = default;
+};
+
 struct MadePipeline {
     RayPipeline pipeline;
     std::vector<uint32_t> groups;         // where each group of the setup is in the pipeline; empty: at the same place
@@ -54,13 +72,15 @@ struct MadePipeline {
 
 struct PipelineTracerSetup {
     std::span<const uint32_t> raygen; // empty: run-time flags
-    std::span<const uint32_t> relay;  // not empty: a closest-hit shader that traces the rays instead, in recursion
+    // Not empty: a closest-hit or miss shader that traces the rays instead, in recursion.
+    std::span<const uint32_t> relay;
+    VkShaderStageFlagBits relayStage = VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR;
     std::optional<uint32_t> specializedFlags; // specialization constant 0 of either
+    bool specializedParameters = false;       // specialization constants 1 to 3: TraceParameters
     std::vector<TracerGroup> groups{{}, {.box = true}};
     // Hit records: the group of `groups` that each names, nothing for a zero record. Empty: one for each group.
-    // The data of record i is 100 + i; that of the miss shader 50.
     std::vector<std::optional<uint32_t>> records;
-    uint32_t sbtOffset = 0, sbtStride = 0;
+    uint32_t sbtOffset = 0, sbtStride = 0, missIndex = 0;
     bool missRecord = true;
     std::optional<VkPipelineCreateFlags> flags; // else the micromap bit, where the device has micromaps enabled
     bool flags2 = false;
@@ -68,9 +88,12 @@ struct PipelineTracerSetup {
     bool dynamicStackSize = false;
     bool unusedStage = false;                            // a stage that no group uses
     std::vector<VkPushConstantRange> otherPushConstants; // in the layout, for other stages
-    // Makes the pipeline in another way: stages are ray generation, miss, closest-hit, any-hit, and intersection for
-    // groups with and without any-hit shader, and the relay; groups are ray generation, miss, `groups`, and the
-    // relay's.
+    // Shaders that must not run, in groups that no record names: a closest-hit, an any-hit, an intersection and a miss
+    // shader.
+    bool decoys = false;
+    // Makes the pipeline in another way: stages are ray generation, miss, closest-hit, any-hit, intersection for groups
+    // with and without any-hit shader, the decoys, and the relay; groups are ray generation, miss, `groups`, those of
+    // decoys (closest-hit; closest-hit and any-hit; all three; miss), and the relay's.
     std::function<MadePipeline(Device &, const PipelineSetup &)> make;
 };
 
@@ -80,11 +103,15 @@ public:
     static constexpr uint32_t kPushSize = 32;
 
     explicit PipelineTracer(Device &gpu, const PipelineTracerSetup &setup = {});
+    // By the same pipeline, which lives as long as one of them. The setup is that of the other.
+    PipelineTracer(const PipelineTracer &other, const PipelineTracerSetup &setup);
 
     std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
 
-    // Traces by that command from now on, with hit records that have that padding (BindingRecords::hitPadding).
-    void setLaunch(Launch launch, uint32_t recordPadding);
+    // Traces by that command from now on.
+    void setLaunch(Launch launch) { launch_ = launch; }
+    // Traces with that table from now on.
+    void setTable(const TracerTable &table);
 
     // The same in steps.
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
@@ -92,7 +119,7 @@ public:
     void dispatch(VkCommandBuffer commands) const;
     [[nodiscard]] std::vector<PipelineResult> results() const;
     void clearResults();
-    [[nodiscard]] const RayPipeline &pipeline() const { return pipeline_.pipeline; }
+    [[nodiscard]] const RayPipeline &pipeline() const { return pipeline_->pipeline; }
     [[nodiscard]] const BindingTable &table() const { return *table_; }
     [[nodiscard]] const PipelineResources &resources() const { return resources_; }
     // That an application computes for it ("Ray Tracing Pipeline Stack").
@@ -106,7 +133,8 @@ public:
 
 private:
     struct Push {
-        uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex, pad;
+        uint32_t rayCount, capacity, sbtOffset, sbtStride, missIndex;
+        RecordData content;
         VkDeviceAddress scene;
         VkDeviceAddress helper; // only in recursion
     };
@@ -118,13 +146,16 @@ private:
     PipelineResources resources_;
     [[nodiscard]] uint32_t placeOf(uint32_t group) const
     {
-        return pipeline_.groups.empty() ? group : pipeline_.groups[group];
+        return pipeline_->groups.empty() ? group : pipeline_->groups[group];
     }
+    void setUp(const PipelineTracerSetup &setup);
 
-    MadePipeline pipeline_;
+    std::shared_ptr<MadePipeline> pipeline_;
     std::vector<TracerGroup> groups_;
+    uint32_t relayGroup_ = 0; // of the setup
+    bool relayMisses_ = false;
     Launch launch_ = Launch::Direct;
-    BindingRecords records_;
+    std::optional<TracerTable> content_; // of table_
     std::unique_ptr<BindingTable> table_;
     Buffer rays_, results_, candidates_, notes_, visits_, mores_;
     Push push_{};

@@ -54,7 +54,12 @@ Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &
     const VkSpecializationInfo specialization{static_cast<uint32_t>(entries.size()), entries.data(), sizeof values,
                                               values.data()};
     program_ = makeStageProgram(gpu, layout_,
-                                {setup.stage, words, entries.empty() ? nullptr : &specialization, setup.inlineModule});
+                                {.stage = setup.stage,
+                                 .words = words,
+                                 .specialization = entries.empty() ? nullptr : &specialization,
+                                 .inlineModule = setup.inlineModule,
+                                 .objectLayout = setup.shaderObject ? setLayout_ : VK_NULL_HANDLE,
+                                 .pushSize = sizeof(Push)});
 
     const std::array<VkDescriptorPoolSize, 2> sizes{
         {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};

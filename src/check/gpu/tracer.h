@@ -14,6 +14,7 @@ namespace vellum::check
 inline constexpr uint32_t kRayOpaque = 0x001;
 inline constexpr uint32_t kRayNoOpaque = 0x002;
 inline constexpr uint32_t kRayTerminateOnFirstHit = 0x004;
+inline constexpr uint32_t kRaySkipClosestHit = 0x008;
 inline constexpr uint32_t kRayCullBack = 0x010;
 inline constexpr uint32_t kRayCullFront = 0x020;
 inline constexpr uint32_t kRayCullOpaque = 0x040;
@@ -36,7 +37,12 @@ inline bool intersectionMayRunCulled(uint32_t flags)
     return (flags & kRayCullNoOpaque) != 0;
 }
 
-enum Rule : uint32_t { kNever = 0, kAlways = 1, kHash = 2 };
+enum Rule : uint32_t {
+    kNever = 0,
+    kAlways = 1,
+    kHash = 2,
+    kTerminate = 3, // confirm the candidate and end the ray
+};
 // What the shader does with a candidate under kHash.
 bool hashConfirms(uint32_t customIndex, uint32_t instance, uint32_t geometry, uint32_t primitive);
 
@@ -53,13 +59,16 @@ struct Ray {
 
 struct Candidate {
     uint32_t customIndex, instance, geometry, primitive;
-    uint32_t bits;
+    uint32_t bits; // tracer.glsl
     float t, u, v;
 
     [[nodiscard]] bool box() const { return (bits & 1) != 0; }
     [[nodiscard]] bool boxOpaque() const { return (bits & 2) != 0; }
     [[nodiscard]] bool frontFace() const { return (bits & 4) != 0; }
     [[nodiscard]] bool confirmed() const { return (bits & 8) != 0; }
+    // Of ray queries: whether origins, directions and transforms fit together, and the record offset.
+    [[nodiscard]] bool consistent() const { return (bits & 16) == 0; }
+    [[nodiscard]] uint32_t recordOffset() const { return bits >> 8; }
 };
 
 enum Committed : uint32_t { kNone = 0, kTriangle = 1, kGenerated = 2 };
@@ -71,7 +80,7 @@ struct RawResult {
     uint32_t customIndex, instance, geometry, primitive;
     float t, u, v;
     float tMin;
-    uint32_t frontFace;
+    uint32_t frontFace; // ray.glsl
 };
 
 struct Result : RawResult {
@@ -83,6 +92,7 @@ struct TracerSetup {
     bool inlineModule = false;                // VkShaderModuleCreateInfo in the stage's pNext
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
     std::optional<VkBool32> specializedMode; // specialization constant kModeConstant
+    bool shaderObject = false;               // compute: VK_EXT_shader_object instead of a pipeline
 };
 
 // A pipeline whose shader, of any stage, has the bindings of tracer.glsl.

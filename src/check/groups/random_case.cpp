@@ -279,6 +279,43 @@ void addSteps(Random &random, Case &c, std::span<const Kind> kinds, uint32_t cou
     }
 }
 
+void fixFlags(Random &random, Case &c)
+{
+    c.trace.flags = chance(random, 50) ? TracePlan::Flags::Specialized : TracePlan::Flags::Literal;
+    const uint32_t flags = c.scene.rays[0].flags | (chance(random, 40) ? kRayForceTwoState : 0);
+    for (Ray &ray : c.scene.rays)
+        ray.flags = flags;
+}
+
+void terminateSome(Random &random, oracle::Scene &scene)
+{
+    for (Ray &ray : scene.rays)
+        if (chance(random, 15))
+            ray.rule = kTerminate;
+}
+
+void setRecords(Random &random, Case &c)
+{
+    uint32_t meshes = 1, stride = c.trace.pipeline.parameters.recordStride & 15;
+    for (const oracle::Object &object : c.scene.objects)
+        meshes = std::max(meshes, static_cast<uint32_t>(object.meshes.size()));
+    for (const PipelinePlan &pipeline : c.trace.otherPipelines)
+        stride = std::max(stride, pipeline.parameters.recordStride & 15);
+    constexpr uint32_t kOffsets = 6;
+    const uint32_t kind = below(random, 100);
+    const uint32_t first = kind < 50   ? 0
+                           : kind < 75 ? below(random, 40)
+                           : kind < 90 ? 240 + below(random, 30)
+                           : kind < 98 ? below(random, 5000)
+                                       : 65530 + below(random, 10);
+    const uint32_t reach = kOffsets + (meshes - 1) * stride;
+    const bool boxesFirst = chance(random, 50);
+    for (oracle::Instance &instance : c.scene.instances) {
+        const bool boxes = c.scene.objects[instance.object].hasBoxes();
+        instance.record = first + (boxes == boxesFirst ? 0 : reach) + below(random, kOffsets);
+    }
+}
+
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make)
 {
     Random random(static_cast<Random::result_type>(seed ^ seed >> 32));

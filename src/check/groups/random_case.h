@@ -56,6 +56,12 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step:
 // Appends `count` steps of random kinds.
 void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32_t count, const DeviceLimits &limits);
 
+// All rays have the same flags, which the shader knows.
+void fixFlags(Random &random, Case &c);
+// Some candidates end their rays.
+void terminateSome(Random &random, oracle::Scene &scene);
+// Record offsets of instances, which any ray of the case's pipelines may use: triangles and boxes reach different ones.
+void setRecords(Random &random, Case &c);
 // Flags that nothing needs, and inputs that are stated in unusual forms. makeScene does it.
 void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits);
 // A pool of queries of a random property, and what is done with it; nothing where there is nothing to query.
@@ -74,6 +80,7 @@ Outcome runGroup(Session &session, std::string_view group, uint64_t seed)
 
 // The groups of each file.
 std::span<const Group> resolutionGroups();
+std::span<const Group> pipelineGroups();
 std::span<const Group> buildGroups();
 std::span<const Group> objectGroups();
 std::span<const Group> queryGroups();

@@ -239,15 +239,6 @@ Case lossy(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// All rays have the same flags, which the shader knows.
-void fixFlags(Random &random, Case &c)
-{
-    c.trace.flags = chance(random, 50) ? TracePlan::Flags::Specialized : TracePlan::Flags::Literal;
-    const uint32_t flags = c.scene.rays[0].flags | (chance(random, 40) ? kRayForceTwoState : 0);
-    for (Ray &ray : c.scene.rays)
-        ray.flags = flags;
-}
-
 // Ray queries in every stage, with ray flags and execution mode from everywhere.
 Case stages(Random &random, const DeviceLimits &limits)
 {
@@ -264,42 +255,16 @@ Case stages(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// Ray tracing pipelines made in other ways.
-Case pipelinePlans(Random &random, const DeviceLimits &limits)
-{
-    Limits scene = smallScene(limits);
-    scene.rays = 64;
-    scene.micromaps = !chance(random, 20);
-    Case c{.scene = makeScene(random, scene, limits), .trace = {.method = TracePlan::Method::Pipeline}};
-    constexpr std::array libraries{TracePlan::Libraries::None, TracePlan::Libraries::Two, TracePlan::Libraries::Three,
-                                   TracePlan::Libraries::Nested};
-    c.trace.libraries = libraries[below(random, 4)];
-    c.trace.byAddress = chance(random, 30);
-    c.trace.inlineModules = chance(random, 30);
-    c.trace.dynamicStackSize = chance(random, 20);
-    c.trace.recursion = chance(random, 30);
-    c.trace.flags2 = chance(random, 30);
-    c.trace.unusedStage = chance(random, 20);
-    c.trace.recordPadding = chance(random, 30) ? 1 + below(random, 4) : 0;
-    c.trace.withoutMicromaps = !scene.micromaps && chance(random, 70);
-    return c;
-}
-
-// Rays whose number and tables are read by the device.
-Case indirectTraces(Random &random, const DeviceLimits &limits)
-{
-    Case c = pipelines(random, limits);
-    c.trace.launch = chance(random, 50) ? Launch::Indirect : Launch::Indirect2;
-    c.trace.recordPadding = chance(random, 60) ? below(random, 8) : 0;
-    c.trace.recursion = chance(random, 15);
-    return c;
-}
-
-// Two ray queries at a time, in an array.
+// Ray queries in other forms than one variable that is used once, and in shader objects.
 Case queryObjects(Random &random, const DeviceLimits &limits)
 {
     Case c = queries(random, limits);
-    c.trace.queryArray = true;
+    constexpr std::array forms{TracePlan::Query::Plain, TracePlan::Query::Array, TracePlan::Query::Functions,
+                               TracePlan::Query::Again, TracePlan::Query::Sites, TracePlan::Query::Getters};
+    c.trace.query = forms[below(random, forms.size())];
+    c.trace.shaderObjects = c.trace.query == TracePlan::Query::Plain || chance(random, 20);
+    terminateSome(random, c.scene);
+    setRecords(random, c);
     return c;
 }
 
@@ -357,16 +322,12 @@ constexpr std::array kGroups{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
         200, runGroup<stages>, 12},
-    Group{"pipeline-plans", "ray tracing pipelines of libraries, with inline modules, stack sizes, recursion, flags2",
-          "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR; "
-          "VK_KHR_pipeline_library",
-          200, runGroup<pipelinePlans>, 8},
-    Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
-          "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
-          120, runGroup<indirectTraces>, 120},
-    Group{"query-objects", "two ray queries at a time, in an array",
-          "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own", 60,
-          runGroup<queryObjects>, 60},
+    Group{"query-objects",
+          "ray queries in arrays, as parameters of functions, initialized again or in two places, terminated; in shader "
+          "objects",
+          "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own; "
+          "OpRayQueryTerminateKHR; VK_EXT_shader_object",
+          100, runGroup<queryObjects>, 12},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
           runGroup<executionMode>, 20},

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "check/oracle/outcome.h"
+#include "check/oracle/scene_build.h"
 
 namespace vellum::check::oracle
 {
@@ -163,6 +164,7 @@ private:
         case Outcome::NonOpaque: hit.opacity = Opacity::NonOpaque; break;
         default: return;
         }
+        hit.record = recordOffset(scene_, hit.instance);
         out_.hits.push_back(hit);
         slackOf_.push_back(slack_);
     }

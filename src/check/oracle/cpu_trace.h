@@ -27,6 +27,7 @@ struct Hit {
     bool certain;
     // A triangle of a geometry that promises to show each candidate once.
     bool once = false;
+    uint32_t record = 0; // instanceShaderBindingTableRecordOffset
 };
 
 // The number of the micro-triangle at barycentrics (u, v). `edge` becomes how near the next line between two of them

@@ -5,29 +5,144 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace vellum::check::oracle
 {
 namespace
 {
 
-enum Group : uint32_t { kFull, kNoAnyHit, kNoClosestHit, kBoxFull, kBoxNoAnyHit };
-} // namespace
+constexpr uint32_t kMostRecords = 1u << 18;
+constexpr VkPipelineCreateFlags kNoNullHitShaders = VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR |
+                                                    VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR |
+                                                    VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR;
 
-const std::array<TracerGroup, 5> kHitGroups{
-    {{}, {.anyHit = false}, {.closestHit = false}, {.box = true}, {.box = true, .anyHit = false}}};
-const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords = [] {
-    constexpr std::array<std::optional<uint32_t>, 8> triangles{kFull,        kFull,         kNoAnyHit, kFull,
-                                                               std::nullopt, kNoClosestHit, kFull,     kNoAnyHit};
-    constexpr std::array<std::optional<uint32_t>, 8> boxes{kBoxFull,     kBoxFull, kBoxNoAnyHit, kBoxFull,
-                                                           std::nullopt, kBoxFull, kBoxNoAnyHit, kBoxFull};
-    std::array<std::optional<uint32_t>, 2 * kBoxRecords> records;
-    for (size_t i = 0; i < kBoxRecords; ++i) {
-        records[i] = triangles[i % triangles.size()];
-        records[kBoxRecords + i] = boxes[i % boxes.size()];
+constexpr std::array kMixture{
+    HitRecord::Full, HitRecord::Full,          HitRecord::WithoutAnyHit, HitRecord::Full,
+    HitRecord::Null, HitRecord::WithoutClosestHit, HitRecord::Full,          HitRecord::WithoutAnyHit,
+    HitRecord::Full, HitRecord::Full,          HitRecord::WithoutAnyHit, HitRecord::Full,
+    HitRecord::Null, HitRecord::Full,          HitRecord::WithoutAnyHit, HitRecord::Full};
+
+HitRecord recordAt(const TablePlan &table, uint32_t i)
+{
+    return table.records.empty() ? kMixture[i % kMixture.size()] : table.records[i % table.records.size()];
+}
+
+// Of hitGroups.
+std::optional<uint32_t> groupAt(const TablePlan &table, uint32_t i, bool box)
+{
+    const HitRecord record = recordAt(table, i);
+    if (record == HitRecord::Null)
+        return {};
+    return static_cast<uint32_t>(record) + (box ? 4u : 0u);
+}
+
+// "Hit Shaders" of the indexing rules; SBT offset and stride have 4 bits (OpTraceRayKHR).
+uint64_t recordIndex(const Scene &scene, const TracedBy &by, uint32_t instance, uint32_t geometry)
+{
+    if (by.table.layout.zeroStride)
+        return 0;
+    return uint64_t{recordOffset(scene, instance)} + uint64_t{geometry} * (by.parameters.recordStride & 15) +
+           (by.parameters.recordOffset & 15);
+}
+
+// What reaches each record.
+struct Reached {
+    bool triangles = false, boxes = false;
+};
+std::vector<Reached> reachedRecords(const Scene &scene, const TracedBy &by)
+{
+    std::vector<Reached> records;
+    for (uint32_t i = 0; i < scene.instances.size(); ++i) {
+        const Object &object = scene.objects[scene.instances[i].object];
+        for (uint32_t g = 0; g < object.meshes.size(); ++g) {
+            const uint64_t index = std::min<uint64_t>(recordIndex(scene, by, i, g), kMostRecords);
+            if (records.size() <= index)
+                records.resize(static_cast<size_t>(index) + 1);
+            (object.hasBoxes() ? records[index].boxes : records[index].triangles) = true;
+        }
     }
     return records;
+}
+} // namespace
+
+const std::array<TracerGroup, 8> kHitGroups{{{},
+                                             {.anyHit = false},
+                                             {.closestHit = false},
+                                             {.anyHit = false, .closestHit = false},
+                                             {.box = true},
+                                             {.box = true, .anyHit = false},
+                                             {.box = true, .closestHit = false},
+                                             {.box = true, .anyHit = false, .closestHit = false}}};
+
+std::vector<TracerGroup> hitGroups(VkPipelineCreateFlags flags)
+{
+    std::vector<TracerGroup> groups(kHitGroups.begin(), kHitGroups.end());
+    for (TracerGroup &group : groups) {
+        group.anyHit |= (flags & VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR) != 0;
+        group.closestHit |= (flags & VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR) != 0;
+    }
+    return groups;
+}
+
+const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords = [] {
+    std::array<std::optional<uint32_t>, 2 * kBoxRecords> records;
+    for (uint32_t i = 0; i < records.size(); ++i)
+        records[i] = groupAt({}, i, i >= kBoxRecords);
+    return records;
 }();
+
+TracerTable tableOf(const Scene &scene, const TracedBy &by)
+{
+    const std::vector<Reached> reached = reachedRecords(scene, by);
+    TracerTable table{.content = by.table.content, .data = by.data, .layout = by.table.layout};
+    for (uint32_t i = 0; i < by.table.length.value_or(static_cast<uint32_t>(reached.size())); ++i) {
+        const bool used = i < reached.size() && (reached[i].triangles || reached[i].boxes);
+        table.hit.push_back(used ? groupAt(by.table, i, reached[i].boxes) : std::nullopt);
+    }
+    table.miss.assign(by.table.misses, true);
+    table.miss[by.parameters.missIndex & 0xffff] = !by.table.nullMiss;
+    return table;
+}
+
+std::string tableRule(const Scene &scene, const TracedBy &by, bool relay)
+{
+    const TablePlan &table = by.table;
+    if ((by.parameters.missIndex & 0xffff) >= table.misses)
+        return "the miss index is beyond the miss records";
+    if (table.nullMiss && (by.flags & VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR) != 0)
+        return "VUID-vkCmdTraceRaysKHR-flags-03511: a zero miss record";
+    const std::vector<Reached> reached = reachedRecords(scene, by);
+    if (reached.size() > kMostRecords)
+        return "too many hit records";
+    for (uint32_t i = 0; i < reached.size(); ++i) {
+        const bool null = recordAt(table, i) == HitRecord::Null;
+        if (!null && reached[i].triangles && reached[i].boxes)
+            return "VUID-vkCmdTraceRaysKHR-pHitShaderBindingTable-04735: triangles and boxes reach one hit record";
+        if (null && (reached[i].triangles || reached[i].boxes) && (by.flags & kNoNullHitShaders) != 0)
+            return "VUID-vkCmdTraceRaysKHR-flags-03512: a zero hit record";
+    }
+    const uint32_t length = table.length.value_or(static_cast<uint32_t>(reached.size()));
+    if (length == 0 && (by.flags & kNoNullHitShaders) != 0)
+        return "VUID-vkCmdTraceRaysKHR-flags-03696: no hit table";
+    if (relay && (table.layout.zeroStride || length < reached.size() ||
+                  (by.flags & (VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR |
+                               VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_ANY_HIT_SHADERS_BIT_KHR)) != 0))
+        return "rays do not meet the closest-hit shader that traces";
+    // Opaque hits of rays that skip closest-hit shaders need no record.
+    const bool boxes = std::ranges::any_of(reached, &Reached::boxes);
+    const uint32_t needed = kRayOpaque | kRaySkipClosestHit | (boxes ? kRaySkipBoxes : 0);
+    if (length < reached.size() &&
+        !std::ranges::all_of(scene.rays, [&](const Ray &ray) { return (ray.flags & needed) == needed; }))
+        return "rays read beyond the hit records";
+    // VUID-RuntimeSpirv-OpTraceRayKHR-06553 and 06554
+    const uint32_t skipped =
+        ((by.flags & VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR) != 0 ? kRaySkipBoxes : 0) |
+        ((by.flags & VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR) != 0 ? kRaySkipTriangles : 0);
+    if (std::ranges::any_of(scene.rays, [&](const Ray &ray) { return (ray.flags & skipped) != 0; }))
+        return "rays and pipeline skip triangles and boxes";
+    return {};
+}
 
 namespace
 {
@@ -36,8 +151,9 @@ class PipelineJudge
 {
 public:
     PipelineJudge(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const PipelineResult &result,
-                  const Tolerance &tolerance)
-        : scene_(scene), ray_(ray), hits_(hits), result_(result), tolerance_(tolerance)
+                  const Tolerance &tolerance, const TracedBy &by)
+        : scene_(scene), ray_(ray), hits_(hits), result_(result), tolerance_(tolerance), by_(by),
+          groups_(hitGroups(by.flags))
     {
     }
 
@@ -58,15 +174,38 @@ public:
     }
 
 private:
-    [[nodiscard]] uint32_t recordOf(const Hit &hit) const { return recordOffset(scene_, hit.instance) + hit.geometry; }
-    [[nodiscard]] std::optional<uint32_t> groupOf(const Hit &hit) const { return kHitRecords[recordOf(hit)]; }
+    [[nodiscard]] uint32_t recordOf(const Hit &hit) const
+    {
+        return static_cast<uint32_t>(recordIndex(scene_, by_, hit.instance, hit.geometry));
+    }
+    [[nodiscard]] const TracerGroup *groupOf(const Hit &hit) const
+    {
+        const uint32_t record = recordOf(hit);
+        const auto group = groupAt(by_.table, record, hit.box);
+        return group && (!by_.table.length || record < *by_.table.length) ? &groups_[*group] : nullptr;
+    }
+    // What shaders read in that record, of which the first data is `first`.
+    [[nodiscard]] bool reads(uint32_t data, uint32_t first, uint32_t record) const
+    {
+        return data == (by_.table.content == RecordData::None ? kUnknownResult : by_.data + first + record);
+    }
     [[nodiscard]] bool asks(const Hit &hit) const
     {
-        const auto group = groupOf(hit);
-        return hit.opacity == Opacity::NonOpaque && group && *group != kNoAnyHit && *group != kBoxNoAnyHit;
+        const TracerGroup *group = groupOf(hit);
+        return hit.opacity == Opacity::NonOpaque && group != nullptr && group->anyHit;
     }
     [[nodiscard]] bool accepts(const Hit &hit) const { return !asks(hit) || confirms(ray_, hit); }
-    [[nodiscard]] bool hasClosestHit(const Hit &hit) const { return groupOf(hit) && *groupOf(hit) != kNoClosestHit; }
+    [[nodiscard]] bool hasClosestHit(const Hit &hit) const
+    {
+        const TracerGroup *group = groupOf(hit);
+        return group != nullptr && group->closestHit && (ray_.flags & kRaySkipClosestHit) == 0;
+    }
+    // The candidate at which an any-hit shader ended the ray.
+    [[nodiscard]] const Candidate *end() const
+    {
+        const auto confirmed = std::ranges::find_if(result_.candidates, &Candidate::confirmed);
+        return ray_.rule == kTerminate && confirmed != result_.candidates.end() ? &*confirmed : nullptr;
+    }
     template <class T>
     [[nodiscard]] const Hit *find(const T &named, bool box) const
     {
@@ -106,7 +245,7 @@ private:
                 return describe("an intersection shader ran for a box that is not met", visit);
             const bool flagsRight = visit.flags == ray_.flags || (tolerance_.layerIntersectionShaders &&
                                                                   intersectionMaySee(visit.flags, ray_.flags));
-            if (!flagsRight || visit.record != 100 + recordOf(*hit) || visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
+            if (!flagsRight || !reads(visit.record, 100, recordOf(*hit)) || visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
                 return describe("what the intersection shader reads", visit);
             if (visit.reported == 3) {
                 if (!accepts(*hit))
@@ -131,7 +270,7 @@ private:
                 return describe("place of a candidate", c);
             if (c.confirmed() != confirms(ray_, *hit))
                 return describe("what the any-hit shader decides", c);
-            if (note.flags != ray_.flags || note.record != 100 + recordOf(*hit) || note.intact != 1)
+            if (note.flags != ray_.flags || !reads(note.record, 100, recordOf(*hit)) || note.intact != 1)
                 return describe("what the any-hit shader reads", c);
         }
         return {};
@@ -148,15 +287,24 @@ private:
         }
         limit_ = std::min(nearest != nullptr ? nearest->t : double{ray_.tMax},
                           generated_.empty() ? double{ray_.tMax} : double{ray_.generate});
-        const bool first = (ray_.flags & kRayTerminateOnFirstHit) != 0;
+        const Candidate *const end = this->end();
+        if (end != nullptr) {
+            const Hit &hit = *find(*end, end->box());
+            if (!hasClosestHit(hit) ? result_.committed != kUnknownResult : !names(hit, result_))
+                return describe("an any-hit shader ended the ray, and not its hit is committed", hit);
+        }
+        const bool first = end != nullptr || (ray_.flags & kRayTerminateOnFirstHit) != 0;
         const auto mayStay = [&](double t) { return first || t < limit_ + 1e-3; };
         for (const Hit &h : hits_)
             silent = silent || (!h.box && accepts(h) && !hasClosestHit(h) && mayStay(h.t));
+        if (end != nullptr)
+            silent = !hasClosestHit(*find(*end, end->box()));
         for (const Hit *h : generated_)
             silent = silent || (!hasClosestHit(*h) && mayStay(double{ray_.generate}));
 
+        const bool missed = nearest == nullptr && generated_.empty() && end == nullptr;
         if (result_.committed == kUnknownResult)
-            return silent && result_.invocations == 0 ? "" : "neither closest-hit nor miss shader ran";
+            return (silent || (missed && by_.table.nullMiss)) && result_.invocations == 0 ? "" : "neither closest-hit nor miss shader ran";
         if (result_.invocations != 1)
             return "more than one closest-hit or miss shader";
         if (result_.flags != ray_.flags)
@@ -166,13 +314,15 @@ private:
         if (result_.committed == kNone) {
             if (nearest != nullptr || !generated_.empty())
                 return "nothing committed";
-            return result_.record == 50 ? "" : "record of the miss shader";
+            if (by_.table.nullMiss)
+                return "a miss shader of a zero record ran";
+            return reads(result_.record, 50, by_.parameters.missIndex & 0xffff) ? "" : "record of the miss shader";
         }
         const bool box = result_.committed == kGenerated;
         const Hit *hit = find(result_, box);
         if (hit == nullptr || !accepts(*hit) || !hasClosestHit(*hit))
             return "the committed hit is not one that may be committed";
-        if (box && std::find(generated_.begin(), generated_.end(), hit) == generated_.end())
+        if (box && end == nullptr && std::find(generated_.begin(), generated_.end(), hit) == generated_.end())
             return "the committed box was not reported";
         const bool othersReported = std::any_of(result_.visits.begin(), result_.visits.end(), [&](const auto &visit) {
             return visit.reported != 0 && !(box && names(*hit, visit));
@@ -182,7 +332,7 @@ private:
             return describe("place of the committed hit", result_) + " (t " + std::to_string(result_.t) + ", u " +
                    std::to_string(result_.u) + ", v " + std::to_string(result_.v) + ", hit kind " +
                    std::to_string(result_.hitKind) + ")";
-        if (result_.record != 100 + recordOf(*hit))
+        if (!reads(result_.record, 100, recordOf(*hit)))
             return "record of the committed hit";
         return mayStay(double{result_.t}) ? "" : "the committed hit is not the nearest";
     }
@@ -190,7 +340,7 @@ private:
     // Nearer than the hit that stays, nothing may have been left out.
     std::string leftOut()
     {
-        if ((ray_.flags & kRayTerminateOnFirstHit) != 0 && result_.committed != kNone)
+        if (end() != nullptr || ((ray_.flags & kRayTerminateOnFirstHit) != 0 && result_.committed != kNone))
             return {};
         const auto seen = [&](const auto &list, const Hit &hit) {
             return std::any_of(list.begin(), list.end(), [&hit](const auto &x) { return names(hit, x); });
@@ -214,6 +364,8 @@ private:
     const std::vector<Hit> &hits_;
     const PipelineResult &result_;
     const Tolerance &tolerance_;
+    const TracedBy &by_;
+    const std::vector<TracerGroup> groups_;
     std::vector<const Hit *> generated_;
     double limit_ = 0;
 };
@@ -226,9 +378,15 @@ Tolerance toleranceFor(const Device &gpu)
 }
 
 std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits,
-                          const PipelineResult &result, const Tolerance &tolerance)
+                          const PipelineResult &result, const Tolerance &tolerance, const TracedBy &by)
 {
-    return PipelineJudge(scene, ray, hits, result, tolerance).fault();
+    const auto skipped = [&](const Hit &hit) {
+        return (by.flags & (hit.box ? VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR
+                                    : VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR)) != 0;
+    };
+    std::vector<Hit> left;
+    std::ranges::remove_copy_if(hits, std::back_inserter(left), skipped);
+    return PipelineJudge(scene, ray, left, result, tolerance, by).fault();
 }
 
 } // namespace vellum::check::oracle

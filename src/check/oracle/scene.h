@@ -111,6 +111,7 @@ struct Instance {
     uint32_t mask = 0xff;
     uint32_t flags = 0;
     bool inactive = false; // acceleration structure reference 0
+    std::optional<uint32_t> record; // instanceShaderBindingTableRecordOffset; nothing: recordOffset()
 };
 
 struct Scene {

@@ -89,6 +89,8 @@ Corners cornersOf(const Mesh &mesh, uint32_t triangle)
 
 uint32_t recordOffset(const Scene &scene, uint32_t instance)
 {
+    if (scene.instances[instance].record)
+        return *scene.instances[instance].record;
     const bool boxes = scene.objects[scene.instances[instance].object].hasBoxes();
     return instance % kRecordOffsets + (boxes ? kBoxRecords : 0);
 }
@@ -176,7 +178,7 @@ Built build(Device &gpu, const Scene &scene)
 
 bool confirms(const Ray &ray, const Hit &hit)
 {
-    return ray.rule == kAlways ||
+    return ray.rule == kAlways || ray.rule == kTerminate ||
            (ray.rule == kHash && hashConfirms(hit.customIndex, hit.instance, hit.geometry, hit.primitive));
 }
 

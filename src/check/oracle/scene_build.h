@@ -16,7 +16,7 @@ struct Built {
     std::unique_ptr<Tlas> scene;
 };
 
-// Instance i has the record offset i % kRecordOffsets, and kBoxRecords more where it is one of boxes.
+// The record offset of instance i: its own or else i % kRecordOffsets, and kBoxRecords more where it is one of boxes.
 inline constexpr uint32_t kRecordOffsets = 6;
 inline constexpr uint32_t kMostGeometries = 20; // of an object
 inline constexpr uint32_t kBoxRecords = kRecordOffsets + kMostGeometries - 1;
@@ -34,7 +34,7 @@ std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
 // What the shader does with a candidate.
 bool confirms(const Ray &ray, const Hit &hit);
 
-template <class T>
+template <class Hit, class T>
 bool names(const Hit &hit, const T &other)
 {
     return hit.instance == other.instance && hit.geometry == other.geometry && hit.primitive == other.primitive &&

@@ -16,7 +16,7 @@ struct Candidate { // an any-hit invocation
 struct Note { // beside each candidate
     uint flags;
     uint hitKind;
-    uint record; // first word of the shader record
+    uint record; // recordRead()
     uint intact; // 1: the payload is what the ray generation shader wrote
 };
 
@@ -74,7 +74,7 @@ layout(push_constant) uniform Push
     uint sbtOffset;
     uint sbtStride;
     uint missIndex;
-    uint pad;
+    uint recordWords; // of data that shaders read in their records: RecordData
     uvec2 sceneAddress;
 } push;
 

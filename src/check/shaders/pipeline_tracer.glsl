@@ -6,7 +6,9 @@
 // what RAYGEN does, in a stage that may be another one. Variants of RAYGEN and TRACES:
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
+//   SPEC_PARAMETERS  so are the parameters that name records
 //   MIXED=n       some rays are traced by an instruction of its own with the constant n, where that is their flags
+//   SPEC_MIXED    the same with the specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
 //   IN_FUNCTION   rays are traced in a loop, in a function that gets the flags as a parameter
 #ifdef BY_ADDRESS
@@ -30,6 +32,17 @@ layout(shaderRecordEXT, std430) buffer Record { uint recordData[4]; };
 uint rayFlagsRead()
 {
     return gl_IncomingRayFlagsEXT;
+}
+// The first word; the others are computed of it.
+uint recordRead()
+{
+    if (push.recordWords == 0u)
+        return kUnknown;
+    const uint first = recordData[0];
+    if (push.recordWords == 4u && (recordData[1] != ~first || recordData[2] != first * 0x9e3779b1u ||
+                                   recordData[3] != (first ^ 0x5bd1e995u)))
+        return kUnknown;
+    return first;
 }
 #if !defined(MISS)
 uint customIndexRead()
@@ -59,6 +72,15 @@ struct Wide {
 #define ATTRIBUTES_RIGHT true
 #endif
 
+// DECOY: a shader that must not run; the judge sees it by the payload, or by the number of visits.
+#ifdef DECOY
+#define DECOY_RUNS payload.canary = 0u;
+#define VISIT 1000u
+#else
+#define DECOY_RUNS
+#define VISIT 1u
+#endif
+
 #if defined(TRACES)
 layout(location = 0) rayPayloadEXT Payload payload;
 
@@ -74,8 +96,16 @@ layout(location = 0) rayPayloadEXT Payload payload;
 #else
 #define SCENE scene
 #endif
+#ifdef SPEC_PARAMETERS
+layout(constant_id = 1) const uint kRecordOffset = 0u;
+layout(constant_id = 2) const uint kRecordStride = 0u;
+layout(constant_id = 3) const uint kMissIndex = 0u;
+#define PARAMETERS kRecordOffset, kRecordStride, kMissIndex
+#else
+#define PARAMETERS push.sbtOffset, push.sbtStride, push.missIndex
+#endif
 #define TRACE(ray, flags)                                                                                              \
-    traceRayEXT(SCENE, flags, ray.cullMask, push.sbtOffset, push.sbtStride, push.missIndex,                            \
+    traceRayEXT(SCENE, flags, ray.cullMask, PARAMETERS,                                                                \
                 vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,                                           \
                 vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax, 0)
 
@@ -108,7 +138,12 @@ void main()
     payload.v = 0.0;
     payload.tMin = 0.0;
     payload.canary = canaryOf(id);
-#if defined(MIXED)
+#if defined(SPEC_MIXED)
+    if (ray.flags == kFlags && (id & 1u) == 0u)
+        TRACE(ray, kFlags);
+    else
+        TRACE(ray, ray.flags);
+#elif defined(MIXED)
     if (ray.flags == MIXED_FLAGS && (id & 1u) == 0u)
         TRACE(ray, MIXED_FLAGS);
     else
@@ -149,11 +184,12 @@ layout(location = 0) rayPayloadInEXT Payload payload;
 
 void main()
 {
+    DECOY_RUNS
     payload.invocations += 1u;
     payload.flags = rayFlagsRead();
     payload.committed = 0u;
     payload.tMin = gl_RayTminEXT;
-    payload.record = recordData[0];
+    payload.record = recordRead();
 }
 
 #elif defined(CLOSEST_HIT)
@@ -162,6 +198,7 @@ ATTRIBUTES
 
 void main()
 {
+    DECOY_RUNS
     payload.invocations += 1u;
     payload.flags = rayFlagsRead();
     payload.hitKind = gl_HitKindEXT;
@@ -175,7 +212,7 @@ void main()
     payload.u = ATTRIBUTES_RIGHT ? attributes.x : -1.0;
     payload.v = attributes.y;
     payload.tMin = gl_RayTminEXT;
-    payload.record = recordData[0];
+    payload.record = recordRead();
 }
 
 #elif defined(ANY_HIT)
@@ -184,6 +221,7 @@ ATTRIBUTES
 
 void main()
 {
+    DECOY_RUNS
     const bool triangle =
         gl_HitKindEXT == gl_HitKindFrontFacingTriangleEXT || gl_HitKindEXT == gl_HitKindBackFacingTriangleEXT;
     Candidate c;
@@ -203,7 +241,7 @@ void main()
         Note n;
         n.flags = rayFlagsRead();
         n.hitKind = gl_HitKindEXT;
-        n.record = recordData[0];
+        n.record = recordRead();
         n.intact = payload.canary == canaryOf(payload.id) ? 1u : 0u;
         notes[at] = n;
     }
@@ -220,14 +258,14 @@ ATTRIBUTES
 void main()
 {
     const uint id = (gl_LaunchIDEXT.z * gl_LaunchSizeEXT.y + gl_LaunchIDEXT.y) * gl_LaunchSizeEXT.x + gl_LaunchIDEXT.x;
-    const uint count = atomicAdd(mores[id].visits, 1u);
+    const uint count = atomicAdd(mores[id].visits, VISIT);
     Visit v;
     v.customIndex = customIndexRead();
     v.instance = uint(gl_InstanceID);
     v.geometry = uint(gl_GeometryIndexEXT);
     v.primitive = uint(gl_PrimitiveID);
     v.flags = rayFlagsRead();
-    v.record = recordData[0];
+    v.record = recordRead();
     v.reported = 0u;
     v.tMin = gl_RayTminEXT;
     const float t = rays[id].generate;

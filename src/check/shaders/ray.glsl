@@ -23,5 +23,5 @@ struct Result {
     float u;
     float v;
     float tMin;
-    uint frontFace;
+    uint frontFace; // 1: front; of ray queries also 16: not consistent; record offset << 8
 };

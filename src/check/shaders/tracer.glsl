@@ -8,7 +8,7 @@
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
-//   IN_ARRAY     the ray query is one of two in an array, both of which trace
+//   IN_ARRAY, IN_FUNCTIONS, AGAIN, SITES, GETTERS   TracePlan::Query
 #ifdef BY_ADDRESS
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #endif
@@ -26,7 +26,8 @@ struct Candidate {
     uint instance;
     uint geometry;
     uint primitive;
-    uint bits; // 1: AABB, 2: candidateAABBOpaque, 4: front face, 8: confirmed or generated
+    // 1: AABB, 2: candidateAABBOpaque, 4: front face, 8: confirmed or generated, 16: not consistent; record offset << 8
+    uint bits;
     float t;
     float u;
     float v;
@@ -48,12 +49,13 @@ layout(push_constant) uniform Push
 const uint kNever = 0u;
 const uint kAlways = 1u;
 const uint kHash = 2u;
+const uint kTerminate = 3u;
 
 bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint primitive)
 {
     const uint h = (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^
                    (primitive * 0x27d4eb2fu);
-    return rule == kAlways || (rule == kHash && ((h ^ (h >> 15u)) & 0x40u) != 0u);
+    return rule == kAlways || rule == kTerminate || (rule == kHash && ((h ^ (h >> 15u)) & 0x40u) != 0u);
 }
 
 #ifdef IN_ARRAY
@@ -62,11 +64,133 @@ bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint pr
 #define QUERY query
 #endif
 
+#ifdef BY_ADDRESS
+#define SCENE accelerationStructureEXT(push.sceneAddress)
+#else
+#define SCENE scene
+#endif
+#define INITIALIZE(query, flags)                                                                                       \
+    rayQueryInitializeEXT(query, SCENE, flags, ray.cullMask, vec3(ray.origin[0], ray.origin[1], ray.origin[2]),        \
+                          ray.tMin, vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax)
+
+// Whether what the query says of the ray and of a hit's instance fits together: what was traced, and one transform.
+#ifndef GETTERS
+#define CONSISTENT(query, committed) true
+#else
+#define CONSISTENT(query, committed)                                                                                   \
+    (rayQueryGetWorldRayOriginEXT(query) == vec3(ray.origin[0], ray.origin[1], ray.origin[2]) &&                       \
+     rayQueryGetWorldRayDirectionEXT(query) == vec3(ray.direction[0], ray.direction[1], ray.direction[2]) &&           \
+     near(rayQueryGetIntersectionObjectToWorldEXT(query, committed) *                                                  \
+              vec4(rayQueryGetIntersectionObjectRayOriginEXT(query, committed), 1.0),                                  \
+          rayQueryGetWorldRayOriginEXT(query)) &&                                                                      \
+     near(mat3(rayQueryGetIntersectionObjectToWorldEXT(query, committed)) *                                            \
+              rayQueryGetIntersectionObjectRayDirectionEXT(query, committed),                                          \
+          rayQueryGetWorldRayDirectionEXT(query)) &&                                                                   \
+     near(rayQueryGetIntersectionWorldToObjectEXT(query, committed) *                                                  \
+              vec4(rayQueryGetWorldRayOriginEXT(query), 1.0),                                                          \
+          rayQueryGetIntersectionObjectRayOriginEXT(query, committed)))
+
+bool near(vec3 a, vec3 b)
+{
+    return all(lessThan(abs(a - b), vec3(1e-3) * (1.0 + abs(a) + abs(b))));
+}
+#endif
+
+// One candidate. These are macros because a query may be an element of an array.
+#define CANDIDATE(query)                                                                                               \
+    Candidate c;                                                                                                       \
+    c.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false));                                 \
+    c.instance = uint(rayQueryGetIntersectionInstanceIdEXT(query, false));                                             \
+    c.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(query, false));                                          \
+    c.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));                                        \
+    c.t = 0.0;                                                                                                         \
+    c.u = 0.0;                                                                                                         \
+    c.v = 0.0;                                                                                                         \
+    c.bits = rayQueryGetIntersectionInstanceShaderBindingTableRecordOffsetEXT(query, false) << 8u;                     \
+    if (!CONSISTENT(query, false))                                                                                     \
+        c.bits |= 16u;                                                                                                 \
+    if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionAABBEXT) {                     \
+        c.bits |= 1u | (rayQueryGetIntersectionCandidateAABBOpaqueEXT(query) ? 2u : 0u);                               \
+        const float limit = rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionNoneEXT     \
+                                ? ray.tMax                                                                             \
+                                : rayQueryGetIntersectionTEXT(query, true);                                            \
+        if (ray.generate > 0.0 && ray.generate < limit) {                                                              \
+            rayQueryGenerateIntersectionEXT(query, ray.generate);                                                      \
+            c.bits |= 8u;                                                                                              \
+        }                                                                                                              \
+    } else {                                                                                                           \
+        c.bits |= rayQueryGetIntersectionFrontFaceEXT(query, false) ? 4u : 0u;                                         \
+        c.t = rayQueryGetIntersectionTEXT(query, false);                                                               \
+        const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);                                          \
+        c.u = uv.x;                                                                                                    \
+        c.v = uv.y;                                                                                                    \
+        if (confirms(ray.rule, c.customIndex, c.instance, c.geometry, c.primitive)) {                                  \
+            rayQueryConfirmIntersectionEXT(query);                                                                     \
+            c.bits |= 8u;                                                                                              \
+            if (ray.rule == kTerminate)                                                                                \
+                rayQueryTerminateEXT(query);                                                                           \
+        }                                                                                                              \
+    }                                                                                                                  \
+    if (count < push.capacity)                                                                                         \
+        list[id * push.capacity + count] = c;                                                                          \
+    ++count;
+
+#define COMMITTED(query)                                                                                               \
+    r.flags = rayQueryGetRayFlagsEXT(query);                                                                           \
+    r.tMin = rayQueryGetRayTMinEXT(query);                                                                             \
+    r.committed = rayQueryGetIntersectionTypeEXT(query, true);                                                         \
+    if (r.committed != gl_RayQueryCommittedIntersectionNoneEXT) {                                                      \
+        r.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true));                              \
+        r.instance = uint(rayQueryGetIntersectionInstanceIdEXT(query, true));                                          \
+        r.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(query, true));                                       \
+        r.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true));                                     \
+        r.t = rayQueryGetIntersectionTEXT(query, true);                                                                \
+        r.frontFace = rayQueryGetIntersectionInstanceShaderBindingTableRecordOffsetEXT(query, true) << 8u;             \
+        if (!CONSISTENT(query, true))                                                                                  \
+            r.frontFace |= 16u;                                                                                        \
+        if (r.committed == gl_RayQueryCommittedIntersectionTriangleEXT) {                                              \
+            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, true);                                       \
+            r.u = uv.x;                                                                                                \
+            r.v = uv.y;                                                                                                \
+            r.frontFace |= rayQueryGetIntersectionFrontFaceEXT(query, true) ? 1u : 0u;                                 \
+        }                                                                                                              \
+    }
+
+#ifdef IN_FUNCTIONS
+void begin(rayQueryEXT query, Ray ray, uint flags)
+{
+    INITIALIZE(query, flags);
+}
+
+uint proceed(rayQueryEXT query, Ray ray, uint id, uint count)
+{
+    while (rayQueryProceedEXT(query)) {
+        CANDIDATE(query)
+    }
+    return count;
+}
+
+Result result(rayQueryEXT query, Ray ray)
+{
+    Result r = Result(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0.0, 0.0, 0u);
+    COMMITTED(query)
+    return r;
+}
+#endif
+
 void traceRay(uint id)
 {
     if (id >= push.rayCount)
         return;
     const Ray ray = rays[id];
+    uint count = 0u;
+    Result r = Result(0u, 0u, 0u, 0u, 0u, 0u, 0u, 0.0, 0.0, 0.0, 0.0, 0u);
+#ifdef IN_FUNCTIONS
+    rayQueryEXT query;
+    begin(query, ray, FLAGS(ray));
+    count = proceed(query, ray, id, count);
+    r = result(query, ray);
+#else
 #ifdef IN_ARRAY
     rayQueryEXT queries[2];
     const uint own = id & 1u;
@@ -75,78 +199,39 @@ void traceRay(uint id)
 #else
     rayQueryEXT query;
 #endif
-#ifdef BY_ADDRESS
-    rayQueryInitializeEXT(QUERY, accelerationStructureEXT(push.sceneAddress), FLAGS(ray), ray.cullMask,
-#else
-    rayQueryInitializeEXT(QUERY, scene, FLAGS(ray), ray.cullMask,
+#ifdef AGAIN
+    // Before that, another ray, which is not traced to its end.
+    INITIALIZE(query, ray.flags ^ gl_RayFlagsTerminateOnFirstHitEXT);
+    for (uint i = 0u; i < (id & 3u) && rayQueryProceedEXT(query); ++i)
+        if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionTriangleEXT)
+            rayQueryConfirmIntersectionEXT(query);
 #endif
-                          vec3(ray.origin[0], ray.origin[1], ray.origin[2]), ray.tMin,
-                          vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax);
-    uint count = 0u;
+#ifdef SITES
+    if ((id & 1u) == 0u) {
+        INITIALIZE(query, ray.flags);
+        while (rayQueryProceedEXT(query)) {
+            CANDIDATE(query)
+        }
+    } else {
+        INITIALIZE(query, ray.flags & ~0u);
+        bool more = rayQueryProceedEXT(query);
+        for (; more; more = rayQueryProceedEXT(query)) {
+            CANDIDATE(query)
+        }
+    }
+#else
+    INITIALIZE(QUERY, FLAGS(ray));
     while (rayQueryProceedEXT(QUERY)) {
-        Candidate c;
-        c.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(QUERY, false));
-        c.instance = uint(rayQueryGetIntersectionInstanceIdEXT(QUERY, false));
-        c.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(QUERY, false));
-        c.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(QUERY, false));
-        c.t = 0.0;
-        c.u = 0.0;
-        c.v = 0.0;
-        if (rayQueryGetIntersectionTypeEXT(QUERY, false) == gl_RayQueryCandidateIntersectionAABBEXT) {
-            c.bits = 1u | (rayQueryGetIntersectionCandidateAABBOpaqueEXT(QUERY) ? 2u : 0u);
-            const float limit =
-                rayQueryGetIntersectionTypeEXT(QUERY, true) == gl_RayQueryCommittedIntersectionNoneEXT
-                    ? ray.tMax
-                    : rayQueryGetIntersectionTEXT(QUERY, true);
-            if (ray.generate > 0.0 && ray.generate < limit) {
-                rayQueryGenerateIntersectionEXT(QUERY, ray.generate);
-                c.bits |= 8u;
-            }
-        } else {
-            c.bits = rayQueryGetIntersectionFrontFaceEXT(QUERY, false) ? 4u : 0u;
-            c.t = rayQueryGetIntersectionTEXT(QUERY, false);
-            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(QUERY, false);
-            c.u = uv.x;
-            c.v = uv.y;
-            if (confirms(ray.rule, c.customIndex, c.instance, c.geometry, c.primitive)) {
-                rayQueryConfirmIntersectionEXT(QUERY);
-                c.bits |= 8u;
-            }
-        }
-        if (count < push.capacity)
-            list[id * push.capacity + count] = c;
-        ++count;
+        CANDIDATE(QUERY)
     }
-    Result r;
-    r.candidates = count;
-    r.flags = rayQueryGetRayFlagsEXT(QUERY);
-    r.tMin = rayQueryGetRayTMinEXT(QUERY);
-    r.committed = rayQueryGetIntersectionTypeEXT(QUERY, true);
-    r.customIndex = 0u;
-    r.instance = 0u;
-    r.geometry = 0u;
-    r.primitive = 0u;
-    r.t = 0.0;
-    r.u = 0.0;
-    r.v = 0.0;
-    r.frontFace = 0u;
-    if (r.committed != gl_RayQueryCommittedIntersectionNoneEXT) {
-        r.customIndex = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(QUERY, true));
-        r.instance = uint(rayQueryGetIntersectionInstanceIdEXT(QUERY, true));
-        r.geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(QUERY, true));
-        r.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(QUERY, true));
-        r.t = rayQueryGetIntersectionTEXT(QUERY, true);
-        if (r.committed == gl_RayQueryCommittedIntersectionTriangleEXT) {
-            const vec2 uv = rayQueryGetIntersectionBarycentricsEXT(QUERY, true);
-            r.u = uv.x;
-            r.v = uv.y;
-            r.frontFace = rayQueryGetIntersectionFrontFaceEXT(QUERY, true) ? 1u : 0u;
-        }
-    }
+#endif
+    COMMITTED(QUERY)
 #ifdef IN_ARRAY
     if (rayQueryProceedEXT(queries[1u - own]) || rayQueryGetRayFlagsEXT(queries[1u - own]) != 0u)
         r.flags = ~0u;
 #endif
+#endif
+    r.candidates = count;
     results[id] = r;
 }
 

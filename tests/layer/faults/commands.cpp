@@ -63,10 +63,32 @@ VkResult createWithTwins(VkDevice handle, VkPipelineCache cache, VkRayTracingPip
     return result;
 }
 
+// --- "library-stages-unused" ---
+
+VkResult createWithoutLibraryStages(VkDevice handle, VkPipelineCache cache,
+                                    std::span<const VkRayTracingPipelineCreateInfoKHR> infos,
+                                    const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+{
+    std::vector<VkRayTracingPipelineCreateInfoKHR> own(infos.begin(), infos.end());
+    std::vector<std::vector<VkRayTracingShaderGroupCreateInfoKHR>> groups;
+    for (VkRayTracingPipelineCreateInfoKHR &info : own) {
+        auto &changed = groups.emplace_back(info.pGroups, info.pGroups + info.groupCount);
+        for (VkRayTracingShaderGroupCreateInfoKHR &group : changed)
+            for (uint32_t *const stage : {&group.closestHitShader, &group.anyHitShader})
+                if (*stage >= info.stageCount)
+                    *stage = VK_SHADER_UNUSED_KHR;
+        info.pGroups = changed.data();
+    }
+    return DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, VK_NULL_HANDLE, cache, static_cast<uint32_t>(own.size()),
+                                                       own.data(), allocator, pipelines);
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL createPipelines(VkDevice handle, VkDeferredOperationKHR operation, VkPipelineCache cache,
                                                uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
                                                const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
 {
+    if (operation == VK_NULL_HANDLE && has(keyOf(handle), "library-stages-unused"))
+        return createWithoutLibraryStages(handle, cache, std::span(infos, count), allocator, pipelines);
     if (operation != VK_NULL_HANDLE || !has(keyOf(handle), "null-record-skips-any-hit"))
         return DRIVER_NEXT(vkCreateRayTracingPipelinesKHR)(handle, operation, cache, count, infos, allocator,
                                                            pipelines);
@@ -116,6 +138,30 @@ VkStridedDeviceAddressRegionKHR withoutAnyHit(VkCommandBuffer handle, VkStridedD
     return table;
 }
 
+// --- "hit-stride-of-misses", "record-data-lost", "first-hit-table-stays" ---
+
+std::map<VkCommandBuffer, VkStridedDeviceAddressRegionKHR> firstTable; // of each command buffer
+
+VkStridedDeviceAddressRegionKHR changedTable(VkCommandBuffer handle, const VkStridedDeviceAddressRegionKHR &miss,
+                                             VkStridedDeviceAddressRegionKHR table)
+{
+    if (has(keyOf(handle), "hit-stride-of-misses"))
+        table.stride = miss.stride;
+    if (has(keyOf(handle), "first-hit-table-stays")) {
+        std::lock_guard lock(mutex);
+        table = firstTable.try_emplace(handle, table).first->second;
+    }
+    if (has(keyOf(handle), "record-data-lost") && table.deviceAddress != 0 && table.stride >= kHandleSize) {
+        const Memory memory = memoryFor(handle, table.size);
+        beforeExecution(handle, [table, memory] {
+            for (VkDeviceSize at = 0; at + kHandleSize <= table.size; at += table.stride)
+                std::memcpy(memory.bytes + at, hostPointer<const uint8_t>(table.deviceAddress) + at, kHandleSize);
+        });
+        table.deviceAddress = memory.address;
+    }
+    return table;
+}
+
 VKAPI_ATTR void VKAPI_CALL traceRays(VkCommandBuffer handle, const VkStridedDeviceAddressRegionKHR *raygen,
                                      const VkStridedDeviceAddressRegionKHR *miss,
                                      const VkStridedDeviceAddressRegionKHR *hit,
@@ -127,7 +173,8 @@ VKAPI_ATTR void VKAPI_CALL traceRays(VkCommandBuffer handle, const VkStridedDevi
         std::lock_guard lock(mutex);
         twins = bound[handle];
     }
-    const VkStridedDeviceAddressRegionKHR table = withoutAnyHit(handle, *hit, std::move(twins));
+    const VkStridedDeviceAddressRegionKHR table =
+        changedTable(handle, *miss, withoutAnyHit(handle, *hit, std::move(twins)));
     DRIVER_NEXT(vkCmdTraceRaysKHR)(handle, raygen, miss, &table, callable, width, height, depth);
 }
 
@@ -201,6 +248,7 @@ VKAPI_ATTR VkResult VKAPI_CALL begin(VkCommandBuffer handle, const VkCommandBuff
         std::lock_guard lock(mutex);
         buildsMicromaps.erase(handle);
         bound.erase(handle);
+        firstTable.erase(handle);
     }
     return DRIVER_NEXT(vkBeginCommandBuffer)(handle, info);
 }

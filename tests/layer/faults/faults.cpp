@@ -193,6 +193,13 @@ std::span<const Quirk> allFaults()
         // commands.cpp
         {"null-record-skips-any-hit", Level::Commands, "no any-hit shader runs where a hit table has a null record",
          "RADV, which compiles the table into one shader"},
+        {"hit-stride-of-misses", Level::Commands, "vkCmdTraceRaysKHR takes the stride of hit records from the miss region",
+         "two adjacent parameters"},
+        {"record-data-lost", Level::Commands, "the data of hit records is zero", "copies of hit tables that convert handles"},
+        {"first-hit-table-stays", Level::Commands, "all traces of a command buffer use the hit table of its first",
+         "state that is set once for each command buffer"},
+        {"library-stages-unused", Level::Commands,
+         "shaders of libraries are unused in hit groups of pipelines that link these", "issue 34 of Vellum"},
         {"second-queue-loses-micromaps", Level::Commands,
          "command buffers that build micromaps are executed by the first queue only",
          "programs with one queue, and drivers that were tested with them", "queues"},

@@ -80,6 +80,7 @@ void simplifyInstances(Attempts &attempts)
         edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.customIndex = 0; }));
         edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.mask = 0xff; }));
         edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.inactive = false; }));
+        edits.push_back(ofInstance(i, [](oracle::Instance &instance) { instance.record.reset(); }));
         for (const Bit &bit : kInstanceFlagNames)
             edits.push_back(ofInstance(i, [bit = bit.value](oracle::Instance &instance) { instance.flags &= ~bit; }));
     }
@@ -232,6 +233,106 @@ void roundCoordinates(Attempts &attempts)
     }
 }
 
+PipelinePlan &pipelineOf(Case &c, size_t i)
+{
+    return i == 0 ? c.trace.pipeline : c.trace.otherPipelines[i - 1];
+}
+
+oracle::TablePlan &tableOf(PipelinePlan &pipeline, size_t i)
+{
+    return i == 0 ? pipeline.table : pipeline.otherTables[i - 1];
+}
+
+// Puts a library's stages and groups into what links it.
+void mergePart(std::vector<PipelinePart> &parts, size_t at)
+{
+    const PipelinePart library = parts[at];
+    const auto number = static_cast<uint32_t>(at);
+    for (PipelinePart &part : parts) {
+        const auto found = std::ranges::find(part.libraries, number);
+        if (found == part.libraries.end())
+            continue;
+        part.libraries.insert(part.libraries.erase(found), library.libraries.begin(), library.libraries.end());
+        part.groups.insert(part.groups.end(), library.groups.begin(), library.groups.end());
+        for (const uint32_t stage : library.stages)
+            if (std::ranges::find(part.stages, stage) == part.stages.end())
+                part.stages.push_back(stage);
+    }
+    parts.erase(parts.begin() + static_cast<ptrdiff_t>(at));
+    for (PipelinePart &part : parts)
+        for (uint32_t &other : part.libraries)
+            other -= other > number ? 1 : 0;
+}
+
+// Fewer pipelines, tables and libraries, and each like the plain one.
+void simplifyPipelines(Attempts &attempts)
+{
+    using oracle::TablePlan;
+    for (size_t i = attempts.best().trace.otherPipelines.size(); i > 0; --i) {
+        // Without the one before it, or without it.
+        if (!attempts.attempt([i](Case &c) {
+                pipelineOf(c, i - 1) = c.trace.otherPipelines[i - 1];
+                c.trace.otherPipelines.erase(c.trace.otherPipelines.begin() + static_cast<ptrdiff_t>(i - 1));
+                c.trace.firstDestroyed &= !c.trace.otherPipelines.empty();
+            }))
+            attempts.attempt([i](Case &c) {
+                c.trace.otherPipelines.erase(c.trace.otherPipelines.begin() + static_cast<ptrdiff_t>(i - 1));
+                c.trace.firstDestroyed &= !c.trace.otherPipelines.empty();
+            });
+    }
+    for (size_t p = 0; p <= attempts.best().trace.otherPipelines.size(); ++p) {
+        const auto pipeline = [&] {
+            Case best = attempts.best();
+            return pipelineOf(best, p);
+        };
+        const auto edit = [&](const std::function<void(PipelinePlan &)> &change) {
+            attempts.attempt([&](Case &c) { change(pipelineOf(c, p)); });
+        };
+        for (size_t t = pipeline().otherTables.size(); t > 0; --t) {
+            edit([t](PipelinePlan &plan) {
+                tableOf(plan, t - 1) = plan.otherTables[t - 1];
+                plan.otherTables.erase(plan.otherTables.begin() + static_cast<ptrdiff_t>(t - 1));
+            });
+            if (t <= pipeline().otherTables.size())
+                edit([t](PipelinePlan &plan) {
+                    plan.otherTables.erase(plan.otherTables.begin() + static_cast<ptrdiff_t>(t - 1));
+                });
+        }
+        edit([](PipelinePlan &plan) { plan.parts.clear(); });
+        for (size_t i = pipeline().parts.size(); i > 1; --i)
+            edit([i](PipelinePlan &plan) {
+                if (i <= plan.parts.size())
+                    mergePart(plan.parts, i - 2);
+            });
+        for (size_t i = 0; i < pipeline().parts.size(); ++i)
+            for (size_t k = pipeline().parts[i].stages.size(); k > 0; --k)
+                edit([i, k](PipelinePlan &plan) {
+                    std::vector<uint32_t> &stages = plan.parts[i].stages;
+                    stages.erase(stages.begin() + static_cast<ptrdiff_t>(k - 1));
+                });
+        for (const Bit &bit : kPipelineFlagNames)
+            edit([bit = bit.value](PipelinePlan &plan) { plan.flags &= ~bit; });
+        edit([](PipelinePlan &plan) { plan.parameters.recordOffset = 0; });
+        edit([](PipelinePlan &plan) { plan.parameters.recordStride = 1; });
+        edit([](PipelinePlan &plan) { plan.parameters.missIndex = 0; });
+        for (size_t t = 0; t <= pipeline().otherTables.size(); ++t) {
+            const auto editTable = [&](const std::function<void(TablePlan &)> &change) {
+                edit([&](PipelinePlan &plan) { change(tableOf(plan, t)); });
+            };
+            editTable([](TablePlan &table) { table.records = {oracle::HitRecord::Full}; });
+            editTable([](TablePlan &table) { table.length.reset(); });
+            editTable([](TablePlan &table) { table.misses = 1; });
+            editTable([](TablePlan &table) { table.nullMiss = false; });
+            editTable([](TablePlan &table) { table.content = RecordData::Word; });
+            editTable([](TablePlan &table) { table.layout = {}; });
+            for (const auto member : {&TableLayout::before, &TableLayout::missPadding, &TableLayout::hitPadding})
+                editTable([member](TablePlan &table) { table.layout.*member = 0; });
+            for (const auto member : {&TableLayout::reversed, &TableLayout::zeroStride, &TableLayout::cut})
+                editTable([member](TablePlan &table) { table.layout.*member = false; });
+        }
+    }
+}
+
 // What a step does in a simpler case; itself if there is none.
 std::vector<Kind> simplerThan(Kind kind)
 {
@@ -282,6 +383,7 @@ void addQueryEdits(size_t plan, size_t command, std::vector<Edit> &edits)
 
 void simplifyPlans(Attempts &attempts)
 {
+    simplifyPipelines(attempts);
     std::vector<Edit> edits{
         [](Case &c) { c.memory = Memory::Apart; },
         [](Case &c) { c.build.micromaps = BuildCommand::Device; },
@@ -301,14 +403,14 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.mode = TracePlan::Mode::True; },
         [](Case &c) { c.trace.besideBuild = false; },
         [](Case &c) { c.trace.boundFirst = false; },
-        [](Case &c) { c.trace.queryArray = false; },
+        [](Case &c) { c.trace.query = TracePlan::Query::Plain; },
+        [](Case &c) { c.trace.shaderObjects = false; },
+        [](Case &c) { c.trace.firstDestroyed = false; },
         [](Case &c) { c.trace.unusedStage = false; },
         [](Case &c) { c.trace.launch = Launch::Direct; },
-        [](Case &c) { c.trace.recordPadding = 0; },
-        [](Case &c) { c.trace.libraries = TracePlan::Libraries::None; },
         [](Case &c) { c.trace.byAddress = false; },
         [](Case &c) { c.trace.inlineModules = false; },
-        [](Case &c) { c.trace.recursion = false; },
+        [](Case &c) { c.trace.from = TracePlan::From::RayGeneration; },
         [](Case &c) { c.trace.flags2 = false; },
         [](Case &c) { c.trace.withoutMicromaps = false; },
         [](Case &c) { c.trace.dynamicStackSize = false; },

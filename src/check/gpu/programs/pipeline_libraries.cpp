@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "check/gpu/programs/pipeline_libraries.h"
 
+#include <algorithm>
+#include <iterator>
+#include <stdexcept>
+
 namespace vellum::check
 {
 
@@ -27,29 +31,58 @@ PipelineSetup partOf(const PipelineSetup &from, std::span<const uint32_t> groups
     return setup;
 }
 
-MadePipeline linked(Device &gpu, const PipelineSetup &from, const LibraryPlan &plan)
+std::vector<uint32_t> stagesOf(std::span<const PipelinePart> parts, const PipelinePart &part)
 {
-    std::vector<RayPipeline> libraries;
-    std::vector<uint32_t> places(from.groups.size());
-    uint32_t next = 0;
-    for (const uint32_t g : plan.own)
-        places[g] = next++;
-    PipelineSetup linking = partOf(from, plan.own);
-    PipelineSetup outer = partOf(from, {});
-    for (const std::vector<uint32_t> &groups : plan.libraries) {
-        PipelineSetup library = partOf(from, groups);
-        library.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
-        libraries.emplace_back(gpu, library);
-        (plan.nested ? outer : linking).libraries.push_back(libraries.back().handle());
-        for (const uint32_t g : groups)
-            places[g] = next++;
+    std::vector<uint32_t> stages = part.stages;
+    for (const uint32_t library : part.libraries)
+        std::ranges::copy(stagesOf(parts, parts[library]), std::back_inserter(stages));
+    return stages;
+}
+
+std::vector<uint32_t> groupsOf(std::span<const PipelinePart> parts, const PipelinePart &part)
+{
+    std::vector<uint32_t> groups = part.groups;
+    for (const uint32_t library : part.libraries)
+        std::ranges::copy(groupsOf(parts, parts[library]), std::back_inserter(groups));
+    return groups;
+}
+
+MadePipeline linked(Device &gpu, const PipelineSetup &from, std::span<const PipelinePart> parts)
+{
+    std::vector<RayPipeline> made;
+    for (const PipelinePart &part : parts) {
+        PipelineSetup setup = from;
+        setup.stages.clear();
+        setup.groups.clear();
+        for (const uint32_t stage : part.stages)
+            setup.stages.push_back(from.stages[stage]);
+        const std::vector<uint32_t> stages = stagesOf(parts, part);
+        const auto indexOf = [&](uint32_t stage) {
+            const auto found = std::ranges::find(stages, stage);
+            if (stage != kUnused && found == stages.end())
+                throw std::logic_error("a group names a stage that neither its part nor a library of it has");
+            return stage == kUnused ? kUnused : static_cast<uint32_t>(found - stages.begin());
+        };
+        for (const uint32_t g : part.groups) {
+            const PipelineGroup &group = from.groups[g];
+            setup.groups.push_back({indexOf(group.general), indexOf(group.closestHit), indexOf(group.anyHit),
+                                    indexOf(group.intersection)});
+        }
+        for (const uint32_t library : part.libraries)
+            setup.libraries.push_back(made[library].handle());
+        if (part.micromapBit)
+            setup.flags |= kMicromapBit;
+        if (&part != &parts.back())
+            setup.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
+        made.emplace_back(gpu, setup);
     }
-    if (plan.nested) {
-        outer.flags |= VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
-        libraries.emplace_back(gpu, outer);
-        linking.libraries = {libraries.back().handle()};
-    }
-    return {RayPipeline(gpu, linking), std::move(places), std::move(libraries)};
+    const std::vector<uint32_t> order = groupsOf(parts, parts.back());
+    std::vector<uint32_t> places;
+    for (uint32_t g = 0; g < from.groups.size(); ++g)
+        places.push_back(static_cast<uint32_t>(std::ranges::find(order, g) - order.begin()));
+    RayPipeline pipeline = std::move(made.back());
+    made.pop_back();
+    return {std::move(pipeline), std::move(places), std::move(made)};
 }
 
 } // namespace vellum::check

@@ -16,6 +16,8 @@ namespace vellum::check
 namespace
 {
 
+constexpr uint32_t kComputeGroup = 64; // threads
+
 class ComputeProgram : public StageProgram
 {
 public:
@@ -41,13 +43,76 @@ public:
     void bind(VkCommandBuffer commands) const override { vkCmdBindPipeline(commands, point(), pipeline_); }
     void launch(VkCommandBuffer commands, uint32_t count) const override
     {
-        constexpr uint32_t kGroup = 64; // threads
-        vkCmdDispatch(commands, (count + kGroup - 1) / kGroup, 1, 1);
+        vkCmdDispatch(commands, (count + kComputeGroup - 1) / kComputeGroup, 1, 1);
     }
 
 private:
     Device &gpu_;
     VkPipeline pipeline_ = VK_NULL_HANDLE;
+};
+
+// VK_EXT_shader_object, which the oldest supported headers lack.
+struct ShaderCreateInfo {
+    uint32_t sType = 1000482002; // VK_STRUCTURE_TYPE_SHADER_CREATE_INFO_EXT
+    const void *pNext = nullptr;
+    VkFlags flags = 0;
+    VkShaderStageFlagBits stage{};
+    VkShaderStageFlags nextStage = 0;
+    uint32_t codeType = 1; // VK_SHADER_CODE_TYPE_SPIRV_EXT
+    size_t codeSize = 0;
+    const void *pCode = nullptr;
+    const char *pName = "main";
+    uint32_t setLayoutCount = 0;
+    const VkDescriptorSetLayout *pSetLayouts = nullptr;
+    uint32_t pushConstantRangeCount = 0;
+    const VkPushConstantRange *pPushConstantRanges = nullptr;
+    const VkSpecializationInfo *pSpecializationInfo = nullptr;
+};
+using ShaderObject = uint64_t; // VkShaderEXT
+using CreateShaders = VkResult(VKAPI_PTR *)(VkDevice, uint32_t, const ShaderCreateInfo *, const VkAllocationCallbacks *,
+                                            ShaderObject *);
+using DestroyShader = void(VKAPI_PTR *)(VkDevice, ShaderObject, const VkAllocationCallbacks *);
+using BindShaders = void(VKAPI_PTR *)(VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *, const ShaderObject *);
+
+class ShaderObjectProgram : public StageProgram
+{
+public:
+    ShaderObjectProgram(Device &gpu, const StageShader &shader) : gpu_(gpu)
+    {
+        const std::vector<uint32_t> code = gpu.code(shader.words);
+        const VkPushConstantRange range{shader.stage, 0, shader.pushSize};
+        const ShaderCreateInfo info{.stage = shader.stage,
+                                    .codeSize = code.size() * sizeof(uint32_t),
+                                    .pCode = code.data(),
+                                    .setLayoutCount = 1,
+                                    .pSetLayouts = &shader.objectLayout,
+                                    .pushConstantRangeCount = 1,
+                                    .pPushConstantRanges = &range,
+                                    .pSpecializationInfo = shader.specialization};
+        CHECK_VK(load<CreateShaders>("vkCreateShadersEXT")(gpu.device(), 1, &info, nullptr, &object_));
+    }
+    ~ShaderObjectProgram() override { load<DestroyShader>("vkDestroyShaderEXT")(gpu_.device(), object_, nullptr); }
+
+    [[nodiscard]] VkPipelineBindPoint point() const override { return VK_PIPELINE_BIND_POINT_COMPUTE; }
+    void bind(VkCommandBuffer commands) const override
+    {
+        constexpr VkShaderStageFlagBits kStage = VK_SHADER_STAGE_COMPUTE_BIT;
+        load<BindShaders>("vkCmdBindShadersEXT")(commands, 1, &kStage, &object_);
+    }
+    void launch(VkCommandBuffer commands, uint32_t count) const override
+    {
+        vkCmdDispatch(commands, (count + kComputeGroup - 1) / kComputeGroup, 1, 1);
+    }
+
+private:
+    template <class Command>
+    [[nodiscard]] Command load(const char *name) const
+    {
+        return reinterpret_cast<Command>(vkGetDeviceProcAddr(gpu_.device(), name));
+    }
+
+    Device &gpu_;
+    ShaderObject object_ = 0;
 };
 
 Graphics::Shaders graphicsShaders(const StageShader &shader)
@@ -165,6 +230,8 @@ VkShaderStageFlags pushStages(VkShaderStageFlagBits stage)
 
 std::unique_ptr<StageProgram> makeStageProgram(Device &gpu, VkPipelineLayout layout, const StageShader &shader)
 {
+    if (shader.objectLayout != VK_NULL_HANDLE)
+        return std::make_unique<ShaderObjectProgram>(gpu, shader);
     if (shader.stage == VK_SHADER_STAGE_COMPUTE_BIT)
         return std::make_unique<ComputeProgram>(gpu, layout, shader);
     if (pushStages(shader.stage) == PipelineResources::kStages)

@@ -14,6 +14,9 @@ struct StageShader {
     std::span<const uint32_t> words;
     const VkSpecializationInfo *specialization = nullptr;
     bool inlineModule = false; // VkShaderModuleCreateInfo in the stage's pNext
+    // Compute: not null: a shader object (VK_EXT_shader_object) with that set, and push constants of that size.
+    VkDescriptorSetLayout objectLayout = VK_NULL_HANDLE;
+    uint32_t pushSize = 0;
 };
 
 class StageProgram

@@ -3,7 +3,7 @@
 #include "faults/cases/cases.h"
 
 #include "check/gpu/execution_mode.h"
-#include "check/gpu/pipeline_tracer.h"
+#include "check/gpu/programs/pipeline_libraries.h"
 #include "shaders/tracer_comp.h"
 
 namespace faults
@@ -130,8 +130,55 @@ std::string tracedIndirectly(Gpu &gpu)
     const RowScene scene(gpu, micromap.get(), 1);
     const Ray ray{.origin = {0.3f, 0.3f, 1}};
     PipelineTracer tracer(gpu, {.records = {0, 0}, .sbtOffset = 1});
-    tracer.setLaunch(Launch::Indirect2, 1);
+    tracer.setTable({.hit = {0, 0}, .layout = {.hitPadding = 1}});
+    tracer.setLaunch(Launch::Indirect2);
     return "record " + std::to_string(tracer.trace(scene.tlas(), std::span(&ray, 1))[0].record);
+}
+
+std::string recordOf(const PipelineResult &result)
+{
+    return "record " + std::to_string(result.record);
+}
+
+std::string tracedWithPadding(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({1}));
+    const RowScene scene(gpu, micromap.get(), 1);
+    const Ray ray{.origin = {0.3f, 0.3f, 1}};
+    PipelineTracer tracer(gpu, {.records = {0, 0}, .sbtOffset = 1});
+    tracer.setTable({.hit = {0, 0}, .layout = {.hitPadding = 1}});
+    return recordOf(tracer.trace(scene.tlas(), std::span(&ray, 1))[0]);
+}
+
+std::string tracedWithTwoTables(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({1}));
+    const RowScene scene(gpu, micromap.get(), 1);
+    const Ray ray{.origin = {0.3f, 0.3f, 1}};
+    PipelineTracer tracer(gpu), other(tracer, {});
+    other.setTable({.hit = {0, 1}, .data = 1000});
+    for (PipelineTracer *const each : {&tracer, &other})
+        each->prepare(scene.tlas(), std::span(&ray, 1));
+    gpu.submit([&](VkCommandBuffer commands) {
+        barrier(commands);
+        for (PipelineTracer *const each : {&tracer, &other}) {
+            each->bind(commands);
+            each->dispatch(commands);
+        }
+        barrier(commands);
+    });
+    return recordOf(tracer.results()[0]) + ", " + recordOf(other.results()[0]);
+}
+
+std::string tracedByLibraryStage(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({1}));
+    const RowScene scene(gpu, micromap.get(), 1);
+    const Ray ray{.origin = {0.3f, 0.3f, 1}};
+    const std::vector<PipelinePart> parts{{{2}, {}}, {{0, 1, 3, 4}, {0, 1, 2, 3}, {0}}};
+    PipelineTracer tracer(
+        gpu, {.make = [&](Device &device, const PipelineSetup &setup) { return linked(device, setup, parts); }});
+    return recordOf(tracer.trace(scene.tlas(), std::span(&ray, 1))[0]);
 }
 
 std::string copiedDeferred(Gpu &gpu)
@@ -176,6 +223,10 @@ std::span<const Case> commandCases()
         Case{"cull-opaque-ignored", cullOpaqueRays, "..nn", ".Onn"},
         Case{"terminating-rays-ignore-2-state", terminatingRays, ".O.O", ".Onn"},
         Case{"null-record-skips-any-hit", nullRecord, "1 any-hit", "0 any-hit"},
+        Case{"hit-stride-of-misses", tracedWithPadding, "record 101", "record 4294967295"},
+        Case{"record-data-lost", tracedWithPadding, "record 101", "record 0"},
+        Case{"first-hit-table-stays", tracedWithTwoTables, "record 100, record 1100", "record 100, record 100"},
+        Case{"library-stages-unused", tracedByLibraryStage, "record 100", "record 4294967295"},
         Case{"second-queue-loses-micromaps", otherQueue, "1", "0", {}, "queues"},
         Case{"indirect-build-with-host-counts", indirect, "O.", "OO", {}, "capable"},
         Case{"build-clears-push-constants", tracedAfterBuild, "traced", "not traced"},

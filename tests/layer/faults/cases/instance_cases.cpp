@@ -64,7 +64,7 @@ std::string mirrored(Gpu &gpu)
     instance.transform.matrix[0][0] = -1;
     const Ray ray{.origin = {-1.8f, 0.3f, 1}};
     const Tlas scene(gpu, {instance});
-    return Tracer(gpu).trace(scene, std::span(&ray, 1))[0].frontFace != 0 ? "front" : "back";
+    return (Tracer(gpu).trace(scene, std::span(&ray, 1))[0].frontFace & 1) != 0 ? "front" : "back";
 }
 
 std::string forcedOpaque(Gpu &gpu)
