@@ -141,8 +141,8 @@ int list(const CheckOptions &options)
 int printGroups()
 {
     for (const check::Group &group : check::groups())
-        fmt::print("{} ({} cases, {} of them in a quick run)\n  {}\n  {}\n", group.name, group.cases, group.quickCases(),
-                   group.summary, group.sentences);
+        fmt::print("{} ({} cases, {} of them in a quick run)\n  {}\n  {}\n", group.name, group.cases,
+                   group.quickCases(), group.summary, group.sentences);
     return static_cast<int>(ExitCode::Success);
 }
 
@@ -273,8 +273,9 @@ public:
     // "120 of 2,240 cases, 1 failure, khr.levels, about 85 s left"
     [[nodiscard]] std::string at(double seconds) const
     {
-        std::string text = settings_.budget ? counted(results_.size(), "case")
-                                            : fmt::format("{} of {}", grouped(results_.size()), counted(cases_, "case"));
+        std::string text = settings_.budget
+                               ? counted(results_.size(), "case")
+                               : fmt::format("{} of {}", grouped(results_.size()), counted(cases_, "case"));
         text += ", " + counted(results_.failures(), "failure");
         if (const std::string groups = schedule_.running(); !groups.empty())
             text += ", " + groups;

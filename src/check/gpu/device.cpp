@@ -346,6 +346,7 @@ void Device::createDevice()
                       0};
     indirectBuilds_ = structures.accelerationStructureIndirectBuild != VK_FALSE;
     micromapHostCommands_ = micromaps.micromapHostCommands != VK_FALSE;
+    hostQueryReset_ = vulkan12.hostQueryReset != VK_FALSE;
     indirectTraces_ = {pipelines.rayTracingPipelineTraceRaysIndirect != VK_FALSE,
                        maintenance.rayTracingPipelineTraceRaysIndirect2 != VK_FALSE};
 }

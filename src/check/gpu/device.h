@@ -252,6 +252,7 @@ public:
     // Enabled features.
     [[nodiscard]] bool hasIndirectBuilds() const { return indirectBuilds_; }
     [[nodiscard]] bool hasMicromapHostCommands() const { return micromapHostCommands_; }
+    [[nodiscard]] bool hasHostQueryReset() const { return hostQueryReset_; }
     [[nodiscard]] bool hasIndirectTraces() const { return indirectTraces_[0]; } // vkCmdTraceRaysIndirectKHR
     [[nodiscard]] bool hasIndirectTraces2() const { return indirectTraces_[1]; }
     // Of micromap triangles, by format.
@@ -342,7 +343,7 @@ private:
     uint32_t scratchAlignment_ = 0;
     std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
-    bool indirectBuilds_ = false, micromapHostCommands_ = false;
+    bool indirectBuilds_ = false, micromapHostCommands_ = false, hostQueryReset_ = false;
     std::array<bool, 2> indirectTraces_{};
     std::array<uint32_t, 3> maxLevels_{};
     std::mutex faultsMutex_;
