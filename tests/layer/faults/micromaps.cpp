@@ -157,7 +157,7 @@ void lossyTransparent(MicromapTriangle &triangle, const MicromapTriangles &)
 }
 
 // A third of all states, chosen by what the triangle has.
-void lossyByContent(MicromapTriangle &triangle)
+void lossyByContent(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     uint32_t hash = triangle.level;
     for (const uint8_t state : triangle.states)
@@ -191,16 +191,16 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
     next(handle, allocator);
 }
 
-void lossyByDevice(MicromapTriangle &triangle)
+void lossyByDevice(MicromapTriangle &triangle, const MicromapTriangles &before)
 {
     if (triangle.lossy && isSecond(triangle.key))
-        opaqueUnknown(triangle);
+        opaqueUnknown(triangle, before);
 }
 
-void lossyByAddress(MicromapTriangle &triangle)
+void lossyByAddress(MicromapTriangle &triangle, const MicromapTriangles &before)
 {
     if (triangle.lossy && (triangle.address * 0x9e3779b97f4a7c15u >> 63) != 0)
-        opaqueUnknown(triangle);
+        opaqueUnknown(triangle, before);
 }
 
 struct Fault {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""`vellum check` reports no freedom of the specification as a failure: those that the faulty driver takes, and limits that
-the layer simulates. One step beyond each it does."""
+"""`vellum check` reports no freedom of the specification as a failure: those that the faulty driver takes, and limits
+that the layer simulates. One step beyond each it does."""
 import os
 import pathlib
 import subprocess
