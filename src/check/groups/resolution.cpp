@@ -317,7 +317,7 @@ constexpr std::array kGroups{
         "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_OPAQUE_KHR\"; \"The implementation, on an identically created "
         "instance and device, must perform any lossy substitutions invariantly with respect to acceleration structures "
         "and micromaps constructed with an equivalent shape and data\"",
-        150, runGroup<lossy>, 120},
+        150, runGroup<lossy>, 80},
     Group{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
