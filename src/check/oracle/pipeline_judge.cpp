@@ -16,7 +16,7 @@ enum Group : uint32_t { kFull, kNoAnyHit, kNoClosestHit, kBoxFull, kBoxNoAnyHit 
 
 const std::array<TracerGroup, 5> kHitGroups{
     {{}, {.anyHit = false}, {.closestHit = false}, {.box = true}, {.box = true, .anyHit = false}}};
-const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords = [] {
+const std::array<std::optional<uint32_t>, 2 *kBoxRecords> kHitRecords = [] {
     constexpr std::array<std::optional<uint32_t>, 8> triangles{kFull,        kFull,         kNoAnyHit, kFull,
                                                                std::nullopt, kNoClosestHit, kFull,     kNoAnyHit};
     constexpr std::array<std::optional<uint32_t>, 8> boxes{kBoxFull,     kBoxFull, kBoxNoAnyHit, kBoxFull,
