@@ -17,16 +17,21 @@ Case randomCase(uint32_t seed, uint32_t rays)
                         .formats = {kVertexFormats.begin(), kVertexFormats.end()}};
     Case c{.group = "random", .seed = (uint64_t{random()} << 32) | random()};
     c.scene = oracle::randomScene(random, limits);
+    const auto yes = [&] { return below(random, 2) == 0; };
+    const DeviceLimits device{.api = yes() ? Api::Ext : Api::Khr,
+                              .byteIndices = true,
+                              .hostCommands = true,
+                              .hostReset = true,
+                              .maintenance = true,
+                              .dataAccess = true,
+                              .maxLevel2 = 12,
+                              .maxLevel4 = 12,
+                              .maxLossyLevel = 12};
+    varyBuilds(random, c.scene, device);
     std::array<Step::Kind, static_cast<size_t>(Step::Kind::Count)> kinds{};
     for (size_t i = 0; i < kinds.size(); ++i)
         kinds[i] = static_cast<Step::Kind>(i);
-    addSteps(random, c, kinds, below(random, 12),
-             {.byteIndices = true, .maxLevel2 = 12, .maxLevel4 = 12, .maxLossyLevel = 12});
-    const auto yes = [&] { return below(random, 2) == 0; };
-    for (oracle::Object &object : c.scene.objects)
-        object.flags = yes() ? VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR |
-                                   VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR
-                             : 0u;
+    addSteps(random, c, kinds, below(random, 12), device);
     c.memory = static_cast<Memory>(below(random, 3));
     c.build = {.micromaps = yes() ? BuildCommand::Device : BuildCommand::Host,
                .structures = yes() ? BuildCommand::Device : BuildCommand::Indirect,
@@ -38,6 +43,10 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .conditional = yes(),
                .spareTriangles = below(random, 3),
                .spareInstances = below(random, 3)};
+    c.build.mixed = c.build.together && yes();
+    for (uint32_t i = c.build.single ? 0 : below(random, 3); i > 0; --i)
+        if (auto plan = randomQueries(random, c.scene, device))
+            c.queries.push_back(std::move(*plan));
     for (Step &step : c.steps) {
         step.host = targetOf(step.kind) == Target::Micromap && yes();
         step.deferred = step.host && yes();

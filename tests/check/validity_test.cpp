@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <limits>
 
+#include "check/case/names.h"
 #include "random_case.h"
 
 namespace
@@ -83,6 +84,11 @@ Step stepOf(Step::Kind kind, uint32_t target)
     return {.kind = kind, .target = target};
 }
 
+QueryPlan queriesOf(std::vector<QueryCommand> commands)
+{
+    return {.count = 3, .commands = std::move(commands)};
+}
+
 const Break kBreaks[] = {
     {"needs an object, an instance and a ray", kAlwaysPossible([](Case &c) { c.scene.rays.clear(); })},
     {"needs an object, an instance and a ray", kAlwaysPossible([](Case &c) { c.scene.instances.clear(); })},
@@ -146,7 +152,80 @@ const Break kBreaks[] = {
     {"are built on device or host",
      kAlwaysPossible([](Case &c) { c.build.micromaps = BuildCommand::Indirect; })},
     {"are built on the device", kAlwaysPossible([](Case &c) { c.build.structures = BuildCommand::Host; })},
-    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0x800; })},
+    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0x1000; })},
+    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.topFlags = 0x1000; })},
+    {"updates of micromaps and of their data exclude each other",
+     kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = kAllowMicromapUpdate | kAllowDataUpdate; })},
+    {"updates more than the data of micromaps", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         for (oracle::Object &object : c.scene.objects)
+             object.flags = kAllowDataUpdate;
+         c.steps = {stepOf(Step::Kind::SetStates, *use.micromap)};
+         c.steps[0].states = c.scene.micromaps[*use.micromap].triangles;
+         for (oracle::MicromapTriangle &triangle : c.steps[0].states)
+             triangle = {.level = triangle.level + 1, .states = std::vector<uint8_t>(4 * triangle.states.size())};
+         use.stride.reset();
+         use.base = 0;
+         use.indices[0] = 0;
+         c.steps[0].update = true;
+     })},
+    {"is no update", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::RebuildObject, 0)};
+         c.steps[0].outOfPlace = true;
+     })},
+    {"is no clone", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::CompactTop, 0)};
+         c.steps[0].exact = true;
+     })},
+    {"is not together", kAlwaysPossible([](Case &c) {
+         c.build.together = false;
+         c.build.mixed = true;
+     })},
+    {"no such form of usage counts",
+     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].usage = 8; })},
+    {"no such form of usage counts, or of data",
+     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].layout = 8; })},
+    {"no such form of usage counts", kForIndices([](oracle::MeshMicromap &use, Case &) { use.usage = 8; })},
+    {"has queries", kAlwaysPossible([](Case &c) {
+         c.steps.clear();
+         c.build.single = true;
+         c.queries = {{}};
+     })},
+    {"0 queries, not 1 to", kAlwaysPossible([](Case &c) { c.queries = {{.count = 0}}; })},
+    {"uses queries 2 to 3 of a pool of 3",
+     kAlwaysPossible([](Case &c) { c.queries = {queriesOf({{.first = 2, .count = 2}})}; })},
+    {"writes queries that are not reset", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.kind = QueryCommand::Kind::Write, .targets = {{QueryTarget::Of::Top}}}})};
+     })},
+    {"writes queries that are not reset", kAlwaysPossible([](Case &c) {
+         const QueryCommand write{.kind = QueryCommand::Kind::Write, .targets = {{QueryTarget::Of::Top}}};
+         c.queries = {queriesOf({{.count = 3}, write, write})};
+     })},
+    {"reads queries that were never reset",
+     kAlwaysPossible([](Case &c) { c.queries = {queriesOf({{.kind = QueryCommand::Kind::Read}})}; })},
+    {"waits for queries that are not written", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Read, .wait = true}})};
+     })},
+    {"copies queries that are not available", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Copy}})};
+     })},
+    {"has targets that it does not use, or lacks them", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Write}})};
+     })},
+    {"only the top level has bottom-level pointers", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Write, .targets = {{}}}})};
+         c.queries[0].property = QueryPlan::Property::BottomLevelPointers;
+     })},
+    {"the host queries micromaps only", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.kind = QueryCommand::Kind::WriteOnHost, .targets = {{}}}})};
+     })},
+    {"does not allow compaction", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.scene.micromaps[*use.micromap].flags = 0;
+         c.steps.clear();
+         c.queries = {queriesOf({{.count = 3},
+                                 {.kind = QueryCommand::Kind::Write,
+                                  .targets = {{QueryTarget::Of::Micromap, *use.micromap}}}})};
+         c.queries[0].property = QueryPlan::Property::CompactedSize;
+     })},
     {"exclude each other", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0xc; })},
     {"has 0 meshes, not 1 to 20", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
     {"has 21 meshes, not 1 to 20",

@@ -100,6 +100,7 @@ Device::Device(DeviceOptions options) : options_(std::move(options))
 
 Device::~Device()
 {
+    twin_.reset();
     if (device_ != VK_NULL_HANDLE) {
         vkDeviceWaitIdle(device_);
         kept_.clear();
@@ -110,6 +111,16 @@ Device::~Device()
     if (messenger_ != VK_NULL_HANDLE)
         commands_.DestroyDebugUtilsMessengerEXT(instance_, messenger_, nullptr);
     vkDestroyInstance(instance_, nullptr);
+}
+
+Device &Device::twin()
+{
+    if (!twin_) {
+        DeviceOptions options = options_;
+        options.memory = Memory::Apart;
+        twin_ = std::make_unique<Device>(std::move(options));
+    }
+    return *twin_;
 }
 
 void Device::fault(const std::string &what)
@@ -335,6 +346,7 @@ void Device::createDevice()
                       0};
     indirectBuilds_ = structures.accelerationStructureIndirectBuild != VK_FALSE;
     micromapHostCommands_ = micromaps.micromapHostCommands != VK_FALSE;
+    hostQueryReset_ = vulkan12.hostQueryReset != VK_FALSE;
     indirectTraces_ = {pipelines.rayTracingPipelineTraceRaysIndirect != VK_FALSE,
                        maintenance.rayTracingPipelineTraceRaysIndirect2 != VK_FALSE};
 }
@@ -383,6 +395,13 @@ void Device::submit(const std::function<void(VkCommandBuffer)> &record)
     end(commands);
     execute(commands);
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
+}
+
+void Device::insertLabel(const std::string &text) const
+{
+    const auto label = vkInit<VkDebugUtilsLabelEXT>({.pLabelName = text.c_str()});
+    if (commands_.QueueInsertDebugUtilsLabelEXT != nullptr)
+        commands_.QueueInsertDebugUtilsLabelEXT(queue_, &label);
 }
 
 std::vector<uint32_t> Device::code(std::span<const uint32_t> words) const

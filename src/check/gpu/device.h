@@ -101,6 +101,7 @@ struct DeviceOptions {
     X(CmdTraceRaysIndirect2KHR)                                                                                        \
     X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
     X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(QueueInsertDebugUtilsLabelEXT)                                                                                   \
     X(CreateDeferredOperationKHR)                                                                                      \
     X(DestroyDeferredOperationKHR)                                                                                     \
     X(DeferredOperationJoinKHR)                                                                                        \
@@ -251,6 +252,7 @@ public:
     // Enabled features.
     [[nodiscard]] bool hasIndirectBuilds() const { return indirectBuilds_; }
     [[nodiscard]] bool hasMicromapHostCommands() const { return micromapHostCommands_; }
+    [[nodiscard]] bool hasHostQueryReset() const { return hostQueryReset_; }
     [[nodiscard]] bool hasIndirectTraces() const { return indirectTraces_[0]; } // vkCmdTraceRaysIndirectKHR
     [[nodiscard]] bool hasIndirectTraces2() const { return indirectTraces_[1]; }
     // Of micromap triangles, by format.
@@ -295,6 +297,8 @@ public:
     void execute(VkCommandBuffer commands);
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
+    // Names what follows in capture tools: VkDebugUtilsLabelEXT.
+    void insertLabel(const std::string &text) const;
     VkShaderModule shader(std::span<const uint32_t> words) const;
 
     // An object that a user of the device keeps with it, one of each type; destroyed before the device.
@@ -306,6 +310,9 @@ public:
             object = std::make_shared<T>();
         return std::static_pointer_cast<T>(object);
     }
+
+    // A second device of an instance of its own, both created like this one's, with Memory::Apart.
+    Device &twin();
 
     // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
@@ -328,6 +335,7 @@ private:
     uint32_t family_ = 0;
     std::vector<VkQueueFamilyProperties> families_;
     std::unique_ptr<Arena> arena_;
+    std::unique_ptr<Device> twin_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     std::map<std::type_index, std::shared_ptr<void>> kept_;
     Commands commands_;
@@ -335,7 +343,7 @@ private:
     uint32_t scratchAlignment_ = 0;
     std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
-    bool indirectBuilds_ = false, micromapHostCommands_ = false;
+    bool indirectBuilds_ = false, micromapHostCommands_ = false, hostQueryReset_ = false;
     std::array<bool, 2> indirectTraces_{};
     std::array<uint32_t, 3> maxLevels_{};
     std::mutex faultsMutex_;

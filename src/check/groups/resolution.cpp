@@ -46,7 +46,8 @@ oracle::Instance oneInstance(Random &random)
 oracle::Scene rowScene(Random &random)
 {
     oracle::Scene scene;
-    scene.edge = 4e-6f; // rays along the axes, on triangles that are near the origin
+    // Rays meet the middle of micro-triangles, which is 8e-5 away from their edges at level 12.
+    scene.edge = 4e-5f;
     scene.objects.resize(1);
     scene.instances = {oneInstance(random)};
     return scene;
@@ -177,19 +178,64 @@ Case flags(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-Case lossy(Random &random, const DeviceLimits &limits)
+oracle::Scene lossyRow(Random &random, const DeviceLimits &limits)
 {
-    Case c{.scene = rowScene(random)};
-    oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
-    micromap.flags = kLossy;
-    const uint32_t level = std::min(chance(random, 75) ? below(random, 7) : 7 + below(random, 3), limits.maxLossyLevel);
-    const uint32_t triangles = level > 6 ? 2 : 6;
+    oracle::Scene scene = rowScene(random);
+    oracle::SceneMicromap &micromap = scene.micromaps.emplace_back();
+    const uint32_t kind = below(random, 100);
+    const uint32_t level = std::min(kind < 75   ? below(random, 7)
+                                    : kind < 97 ? 7 + below(random, 3)
+                                                : 10 + below(random, 3),
+                                    limits.maxLossyLevel);
+    const uint32_t triangles = level > 9 ? 1 : level > 6 ? 2 : 6;
     for (uint32_t i = 0; i < triangles; ++i)
         micromap.triangles.push_back(chance(random, 80) ? patchyTriangle(random, level)
                                                         : fineTriangle(random, level, kFourState));
-    addRow(random, c.scene, triangles, level, 48);
-    c.scene.objects[0].meshes[0].micromap =
-        oracle::randomUse(random, c.scene, triangles, {.byteIndices = limits.byteIndices});
+    constexpr std::array<VkBuildMicromapFlagsEXT, 3> flags{0, VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT,
+                                                           VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT};
+    micromap.flags = kLossy | flags[below(random, flags.size())];
+    if (chance(random, 60))
+        micromap.flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    addRow(random, scene, triangles, level, 48);
+    scene.objects[0].meshes[0].micromap =
+        oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
+    // Instances behind each other, so that rays meet several hits of which most are not known.
+    for (uint32_t i = chance(random, 40) ? 5 + below(random, 3) : 1; i > 1; --i) {
+        scene.instances.push_back(oneInstance(random));
+        scene.instances.back().transform.matrix[2][3] = -0.5f * static_cast<float>(i);
+        if (chance(random, 20))
+            scene.instances.back().flags = kFlagTwoState;
+    }
+    return scene;
+}
+
+// Lossy micromaps that are built by every command, copied, and built again.
+Case lossy(Random &random, const DeviceLimits &limits)
+{
+    Case c;
+    if (chance(random, 70)) {
+        c.scene = lossyRow(random, limits);
+    } else {
+        Limits scene = smallScene(limits);
+        scene.lossy = true;
+        c.scene = makeScene(random, scene, limits);
+    }
+    c.build.together = chance(random, 30);
+    c.build.instancePointers = chance(random, 20);
+    c.build.threads = c.build.together || chance(random, 70) ? 1 : 2 + below(random, 3);
+    if (limits.indirectBuilds && chance(random, 20))
+        c.build.structures = BuildCommand::Indirect;
+    constexpr std::array memories{Memory::Apart, Memory::Apart, Memory::Packed, Memory::PackedToTheEnd};
+    c.memory = memories[below(random, memories.size())];
+    if (limits.pipelines && chance(random, 25))
+        c.trace.method = TracePlan::Method::Pipeline;
+    using Kind = Step::Kind;
+    constexpr std::array steps{Kind::CloneMicromap,   Kind::CompactMicromap, Kind::ReloadMicromap, Kind::CloneMicromap,
+                               Kind::CompactMicromap, Kind::ReloadMicromap,  Kind::SetStates,      Kind::SetIndices,
+                               Kind::CloneObject,     Kind::CompactObject,   Kind::ReloadObject,   Kind::UpdateObject,
+                               Kind::RebuildObject,   Kind::MoveObject,      Kind::RenameObject,   Kind::RebuildObjects};
+    addSteps(random, c, steps, chance(random, 30) ? 0 : 1 + below(random, 3), limits);
+    c.build.single = c.steps.empty() && c.build.structures == BuildCommand::Device && chance(random, 30);
     return c;
 }
 
@@ -273,51 +319,57 @@ Case executionMode(Random &random, const DeviceLimits &limits)
 }
 
 constexpr std::array kGroups{
-    Group{"resolution-query", "random scenes, by ray queries in compute shaders", kRayOpacity, 400, runGroup<queries>},
+    Group{"resolution-query", "random scenes, by ray queries in compute shaders", kRayOpacity, 400, runGroup<queries>,
+          250},
     Group{"resolution-pipeline",
           "random scenes, by ray tracing pipelines whose hit groups have and lack any-hit and closest-hit shaders, and "
           "by "
           "null records",
-          kRayOpacity, 200, runGroup<pipelines>},
+          kRayOpacity, 200, runGroup<pipelines>, 200},
     Group{"plain", "random scenes without micromaps: whether oracle and driver agree at all",
-          "Ray Traversal; Ray Intersection Culling", 60, runGroup<plain>},
+          "Ray Traversal; Ray Intersection Culling", 60, runGroup<plain>, 30},
     Group{"levels", "subdivision levels up to the limits of the device, of both formats in one micromap",
           "Opacity Micromap: the curve by which micro-triangles are numbered; maxOpacity2StateSubdivisionLevel and "
           "maxOpacity4StateSubdivisionLevel; VkMicromapTriangleKHR: subdivisionLevel and format of each triangle",
-          150, runGroup<levels>},
+          150, runGroup<levels>, 50},
     Group{"indices", "special and other indices of every type, stride and offset, with a base triangle, null micromaps",
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: \"a triangle in the micromap is fetched at index "
           "reinterpret_cast<indexType>(indexBuffer + indexStride * geomTriangleIndex) + baseTriangle\"; \"If the index "
           "fetched from indexbuffer is negative then it is a special value\"; VK_EXT_opacity_micromap: \"the unsigned "
           "cast "
           "of one of the values from VkOpacityMicromapSpecialIndexEXT\"",
-          300, runGroup<indices>},
+          300, runGroup<indices>, 250},
     Group{"flags", "one object in instances with different flags, which force two states or disable micromaps",
           "VkGeometryInstanceFlagBitsKHR: FORCE_OPACITY_MICROMAP_2_STATE, DISABLE_OPACITY_MICROMAPS; the ray flag "
           "ForceOpacityMicromap2StateEXT",
-          200, runGroup<flags>},
+          200, runGroup<flags>, 150},
     Group{
-        "lossy", "lossy builds: a state may become unknown, and nothing else",
-        "VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR: \"the implementation can additionally substitute any "
-        "state to any of the UNKNOWN states\"",
-        100, runGroup<lossy>},
+        "lossy",
+        "lossy builds, copies and updates: a state may become unknown, and nothing else; it is the same as in an equal "
+        "build on a second device",
+        "Ray Opacity Micromap: \"the implementation may substitute any element's state value with "
+        "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_TRANSPARENT_KHR or "
+        "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_OPAQUE_KHR\"; \"The implementation, on an identically created "
+        "instance and device, must perform any lossy substitutions invariantly with respect to acceleration structures "
+        "and micromaps constructed with an equivalent shape and data\"",
+        150, runGroup<lossy>, 120},
     Group{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
-        200, runGroup<stages>},
+        200, runGroup<stages>, 12},
     Group{"pipeline-plans", "ray tracing pipelines of libraries, with inline modules, stack sizes, recursion, flags2",
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR; "
           "VK_KHR_pipeline_library",
-          200, runGroup<pipelinePlans>},
+          200, runGroup<pipelinePlans>, 8},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
-          120, runGroup<indirectTraces>},
+          120, runGroup<indirectTraces>, 120},
     Group{"query-objects", "two ray queries at a time, in an array",
           "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own", 60,
-          runGroup<queryObjects>},
+          runGroup<queryObjects>, 60},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
-          runGroup<executionMode>},
+          runGroup<executionMode>, 20},
 };
 
 } // namespace

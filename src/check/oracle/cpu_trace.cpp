@@ -2,6 +2,7 @@
 #include "check/oracle/cpu_trace.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "check/oracle/outcome.h"
@@ -13,6 +14,11 @@ namespace
 
 constexpr double kDistance = 1e-4; // in t
 constexpr double kGrazing = 0.02;  // cosine
+// How far a driver's rounding may move a triangle or a ray, in units of the object. "Implementations should take efforts
+// to maintain as much precision as possible" is all that the specification says.
+constexpr double kPlace = 5e-6;
+constexpr double kMostMargin = 5e-4; // in barycentrics: half of what the judges tolerate
+constexpr double kWidest = 0.05;     // the same of slivers
 
 using Point = std::array<double, 3>;
 
@@ -94,20 +100,22 @@ uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
 namespace
 {
 
-// The 4-state value at a place of a triangle.
-int stateAt(const Scene &scene, const MeshMicromap &use, uint32_t primitive, double u, double v, double &edge)
+// The 4-state value at a place of a triangle, and the micro-triangle that has it.
+int stateAt(const Scene &scene, const MeshMicromap &use, uint32_t primitive, double u, double v, double &edge,
+            uint32_t &element)
 {
     const int32_t index = use.indexOf(primitive);
     if (index < 0)
         return -1 - index;
     const MicromapTriangle &triangle =
         scene.micromaps[*use.micromap].triangles[static_cast<uint32_t>(index) + use.base];
-    return triangle.states[microTriangleAt(u, v, triangle.level, edge)];
+    element = microTriangleAt(u, v, triangle.level, edge);
+    return triangle.states[element];
 }
 
-// "If micromap was built as lossy ..., then the implementation can additionally substitute any state to any of the
-// UNKNOWN states", for special indices and for what the micromap has.
-bool mayBeUnknown(const Scene &scene, const MeshMicromap &use)
+// The specification says "any element's state value" (Ray Opacity Micromap); the proposal of VK_KHR_opacity_micromap
+// also allows it where triangles have special indices.
+bool isLossy(const Scene &scene, const MeshMicromap &use)
 {
     return use.micromap && (scene.micromaps[*use.micromap].flags & kLossy) != 0;
 }
@@ -115,8 +123,8 @@ bool mayBeUnknown(const Scene &scene, const MeshMicromap &use)
 class Tracing
 {
 public:
-    Tracing(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices)
-        : scene_(scene), ray_(ray), choices_(choices)
+    Tracing(const Scene &scene, const Ray &ray, const Substitution &substitution)
+        : scene_(scene), ray_(ray), substitution_(substitution)
     {
     }
 
@@ -139,7 +147,8 @@ public:
         }
         for (size_t i = 0; i < out_.hits.size(); ++i) {
             for (size_t k = 0; k < i; ++k) {
-                if (std::abs(out_.hits[i].t - out_.hits[k].t) < kDistance && !out_.hits[i].box && !out_.hits[k].box)
+                if (std::abs(out_.hits[i].t - out_.hits[k].t) < std::max(slackOf_[i], slackOf_[k]) &&
+                    !out_.hits[i].box && !out_.hits[k].box)
                     out_.unsure = true;
             }
         }
@@ -155,6 +164,7 @@ private:
         default: return;
         }
         out_.hits.push_back(hit);
+        slackOf_.push_back(slack_);
     }
 
     // Möller and Trumbore.
@@ -180,10 +190,17 @@ private:
         hit.v = dot(local_.direction, q) / determinant;
         hit.t = dot(e2, q) / determinant;
         const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
+        if (!(inside > -kWidest))
+            return;
+        const double length = std::sqrt(std::max({dot(e1, e1), dot(e2, e2), dot(e2 - e1, e2 - e1)}));
+        // What kPlace is in barycentrics, where the height above the longest edge decides, and along the ray.
+        const double moved = std::max(double{scene_.edge}, kPlace * length / (area * std::abs(cosine)));
+        slack_ = std::max(kDistance,
+                          kPlace / (std::abs(cosine) * std::sqrt(dot(local_.direction, local_.direction))));
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.
-        const bool bad = std::abs(cosine) < kGrazing || area < 0.02;
-        const double margin = bad ? 0.05 : double{scene_.edge};
-        if (!(inside > -margin) || hit.t < double{ray_.tMin} - kDistance || hit.t > double{ray_.tMax} + kDistance)
+        const bool bad = std::abs(cosine) < kGrazing || area < 0.02 || moved > kMostMargin;
+        const double margin = bad ? kWidest : moved;
+        if (!(inside > -margin) || hit.t < double{ray_.tMin} - slack_ || hit.t > double{ray_.tMax} + slack_)
             return;
         // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a
         // right-handed view, towards it as Vulkan counts (confirmed on a driver by OracleWithoutLayer).
@@ -195,24 +212,25 @@ private:
             return;
         double edge = inside;
         int state = kNoMicromap;
-        if (inside > 0 && mesh.micromap) {
-            state = stateAt(scene_, *mesh.micromap, hit.primitive, hit.u, hit.v, edge);
-            if (mayBeUnknown(scene_, *mesh.micromap)) {
-                const uint32_t choice = out_.lossy < choices_.size() ? choices_[out_.lossy] : 0;
-                ++out_.lossy;
-                state = choice == 0 ? state : static_cast<int>(1 + choice);
-            }
-        }
-        if (bad || edge < double{scene_.edge} || nearEnds(hit.t)) {
+        uint32_t element = 0;
+        if (inside > 0 && mesh.micromap)
+            state = stateAt(scene_, *mesh.micromap, hit.primitive, hit.u, hit.v, edge, element);
+        if (bad || edge < moved || nearEnds(hit.t)) {
             out_.unsure = true;
             return;
+        }
+        if (mesh.micromap && isLossy(scene_, *mesh.micromap)) {
+            const LossyElement at{instance.object, hit.geometry, hit.primitive, element};
+            out_.lossy.push_back({hit.instance, at, state});
+            if (const auto found = substitution_.find(at); found != substitution_.end())
+                state = found->second;
         }
         add(instance, mesh, hit, state);
     }
 
     [[nodiscard]] bool nearEnds(double t) const
     {
-        return std::abs(t - double{ray_.tMin}) < kDistance || std::abs(t - double{ray_.tMax}) < kDistance;
+        return std::abs(t - double{ray_.tMin}) < slack_ || std::abs(t - double{ray_.tMax}) < slack_;
     }
 
     // Where the ray is inside the box grown by `growth`; false: nowhere between tMin and tMax.
@@ -248,37 +266,26 @@ private:
 
     const Scene &scene_;
     const Ray &ray_;
-    std::span<const uint8_t> choices_;
+    const Substitution &substitution_;
     LocalRay local_{};
+    double slack_ = kDistance;     // of the current hit, in t
+    std::vector<double> slackOf_{}; // of each of the hits
     Hits out_;
 };
 
 } // namespace
 
-Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices)
+Hits allHits(const Scene &scene, const Ray &ray, const Substitution &substitution)
 {
-    return Tracing(scene, ray, choices).run();
+    return Tracing(scene, ray, substitution).run();
 }
 
-std::string faultOf(const Scene &scene, const Ray &ray, const Hits &exact,
-                    const std::function<std::string(const std::vector<Hit> &)> &judge)
+std::vector<Hits> allHits(const Scene &scene, const Substitution &substitution)
 {
-    std::string fault = judge(exact.hits);
-    constexpr uint32_t kMost = 4; // 81 combinations
-    if (fault.empty() || exact.lossy == 0 || exact.lossy > kMost)
-        return exact.lossy > kMost ? std::string() : fault;
-    std::vector<uint8_t> choices(exact.lossy);
-    for (;;) {
-        size_t digit = 0;
-        while (digit < choices.size() && choices[digit] == 2)
-            choices[digit++] = 0;
-        if (digit == choices.size())
-            return fault;
-        ++choices[digit];
-        const Hits other = allHits(scene, ray, choices);
-        if (other.unsure || judge(other.hits).empty())
-            return {};
-    }
+    std::vector<Hits> hits;
+    for (const Ray &ray : scene.rays)
+        hits.push_back(allHits(scene, ray, substitution));
+    return hits;
 }
 
 } // namespace vellum::check::oracle

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bench/part_process.h"
 
-#include <algorithm>
 #include <chrono>
 #include <fmt/format.h>
 #include <memory>
@@ -9,6 +8,7 @@
 #include <string_view>
 
 #include "cli/base/error.h"
+#include "cli/base/paired_timing.h"
 #include "cli/base/system/child_process.h"
 #include "cli/base/system/interrupt.h"
 #include "core/utf8_path.h"
@@ -62,19 +62,15 @@ bool isRow(const std::string &line)
            row.HasMember("row") && row["row"].IsString();
 }
 
-// How long it may take to the next row: no less than by plan.
-double longestWait(const Part &part, double timeout)
-{
-    constexpr double kRows[] = {1, 1, 6, 8, 1}; // of each kind of part, at least
-    return std::max(timeout, 2 * part.seconds / kRows[static_cast<size_t>(part.kind)]);
-}
-
 } // namespace
 
 PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
                           const std::function<void()> &progress)
 {
-    PartResult result{part, {}, {}, 0};
+    constexpr double kSecondsOfLook = 0.1;
+    PartResult result;
+    result.part = part;
+    result.others = shareOfOthers(kSecondsOfLook);
     const auto begin = std::chrono::steady_clock::now();
     const auto elapsed = [&] {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -90,7 +86,6 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     const ChildProcess *const process = child.get();
     std::string output, errors;
     std::optional<ProcessEnd> end;
-    timeout = longestWait(part, timeout);
     for (double last = 0; !end && elapsed() < last + timeout && !Interruptible::interrupted(); progress()) {
         ChildProcess::waitForAny({&process, 1}, 200);
         end = child->end(); // first: what was written before it is read below
@@ -100,17 +95,20 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
         for (size_t line = output.find('\n'); line != std::string::npos; line = output.find('\n')) {
             const std::string row = output.substr(0, line);
             output.erase(0, line + 1);
-            if (!isRow(row))
-                continue;
-            result.rows.push_back(row);
+            if (isRow(row))
+                result.rows.push_back(row);
+            else if (row != kProgressLine)
+                continue; // a driver that hangs may print
             last = elapsed();
         }
     }
     if (Interruptible::interrupted()) // which may have ended the process as well
         result.failure = "interrupted";
     else
-        result.failure = end ? failureOf(*end, errors) : fmt::format("hung: no result for {:g} seconds", timeout);
+        result.failure = end ? failureOf(*end, errors) : fmt::format("hung: no progress for {:g} seconds", timeout);
     result.seconds = elapsed();
+    child.reset();
+    result.others = (result.others + shareOfOthers(kSecondsOfLook)) / 2;
     return result;
 }
 

@@ -73,6 +73,7 @@ struct Context {
     VkCommandBuffer commands;
     uint64_t target, source; // the structures that the build writes, and that an update reads
     bool update;
+    VkBuildAccelerationStructureFlagsKHR flags;
     std::vector<Attachment> attachments; // of the geometries that have one
     std::vector<Attachment> given;       // the same before they are changed
     std::vector<uint32_t> empty;         // geometries without triangles
@@ -267,6 +268,16 @@ void updateDrops(Context &context, Attachment &attachment)
     attachment.dropped = context.update;
 }
 
+void fastTrace(Context &context, Attachment &attachment)
+{
+    attachment.dropped = (context.flags & VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR) != 0;
+}
+
+void updateElsewhere(Context &context, Attachment &attachment)
+{
+    attachment.dropped = context.update && context.source != context.target;
+}
+
 void updateIndices(Context &context, Attachment &attachment)
 {
     const auto kept = context.update ? keptFor(context, attachment) : std::nullopt;
@@ -300,6 +311,15 @@ void lostTriangle(Context &context, Attachment &attachment)
         });
 }
 
+void updateLosesMore(Context &context, Attachment &attachment)
+{
+    if (context.update && isLossy(attachment.micromap))
+        replaceIndices(context, attachment, [base = attachment.base](const Indices &given, uint32_t t) {
+            const uint32_t index = given.value(t);
+            return index + base == 0 ? kUnknownOpaque : index;
+        });
+}
+
 struct Fault {
     const char *name;
     void (*apply)(Context &, Attachment &);
@@ -324,10 +344,14 @@ constexpr Fault kFaults[]{
     {"primitive-offset-moves-indices", primitiveOffset},
     {"special-unknown-swapped", specialUnknown},
     {"update-drops-micromap", updateDrops},
+    {"fast-trace-without-micromap", fastTrace},
+    {"update-elsewhere-drops-micromap", updateElsewhere},
     {"update-keeps-indices", updateIndices},
     {"update-keeps-micromap", updateMicromap},
     {"clone-is-shallow", shallowClone},
     {"compaction-loses-last-triangle", lostTriangle},
+    {"lossy-copy-loses-more", lostTriangle},
+    {"lossy-once-more", updateLosesMore},
 };
 
 // --- builds ---
@@ -409,7 +433,8 @@ private:
         Context context{.commands = commands,
                         .target = numberOf(info.dstAccelerationStructure),
                         .source = numberOf(info.srcAccelerationStructure),
-                        .update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR};
+                        .update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR,
+                        .flags = info.flags};
         for (uint32_t g = 0; g < info.geometryCount; ++g) {
             const auto &geometry = geometries.emplace_back(geometryOf(info, g));
             const auto &triangles = geometry.geometry.triangles;

@@ -163,6 +163,24 @@ constexpr VkBuildAccelerationStructureFlagsKHR kUpdate =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR |
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
 
+std::string fastTrace(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    return RowScene(gpu, micromap.get(), 2, {}, 0, VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR).states();
+}
+
+std::string updatedElsewhere(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    Geometry geometry{.vertices = triangleRow(2)};
+    geometry.micromap = Attachment{micromap.get()};
+    const Blas source(gpu, {geometry}, kUpdate);
+    Blas target(gpu);
+    target.updateFrom(&source);
+    target.build({geometry}, kUpdate, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    return statesOf(gpu, Tlas(gpu, {instance(target, {}, 1)}), 2);
+}
+
 // After an update with other indices, or with another micromap.
 std::string updated(Gpu &gpu, std::vector<int32_t> indices, MicromapInput other)
 {
@@ -187,6 +205,24 @@ std::string updatedIndices(Gpu &gpu)
 std::string updatedMicromap(Gpu &gpu)
 {
     return updated(gpu, {0, 1}, uniform({2, 3}));
+}
+
+std::string lossyClone(Gpu &gpu)
+{
+    const auto original = built(gpu, uniform({0, 1}), kLossy);
+    const Micromap clone(gpu, *original, original->size());
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, original->handle(), clone.handle(), VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    });
+    return statesOfMicromap(gpu, clone);
+}
+
+std::string lossyUpdate(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}), kLossy);
+    RowScene scene(gpu, micromap.get(), 2, {}, 0, kUpdate);
+    scene.update(micromap.get(), {});
+    return scene.states();
 }
 
 std::string changedOriginal(Gpu &gpu)
@@ -235,8 +271,12 @@ std::span<const Case> attachmentCases()
         Case{"primitive-offset-moves-indices", skippedTriangle, "01", "12"},
         Case{"special-unknown-swapped", unknownSpecial, "23", "32"},
         Case{"update-drops-micromap", updatedSame, "01", "nn"},
+        Case{"fast-trace-without-micromap", fastTrace, "01", "nn"},
+        Case{"update-elsewhere-drops-micromap", updatedElsewhere, "01", "nn"},
         Case{"update-keeps-indices", updatedIndices, "10", "01"},
         Case{"update-keeps-micromap", updatedMicromap, "23", "01"},
+        Case{"lossy-copy-loses-more", lossyClone, "01", "31", Api::Khr},
+        Case{"lossy-once-more", lossyUpdate, "01", "31", Api::Khr},
         Case{"clone-is-shallow", changedOriginal, "0", "1"},
         Case{"compaction-loses-last-triangle", compacted, "0120", "0123"},
     };
