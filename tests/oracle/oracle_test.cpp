@@ -96,6 +96,17 @@ TEST_F(OracleWithoutLayer, PlainScenes)
     compare(gpu(), {.micromaps = false}, 40, 20000);
 }
 
+// The same of geometry in all its forms.
+TEST_F(OracleWithoutLayer, UnusualGeometry)
+{
+    compare(gpu(), {.micromaps = false, .unusual = 80, .formats = gpu().vertexFormats()}, 60, 20000);
+}
+
+TEST_F(Oracle, UnusualGeometry)
+{
+    compare(gpu(), {.unusual = 80, .formats = gpu().vertexFormats()}, 60, 20000);
+}
+
 TEST_F(Oracle, RandomScenes)
 {
     compare(gpu(), {}, 400, 200000);

@@ -120,7 +120,8 @@ std::string describe(const oracle::Mesh &mesh)
     std::string text = mesh.boxes.empty()
                            ? counted(mesh.triangles(), "triangle")
                            : fmt::format("{} AABB{}", mesh.boxes.size(), mesh.boxes.size() == 1 ? "" : "s");
-    const auto inactive = std::ranges::count_if(mesh.vertices, [](const Vec3 &vertex) { return std::isnan(vertex[0]); });
+    const auto inactive =
+        std::ranges::count_if(mesh.vertices, [](const Vec3 &vertex) { return std::isnan(vertex[0]); });
     if (inactive > 0)
         text += fmt::format(", {} of NaN", counted(static_cast<size_t>(inactive), "corner"));
     text += mesh.opaque ? ", VK_GEOMETRY_OPAQUE_BIT_KHR" : ", not opaque";

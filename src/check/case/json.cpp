@@ -22,7 +22,7 @@ using Json = rapidjson::Value;
 using Allocator = rapidjson::Document::AllocatorType;
 
 constexpr std::string_view kSchema = "vellum-check/1";
-constexpr std::string_view kNan = "nan"; // a number of an inactive triangle or box
+constexpr std::string_view kNan = "nan";   // a number of an inactive triangle or box
 constexpr uint32_t kMostPlainStates = 256; // more are written as lengths of runs
 constexpr size_t kLineWidth = 100;
 

@@ -219,7 +219,8 @@ void checkMesh(const oracle::Mesh &mesh, bool boxes, const std::string &where)
     else
         checkTriangles(mesh, where);
     const oracle::MeshLayout &layout = mesh.layout;
-    const uint64_t vertices = uint64_t{layout.firstVertex} + layout.firstIndex + mesh.vertices.size() + mesh.boxes.size();
+    const uint64_t vertices =
+        uint64_t{layout.firstVertex} + layout.firstIndex + mesh.vertices.size() + mesh.boxes.size();
     rule(vertices * std::max(layout.stride, 24u) <= kMostBytes && layout.primitiveOffset <= kMostBytes &&
              layout.transformOffset <= kMostBytes,
          where, "stride or offsets too large");

@@ -51,7 +51,8 @@ constexpr std::array<OfDriver, 8> kOfDrivers{{
      VK_DRIVER_ID_MESA_LLVMPIPE,
      kMesa26,
      kNotFixed},
-    // Mesa 25.0 builds on the CPU. Later ones build as RADV does (vk_acceleration_structure.c), which is right in these.
+    // Mesa 25.0 builds on the CPU. Later ones build as RADV does (vk_acceleration_structure.c), which is right in
+    // these.
     {{Fault::FirstVertexIgnored, "builds ignore firstVertex", "it is 0"}, VK_DRIVER_ID_MESA_LLVMPIPE, 0, kMesa26},
     {{Fault::FourthComponentTransformed,
       "transformData moves vertices by as much as their fourth component, which is to be ignored, says",

@@ -263,7 +263,8 @@ uint32_t Geometry::primitives() const
 {
     if (isAabbs || !boxes.empty())
         return static_cast<uint32_t>(boxes.size());
-    return static_cast<uint32_t>((indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() - firstVertex : indices.size()) / 3) -
+    return static_cast<uint32_t>(
+               (indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() - firstVertex : indices.size()) / 3) -
            skippedTriangles - spareTriangles;
 }
 
@@ -318,7 +319,8 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
                                                              .geometryCount = static_cast<uint32_t>(geometries_.size()),
                                                              .pGeometries = geometries_.data()});
     if (usesPointers_) {
-        // Backwards in memory, and twice, so that neither the first element nor an array behind it is mistaken for them.
+        // Backwards in memory, and twice, so that neither the first element nor an array behind it is mistaken for
+        // them.
         pointedTo_.assign(geometries_.rbegin(), geometries_.rend());
         pointedTo_.insert(pointedTo_.end(), geometries_.rbegin(), geometries_.rend());
         pointers_.clear();
@@ -378,7 +380,8 @@ void Blas::describeTriangles(const Geometry &input, VkAccelerationStructureGeome
     const size_t before = indexed ? 0 : input.leadingBytes;
     std::vector<uint8_t> bytes(before + std::max<size_t>(input.vertices.size(), 1) * stride, kGarbage);
     for (size_t i = 0; i < input.vertices.size(); ++i)
-        writeVertex(input.vertexFormat, input.vertices[i], static_cast<uint32_t>(i), bytes.data() + before + i * stride);
+        writeVertex(input.vertexFormat, input.vertices[i], static_cast<uint32_t>(i),
+                    bytes.data() + before + i * stride);
     triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
         {.vertexFormat = input.vertexFormat,
          .vertexStride = stride,

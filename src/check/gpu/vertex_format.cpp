@@ -32,10 +32,9 @@ float fromHalf(uint16_t half)
 {
     const int exponent = half >> 10 & 31;
     const int mantissa = half & 1023;
-    const float size = exponent == 31 ? std::numeric_limits<float>::quiet_NaN()
-                       : exponent == 0
-                           ? std::ldexp(static_cast<float>(mantissa), -24)
-                           : std::ldexp(static_cast<float>(1024 + mantissa), exponent - 25);
+    const float size = exponent == 31  ? std::numeric_limits<float>::quiet_NaN()
+                       : exponent == 0 ? std::ldexp(static_cast<float>(mantissa), -24)
+                                       : std::ldexp(static_cast<float>(1024 + mantissa), exponent - 25);
     return (half & 0x8000) != 0 ? -size : size;
 }
 

@@ -15,12 +15,14 @@ using Vec3 = std::array<float, 3>;
 
 // All that cases use. The first six are those that every device has (VK_FORMAT_FEATURE_ACCELERATION_STRUCTURE_...).
 inline constexpr std::array kVertexFormats{
-    VK_FORMAT_R32G32B32_SFLOAT,      VK_FORMAT_R32G32_SFLOAT,       VK_FORMAT_R16G16B16A16_SFLOAT,
-    VK_FORMAT_R16G16_SFLOAT,         VK_FORMAT_R16G16B16A16_SNORM,  VK_FORMAT_R16G16_SNORM,
-    VK_FORMAT_R32G32B32A32_SFLOAT,   VK_FORMAT_R16G16B16_SFLOAT,    VK_FORMAT_R16G16B16_SNORM,
-    VK_FORMAT_R8G8B8A8_SNORM,        VK_FORMAT_R8G8_SNORM,          VK_FORMAT_R16G16B16A16_UNORM,
-    VK_FORMAT_R16G16_UNORM,          VK_FORMAT_R8G8B8A8_UNORM,      VK_FORMAT_R8G8_UNORM,
-    VK_FORMAT_A2B10G10R10_UNORM_PACK32,
+    VK_FORMAT_R32G32B32_SFLOAT,    VK_FORMAT_R32G32_SFLOAT,
+    VK_FORMAT_R16G16B16A16_SFLOAT, VK_FORMAT_R16G16_SFLOAT,
+    VK_FORMAT_R16G16B16A16_SNORM,  VK_FORMAT_R16G16_SNORM,
+    VK_FORMAT_R32G32B32A32_SFLOAT, VK_FORMAT_R16G16B16_SFLOAT,
+    VK_FORMAT_R16G16B16_SNORM,     VK_FORMAT_R8G8B8A8_SNORM,
+    VK_FORMAT_R8G8_SNORM,          VK_FORMAT_R16G16B16A16_UNORM,
+    VK_FORMAT_R16G16_UNORM,        VK_FORMAT_R8G8B8A8_UNORM,
+    VK_FORMAT_R8G8_UNORM,          VK_FORMAT_A2B10G10R10_UNORM_PACK32,
 };
 inline constexpr size_t kRequiredVertexFormats = 6;
 
@@ -40,8 +42,8 @@ struct VertexFormat {
 };
 VertexFormat vertexFormat(VkFormat format);
 
-// Writes the nearest position that the format has; what lies in a fourth component stays. NaN is any NaN: which, is up to
-// `number`.
+// Writes the nearest position that the format has; what lies in a fourth component stays. NaN is any NaN: which, is up
+// to `number`.
 void writeVertex(VkFormat format, const Vec3 &position, uint32_t number, uint8_t *out);
 // What a device reads of what writeVertex writes.
 Vec3 quantized(VkFormat format, const Vec3 &position);

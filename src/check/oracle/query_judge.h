@@ -24,8 +24,8 @@ inline std::string causeOf(const std::string &fault)
     return fault.substr(0, std::min(fault.find(" ("), fault.find('\n')));
 }
 
-// Whether a hit that is to be shown once is several of the candidates: "This operation may be executed multiple times for
-// the same intersection candidate unless VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR was specified for the
+// Whether a hit that is to be shown once is several of the candidates: "This operation may be executed multiple times
+// for the same intersection candidate unless VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR was specified for the
 // intersected geometry" (Triangle and Generated Intersection Candidates).
 inline bool cameAgain(const Hit &hit, const std::vector<Candidate> &candidates)
 {

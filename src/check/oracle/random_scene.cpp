@@ -121,8 +121,8 @@ MeshLayout triangleLayout(Random &random, const Limits &limits)
         layout.order = chance(random, 60) ? 1 + below(random, 1000) : 0;
     }
     if (chance(random, 40))
-        layout.primitiveOffset = chance(random, 60) ? triangleBytes * (1 + below(random, 5))
-                                                    : multipleOf(random, unit, unit, 100);
+        layout.primitiveOffset =
+            chance(random, 60) ? triangleBytes * (1 + below(random, 5)) : multipleOf(random, unit, unit, 100);
     if (chance(random, 40)) {
         layout.transform = randomTransform(random);
         layout.transformOffset = chance(random, 40) ? multipleOf(random, 16, 16, 128) : 0;

@@ -160,7 +160,9 @@ void simplifyLayouts(Attempts &attempts)
         mesh.layout.separate = false;
         fitLayout(mesh.layout);
     });
-    attempt([](oracle::Mesh &mesh) { mesh.layout.indexType = mesh.layout.isIndexed() ? VK_INDEX_TYPE_UINT32 : mesh.layout.indexType; });
+    attempt([](oracle::Mesh &mesh) {
+        mesh.layout.indexType = mesh.layout.isIndexed() ? VK_INDEX_TYPE_UINT32 : mesh.layout.indexType;
+    });
     attempt([](oracle::Mesh &mesh) { mesh.layout.separate = false; });
     for (uint32_t oracle::MeshLayout::*const number :
          {&oracle::MeshLayout::stride, &oracle::MeshLayout::primitiveOffset, &oracle::MeshLayout::firstVertex,

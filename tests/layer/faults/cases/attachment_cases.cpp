@@ -119,8 +119,8 @@ std::string flat(Gpu &gpu)
 
 std::string noDuplicates(Gpu &gpu)
 {
-    return statesIn(
-        gpu, [](Geometry &geometry) { geometry.flags = VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR; });
+    return statesIn(gpu,
+                    [](Geometry &geometry) { geometry.flags = VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR; });
 }
 
 // Geometries of one triangle each, and one without in between.
