@@ -160,11 +160,11 @@ std::span<const Quirk> allFaults()
          "a shifted array index"},
         {"query-of-previous", Level::Copies, "a query of a size returns that of the structure queried before",
          "a result that is read before it is written"},
-        {"query-first-ignored", Level::Copies, "properties are written to the queries from 0 on, whatever firstQuery is",
-         kOffByDefault},
+        {"query-first-ignored", Level::Copies,
+         "properties are written to the queries from 0 on, whatever firstQuery is", kOffByDefault},
         {"results-stride-ignored", Level::Copies, "vkGetQueryPoolResults writes results without gaps", kOffByDefault},
-        {"results-without-availability", Level::Copies,
-         "vkGetQueryPoolResults returns every query as available", "queries that are written at once"},
+        {"results-without-availability", Level::Copies, "vkGetQueryPoolResults returns every query as available",
+         "queries that are written at once"},
         {"copied-results-stride-ignored", Level::Copies, "vkCmdCopyQueryPoolResults writes results without gaps",
          kOffByDefault},
         {"reset-does-nothing", Level::Copies, "vkCmdResetQueryPool does nothing", "pools that are used once"},
@@ -257,12 +257,17 @@ std::span<const Quirk> allQuirks()
 std::span<const NamedLevel> allLevels()
 {
     static const NamedLevel all[]{
-        {Level::Process, faults::processRows(), true},    {Level::Shaders, faults::shaderRows(), true},
-        {Level::Instances, faults::instanceRows(), true}, {Level::Attachments, faults::attachmentRows(), true},
-        {Level::Copies, faults::copyRows(), true},        {Level::Generic, faults::genericRows(), true},
-        {Level::Boxes, faults::boxRows(), true},          {Level::Micromaps, faults::micromapRows(), true},
+        {Level::Process, faults::processRows(), true},
+        {Level::Shaders, faults::shaderRows(), true},
+        {Level::Instances, faults::instanceRows(), true},
+        {Level::Attachments, faults::attachmentRows(), true},
+        {Level::Copies, faults::copyRows(), true},
+        {Level::Generic, faults::genericRows(), true},
+        {Level::Boxes, faults::boxRows(), true},
+        {Level::Micromaps, faults::micromapRows(), true},
         {Level::Commands, faults::commandRows(), true},
-        {Level::State, faults::stateRows(), true},        {Level::Submissions, faults::submissionRows(), true},
+        {Level::State, faults::stateRows(), true},
+        {Level::Submissions, faults::submissionRows(), true},
     };
     return all;
 }
