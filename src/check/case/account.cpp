@@ -39,12 +39,30 @@ std::string namesOf(uint32_t flags, const std::array<Bit, N> &bits)
     return names.empty() ? "none" : fmt::format("{}", fmt::join(names, " | "));
 }
 
+// A line for each element, or for several in a row that are described alike; at most kMost.
+template <class T, class Describe>
+std::string listed(const std::vector<T> &elements, const char *one, const char *many, const Describe &describeOne)
+{
+    constexpr size_t kMost = 64;
+    std::string text;
+    size_t lines = 0;
+    for (size_t i = 0; i < elements.size();) {
+        if (lines++ == kMost)
+            return text + fmt::format("\n     and {} more", elements.size() - i);
+        const std::string words = describeOne(elements[i]);
+        size_t end = i + 1;
+        while (end < elements.size() && describeOne(elements[end]) == words)
+            ++end;
+        text += end - i == 1 ? fmt::format("\n     {} {}: {}", one, i, words)
+                             : fmt::format("\n     {} {} to {}, each: {}", many, i, end - 1, words);
+        i = end;
+    }
+    return text;
+}
+
 std::string describe(const std::vector<MicromapTriangle> &triangles)
 {
-    constexpr size_t kMost = 8;
-    std::string text;
-    for (size_t i = 0; i < triangles.size() && i < kMost; ++i) {
-        const MicromapTriangle &triangle = triangles[i];
+    return listed(triangles, "triangle", "triangles", [](const MicromapTriangle &triangle) {
         std::array<size_t, 4> counts{};
         for (const uint8_t state : triangle.states)
             ++counts[state & 3];
@@ -52,10 +70,9 @@ std::string describe(const std::vector<MicromapTriangle> &triangles)
         for (size_t s = 0; s < counts.size(); ++s)
             if (counts[s] > 0)
                 states.push_back(fmt::format("{} {}", counts[s], kStateNames[s]));
-        text += fmt::format("\n     triangle {}: level {}, {}-state: {}", i, triangle.level,
-                            triangle.format == kTwoState ? 2 : 4, fmt::join(states, ", "));
-    }
-    return text + (triangles.size() > kMost ? fmt::format("\n     and {} more", triangles.size() - kMost) : "");
+        return fmt::format("level {}, {}-state: {}", triangle.level, triangle.format == kTwoState ? 2 : 4,
+                           fmt::join(states, ", "));
+    });
 }
 
 std::string describe(const MeshMicromap &use)
@@ -94,6 +111,12 @@ std::string describe(const oracle::Instance &instance)
     if (instance.mask != 0xff)
         text += fmt::format(", mask {:#x}", instance.mask);
     return text + (instance.inactive ? ", inactive (reference 0)" : "");
+}
+
+std::string describe(const std::vector<oracle::Instance> &instances)
+{
+    return listed(instances, "instance", "instances",
+                  [](const oracle::Instance &instance) { return describe(instance); });
 }
 
 class Account
@@ -170,8 +193,10 @@ private:
             number("{} builds object {}, a bottom-level structure, flags {} and those that what follows needs{}:",
                    structureBuild(), o, namesOf(object.flags, kStructureFlagNames),
                    case_.build.together && o > 0 ? ", by the same command" : "");
-            for (size_t m = 0; m < object.meshes.size(); ++m)
-                line("     geometry {}: {}", m, describe(object.meshes[m]));
+            text_ +=
+                listed(object.meshes, "geometry", "geometries", [](const oracle::Mesh &mesh) { return describe(mesh); })
+                    .substr(1) +
+                "\n";
         }
         if (case_.build.threads > 1)
             line("     {} threads record these builds, which are submitted to all queues.", case_.build.threads);
@@ -190,8 +215,7 @@ private:
     }
     void writeInstances(const std::vector<oracle::Instance> &instances)
     {
-        for (size_t i = 0; i < instances.size(); ++i)
-            line("     instance {}: {}", i, describe(instances[i]));
+        text_ += describe(instances).substr(1) + "\n";
     }
 
     [[nodiscard]] std::string commandsOf(const Step &step) const;
@@ -269,9 +293,7 @@ std::string Account::commandsOf(const Step &step) const
     case Kind::ReloadTop: return "The top level is serialized and deserialized to a new structure.";
     default: {
         std::string text = "vkCmdBuildAccelerationStructuresKHR updates the top level:";
-        for (size_t i = 0; i < step.instances.size(); ++i)
-            text += fmt::format("\n     instance {}: {}", i, describe(step.instances[i]));
-        return text;
+        return text + describe(step.instances);
     }
     }
 }
@@ -339,9 +361,12 @@ void Account::writeHit(const Ray &ray, const Hit &hit)
 
 void Account::writeRay()
 {
-    if (after_.rays.empty())
+    if (!verdict_.ray) {
+        if (!verdict_.detail.empty())
+            line("\nFound:\n{}", verdict_.detail);
         return;
-    const size_t number = std::min<size_t>(verdict_.ray.value_or(0), after_.rays.size() - 1);
+    }
+    const size_t number = std::min<size_t>(*verdict_.ray, after_.rays.size() - 1);
     const Ray &ray = after_.rays[number];
     line("");
     line("Ray {} of {}, traced by {}:", number, after_.rays.size(),

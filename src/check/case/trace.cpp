@@ -72,7 +72,7 @@ public:
                     faults[i] = faultOf(scene, scene.rays[i], hits[i], judgeHits);
             };
             if (plan_.method == TracePlan::Method::Query)
-                traceQueries(top, rays, *first, judge);
+                traceQueries(top, scene, rays, *first, judge);
             else
                 tracePipeline(top, scene, rays, *first, judge);
             static const Record kNothing;
@@ -128,7 +128,8 @@ private:
     }
 
     template <class Judge>
-    void traceQueries(const Structure &top, std::span<const Ray> rays, const Record &beside, const Judge &judge)
+    void traceQueries(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
+                      const Judge &judge)
     {
         std::unique_ptr<Tracer> &tracer = queries_[key(rays)];
         if (!tracer)
@@ -136,7 +137,7 @@ private:
         run(*tracer, top, rays, beside);
         const std::vector<Result> results = tracer->results();
         for (size_t i = 0; i < results.size(); ++i)
-            judge(i, [&](const std::vector<Hit> &hits) { return queryFault(rays[i], hits, results[i]); });
+            judge(i, [&](const std::vector<Hit> &hits) { return queryFault(scene, rays[i], hits, results[i]); });
     }
 
     template <class Judge>

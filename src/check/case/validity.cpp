@@ -19,8 +19,9 @@ using oracle::MeshMicromap;
 using oracle::Scene;
 
 constexpr uint32_t kMostLevels = 12;
+constexpr size_t kMostMeshes = size_t{1} << 17;
 // The hit records of an instance: the last offset of a kind and those of all geometries (recordOffset).
-constexpr size_t kMostMeshes = oracle::kBoxRecords - oracle::kRecordOffsets + 1;
+constexpr size_t kMostMeshesOfRecords = oracle::kBoxRecords - oracle::kRecordOffsets + 1;
 // So that no case takes all memory.
 constexpr uint64_t kMostBytes = uint64_t{1} << 28; // of a buffer
 constexpr uint32_t kMostThreads = 64;
@@ -290,6 +291,10 @@ void checkPlans(const Case &c)
     rule(c.build.threads >= 1 && c.build.threads <= kMostThreads, "build.threads", "{} is not 1 to {}", c.build.threads,
          kMostThreads);
     rule(isNamed(kMethodNames, c.trace.method), "trace.method", "no such method");
+    rule(c.trace.method == TracePlan::Method::Query ||
+             std::ranges::all_of(c.scene.objects,
+                                 [](const oracle::Object &o) { return o.meshes.size() <= kMostMeshesOfRecords; }),
+         "trace.method", "an object has more than {} meshes, for which there are no hit records", kMostMeshesOfRecords);
     rule(isNamed(kStageNames, c.trace.stage), "trace.stage", "no such stage");
     rule(isNamed(kFlagSourceNames, c.trace.flags), "trace.flags", "no such source");
     rule(isNamed(kModeNames, c.trace.mode), "trace.mode", "no such mode");

@@ -149,9 +149,9 @@ void Micromap::create(VkDeviceSize size)
 Micromap::~Micromap()
 {
     if (!storage_.intact())
-        gpu_.fault("a build wrote beyond its micromap");
+        gpu_.fault("a build wrote beyond its micromap" + storage_.damage());
     if (scratch_ && !scratch_->intact())
-        gpu_.fault("a micromap build wrote beyond its scratch memory");
+        gpu_.fault("a micromap build wrote beyond its scratch memory" + scratch_->damage());
     if (scratch_ && !(data_.intact() && triangles_.intact()))
         gpu_.fault("a micromap build wrote to its input");
     destroyMicromap(gpu_, handle_);
@@ -211,9 +211,9 @@ Structure::~Structure()
 void Structure::checkGuards() const
 {
     if (placedBuffer_ == VK_NULL_HANDLE && structure_ != VK_NULL_HANDLE && !storage_->intact())
-        gpu_.fault("a build wrote beyond its acceleration structure");
+        gpu_.fault("a build wrote beyond its acceleration structure" + storage_->damage());
     if (structure_ != VK_NULL_HANDLE && scratch_ && !scratch_->intact())
-        gpu_.fault("an acceleration structure build wrote beyond its scratch memory");
+        gpu_.fault("an acceleration structure build wrote beyond its scratch memory" + scratch_->damage());
 }
 
 void Structure::placeIn(VkBuffer buffer, VkDeviceSize offset)
@@ -283,9 +283,23 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
     geometries_.clear();
     ranges_.clear();
     std::vector<uint32_t> counts;
-    const auto upload = [this](const void *content, size_t size, size_t alignment) {
-        buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
-        return buffers_.back().address();
+    // Where there are many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
+    size_t filled = 0;
+    const auto upload = [this, &filled](const void *content, size_t size, size_t alignment) {
+        constexpr size_t kManyGeometries = 128, kSharedBytes = size_t{1} << 20;
+        if (inputs_.size() < kManyGeometries || size > kSharedBytes) {
+            filled = 0;
+            buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
+            return buffers_.back().address();
+        }
+        size_t begin = (filled + alignment - 1) / alignment * alignment;
+        if (filled == 0 || begin + size > kSharedBytes) {
+            buffers_.emplace_back(gpu(), kSharedBytes, 256, kBuildInput);
+            begin = 0;
+        }
+        filled = begin + size;
+        std::memcpy(buffers_.back().bytes() + begin, content, size);
+        return buffers_.back().address() + begin;
     };
     for (size_t i = 0; i < inputs_.size(); ++i) {
         const Geometry &input = inputs_[i];

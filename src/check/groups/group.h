@@ -56,6 +56,8 @@ struct Group {
     std::string_view sentences; // of the specification that it tests, with section or VUID
     uint32_t cases = 0;         // in a full run
     Outcome (*run)(Session &session, std::string_view group, uint64_t seed) = nullptr;
+    // Kinds of cases: case n is of kind n % kinds, which is also its seed % kinds. The first `kinds` cases show each.
+    uint32_t kinds = 1;
 };
 
 // All groups, in the order in which they run.

@@ -10,7 +10,7 @@ std::span<const Group> groups()
 {
     static const std::vector<Group> all = [] {
         std::vector<Group> list;
-        for (const std::span<const Group> some : {resolutionGroups(), buildGroups(), objectGroups()})
+        for (const std::span<const Group> some : {resolutionGroups(), buildGroups(), objectGroups(), scaleGroups()})
             list.insert(list.end(), some.begin(), some.end());
         return list;
     }();

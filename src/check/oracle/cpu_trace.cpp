@@ -13,6 +13,7 @@ namespace
 
 constexpr double kDistance = 1e-4; // in t
 constexpr double kGrazing = 0.02;  // cosine
+constexpr double kWidest = 0.05;   // barycentrics beyond an edge that may still be a hit
 
 using Point = std::array<double, 3>;
 
@@ -145,13 +146,27 @@ public:
         return std::move(out_);
     }
 
+    // One triangle, without culling and opacity.
+    std::optional<Hit> runFor(uint32_t i, uint32_t g, uint32_t p)
+    {
+        everything_ = true;
+        const Instance &instance = scene_.instances[i];
+        local_ = toObject(instance.transform, ray_);
+        triangle(instance, scene_.objects[instance.object].meshes[g],
+                 {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true});
+        return out_.hits.empty() ? std::nullopt : std::optional(out_.hits[0]);
+    }
+
 private:
     void add(const Instance &instance, const Mesh &mesh, Hit hit, int state)
     {
+        hit.state = state;
         switch (outcomeOf(state, mesh.opaque, instance.flags, ray_.flags)) {
         case Outcome::Opaque: hit.opacity = Opacity::Opaque; break;
         case Outcome::NonOpaque: hit.opacity = Opacity::NonOpaque; break;
-        default: return;
+        default:
+            if (!everything_)
+                return;
         }
         out_.hits.push_back(hit);
     }
@@ -159,25 +174,27 @@ private:
     // Möller and Trumbore.
     void triangle(const Instance &instance, const Mesh &mesh, Hit hit)
     {
-        if ((ray_.flags & kRaySkipTriangles) != 0)
+        if ((ray_.flags & kRaySkipTriangles) != 0 && !everything_)
             return;
         const Point v0 = widen(mesh.vertices[3 * hit.primitive]);
         const Point e1 = widen(mesh.vertices[3 * hit.primitive + 1]) - v0;
         const Point e2 = widen(mesh.vertices[3 * hit.primitive + 2]) - v0;
-        const Point normal = cross(e1, e2);
-        const double area = std::sqrt(dot(normal, normal));
         const Point p = cross(local_.direction, e2);
         const double determinant = dot(e1, p);
-        const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
         const Point toOrigin = local_.origin - v0;
-        const Point q = cross(toOrigin, e1);
         hit.u = dot(toOrigin, p) / determinant;
+        if (const double widest = std::max(kWidest, double{scene_.edge}); hit.u < -widest || hit.u > 1 + widest)
+            return; // most triangles of a large scene
+        const Point q = cross(toOrigin, e1);
         hit.v = dot(local_.direction, q) / determinant;
         hit.t = dot(e2, q) / determinant;
         const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
+        const Point normal = cross(e1, e2);
+        const double area = std::sqrt(dot(normal, normal));
+        const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.
         const bool bad = std::abs(cosine) < kGrazing || area < 0.02;
-        const double margin = bad ? 0.05 : double{scene_.edge};
+        const double margin = bad ? kWidest : double{scene_.edge};
         if (!(inside > -margin) || hit.t < double{ray_.tMin} - kDistance || hit.t > double{ray_.tMax} + kDistance)
             return;
         // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a
@@ -185,7 +202,7 @@ private:
         hit.frontFace = determinant > 0;
         if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR) != 0)
             hit.frontFace = !hit.frontFace;
-        if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR) == 0 && !bad &&
+        if (!everything_ && (instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR) == 0 && !bad &&
             (ray_.flags & (hit.frontFace ? kRayCullFront : kRayCullBack)) != 0)
             return;
         double edge = inside;
@@ -240,6 +257,7 @@ private:
     const Ray &ray_;
     std::span<const uint8_t> choices_;
     LocalRay local_{};
+    bool everything_ = false; // also what is culled or ignored
     Hits out_;
 };
 
@@ -248,6 +266,15 @@ private:
 Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices)
 {
     return Tracing(scene, ray, choices).run();
+}
+
+std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive)
+{
+    const bool exists =
+        instance < scene.instances.size() && !scene.instances[instance].inactive &&
+        geometry < scene.objects[scene.instances[instance].object].meshes.size() &&
+        primitive < scene.objects[scene.instances[instance].object].meshes[geometry].vertices.size() / 3;
+    return exists ? Tracing(scene, ray, {}).runFor(instance, geometry, primitive) : std::nullopt;
 }
 
 std::string faultOf(const Scene &scene, const Ray &ray, const Hits &exact,

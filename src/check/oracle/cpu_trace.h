@@ -27,6 +27,7 @@ struct Hit {
     // False: a box that the ray does not meet for certain. "The occurrence of an AABB intersection candidate does not
     // guarantee the ray intersects the application-provided AABB."
     bool certain;
+    int state = 0; // as outcomeOf takes it
 };
 
 // The number of the micro-triangle at barycentrics (u, v). `edge` becomes how near the next line between two of them
@@ -45,6 +46,10 @@ struct Hits {
 // choices: for each of those, in order: 0: as it was given, 1: unknown-transparent, 2: unknown-opaque. The rest as
 // given.
 Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices = {});
+
+// What the ray meets of one triangle, whatever its opacity and whatever the ray culls; nothing: it does not meet it for
+// certain.
+std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive);
 
 // What is wrong with a ray by `judge`, which compares its result with hits and says what is wrong (empty: nothing),
 // with every choice that lossy builds leave. exact: allHits without choices, not unsure.
