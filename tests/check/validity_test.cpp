@@ -128,9 +128,11 @@ const Break kBreaks[] = {
     {"are built on the device", kAlwaysPossible([](Case &c) { c.build.structures = BuildCommand::Host; })},
     {"no such flag", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0x800; })},
     {"exclude each other", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0xc; })},
-    {"has 0 meshes, not 1 to 3", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
-    {"has 4 meshes, not 1 to 3",
-     kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.resize(4, c.scene.objects[0].meshes[0]); })},
+    {"has 0 meshes, not 1 to 131072", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
+    {"an object has more than 3 meshes, for which there are no hit records", kAlwaysPossible([](Case &c) {
+         c.scene.objects[0].meshes.resize(4, c.scene.objects[0].meshes[0]);
+         c.trace.method = TracePlan::Method::Pipeline;
+     })},
     {"needs either triangles or boxes", kAlwaysPossible([](Case &c) {
          c.scene.objects[0].meshes[0].vertices.clear();
          c.scene.objects[0].meshes[0].boxes.clear();

@@ -361,18 +361,19 @@ void Account::writeHit(const Ray &ray, const Hit &hit)
 
 void Account::writeRay()
 {
-    if (!verdict_.ray) {
+    const std::string tracer = case_.trace.method == TracePlan::Method::Pipeline
+                                   ? std::string("a ray tracing pipeline")
+                                   : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage));
+    line("");
+    if (!verdict_.ray) { // what is wrong is not what a ray meets
+        line("{} traced by {}.", counted(after_.rays.size(), "ray"), tracer);
         if (!verdict_.detail.empty())
             line("\nFound:\n{}", verdict_.detail);
         return;
     }
     const size_t number = std::min<size_t>(*verdict_.ray, after_.rays.size() - 1);
     const Ray &ray = after_.rays[number];
-    line("");
-    line("Ray {} of {}, traced by {}:", number, after_.rays.size(),
-         case_.trace.method == TracePlan::Method::Pipeline
-             ? std::string("a ray tracing pipeline")
-             : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage)));
+    line("Ray {} of {}, traced by {}:", number, after_.rays.size(), tracer);
     if (case_.trace.boundFirst)
         line("What traces was bound before the builds of the same command buffer.");
     if (case_.trace.launch != Launch::Direct)

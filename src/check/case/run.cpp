@@ -76,7 +76,9 @@ Verdict run(Device &gpu, const Case &c)
         if (faults[i].empty())
             continue;
         verdict.wrongRays.push_back(static_cast<uint32_t>(i));
-        if (!verdict.ray) {
+        // What several rays show is told by the opacity of a hit, if one does: one fault has one cause.
+        if (!verdict.ray ||
+            (verdict.cause != oracle::kOpacityCause && oracle::causeOf(faults[i]) == oracle::kOpacityCause)) {
             verdict.ray = static_cast<uint32_t>(i);
             verdict.cause = oracle::causeOf(faults[i]);
             verdict.detail = "ray " + std::to_string(i) + ": " + faults[i];

@@ -277,6 +277,35 @@ std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, 
     return exists ? Tracing(scene, ray, {}).runFor(instance, geometry, primitive) : std::nullopt;
 }
 
+std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray)
+{
+    Scene bare = scene; // without micromaps, no hit is ignored
+    for (Object &object : bare.objects)
+        for (Mesh &mesh : object.meshes)
+            mesh.micromap.reset();
+    std::optional<Hit> nearest;
+    for (const Hit &hit : allHits(bare, ray).hits)
+        if (!hit.box && (!nearest || hit.t < nearest->t))
+            nearest = hit;
+    return nearest;
+}
+
+Ray aimedAt(const Scene &scene, const Hit &hit, Ray ray, std::array<double, 2> place)
+{
+    const Instance &instance = scene.instances[hit.instance];
+    const Vec3 *const corners =
+        &scene.objects[instance.object].meshes[hit.geometry].vertices[size_t{3} * hit.primitive];
+    const auto [u, v] = place;
+    for (size_t r = 0; r < 3; ++r) {
+        double at = double{instance.transform.matrix[r][3]};
+        for (size_t k = 0; k < 3; ++k)
+            at += double{instance.transform.matrix[r][k]} *
+                  ((1 - u - v) * double{corners[0][k]} + u * double{corners[1][k]} + v * double{corners[2][k]});
+        ray.origin[r] = static_cast<float>(at - hit.t * double{ray.direction[r]});
+    }
+    return ray;
+}
+
 std::string faultOf(const Scene &scene, const Ray &ray, const Hits &exact,
                     const std::function<std::string(const std::vector<Hit> &)> &judge)
 {

@@ -5,7 +5,9 @@
 
 #include <cstdint>
 
+#include <array>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -50,6 +52,11 @@ Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choice
 // What the ray meets of one triangle, whatever its opacity and whatever the ray culls; nothing: it does not meet it for
 // certain.
 std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive);
+
+// The first triangle that the ray meets, whatever its opacity.
+std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray);
+// A ray as the one of that hit, that meets the triangle at other barycentrics.
+Ray aimedAt(const Scene &scene, const Hit &hit, Ray ray, std::array<double, 2> place);
 
 // What is wrong with a ray by `judge`, which compares its result with hits and says what is wrong (empty: nothing),
 // with every choice that lossy builds leave. exact: allHits without choices, not unsure.

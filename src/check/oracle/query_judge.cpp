@@ -84,7 +84,7 @@ std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, con
         expected = "an opaque hit";
     else if (outcome == Outcome::NonOpaque)
         expected = "a non-opaque candidate";
-    return "wrong opacity of a triangle (instance " + std::to_string(hit.instance) + ", geometry " +
+    return std::string(kOpacityCause) + " (instance " + std::to_string(hit.instance) + ", geometry " +
            std::to_string(hit.geometry) + ", triangle " + std::to_string(hit.primitive) + ": expected " + expected +
            ", as " + reasonFor(scene, ray, hit) + "; the device reported " + reported + ")";
 }

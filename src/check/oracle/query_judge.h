@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "check/oracle/scene_build.h"
 
@@ -25,6 +26,7 @@ std::string inWords(const T &x)
     return " (" + numbersOf(x) + ", custom index " + std::to_string(x.customIndex) + ")";
 }
 
+inline constexpr std::string_view kOpacityCause = "wrong opacity of a triangle";
 // The fault that a triangle is opaque, non-opaque or ignored otherwise than expected: what is expected of it and why,
 // and what the device reported of it instead.
 std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, const std::string &reported);

@@ -73,6 +73,13 @@ void updateKeepsFlags(std::span<Instance> instances, const Flags *first)
         instances[i].flags = (*first)[i] & 0xff;
 }
 
+template <size_t first>
+void noFlagsFrom(std::span<Instance> instances, const Flags *)
+{
+    for (size_t i = first; i < instances.size(); ++i)
+        instances[i].flags = 0;
+}
+
 struct Fault {
     const char *name;
     void (*apply)(std::span<Instance>, const Flags *first); // first: null for builds that are no updates
@@ -85,6 +92,9 @@ constexpr Fault kFaults[]{
     {"mirrored-instance-faces-away", mirroredFacing},
     {"force-opaque-disables-micromaps", forcedOpaqueWithoutMicromaps},
     {"update-keeps-instance-flags", updateKeepsFlags},
+    {"instance-flags-lost-from-64", noFlagsFrom<64>},
+    {"instance-flags-lost-from-256", noFlagsFrom<256>},
+    {"instance-flags-lost-from-65536", noFlagsFrom<65536>},
 };
 
 // What was built, for updates and copies.

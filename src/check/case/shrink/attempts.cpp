@@ -78,7 +78,11 @@ void Attempts::attemptAll(const std::vector<Edit> &edits)
 
 void Attempts::removeStretches(size_t count, const Remove &remove, size_t finest)
 {
+    // Of thousands, single ones are not worth a run each.
+    constexpr size_t kFewEnough = 1024, kMostStretches = 256;
     for (size_t stretch = count; stretch >= finest && stretch > 0; stretch /= 2) {
+        if (count > kFewEnough && count / stretch > kMostStretches)
+            return;
         for (size_t end = count; end > 0 && !exhausted();) {
             const size_t from = end > stretch ? end - stretch : 0;
             if (attempt([&](Case &c) { remove(c, from, end - from); }))
