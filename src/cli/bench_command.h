@@ -11,7 +11,7 @@ struct BenchOptions {
     std::optional<std::filesystem::path> output; // the page; the JSON is beside it
     BenchDevice device;
     double seconds = 180;     // of all parts together
-    double timeout = 60;      // without a result, after which a part counts as hung
+    double timeout = 60;      // without progress, after which a part counts as hung
     bool force = false;       // replaces any file
     std::optional<Part> part; // only this, in this process
 };

@@ -69,8 +69,7 @@ std::function<int()> declareBenchCommand(CLI::App &app)
     command.add_option("--seconds", options->seconds, "How long it may take, about [180]")->check(between(0.1, 86400));
     command
         .add_option("--timeout", options->timeout,
-                    "Seconds without a result, after which a part counts as hung and is ended; at least twice what a "
-                    "result is to take [60]")
+                    "Seconds without progress, after which a part counts as hung and is ended; a slow one goes on [60]")
         ->check(between(0.1, 86400));
     command.option_defaults()->group(""); // for its own processes
     takesWords(*command.add_option("--part", part->kind), {std::begin(kPartNames), std::end(kPartNames)});

@@ -11,6 +11,7 @@
 
 #include "cli/base/error.h"
 #include "cli/base/exit_code.h"
+#include "cli/base/numbers.h"
 #include "cli/base/progress.h"
 #include "cli/base/report_parts.h"
 #include "cli/base/system/interrupt.h"
@@ -28,7 +29,6 @@ namespace vellum::cli
 namespace
 {
 
-constexpr double kQuickSeconds = 110;
 constexpr double kSecondsBetweenWrites = 30;
 
 // Of this process and of the workers, which inherit it.
@@ -80,14 +80,16 @@ CaseSelection selectionOf(const CheckOptions &options)
     CaseSelection selection;
     selection.apis = apisOf(options);
     selection.filters = options.filters;
+    selection.quick = options.quick;
     selection.endless = options.minutes.has_value();
     if (options.caseList) {
         selection.list = readCaseList(*options.caseList);
         selection.listed = true;
     }
     if (const std::optional<std::string> filter = idleFilter(selection))
-        throw UsageError("--filter " + *filter + " matches no case" + suggestion(*filter, groupFilters(selection)) +
-                         "; vellum check --list prints them");
+        throw UsageError("--filter " + *filter + " matches no case" + (options.quick ? " of a quick run" : "") +
+                         suggestion(*filter, groupFilters(selection)) + "; vellum check " +
+                         (options.quick ? "--quick " : "") + "--list prints them");
     return selection;
 }
 
@@ -111,8 +113,6 @@ RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
     settings.jobs = options.jobs;
     settings.timeout = options.timeout;
     settings.failFast = options.failFast;
-    if (options.quick)
-        settings.budget = kQuickSeconds;
     if (options.minutes)
         settings.budget = 60 * *options.minutes;
     return settings;
@@ -160,7 +160,8 @@ int printGroups(bool asJson)
         return static_cast<int>(ExitCode::Success);
     }
     for (const check::Group &group : check::groups())
-        fmt::print("{} ({} cases)\n  {}\n  {}\n", group.name, group.cases, group.summary, group.sentences);
+        fmt::print("{} ({} cases, {} of them in a quick run)\n  {}\n  {}\n", group.name, group.cases, group.quickCases(),
+                   group.summary, group.sentences);
     return static_cast<int>(ExitCode::Success);
 }
 
@@ -168,11 +169,12 @@ int printGroups(bool asJson)
 class Results
 {
 public:
-    Results(const CheckOptions &options, const DeviceSummary &device)
+    Results(const CheckOptions &options, const DeviceSummary &device, const CaseSelection &selection)
         : options_(options), folder_(options.output, options.force)
     {
         facts_.device = device;
         facts_.seed = options.seed;
+        facts_.plan = planOf(casesOf(selection));
     }
 
     void add(const Finished &finished)
@@ -183,10 +185,13 @@ public:
         result.verdict = finished.verdict;
         result.seconds = finished.seconds;
         result.rays = finished.outcome.rays;
+        if (!isSuccess(result.verdict))
+            ++failures_;
         if (finished.outcome.cause.empty() && result.status == check::Status::Pass)
             return;
         CaseResult::Details details{finished.outcome.cause, finished.outcome.detail, {}};
         std::replace(details.cause.begin(), details.cause.end(), '\n', ' ');
+        std::replace_if(details.cause.begin(), details.cause.end(), isControl, '?'); // a driver may have printed it
         const bool ran = finished.verdict != Verdict::Missing && finished.verdict != Verdict::ExpectedFail;
         if (ran && result.status != check::Status::Pass && result.status != check::Status::Skip)
             tryToWrite(
@@ -223,6 +228,7 @@ public:
     }
 
     [[nodiscard]] size_t size() const { return results_.size(); }
+    [[nodiscard]] size_t failures() const { return failures_; }
     // Why nothing was tested; empty where something was.
     [[nodiscard]] std::string notTested() const
     {
@@ -233,13 +239,9 @@ public:
             return "no case has ended in time";
         return "all cases were skipped, the first because: " + results_.front().cause();
     }
-    [[nodiscard]] bool failed() const
-    {
-        return std::any_of(results_.begin(), results_.end(),
-                           [](const CaseResult &result) { return !isSuccess(result.verdict); });
-    }
 
 private:
+    static bool isControl(char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7f; }
     // A full disk does not end the run.
     template <typename Write>
     void tryToWrite(Write &&write)
@@ -255,6 +257,7 @@ private:
     OutputFolder folder_;
     RunFacts facts_;
     std::vector<CaseResult> results_;
+    size_t failures_ = 0;
     std::set<std::string> announced_; // causes
     std::string error_;               // of writing
     double nextWrite_ = kSecondsBetweenWrites;
@@ -276,24 +279,56 @@ void skipMissing(const DeviceSummary &device, CaseSelection &selection, Results 
     std::erase_if(selection.list, [&](const CaseId &id) { return lacks(id.api); });
 }
 
+// How far a run has come, in words.
+class RunProgress
+{
+public:
+    // At the start of the run.
+    RunProgress(const RunSettings &settings, const Schedule &schedule, const Results &results)
+        : settings_(settings), schedule_(schedule), results_(results), work_(schedule.work()),
+          cases_(results.size() + schedule.remaining())
+    {
+    }
+    // "120 of 2,240 cases, 1 failure, khr.levels, about 85 s left"
+    [[nodiscard]] std::string at(double seconds) const
+    {
+        std::string text = settings_.budget ? counted(results_.size(), "case")
+                                            : fmt::format("{} of {}", grouped(results_.size()), counted(cases_, "case"));
+        text += ", " + counted(results_.failures(), "failure");
+        if (const std::string groups = schedule_.running(); !groups.empty())
+            text += ", " + groups;
+        const double done = work_ - schedule_.work();
+        if (settings_.budget)
+            text += fmt::format(", {:.0f} s left", std::max(0.0, *settings_.budget - seconds));
+        else if (done > 0)
+            text += fmt::format(", about {:.0f} s left", seconds * schedule_.work() / done);
+        return text;
+    }
+
+private:
+    const RunSettings &settings_;
+    const Schedule &schedule_;
+    const Results &results_;
+    double work_;
+    size_t cases_;
+};
+
 int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelection selection,
              const Expectations &expectations)
 {
-    Results results(options, device);
+    Results results(options, device, selection);
     skipMissing(device, selection, results);
     Schedule schedule = makeSchedule(selection);
-    const size_t total = results.size() + schedule.remaining();
     const RunSettings settings = settingsOf(options, device);
-    auto progress = std::make_optional<Progress>("checking", !options.json);
+    auto progress = std::make_optional<Progress>("checking", options.progress);
+    const RunProgress standing(settings, schedule, results);
     Runner *running = nullptr;
     Runner runner(
         settings, expectations, [&](const Finished &finished) { results.add(finished); },
         [&] {
             const double seconds = running->seconds();
             results.writeSometimes(seconds);
-            const size_t share = settings.budget ? static_cast<size_t>(1000 * seconds / *settings.budget) : 0;
-            const size_t cases = total == 0 ? 0 : 1000 * results.size() / total;
-            progress->update(std::min<size_t>(options.minutes ? share : std::max(share, cases), 1000), 1000);
+            progress->update([&] { return standing.at(seconds); });
         });
     running = &runner;
     std::string error;
@@ -309,7 +344,7 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
         Interruptible::die();
     if (!error.empty())
         throw Error("the run ended early: " + error);
-    if (results.failed())
+    if (results.failures() != 0)
         return static_cast<int>(ExitCode::Failed);
     if (const std::string why = results.notTested(); !why.empty()) {
         std::fprintf(stderr, "vellum: nothing was tested: %s\n", why.c_str());

@@ -33,7 +33,7 @@ do. A filter, a line of a baseline and an expression that match no case are usag
 
 Examples:
   vellum check --quick
-      about two minutes, on the most powerful device
+      the same cases on every machine, in about two minutes on two cores of a CPU; on the most powerful device
   vellum check --device radeon --no-layer --jobs 4 --baseline fails.txt --skips skips.txt --output results
       the driver's own micromaps, in continuous integration
   vellum check --filter 'khr.updates.*' --minutes 60 --seed 7
@@ -54,7 +54,7 @@ void declareSelection(CLI::App &command, CheckOptions &options)
     command.add_option("--skips", options.skips, "Do not run the cases that match a line of this file; repeatable")
         ->type_name("FILE")
         ->take_all();
-    command.add_flag("--quick", options.quick, "About two minutes, shared by all groups");
+    command.add_flag("--quick", options.quick, "Only the first cases of each group, about two minutes on a CPU");
     command
         .add_option("--minutes", options.minutes, "Run for this long, shared by all groups; new cases without an end")
         ->check(between(0.001, 100000))
@@ -83,6 +83,11 @@ void declareOutput(CLI::App &command, CheckOptions &options)
         ->type_name("FILE")
         ->take_all();
     command.add_flag("--json", options.json, "Print JSON");
+    command
+        .add_option("--progress", options.progress,
+                    "Seconds between lines about the progress, where stderr is not a terminal; 0: none [10]")
+        ->check(between(0, 86400))
+        ->type_name("SECONDS");
 }
 
 void declareDevice(CLI::App &command, CheckOptions &options)
@@ -114,6 +119,8 @@ void checkTogether(const CheckOptions &options)
         throw UsageError("--quick and --minutes exclude each other");
     if (options.minutes && options.caseList)
         throw UsageError("--minutes makes new cases, so it takes no --caselist");
+    if (options.quick && options.caseList)
+        throw UsageError("--quick selects cases of its own, so it takes no --caselist");
     if (options.replay &&
         (options.list || options.quick || options.minutes || options.caseList || !options.filters.empty()))
         throw UsageError("--replay runs one case, so it takes no option that selects cases");

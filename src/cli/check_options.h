@@ -36,6 +36,7 @@ struct CheckOptions {
     bool list = false;
     bool groups = false;
     bool json = false;
+    double progress = 10; // seconds between lines where stderr is no terminal; 0: none
     bool worker = false;
 };
 

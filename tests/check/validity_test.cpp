@@ -129,8 +129,8 @@ const Break kBreaks[] = {
     {"no such flag", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0x800; })},
     {"exclude each other", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0xc; })},
     {"has 0 meshes, not 1 to 131072", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
-    {"an object has more than 3 meshes, for which there are no hit records", kAlwaysPossible([](Case &c) {
-         c.scene.objects[0].meshes.resize(4, c.scene.objects[0].meshes[0]);
+    {"an object has more than 20 meshes, for which there are no hit records", kAlwaysPossible([](Case &c) {
+         c.scene.objects[0].meshes.resize(21, c.scene.objects[0].meshes[0]);
          c.trace.method = TracePlan::Method::Pipeline;
      })},
     {"needs either triangles or boxes", kAlwaysPossible([](Case &c) {

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // What `vellum bench` concludes from the rows of its parts, and which reports it replaces.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <fmt/format.h>
 #include <fstream>
 #include <gtest/gtest.h>
+#include <string_view>
+#include <thread>
 #ifndef _WIN32
 #include <sys/resource.h>
 #endif
@@ -40,6 +46,99 @@ TEST(BenchReport, APartWhoseProcessCannotBeStartedHasFailed)
 }
 #endif
 
+namespace
+{
+
+std::string frameRow(unsigned level, bool heavy, double low, double middle, double high)
+{
+    return fmt::format(R"({{"row":"frame","level":{},"heavy":{},"ratio":[{},{},{}],"differingPixels":0}})", level, heavy,
+                       low, middle, high);
+}
+
+PartResult framesOf(std::vector<std::string> rows)
+{
+    PartResult result;
+    result.part = {PartKind::Frames, "emulated", MicromapApi::Khr, Trace::Query, 30};
+    result.rows = std::move(rows);
+    result.seconds = 30;
+    return result;
+}
+
+using Sentences = std::vector<std::string>;
+
+} // namespace
+
+TEST(BenchReport, TheVerdictHasEveryLevelAndItsRange)
+{
+    const PartResult frames = framesOf({frameRow(3, false, 0.98, 1, 1.02), frameRow(3, true, 0.8, 0.8, 0.8),
+                                        frameRow(5, false, 1.25, 1.25, 1.25), frameRow(5, true, 0.5, 0.5, 0.5),
+                                        frameRow(7, false, 0.95, 0.96, 0.97)});
+    EXPECT_EQ(verdictOf({frames}),
+              (Sentences{"By ray queries, emulated micromaps (KHR) beside a plain alpha test: level 3 1.00 times as fast "
+                         "(0.98 to 1.02, not distinguishable); level 5 0.80 times as fast (0.80 to 0.80); level 7 1.04 "
+                         "times as fast (1.03 to 1.05).",
+                         "By ray queries, emulated micromaps (KHR) beside a heavy alpha test: level 3 1.25 times as fast "
+                         "(1.25 to 1.25); level 5 2.00 times as fast (2.00 to 2.00)."}));
+}
+
+TEST(BenchReport, TheVerdictHasTheSlowestBuildAndItsRange)
+{
+    const auto sentence = [](const char *ratio) {
+        PartResult builds;
+        builds.part = {PartKind::Builds, "ext", MicromapApi::Khr, Trace::Query, 30};
+        builds.rows = {
+            R"({"row":"build","what":"fast","withLayer":1,"withoutLayer":1,"ratio":[0.9,1,1.1]})",
+            fmt::format(R"({{"row":"build","what":"slow","withLayer":2.5,"withoutLayer":2,"ratio":{}}})", ratio)};
+        return verdictOf({builds}).at(0);
+    };
+    EXPECT_EQ(sentence("[1.2,1.25,1.3]"), "With KHR micromaps translated to the driver's EXT, builds without micromaps take "
+                                          "up to 1.25 times as long (1.20 to 1.30): slow, 2.500 ms instead of 2.000.");
+    EXPECT_EQ(sentence("[0.9,1.25,1.3]"), "With KHR micromaps translated to the driver's EXT, builds without micromaps take "
+                                          "up to 1.25 times as long (0.90 to 1.30, not distinguishable): slow, 2.500 ms "
+                                          "instead of 2.000.");
+    EXPECT_EQ(sentence("[null,null,null]").find("slow"), std::string::npos);
+}
+
+TEST(BenchReport, ABusyMachineIsNoisy)
+{
+    const std::string quiet = frameRow(3, false, 0.98, 1, 1.02);
+    const std::string wide = frameRow(5, false, 0.9, 1, 1.1);
+    const auto noisy = [](const std::vector<std::string> &rows) {
+        return verdictOf({framesOf(rows)}).at(0).starts_with("Noisy: run again. ");
+    };
+    EXPECT_TRUE(noisy({wide, wide, quiet}));
+    EXPECT_EQ(verdictOf({framesOf({wide, quiet})}).at(0),
+              "Noisy: run again. The times of 1 of 2 comparisons of frames spread by more than 10 %, so other programs use "
+              "the machine, or its speed changes.");
+    EXPECT_FALSE(noisy({wide, quiet, quiet}));
+    EXPECT_FALSE(noisy({frameRow(3, false, 0.48, 0.5, 0.52), quiet})) << "relative to the median";
+}
+
+TEST(BenchReport, ASlowPartIsCompleteAndNamed)
+{
+    PartResult frames = framesOf({frameRow(3, false, 1, 1, 1)});
+    frames.seconds = 69;
+    EXPECT_EQ(verdictOf({frames}).size(), 1U);
+    frames.seconds = 95;
+    EXPECT_EQ(verdictOf({frames}).back(),
+              "The part frames-query-emulated-khr took 95 seconds instead of 30: the device or the machine is slow.");
+    frames.failure = "hung: no progress for 60 seconds";
+    EXPECT_EQ(verdictOf({frames}).back(),
+              "The part frames-query-emulated-khr was not completed: hung: no progress for 60 seconds.");
+}
+
+// A part that is slow goes on; one that makes no progress is ended, whatever its driver prints.
+TEST(BenchReport, SlowIsNotHung)
+{
+    const auto run = [](const char *behaviour) { return runPartProcess({}, {behaviour, {}}, 2, [] {}); };
+    const PartResult slow = run("slow");
+    EXPECT_EQ(slow.failure, "");
+    EXPECT_EQ(slow.rows, std::vector<std::string>{R"({"row":"frame"})"});
+    EXPECT_GT(slow.seconds, 2.5);
+    const PartResult hung = run("hung");
+    EXPECT_EQ(hung.failure, "hung: no progress for 2 seconds");
+}
+
 TEST(BenchReport, ReplacesReportsOfAllVersions)
 {
     const vellum::test::TemporaryFolder folder;
@@ -60,4 +159,22 @@ TEST(BenchReport, ReplacesReportsOfAllVersions)
     EXPECT_FALSE(replaces(std::string(report).replace(number, 1, "x")));
     EXPECT_FALSE(replaces(R"({"schema":"vellum/1","command":"bake",)"));
     EXPECT_FALSE(replaces(R"({"schema":"vellum/1)"));
+}
+
+// This program is also the part that runPartProcess starts: a fake one, whose device is how it behaves.
+int main(int count, char **words)
+{
+    const std::vector<std::string_view> arguments(words, words + count);
+    if (count < 3 || arguments[1] != "bench") {
+        testing::InitGoogleTest(&count, words);
+        return RUN_ALL_TESTS();
+    }
+    const bool slow = std::ranges::find(arguments, "slow") != arguments.end();
+    for (int i = 0; !slow || i < 15; ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(200));
+        std::printf("%s\n", slow ? kProgressLine : R"({"frame":"of a driver"})");
+        std::fflush(stdout);
+    }
+    std::puts(R"({"row":"frame"})");
+    return 0;
 }

@@ -24,8 +24,11 @@ def paragraph(text):
 
 def page_of(groups):
     page = HEAD
-    for name, cases, summary, sentences in re.findall(r"^(\S+) \((\d+) cases\)\n  (.*)\n  (.*)\n", groups, re.M):
-        page += f"\n## {name}\n" + paragraph(f"{summary[0].upper()}{summary[1:]}. {cases} cases of each extension")
+    line = r"^(\S+) \((\d+) cases, (\d+) of them in a quick run\)\n  (.*)\n  (.*)\n"
+    for name, cases, quick, summary, sentences in re.findall(line, groups, re.M):
+        assert 1 <= int(quick) <= int(cases), f"{name}: {quick} cases in a quick run"
+        page += f"\n## {name}\n" + paragraph(f"{summary[0].upper()}{summary[1:]}. {cases} cases of each extension, "
+                                             f"{quick} of them in a quick run")
         page += "\n\n" + paragraph("Judges: " + sentences) + "\n"
     return page
 

@@ -2,20 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the commands of a document and compares what they print with what it says.
 
-Commands are the lines that begin with `$ ` in blocks marked `console`; the lines up to the next one are their output,
-stdout and stderr together. In output, `...` stands for any text within a line, and alone in a line for any lines. The
-commands of a page run in its order, in one empty folder in which `examples` is the checkout's; each must succeed.
-With --update, output that differs is replaced; lines with `...` are kept where they match.
+Commands are the lines that begin with `$ ` in blocks marked `console`, which may be indented; the lines up to the next one
+are their output, stdout and stderr together. In output, `...` stands for any text within a line, and alone in a line for any
+lines. The commands of a page run in its order, in one empty folder in which `examples` is the checkout's, and
+`build/release` is BUILD; each must succeed. Each has a shell of its own, in which earlier commands that begin with `export`
+hold. With --update, output that differs is replaced; lines with `...` are kept where they match.
 
-usage: run_page.py [--update] PAGE ROOT SCRATCH
+usage: run_page.py [--update] PAGE ROOT SCRATCH [BUILD]
 """
 import pathlib
 import re
 import shutil
 import subprocess
 import sys
+import textwrap
 
-BLOCK = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
+BLOCK = re.compile(r"^( *)```console\n(.*?)^\1```$", re.M | re.S)
 
 
 def commands_in(block):
@@ -57,15 +59,20 @@ def run(command, folder):
 def check(page, folder, update=False):
     """Findings, and how many commands ran."""
     text = page.read_text(encoding="utf-8")
-    findings, count = [], 0
-    for command, expected in [pair for block in BLOCK.findall(text) for pair in commands_in(block)]:
+    findings, count, exports = [], 0, ""
+    pairs = [(indent, *pair) for indent, block in BLOCK.findall(text) for pair in commands_in(textwrap.dedent(block))]
+    for indent, command, expected in pairs:
         count += 1
-        code, actual = run(command, folder)
+        code, actual = run(exports + command, folder)
+        if command.startswith("export "):
+            exports += command + "\n"
         if code != 0:
             findings.append(f"{page.name}: $ {command}\nexit code {code}\n{actual}")
         elif not matches(expected, actual):
             if update:
-                text = text.replace(f"$ {command}\n{expected}", f"$ {command}\n{updated(expected, actual)}")
+                old, new = (textwrap.indent(f"$ {command}\n{output}", indent)
+                            for output in (expected, updated(expected, actual)))
+                text = text.replace(old, new)
             else:
                 findings.append(f"{page.name}: $ {command}\nexpected:\n{expected}printed:\n{actual}")
     if update:
@@ -75,10 +82,12 @@ def check(page, folder, update=False):
 
 def main():
     arguments = [word for word in sys.argv[1:] if word != "--update"]
-    page, root, scratch = (pathlib.Path(word).resolve() for word in arguments)
+    page, root, scratch, *build = (pathlib.Path(word).resolve() for word in arguments)
     shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir(parents=True)
+    (scratch / "build").mkdir(parents=True)
     (scratch / "examples").symlink_to(root / "examples")
+    for folder in build:
+        (scratch / "build/release").symlink_to(folder)
     findings, count = check(page, scratch, "--update" in sys.argv)
     print(*findings, sep="\n")
     print(f"{len(findings)} of {count} commands of {page.name} print something else")

@@ -3,6 +3,7 @@
 """Tests run_page.py."""
 import pathlib
 import tempfile
+import textwrap
 import unittest
 
 import run_page
@@ -14,8 +15,9 @@ class Pages(unittest.TestCase):
         self.addCleanup(self.folder.cleanup)
         self.page = pathlib.Path(self.folder.name) / "page.md"
 
-    def check(self, block, update=False):
-        self.page.write_text(f"Text.\n\n```console\n{block}```\n\n```\n$ false\n```\n")
+    def check(self, block, update=False, indent=""):
+        text = textwrap.indent(f"Text.\n\n```console\n{block}```\n\n```\n$ false\n```\n", indent)
+        self.page.write_text(text)
         return run_page.check(self.page, self.folder.name, update)
 
     def test_equal_output(self):
@@ -38,6 +40,14 @@ class Pages(unittest.TestCase):
 
     def test_commands_share_a_folder(self):
         self.assertEqual(self.check("$ echo one >file\n$ cat file\none\n")[0], [])
+
+    def test_exports_hold(self):
+        self.assertEqual(self.check("$ export one=1\n$ export two=$one$one\n$ other=3\n$ echo $one $two $other\n1 11\n")[0], [])
+
+    def test_indented_blocks(self):
+        self.assertEqual(self.check("$ printf 'one\\n  two\\n'\none\n  two\n", indent="   "), ([], 1))
+        self.check("$ echo one; echo 2\n...e\n1\n", update=True, indent="   ")
+        self.assertIn("\n   ```console\n   $ echo one; echo 2\n   ...e\n   2\n   ```", self.page.read_text())
 
     def test_update(self):
         findings, _ = self.check("$ echo took 12 ms; echo 7\ntook ... ms\n6\n", update=True)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Random scenes traced by every plan that a conformance case can name.
+#include "check/case/lossy.h"
 #include "check/case/trace.h"
 #include "check/groups/random_case.h"
 #include "compare_scenes.h"
@@ -45,9 +46,9 @@ protected:
         for (uint32_t s = 0; s < scenes; ++s) {
             const Scene scene = sceneFor(gpu(), plan, random);
             const Built built = build(gpu(), scene);
-            std::vector<Hits> hits;
-            for (const vt::Ray &ray : scene.rays)
-                hits.push_back(allHits(scene, ray));
+            const vellum::check::Case whole{.scene = scene};
+            std::vector<Hits> hits = allHits(scene);
+            hits = allHits(scene, vellum::check::lossyStatesOfTwin(gpu(), whole, scene, hits).states);
             vt::Blas beside(gpu());
             beside.prepare(geometriesOf(scene.objects[0], built.micromaps), structureFlags(gpu()));
             const auto record = [&](VkCommandBuffer commands) { beside.record(commands); };

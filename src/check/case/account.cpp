@@ -2,6 +2,7 @@
 #include "check/case/account.h"
 
 #include <algorithm>
+#include <cmath>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -20,8 +21,6 @@ using oracle::MeshMicromap;
 using oracle::MicromapTriangle;
 using oracle::Scene;
 using Kind = Step::Kind;
-
-constexpr std::array kStateNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
 
 std::string counted(size_t count, std::string_view what)
 {
@@ -94,15 +93,40 @@ std::string describe(const MeshMicromap &use)
     return text + (use.base > 0 ? fmt::format(", baseTriangle {}", use.base) : "");
 }
 
+// Where it is not the plainest.
+std::string describe(const oracle::MeshLayout &layout)
+{
+    std::string text;
+    if (layout.vertexFormat != VK_FORMAT_R32G32B32_SFLOAT)
+        text += fmt::format(", {}", nameOf(kVertexFormatNames, layout.vertexFormat));
+    if (layout.stride != 0)
+        text += fmt::format(", stride {}", layout.stride);
+    if (layout.isIndexed())
+        text += fmt::format(", vertices by {}{}", nameOf(kIndexTypeNames, layout.indexType),
+                            layout.firstIndex > 0 ? fmt::format(" from {} on", layout.firstIndex) : "");
+    if (layout.primitiveOffset != 0)
+        text += fmt::format(", primitiveOffset {}", layout.primitiveOffset);
+    if (layout.firstVertex != 0)
+        text += fmt::format(", firstVertex {}", layout.firstVertex);
+    if (layout.transform)
+        text += ", transformData";
+    if (layout.transformOffset != 0)
+        text += fmt::format(", transformOffset {}", layout.transformOffset);
+    return text;
+}
+
 std::string describe(const oracle::Mesh &mesh)
 {
     std::string text = mesh.boxes.empty()
-                           ? counted(mesh.vertices.size() / 3, "triangle")
+                           ? counted(mesh.triangles(), "triangle")
                            : fmt::format("{} AABB{}", mesh.boxes.size(), mesh.boxes.size() == 1 ? "" : "s");
+    const auto inactive = std::ranges::count_if(mesh.vertices, [](const Vec3 &vertex) { return std::isnan(vertex[0]); });
+    if (inactive > 0)
+        text += fmt::format(", {} of NaN", counted(static_cast<size_t>(inactive), "corner"));
     text += mesh.opaque ? ", VK_GEOMETRY_OPAQUE_BIT_KHR" : ", not opaque";
-    if (mesh.skippedTriangles > 0)
-        text += fmt::format(", primitiveOffset {}", mesh.skippedTriangles * 3 * sizeof(Vec3));
-    return text + (mesh.micromap ? ", " + describe(*mesh.micromap) : "");
+    if (mesh.noDuplicates)
+        text += ", VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR";
+    return text + describe(mesh.layout) + (mesh.micromap ? ", " + describe(*mesh.micromap) : "");
 }
 
 std::string describe(const oracle::Instance &instance)
@@ -190,8 +214,9 @@ private:
     {
         for (size_t o = 0; o < case_.scene.objects.size(); ++o) {
             const oracle::Object &object = case_.scene.objects[o];
-            number("{} builds object {}, a bottom-level structure, flags {} and those that what follows needs{}:",
+            number("{} builds object {}, a bottom-level structure, flags {} and those that what follows needs{}{}:",
                    structureBuild(), o, namesOf(object.flags, kStructureFlagNames),
+                   object.geometryPointers ? ", ppGeometries" : "",
                    case_.build.together && o > 0 ? ", by the same command" : "");
             text_ +=
                 listed(object.meshes, "geometry", "geometries", [](const oracle::Mesh &mesh) { return describe(mesh); })
@@ -203,8 +228,9 @@ private:
     }
     void writeTop()
     {
-        number("{} builds the top level{}:", structureBuild(),
-               case_.build.instancePointers ? " from an array of pointers" : "");
+        number("{} builds the top level{}{}:", structureBuild(),
+               case_.build.instancePointers ? " from an array of pointers" : "",
+               case_.build.geometryPointers ? ", by ppGeometries" : "");
         writeInstances(case_.scene.instances);
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
@@ -311,6 +337,7 @@ int Account::explainState(const Hit &hit)
     const MeshMicromap &use = *mesh.micromap;
     const int32_t index = use.indexOf(hit.primitive);
     int state = -1 - index;
+    uint32_t element = 0;
     if (index < 0) {
         line("  - Its index is {}, the special index for {}.", index, kStateNames[static_cast<size_t>(state)]);
     } else {
@@ -323,8 +350,14 @@ int Account::explainState(const Hit &hit)
         line("  - Index {} + baseTriangle {}: triangle {} of micromap {}, level {}. Micro-triangle {} of {} is {}.",
              index, use.base, number, *use.micromap, triangle.level, micro, triangle.states.size(),
              kStateNames[static_cast<size_t>(state)]);
-        if ((micromap.flags & kLossy) != 0 && triangle.format == kFourState && state < 2)
-            line("  - The build is lossy: either unknown state is allowed as well.");
+        element = micro;
+    }
+    const auto made = verdict_.substitution.find({instance.object, hit.geometry, hit.primitive, element});
+    if (made != verdict_.substitution.end()) {
+        state = made->second;
+        line("  - The build is lossy, which allows unknown states. An equal build on a second device is {} there, so "
+             "this one must be as well.",
+             kStateNames[static_cast<size_t>(state)]);
     }
     if ((instance.flags & kFlagDisable) != 0)
         line("  - The instance disables micromaps; the geometry is {}.", own);

@@ -213,9 +213,9 @@ void BuiltCase::buildMicromaps()
         micromap->forgetInput();
 }
 
-VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
+VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object)
 {
-    VkBuildAccelerationStructureFlagsKHR flags = case_.scene.objects[object].flags;
+    VkBuildAccelerationStructureFlagsKHR flags = c.scene.objects[object].flags;
     // "specifies the acceleration structure can be referenced by an instance with the
     // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_BIT_KHR flag set" (VkBuildAccelerationStructureFlagBitsKHR)
     const auto allowDisabling = [&](const std::vector<oracle::Instance> &instances) {
@@ -223,9 +223,9 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::flagsOf(uint32_t object) const
             if (instance.object == object && (instance.flags & kFlagDisable) != 0)
                 flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT;
     };
-    allowDisabling(case_.scene.instances);
-    oracle::Scene scene = case_.scene;
-    for (const Step &step : case_.steps) {
+    allowDisabling(c.scene.instances);
+    oracle::Scene scene = c.scene;
+    for (const Step &step : c.steps) {
         applyTo(scene, step);
         allowDisabling(step.instances);
         const bool updated = isUpdated(step, object, scene);
@@ -244,7 +244,7 @@ void BuiltCase::buildObjects()
     const bool indirect = isIndirect(case_);
     const uint32_t spare = indirect ? case_.build.spareTriangles : 0;
     for (uint32_t o = 0; o < scene_.objects.size(); ++o)
-        bottoms_.push_back({flagsOf(o), oracle::geometriesOf(scene_.objects[o], micromaps_, spare), nullptr});
+        bottoms_.push_back({buildFlagsOf(case_, o), oracle::geometriesOf(scene_.objects[o], micromaps_, spare), nullptr});
     const auto prepare = [this](size_t i, SharedScratch *scratch) {
         Bottom &bottom = bottoms_[i];
         bottom.structure = std::make_unique<Blas>(gpu_);
@@ -296,12 +296,26 @@ void BuiltCase::prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode)
         objects.push_back(bottom.structure.get());
     const bool updated =
         std::ranges::any_of(case_.steps, [](const Step &step) { return step.kind == Kind::UpdateTop; });
+    tlas.usePointers(case_.build.geometryPointers);
     tlas.prepare(
         oracle::instancesOf(scene_, objects),
         VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
             (updated ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR} : 0u),
         mode, case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array, 0,
         isIndirect(case_) ? case_.build.spareInstances : 0);
+}
+
+std::unique_ptr<Tlas> BuiltCase::plainTop() const
+{
+    oracle::Scene scene = scene_;
+    for (oracle::Instance &instance : scene.instances) {
+        instance.flags = 0;
+        instance.mask = 0xff;
+    }
+    std::vector<const Structure *> objects;
+    for (const Bottom &bottom : bottoms_)
+        objects.push_back(bottom.structure.get());
+    return std::make_unique<Tlas>(gpu_, oracle::instancesOf(scene, objects));
 }
 
 void BuiltCase::updateTop()
@@ -320,7 +334,7 @@ void BuiltCase::prepareAll()
         micromaps_.push_back(std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags));
     for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
         Bottom &bottom = bottoms_.emplace_back();
-        bottom.flags = flagsOf(o);
+        bottom.flags = buildFlagsOf(case_, o);
         bottom.geometries = oracle::geometriesOf(scene_.objects[o], micromaps_);
         bottom.structure = std::make_unique<Blas>(gpu_);
         bottom.structure->prepare(bottom.geometries, bottom.flags);

@@ -13,6 +13,9 @@
 namespace vellum::check
 {
 
+// The flags that a bottom-level structure of the case is built with.
+VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object);
+
 class BuiltCase
 {
 public:
@@ -22,6 +25,8 @@ public:
     BuiltCase &operator=(const BuiltCase &) = delete;
 
     [[nodiscard]] const Structure &top() const { return *top_; }
+    // A top level of the same instances without flags, which rays of every mask see.
+    [[nodiscard]] std::unique_ptr<Tlas> plainTop() const;
     // Records what the case has in the submission that traces: all builds, or one in new memory beside the rays.
     void recordWithRays(VkCommandBuffer commands);
 
@@ -52,7 +57,6 @@ private:
     void recordAll(VkCommandBuffer commands) const;
     void buildMicromap(Micromap &micromap, const Step &step);
 
-    [[nodiscard]] VkBuildAccelerationStructureFlagsKHR flagsOf(uint32_t object) const;
     void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
     void reloadObject(Bottom &bottom);
     void buildObject(uint32_t object, bool update);

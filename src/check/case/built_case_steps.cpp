@@ -41,7 +41,9 @@ bool compatible(const Device &gpu, const uint8_t *version)
 void BuiltCase::prepareObject(uint32_t object, VkBuildAccelerationStructureModeKHR mode)
 {
     Bottom &bottom = bottoms_[object];
-    bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_);
+    // With as many vertices as before, which an update must not change.
+    const uint32_t spare = case_.build.structures == BuildCommand::Indirect ? case_.build.spareTriangles : 0;
+    bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_, spare);
     bottom.structure->prepare(bottom.geometries, bottom.flags, mode);
 }
 

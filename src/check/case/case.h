@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "check/gpu/pipeline_builder.h"
-#include "check/oracle/scene.h"
+#include "check/oracle/cpu_trace.h"
 
 namespace vellum::check
 {
@@ -27,6 +27,7 @@ struct BuildPlan {
     bool together = false;         // all micromaps by one command, all bottom-level structures by another
     uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
+    bool geometryPointers = false; // the top level's geometry comes by ppGeometries
     bool single = false;           // everything by one command buffer, with the rays; without steps only
     // Builds, copies and queries are recorded within conditional rendering whose predicate is false. They are none of
     // the commands that it discards.
@@ -132,6 +133,7 @@ struct Verdict {
     uint64_t rays = 0;               // that were compared with the oracle
     std::optional<uint32_t> ray;     // the first that is wrong
     std::vector<uint32_t> wrongRays; // all that are wrong
+    oracle::Substitution substitution; // that lossy builds must have made
     bool skipped = false;            // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };

@@ -42,12 +42,34 @@ void ofUse(Archive &archive, T &use)
 }
 
 template <class Archive, class T>
+void ofTransform(Archive &archive, T &transform)
+{
+    archive.vectors("matrix", transform.matrix);
+}
+
+template <class Archive, class T>
+void ofLayout(Archive &archive, T &layout)
+{
+    archive.name("vertexFormat", layout.vertexFormat, kVertexFormatNames, VK_FORMAT_R32G32B32_SFLOAT);
+    archive.value("stride", layout.stride, 0u);
+    archive.value("primitiveOffset", layout.primitiveOffset, 0u);
+    archive.value("firstVertex", layout.firstVertex, 0u);
+    archive.name("indexType", layout.indexType, kIndexTypeNames, VK_INDEX_TYPE_NONE_KHR);
+    archive.value("firstIndex", layout.firstIndex, 0u);
+    archive.value("separate", layout.separate, false);
+    archive.value("order", layout.order, 0u);
+    archive.optional("transform", layout.transform, [](auto &a, auto &transform) { ofTransform(a, transform); });
+    archive.value("transformOffset", layout.transformOffset, 0u);
+}
+
+template <class Archive, class T>
 void ofMesh(Archive &archive, T &mesh)
 {
     archive.value("opaque", mesh.opaque, false);
+    archive.value("noDuplicates", mesh.noDuplicates, false);
     archive.vectors("vertices", mesh.vertices);
     archive.vectors("boxes", mesh.boxes);
-    archive.value("skippedTriangles", mesh.skippedTriangles, 0u);
+    archive.object("layout", mesh.layout, [](auto &a, auto &layout) { ofLayout(a, layout); });
     archive.optional("micromap", mesh.micromap, [](auto &a, auto &use) { ofUse(a, use); });
 }
 
@@ -55,6 +77,7 @@ template <class Archive, class T>
 void ofObject(Archive &archive, T &object)
 {
     archive.bits("flags", object.flags, kStructureFlagNames);
+    archive.value("geometryPointers", object.geometryPointers, false);
     archive.list("meshes", object.meshes, [](auto &a, auto &mesh) { ofMesh(a, mesh); });
 }
 
@@ -102,6 +125,7 @@ void ofBuild(Archive &archive, T &build)
     archive.value("together", build.together, standard.together);
     archive.value("threads", build.threads, standard.threads);
     archive.value("instancePointers", build.instancePointers, standard.instancePointers);
+    archive.value("geometryPointers", build.geometryPointers, standard.geometryPointers);
     archive.value("single", build.single, standard.single);
     archive.value("conditional", build.conditional, standard.conditional);
     archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);

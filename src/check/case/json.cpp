@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <fmt/format.h>
+#include <limits>
 #include <rapidjson/document.h>
 #include <rapidjson/error/en.h>
 #include <stdexcept>
@@ -22,6 +23,7 @@ using Json = rapidjson::Value;
 using Allocator = rapidjson::Document::AllocatorType;
 
 constexpr std::string_view kSchema = "vellum-check/1";
+constexpr std::string_view kNan = "nan"; // a number of an inactive triangle or box
 constexpr uint32_t kMostPlainStates = 256; // more are written as lengths of runs
 constexpr size_t kLineWidth = 100;
 constexpr uint64_t kMostElements = uint64_t{1} << 24; // of all lists of a case
@@ -54,6 +56,8 @@ size_t runOfTriangles(const std::vector<Vec3> &vertices, size_t from, Vec3 &step
         return 1;
     for (size_t i = 0; i < 3; ++i)
         step[i] = vertices[from + 3][i] - vertices[from][i];
+    if (!std::ranges::all_of(step, [](float value) { return std::isfinite(value); }))
+        return 1; // an inactive one
     size_t count = 1;
     const auto continues = [&] {
         for (size_t k = 0; k < 3; ++k) {
@@ -243,6 +247,8 @@ private:
     }
     Json toValue(float number)
     {
+        if (std::isnan(number))
+            return toValue(std::string(kNan));
         return std::isfinite(number) ? Json(double{number}) : toValue(fmt::format("{}", number));
     }
     template <class T>
@@ -582,6 +588,10 @@ private:
     }
     static void get(const Json &json, const std::string &where, float &field)
     {
+        if (json.IsString() && kNan == json.GetString()) {
+            field = std::numeric_limits<float>::quiet_NaN();
+            return;
+        }
         if (!json.IsNumber())
             reject(where, "is not a number");
         const double value = json.GetDouble();

@@ -23,6 +23,7 @@ using Bit = Name<uint32_t>;
 
 inline constexpr uint64_t kMostStates = uint64_t{1} << 28; // of all micromaps of a case
 inline constexpr char kStateLetters[] = "TOto";            // transparent and opaque, in lower case: unknown
+inline constexpr std::array kStateNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
 
 inline constexpr std::array kMemoryNames{
     Name<Memory>{Memory::Apart, "apart"},
@@ -108,6 +109,25 @@ inline constexpr std::array kIndexTypeNames{
     Name<VkIndexType>{VK_INDEX_TYPE_UINT16, "VK_INDEX_TYPE_UINT16"},
     Name<VkIndexType>{VK_INDEX_TYPE_UINT32, "VK_INDEX_TYPE_UINT32"},
 };
+inline constexpr std::array kVertexFormatNames{
+    Name<VkFormat>{VK_FORMAT_R32G32B32_SFLOAT, "VK_FORMAT_R32G32B32_SFLOAT"},
+    Name<VkFormat>{VK_FORMAT_R32G32_SFLOAT, "VK_FORMAT_R32G32_SFLOAT"},
+    Name<VkFormat>{VK_FORMAT_R16G16B16A16_SFLOAT, "VK_FORMAT_R16G16B16A16_SFLOAT"},
+    Name<VkFormat>{VK_FORMAT_R16G16_SFLOAT, "VK_FORMAT_R16G16_SFLOAT"},
+    Name<VkFormat>{VK_FORMAT_R16G16B16A16_SNORM, "VK_FORMAT_R16G16B16A16_SNORM"},
+    Name<VkFormat>{VK_FORMAT_R16G16_SNORM, "VK_FORMAT_R16G16_SNORM"},
+    Name<VkFormat>{VK_FORMAT_R32G32B32A32_SFLOAT, "VK_FORMAT_R32G32B32A32_SFLOAT"},
+    Name<VkFormat>{VK_FORMAT_R16G16B16_SFLOAT, "VK_FORMAT_R16G16B16_SFLOAT"},
+    Name<VkFormat>{VK_FORMAT_R16G16B16_SNORM, "VK_FORMAT_R16G16B16_SNORM"},
+    Name<VkFormat>{VK_FORMAT_R8G8B8A8_SNORM, "VK_FORMAT_R8G8B8A8_SNORM"},
+    Name<VkFormat>{VK_FORMAT_R8G8_SNORM, "VK_FORMAT_R8G8_SNORM"},
+    Name<VkFormat>{VK_FORMAT_R16G16B16A16_UNORM, "VK_FORMAT_R16G16B16A16_UNORM"},
+    Name<VkFormat>{VK_FORMAT_R16G16_UNORM, "VK_FORMAT_R16G16_UNORM"},
+    Name<VkFormat>{VK_FORMAT_R8G8B8A8_UNORM, "VK_FORMAT_R8G8B8A8_UNORM"},
+    Name<VkFormat>{VK_FORMAT_R8G8_UNORM, "VK_FORMAT_R8G8_UNORM"},
+    Name<VkFormat>{VK_FORMAT_A2B10G10R10_UNORM_PACK32, "VK_FORMAT_A2B10G10R10_UNORM_PACK32"},
+};
+static_assert(kVertexFormatNames.size() == kVertexFormats.size());
 inline constexpr std::array kRuleNames{
     Name<uint32_t>{kNever, "never"},
     Name<uint32_t>{kAlways, "always"},

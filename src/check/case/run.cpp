@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "check/case/built_case.h"
+#include "check/case/lossy.h"
 #include "check/case/trace.h"
 #include "check/oracle/query_judge.h"
 
@@ -43,6 +44,11 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
                 return "a subdivision level is above the limit of the device";
         }
     }
+    const std::vector<VkFormat> formats = gpu.vertexFormats();
+    for (const oracle::Object &object : c.scene.objects)
+        for (const oracle::Mesh &mesh : object.meshes)
+            if (std::ranges::find(formats, mesh.layout.vertexFormat) == formats.end())
+                return "a vertex format is not supported";
     if (const auto lacks = missingFor(gpu, c.trace))
         return *lacks;
     return sceneRule(gpu, c.trace, after).value_or("");
@@ -60,9 +66,14 @@ Verdict run(Device &gpu, const Case &c)
         return verdict;
     }
     gpu.takeFaults();
-    std::vector<oracle::Hits> hits;
-    for (const Ray &ray : after.rays)
-        hits.push_back(oracle::allHits(after, ray));
+    std::vector<oracle::Hits> hits = oracle::allHits(after);
+    const bool lossy = std::ranges::any_of(hits, [](const oracle::Hits &of) { return !of.lossy.empty(); });
+    LossyStates expected;
+    if (lossy) {
+        expected = lossyStatesOfTwin(gpu, c, after, hits);
+        hits = oracle::allHits(after, expected.states);
+        verdict.substitution = expected.states;
+    }
     std::vector<std::string> faults;
     {
         BuiltCase built(gpu, c);
@@ -70,6 +81,11 @@ Verdict run(Device &gpu, const Case &c)
         if (c.build.single || c.trace.besideBuild)
             withRays = [&](VkCommandBuffer commands) { built.recordWithRays(commands); };
         faults = traceFaults(gpu, built.top(), after, hits, c.trace, withRays);
+        if (lossy) {
+            const std::vector<std::string> all = lossyFaults(expected, lossyStatesIn(gpu, built, after, hits), hits);
+            for (size_t i = 0; i < all.size(); ++i)
+                faults[i] = all[i].empty() ? faults[i] : all[i];
+        }
     }
     for (size_t i = 0; i < faults.size(); ++i) {
         verdict.rays += hits[i].unsure ? 0u : 1u;

@@ -69,7 +69,7 @@ public:
             const auto judge = [&](size_t n, const auto &judgeHits) {
                 const size_t i = batch[n];
                 if (!hits[i].unsure)
-                    faults[i] = faultOf(scene, scene.rays[i], hits[i], judgeHits);
+                    faults[i] = judgeHits(hits[i].hits);
             };
             if (plan_.method == TracePlan::Method::Query)
                 traceQueries(top, scene, rays, *first, judge);

@@ -20,8 +20,6 @@ using oracle::Scene;
 
 constexpr uint32_t kMostLevels = 12;
 constexpr size_t kMostMeshes = size_t{1} << 17;
-// The hit records of an instance: the last offset of a kind and those of all geometries (recordOffset).
-constexpr size_t kMostMeshesOfRecords = oracle::kBoxRecords - oracle::kRecordOffsets + 1;
 // So that no case takes all memory.
 constexpr uint64_t kMostBytes = uint64_t{1} << 28; // of a buffer
 constexpr uint32_t kMostThreads = 64;
@@ -68,9 +66,19 @@ void checkMicromapTriangles(const std::vector<oracle::MicromapTriangle> &triangl
     }
 }
 
+// VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712 and 11713
+void checkLossy(VkBuildMicromapFlagsEXT flags, const std::vector<oracle::MicromapTriangle> &triangles,
+                const std::string &where)
+{
+    rule((flags & kLossy) == 0 ||
+             std::ranges::all_of(triangles, [](const auto &triangle) { return triangle.format == kFourState; }),
+         where, "a lossy micromap has a triangle of the 2-state format");
+}
+
 void checkMicromap(const oracle::SceneMicromap &micromap, const std::string &where, uint64_t &states)
 {
     checkMicromapTriangles(micromap.triangles, where + ".triangles", states);
+    checkLossy(micromap.flags, micromap.triangles, where);
     rule((micromap.flags & ~allOf(kMicromapFlagNames)) == 0, where, "no such flag");
     rule(oneAtMost(micromap.flags,
                    VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT),
@@ -120,21 +128,97 @@ void checkUse(const Scene &scene, const MeshMicromap &use, size_t triangles, con
     }
 }
 
-void checkMesh(const oracle::Mesh &mesh, const std::string &where)
+// VUID-VkTransformMatrixKHR-matrix-03799
+bool invertible(const VkTransformMatrixKHR &transform)
 {
-    rule(mesh.vertices.empty() != mesh.boxes.empty(), where, "needs either triangles or boxes");
-    rule(mesh.vertices.size() % 3 == 0, where, "{} vertices are no whole triangles", mesh.vertices.size());
-    rule(std::ranges::all_of(mesh.vertices, [](const Vec3 &vertex) { return finite(vertex); }), where,
-         "a vertex is not finite");
+    const auto m = [&](int row, int column) { return double{transform.matrix[row][column]}; };
+    const double determinant = m(0, 0) * (m(1, 1) * m(2, 2) - m(1, 2) * m(2, 1)) -
+                               m(0, 1) * (m(1, 0) * m(2, 2) - m(1, 2) * m(2, 0)) +
+                               m(0, 2) * (m(1, 0) * m(2, 1) - m(1, 1) * m(2, 0));
+    return determinant != 0;
+}
+
+void checkTransform(const VkTransformMatrixKHR &transform, const std::string &where)
+{
+    rule(finite(std::span(&transform.matrix[0][0], 12)), where, "the transform is not finite");
+    rule(invertible(transform), where, "the transform cannot be inverted");
+}
+
+void checkStride(const oracle::MeshLayout &layout, uint32_t bytes, uint32_t alignment, const std::string &where)
+{
+    rule(layout.stride == 0 || (layout.stride >= bytes && layout.stride % alignment == 0), where,
+         "stride {} is no multiple of {} of at least {}", layout.stride, alignment, bytes);
+}
+
+// VUID-VkAccelerationStructureBuildRangeInfoKHR-primitiveOffset-03656, -03657, -03659
+void checkOffset(const oracle::MeshLayout &layout, uint32_t alignment, const std::string &where)
+{
+    rule(layout.primitiveOffset % alignment == 0, where, "primitiveOffset {} is no multiple of {}",
+         layout.primitiveOffset, alignment);
+}
+
+void checkBoxes(const oracle::Mesh &mesh, const std::string &where)
+{
     for (const VkAabbPositionsKHR &box : mesh.boxes) {
-        rule(finite(std::array{box.minX, box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}), where,
-             "a box is not finite");
-        rule(box.minX <= box.maxX && box.minY <= box.maxY && box.minZ <= box.maxZ, where,
+        rule((std::isfinite(box.minX) || std::isnan(box.minX)) &&
+                 finite(std::array{box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}),
+             where, "a box is not finite");
+        rule(!(box.minX > box.maxX) && box.minY <= box.maxY && box.minZ <= box.maxZ, where,
              "a box has a minimum above its maximum"); // VUID-VkAabbPositionsKHR-minX-03546
     }
-    rule(mesh.boxes.empty() || (!mesh.micromap && mesh.skippedTriangles == 0), where,
-         "boxes have neither micromaps nor triangles that are skipped");
-    rule(uint64_t{mesh.skippedTriangles} * 3 * sizeof(Vec3) <= kMostBytes, where, "skippedTriangles too large");
+    const oracle::MeshLayout &layout = mesh.layout;
+    rule(!mesh.micromap && layout.vertexFormat == VK_FORMAT_R32G32B32_SFLOAT && layout.firstVertex == 0 &&
+             !layout.isIndexed() && !layout.transform,
+         where, "boxes have neither micromaps nor vertices, indices and a transform");
+    checkStride(layout, sizeof(VkAabbPositionsKHR), 8, where);
+    checkOffset(layout, 8, where);
+}
+
+void checkTriangles(const oracle::Mesh &mesh, const std::string &where)
+{
+    const oracle::MeshLayout &layout = mesh.layout;
+    rule(isNamed(kVertexFormatNames, layout.vertexFormat), where, "no such vertex format");
+    rule(mesh.vertices.size() % 3 == 0, where, "{} vertices are no whole triangles", mesh.vertices.size());
+    const VertexFormat format = vertexFormat(layout.vertexFormat);
+    for (const Vec3 &vertex : mesh.vertices) {
+        const bool inactive = format.isFloat() && std::isnan(vertex[0]);
+        rule(finite(std::span(vertex).subspan(inactive ? 1 : 0)), where, "a vertex is not finite");
+        const Vec3 read = quantized(layout.vertexFormat, vertex);
+        rule((inactive || !(read[0] < vertex[0] || read[0] > vertex[0])) &&
+                 !(read[1] < vertex[1] || read[1] > vertex[1] || read[2] < vertex[2] || read[2] > vertex[2]),
+             where, "a vertex is none that {} has", nameOf(kVertexFormatNames, layout.vertexFormat));
+    }
+    checkStride(layout, format.bytes, format.alignment, where);
+    const uint32_t indexBytes = layout.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 4;
+    checkOffset(layout, layout.isIndexed() ? indexBytes : format.alignment, where);
+    // VUID-VkAccelerationStructureGeometryTrianglesDataKHR-indexType-03798
+    rule(!layout.isIndexed() || layout.indexType == VK_INDEX_TYPE_UINT16 || layout.indexType == VK_INDEX_TYPE_UINT32,
+         where, "vertex indices have 16 or 32 bits");
+    rule(layout.indexType != VK_INDEX_TYPE_UINT16 || layout.firstIndex + mesh.vertices.size() <= 0x10000, where,
+         "indices that 16 bits do not have");
+    rule(layout.isIndexed() || (layout.firstIndex == 0 && !layout.separate && layout.order == 0), where,
+         "an order of vertices without indices");
+    if (layout.transform)
+        checkTransform(*layout.transform, where + ".layout");
+    // VUID-VkAccelerationStructureBuildRangeInfoKHR-transformOffset-03658
+    rule(layout.transformOffset % 16 == 0 && (layout.transform || layout.transformOffset == 0), where,
+         "transformOffset {} is no multiple of 16 or without a transform", layout.transformOffset);
+}
+
+void checkMesh(const oracle::Mesh &mesh, bool boxes, const std::string &where)
+{
+    // VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792
+    rule(!boxes || mesh.vertices.empty(), where, "triangles and boxes in one object");
+    if (boxes)
+        checkBoxes(mesh, where);
+    else
+        checkTriangles(mesh, where);
+    const oracle::MeshLayout &layout = mesh.layout;
+    const uint64_t vertices =
+        uint64_t{layout.firstVertex} + layout.firstIndex + mesh.vertices.size() + mesh.boxes.size();
+    rule(vertices * std::max(layout.stride, 24u) <= kMostBytes && layout.primitiveOffset <= kMostBytes &&
+             layout.transformOffset <= kMostBytes,
+         where, "stride or offsets too large");
 }
 
 void checkObject(const Scene &scene, const oracle::Object &object, const std::string &where)
@@ -148,29 +232,16 @@ void checkObject(const Scene &scene, const oracle::Object &object, const std::st
     for (size_t i = 0; i < object.meshes.size(); ++i) {
         const oracle::Mesh &mesh = object.meshes[i];
         const std::string here = fmt::format("{}.meshes[{}]", where, i);
-        checkMesh(mesh, here);
-        rule(mesh.boxes.empty() == object.meshes[0].boxes.empty(), here,
-             "triangles and boxes in one object"); // VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03792
+        checkMesh(mesh, object.hasBoxes(), here);
         if (mesh.micromap)
-            checkUse(scene, *mesh.micromap, mesh.vertices.size() / 3, here + ".micromap");
+            checkUse(scene, *mesh.micromap, mesh.triangles(), here + ".micromap");
     }
-}
-
-// VUID-VkTransformMatrixKHR-matrix-03799
-bool invertible(const VkTransformMatrixKHR &transform)
-{
-    const auto m = [&](int row, int column) { return double{transform.matrix[row][column]}; };
-    const double determinant = m(0, 0) * (m(1, 1) * m(2, 2) - m(1, 2) * m(2, 1)) -
-                               m(0, 1) * (m(1, 0) * m(2, 2) - m(1, 2) * m(2, 0)) +
-                               m(0, 2) * (m(1, 0) * m(2, 1) - m(1, 1) * m(2, 0));
-    return determinant != 0;
 }
 
 void checkInstance(const Scene &scene, const oracle::Instance &instance, const std::string &where)
 {
     rule(instance.object < scene.objects.size(), where, "object {} does not exist", instance.object);
-    rule(finite(std::span(&instance.transform.matrix[0][0], 12)), where, "the transform is not finite");
-    rule(invertible(instance.transform), where, "the transform cannot be inverted");
+    checkTransform(instance.transform, where);
     rule(instance.customIndex <= 0xffffffu, where, "customIndex {} has more than 24 bits", instance.customIndex);
     rule(instance.mask <= 0xffu, where, "mask {} has more than 8 bits", instance.mask);
     rule((instance.flags & ~allOf(kInstanceFlagNames)) == 0, where, "no such flag");
@@ -198,7 +269,7 @@ void checkUses(const Scene &scene, uint32_t micromap, const std::string &where)
     for (const oracle::Object &object : scene.objects)
         for (const oracle::Mesh &mesh : object.meshes)
             if (mesh.micromap && mesh.micromap->micromap == micromap)
-                checkUse(scene, *mesh.micromap, mesh.vertices.size() / 3, where);
+                checkUse(scene, *mesh.micromap, mesh.triangles(), where);
 }
 
 // The scene is as the steps before have made it.
@@ -227,6 +298,7 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
              "micromap {} does not allow compaction", step.target);
     } else if (step.kind == Kind::SetStates || !step.states.empty()) {
         checkMicromapTriangles(step.states, where + ".states", states);
+        checkLossy(scene.micromaps[step.target].flags, step.states, where);
         // Of the same size, so that they can be built in the same memory.
         rule((step.kind == Kind::SetStates && !step.inPlace) ||
                  std::ranges::equal(
@@ -246,13 +318,13 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     } else if (step.kind == Kind::SetIndices) {
         const std::vector<oracle::Mesh> &meshes = scene.objects[step.target].meshes;
         rule(step.other < meshes.size(), where, "mesh {} does not exist", step.other);
-        rule(meshes[step.other].boxes.empty(), where, "mesh {} has boxes", step.other);
+        rule(!scene.objects[step.target].hasBoxes(), where, "mesh {} is one of boxes", step.other);
         if (step.micromapUse)
-            checkUse(scene, *step.micromapUse, meshes[step.other].vertices.size() / 3, where + ".micromapUse");
+            checkUse(scene, *step.micromapUse, meshes[step.other].triangles(), where + ".micromapUse");
     }
 }
 
-// What is updated allows updates since its first build (BuiltCase::flagsOf).
+// What is updated allows updates since its first build (buildFlagsOf).
 void checkUpdates(const Case &c, const Scene &scene, const Step &step, const std::string &where)
 {
     const auto has = [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); };
@@ -293,8 +365,9 @@ void checkPlans(const Case &c)
     rule(isNamed(kMethodNames, c.trace.method), "trace.method", "no such method");
     rule(c.trace.method == TracePlan::Method::Query ||
              std::ranges::all_of(c.scene.objects,
-                                 [](const oracle::Object &o) { return o.meshes.size() <= kMostMeshesOfRecords; }),
-         "trace.method", "an object has more than {} meshes, for which there are no hit records", kMostMeshesOfRecords);
+                                 [](const oracle::Object &o) { return o.meshes.size() <= oracle::kMostGeometries; }),
+         "trace.method", "an object has more than {} meshes, for which there are no hit records",
+         oracle::kMostGeometries);
     rule(isNamed(kStageNames, c.trace.stage), "trace.stage", "no such stage");
     rule(isNamed(kFlagSourceNames, c.trace.flags), "trace.flags", "no such source");
     rule(isNamed(kModeNames, c.trace.mode), "trace.mode", "no such mode");

@@ -3,6 +3,7 @@
 
 #include "check/gpu/arena.h"
 #include "check/gpu/execution_mode.h"
+#include "check/gpu/vertex_format.h"
 
 #include <stdexcept>
 #include <utility>
@@ -99,6 +100,7 @@ Device::Device(DeviceOptions options) : options_(std::move(options))
 
 Device::~Device()
 {
+    twin_.reset();
     if (device_ != VK_NULL_HANDLE) {
         vkDeviceWaitIdle(device_);
         kept_.clear();
@@ -109,6 +111,16 @@ Device::~Device()
     if (messenger_ != VK_NULL_HANDLE)
         commands_.DestroyDebugUtilsMessengerEXT(instance_, messenger_, nullptr);
     vkDestroyInstance(instance_, nullptr);
+}
+
+Device &Device::twin()
+{
+    if (!twin_) {
+        DeviceOptions options = options_;
+        options.memory = Memory::Apart;
+        twin_ = std::make_unique<Device>(std::move(options));
+    }
+    return *twin_;
 }
 
 void Device::fault(const std::string &what)
@@ -393,6 +405,18 @@ std::vector<uint32_t> Device::code(std::span<const uint32_t> words) const
 {
     return khr() && options_.declaresMode ? withModeWhereNeeded(words)
                                           : std::vector<uint32_t>(words.begin(), words.end());
+}
+
+std::vector<VkFormat> Device::vertexFormats() const
+{
+    std::vector<VkFormat> formats;
+    for (const VkFormat format : kVertexFormats) {
+        VkFormatProperties properties{};
+        vkGetPhysicalDeviceFormatProperties(physical_, format, &properties);
+        if ((properties.bufferFeatures & VK_FORMAT_FEATURE_ACCELERATION_STRUCTURE_VERTEX_BUFFER_BIT_KHR) != 0)
+            formats.push_back(format);
+    }
+    return formats;
 }
 
 VkShaderModule Device::shader(std::span<const uint32_t> original) const

@@ -265,6 +265,8 @@ public:
     [[nodiscard]] uint64_t maxPrimitives() const { return maxPrimitives_; }
     [[nodiscard]] uint64_t maxInstances() const { return maxInstances_; }
     [[nodiscard]] uint64_t maxMicromapTriangles() const { return maxMicromapTriangles_; }
+    // Those of kVertexFormats that the device has.
+    [[nodiscard]] std::vector<VkFormat> vertexFormats() const;
     [[nodiscard]] const VkPhysicalDeviceDriverProperties &driver() const { return driver_; }
     [[nodiscard]] uint32_t scratchAlignment() const { return scratchAlignment_; }
     [[nodiscard]] const VkPhysicalDeviceRayTracingPipelinePropertiesKHR &pipelineProperties() const
@@ -310,6 +312,9 @@ public:
         return std::static_pointer_cast<T>(object);
     }
 
+    // A second device of an instance of its own, both created like this one's, with Memory::Apart.
+    Device &twin();
+
     // Usage of buffers for acceleration structures (DeviceOptions::addressedStructures).
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
     // Reports what is wrong: to DeviceOptions::onFault, or keeps it for takeFaults.
@@ -331,6 +336,7 @@ private:
     uint32_t family_ = 0;
     std::vector<VkQueueFamilyProperties> families_;
     std::unique_ptr<Arena> arena_;
+    std::unique_ptr<Device> twin_;
     VkCommandPool pool_ = VK_NULL_HANDLE;
     std::map<std::type_index, std::shared_ptr<void>> kept_;
     Commands commands_;

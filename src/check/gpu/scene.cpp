@@ -21,6 +21,8 @@ std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<uint32_t, uint3
     return usage;
 }
 
+constexpr uint8_t kGarbage = 0x5a; // what nobody may read
+
 uint32_t bytesOf(VkIndexType type)
 {
     return type == VK_INDEX_TYPE_UINT32 ? 4 : type == VK_INDEX_TYPE_UINT8_EXT ? 1 : 2;
@@ -30,8 +32,9 @@ uint32_t bytesOf(VkIndexType type)
 std::vector<uint8_t> packIndices(const Attachment &attachment, VkDeviceSize stride)
 {
     const VkDeviceSize last = bytesOf(attachment.indexType);
-    std::vector<uint8_t> packed(attachment.indexOffset + stride * (attachment.indices.size() - 1) + last, 0x5a);
-    for (size_t i = 0; i < (stride == 0 ? 1 : attachment.indices.size()); ++i) {
+    const size_t count = attachment.indices.size();
+    std::vector<uint8_t> packed(attachment.indexOffset + stride * (std::max<size_t>(count, 1) - 1) + last, kGarbage);
+    for (size_t i = 0; i < (stride == 0 ? std::min<size_t>(count, 1) : count); ++i) {
         const auto value = static_cast<uint32_t>(attachment.indices[i]);
         std::memcpy(packed.data() + attachment.indexOffset + i * stride, &value, last);
     }
@@ -117,7 +120,7 @@ void Micromap::describe()
 
 void Micromap::upload(SharedScratch *scratch, VkDeviceSize scratchSize)
 {
-    std::vector<uint8_t> strided(input_.stride * input_.triangles.size(), 0x5a);
+    std::vector<uint8_t> strided(input_.stride * input_.triangles.size(), kGarbage);
     for (size_t i = 0; i < input_.triangles.size(); ++i)
         std::memcpy(strided.data() + i * input_.stride, &input_.triangles[i], sizeof(VkMicromapTriangleEXT));
     const VkBufferUsageFlags usage = micromapInputUsage(gpu_);
@@ -196,9 +199,10 @@ void Micromap::forgetInput()
 
 uint32_t Geometry::primitives() const
 {
-    if (!boxes.empty())
+    if (isAabbs || !boxes.empty())
         return static_cast<uint32_t>(boxes.size());
-    return static_cast<uint32_t>((indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() : indices.size()) / 3) -
+    return static_cast<uint32_t>(
+               (indexType == VK_INDEX_TYPE_NONE_KHR ? vertices.size() - firstVertex : indices.size()) / 3) -
            skippedTriangles - spareTriangles;
 }
 
@@ -252,6 +256,17 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
                                                              .mode = mode,
                                                              .geometryCount = static_cast<uint32_t>(geometries_.size()),
                                                              .pGeometries = geometries_.data()});
+    if (usesPointers_) {
+        // Backwards in memory, and twice, so that neither the first element nor an array behind it is mistaken for
+        // them.
+        pointedTo_.assign(geometries_.rbegin(), geometries_.rend());
+        pointedTo_.insert(pointedTo_.end(), geometries_.rbegin(), geometries_.rend());
+        pointers_.clear();
+        for (size_t i = geometries_.size(); i-- > 0;)
+            pointers_.push_back(&pointedTo_[i]);
+        info_.pGeometries = nullptr;
+        info_.ppGeometries = pointers_.data();
+    }
     maxPrimitives_.assign(maxPrimitives.begin(), maxPrimitives.end());
     auto sizes = vkInit<VkAccelerationStructureBuildSizesInfoKHR>();
     gpu_.vk().GetAccelerationStructureBuildSizesKHR(gpu_.device(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
@@ -272,6 +287,71 @@ void Structure::record(VkCommandBuffer commands) const
     gpu_.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info_, &ranges);
 }
 
+VkDeviceAddress Blas::upload(const void *content, size_t size, size_t alignment)
+{
+    // Where there are many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
+    constexpr size_t kManyGeometries = 128, kSharedBytes = size_t{1} << 20;
+    if (inputs_.size() < kManyGeometries || size > kSharedBytes) {
+        buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
+        filled_ = kSharedBytes;
+        return buffers_.back().address();
+    }
+    size_t begin = (filled_ + alignment - 1) / alignment * alignment;
+    if (buffers_.empty() || begin + size > kSharedBytes) {
+        buffers_.emplace_back(gpu(), kSharedBytes, 256, kBuildInput);
+        begin = 0;
+    }
+    filled_ = begin + size;
+    std::memcpy(buffers_.back().bytes() + begin, content, size);
+    return buffers_.back().address() + begin;
+}
+
+void Blas::describeBoxes(const Geometry &input, VkAccelerationStructureGeometryAabbsDataKHR &boxes,
+                         VkAccelerationStructureBuildRangeInfoKHR &range)
+{
+    const uint32_t stride = input.stride != 0 ? input.stride : sizeof(VkAabbPositionsKHR);
+    std::vector<uint8_t> bytes(input.leadingBytes + std::max<size_t>(input.boxes.size(), 1) * stride, kGarbage);
+    for (size_t i = 0; i < input.boxes.size(); ++i)
+        std::memcpy(bytes.data() + input.leadingBytes + i * stride, &input.boxes[i], sizeof input.boxes[i]);
+    boxes = vkInit<VkAccelerationStructureGeometryAabbsDataKHR>({.stride = stride});
+    boxes.data.deviceAddress = upload(bytes.data(), bytes.size(), 8);
+    range.primitiveOffset = input.leadingBytes;
+}
+
+void Blas::describeTriangles(const Geometry &input, VkAccelerationStructureGeometryTrianglesDataKHR &triangles,
+                             VkAccelerationStructureBuildRangeInfoKHR &range)
+{
+    const VertexFormat format = vertexFormat(input.vertexFormat);
+    const uint32_t stride = input.stride != 0 ? input.stride : format.bytes;
+    const bool indexed = input.indexType != VK_INDEX_TYPE_NONE_KHR;
+    const uint32_t indexBytes = indexed ? bytesOf(input.indexType) : 0;
+    const size_t before = indexed ? 0 : input.leadingBytes;
+    std::vector<uint8_t> bytes(before + std::max<size_t>(input.vertices.size(), 1) * stride, kGarbage);
+    for (size_t i = 0; i < input.vertices.size(); ++i)
+        writeVertex(input.vertexFormat, input.vertices[i], static_cast<uint32_t>(i),
+                    bytes.data() + before + i * stride);
+    triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
+        {.vertexFormat = input.vertexFormat,
+         .vertexStride = stride,
+         .maxVertex = static_cast<uint32_t>(bytes.size() / stride) - 1,
+         .indexType = input.indexType});
+    triangles.vertexData.deviceAddress = upload(bytes.data(), bytes.size(), format.alignment);
+    if (indexed) {
+        bytes.assign(input.leadingBytes + std::max<size_t>(input.indices.size(), 1) * indexBytes, kGarbage);
+        for (size_t i = 0; i < input.indices.size(); ++i)
+            std::memcpy(bytes.data() + input.leadingBytes + i * indexBytes, &input.indices[i], indexBytes);
+        triangles.indexData.deviceAddress = upload(bytes.data(), bytes.size(), indexBytes);
+    }
+    if (input.transform) {
+        bytes.assign(input.transformOffset + sizeof *input.transform, kGarbage);
+        std::memcpy(bytes.data() + input.transformOffset, &*input.transform, sizeof *input.transform);
+        triangles.transformData.deviceAddress = upload(bytes.data(), bytes.size(), 16);
+    }
+    range.primitiveOffset = input.leadingBytes + input.skippedTriangles * 3 * (indexed ? indexBytes : stride);
+    range.firstVertex = input.firstVertex;
+    range.transformOffset = input.transformOffset;
+}
+
 void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructureFlagsKHR flags,
                    VkBuildAccelerationStructureModeKHR mode)
 {
@@ -283,55 +363,17 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
     geometries_.clear();
     ranges_.clear();
     std::vector<uint32_t> counts;
-    // Where there are many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
-    size_t filled = 0;
-    const auto upload = [this, &filled](const void *content, size_t size, size_t alignment) {
-        constexpr size_t kManyGeometries = 128, kSharedBytes = size_t{1} << 20;
-        if (inputs_.size() < kManyGeometries || size > kSharedBytes) {
-            filled = 0;
-            buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
-            return buffers_.back().address();
-        }
-        size_t begin = (filled + alignment - 1) / alignment * alignment;
-        if (filled == 0 || begin + size > kSharedBytes) {
-            buffers_.emplace_back(gpu(), kSharedBytes, 256, kBuildInput);
-            begin = 0;
-        }
-        filled = begin + size;
-        std::memcpy(buffers_.back().bytes() + begin, content, size);
-        return buffers_.back().address() + begin;
-    };
     for (size_t i = 0; i < inputs_.size(); ++i) {
         const Geometry &input = inputs_[i];
         auto geometry = vkInit<VkAccelerationStructureGeometryKHR>({.flags = input.flags});
         VkAccelerationStructureBuildRangeInfoKHR range{};
         range.primitiveCount = input.primitives();
-        if (!input.boxes.empty()) {
+        if (input.isAabbs || !input.boxes.empty()) {
             geometry.geometryType = VK_GEOMETRY_TYPE_AABBS_KHR;
-            geometry.geometry.aabbs =
-                vkInit<VkAccelerationStructureGeometryAabbsDataKHR>({.stride = sizeof(VkAabbPositionsKHR)});
-            geometry.geometry.aabbs.data.deviceAddress =
-                upload(input.boxes.data(), input.boxes.size() * sizeof(VkAabbPositionsKHR), 8);
+            describeBoxes(input, geometry.geometry.aabbs, range);
         } else {
             geometry.geometryType = VK_GEOMETRY_TYPE_TRIANGLES_KHR;
-            VkAccelerationStructureGeometryTrianglesDataKHR &triangles = geometry.geometry.triangles;
-            triangles = vkInit<VkAccelerationStructureGeometryTrianglesDataKHR>(
-                {.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT,
-                 .vertexStride = sizeof(Vec3),
-                 .maxVertex = static_cast<uint32_t>(input.vertices.size()) - 1});
-            triangles.vertexData.deviceAddress = upload(input.vertices.data(), input.vertices.size() * sizeof(Vec3), 4);
-            triangles.indexType = input.indexType;
-            if (input.indexType == VK_INDEX_TYPE_UINT32) {
-                triangles.indexData.deviceAddress = upload(input.indices.data(), input.indices.size() * 4, 4);
-            } else if (input.indexType == VK_INDEX_TYPE_UINT16) {
-                const std::vector<uint16_t> narrow(input.indices.begin(), input.indices.end());
-                triangles.indexData.deviceAddress = upload(narrow.data(), narrow.size() * 2, 2);
-            }
-            const uint32_t triangleBytes = input.indexType == VK_INDEX_TYPE_UINT32   ? 12
-                                           : input.indexType == VK_INDEX_TYPE_UINT16 ? 6
-                                                                                     : 3 * sizeof(Vec3);
-            range.primitiveOffset = input.skippedTriangles * triangleBytes;
-            range.firstVertex = input.firstVertex;
+            describeTriangles(input, geometry.geometry.triangles, range);
         }
         if (input.micromap) {
             const Attachment &attachment = *input.micromap;
@@ -346,8 +388,8 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
             } else {
                 const uint32_t size = bytesOf(attachment.indexType);
                 out.indexStride = attachment.stride.value_or(size);
-                if (out.indexStride == 0)
-                    used.assign(used.size(), used.at(0));
+                if (out.indexStride == 0 && !used.empty())
+                    used.assign(used.size(), used[0]);
                 const std::vector<uint8_t> packed = packIndices(attachment, out.indexStride);
                 out.indexBuffer.deviceAddress = upload(packed.data(), packed.size(), size) + attachment.indexOffset;
             }
@@ -375,6 +417,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
         ranges_.push_back(range);
         counts.push_back(range.primitiveCount + input.spareTriangles);
     }
+    usePointers(std::ranges::any_of(inputs_, &Geometry::byPointer));
     prepareBuild(flags, mode, counts);
 }
 

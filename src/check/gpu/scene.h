@@ -5,6 +5,7 @@
 
 #include "check/gpu/arena.h"
 #include "check/gpu/micromap_commands.h"
+#include "check/gpu/vertex_format.h"
 
 #include <array>
 #include <cstdint>
@@ -12,8 +13,6 @@
 
 namespace vellum::check
 {
-
-using Vec3 = std::array<float, 3>;
 
 inline constexpr uint16_t kTwoState = VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT;
 inline constexpr uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
@@ -103,11 +102,18 @@ struct Geometry {
     std::vector<uint32_t> indices;
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
     std::vector<VkAabbPositionsKHR> boxes; // not empty: AABB geometry
+    bool isAabbs = false;                  // AABB geometry, also where there are no boxes
     VkGeometryFlagsKHR flags = 0;
     std::optional<Attachment> micromap;
     uint32_t skippedTriangles = 0; // primitiveOffset, in triangles
     uint32_t spareTriangles = 0;   // at the end, that are not built, though sizes allow for them
     uint32_t firstVertex = 0;
+    VkFormat vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+    uint32_t stride = 0;       // bytes from one vertex or box to the next; 0: packed tightly
+    uint32_t leadingBytes = 0; // before the first index, vertex (where there are no indices) or box: primitiveOffset
+    std::optional<VkTransformMatrixKHR> transform;
+    uint32_t transformOffset = 0;
+    bool byPointer = false; // of one of a build: all come by ppGeometries
 
     [[nodiscard]] uint32_t primitives() const;
 };
@@ -129,6 +135,8 @@ public:
     // The next create uses the other's room, if it is large enough: two handles, and later another content, in one
     // place.
     void useRoomOf(const Structure &other) { room_ = other.storage_; }
+    // The next builds get their geometries by ppGeometries.
+    void usePointers(bool pointers) { usesPointers_ = pointers; }
     // Uses that scratch memory instead of memory of its own; null: its own again.
     void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
@@ -165,6 +173,9 @@ private:
     std::shared_ptr<Guarded> scratch_;
     SharedScratch *sharedScratch_ = nullptr;
     std::vector<uint32_t> maxPrimitives_;
+    bool usesPointers_ = false;
+    std::vector<VkAccelerationStructureGeometryKHR> pointedTo_;
+    std::vector<const VkAccelerationStructureGeometryKHR *> pointers_;
     VkBuffer placedBuffer_ = VK_NULL_HANDLE;
     VkDeviceSize placedOffset_ = 0;
     VkAccelerationStructureBuildGeometryInfoKHR info_{};
@@ -189,8 +200,16 @@ public:
     }
 
 private:
+    void describeTriangles(const Geometry &input, VkAccelerationStructureGeometryTrianglesDataKHR &triangles,
+                           VkAccelerationStructureBuildRangeInfoKHR &range);
+    void describeBoxes(const Geometry &input, VkAccelerationStructureGeometryAabbsDataKHR &boxes,
+                       VkAccelerationStructureBuildRangeInfoKHR &range);
+    // Bytes that a build reads.
+    VkDeviceAddress upload(const void *content, size_t size, size_t alignment);
+
     std::vector<Geometry> inputs_;
     std::vector<Guarded> buffers_;
+    size_t filled_ = 0; // of the last buffer, where geometries share it
     std::vector<std::vector<VkMicromapUsageEXT>> usages_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr_;

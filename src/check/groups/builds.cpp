@@ -23,6 +23,32 @@ Case builds(Random &random, const DeviceLimits &limits)
     return c;
 }
 
+// Geometry in all its forms, in structures that are built, updated and copied in all ways.
+Case geometry(Random &random, const DeviceLimits &limits)
+{
+    using Kind = Step::Kind;
+    Limits scene = smallScene(limits);
+    scene.unusual = 95;
+    Case c{.scene = makeScene(random, scene, limits)};
+    c.build.together = chance(random, 40);
+    c.build.instancePointers = chance(random, 30);
+    c.build.geometryPointers = chance(random, 50);
+    c.build.single = chance(random, 20);
+    if (!c.build.single && limits.indirectBuilds && chance(random, 40)) {
+        c.build.structures = BuildCommand::Indirect;
+        c.build.spareTriangles = below(random, 4);
+    }
+    if (!c.build.single && chance(random, 60)) {
+        constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject, Kind::CloneObject, Kind::CompactObject,
+                                   Kind::ReloadObject,  Kind::SetIndices,   Kind::SetStates,   Kind::RebuildObjects,
+                                   Kind::CloneMicromap, Kind::ReloadTop};
+        addSteps(random, c, kinds, 1 + below(random, 3), limits);
+    }
+    if (limits.pipelines && chance(random, 30))
+        c.trace.method = TracePlan::Method::Pipeline;
+    return c;
+}
+
 // Builds and rays in one command buffer, with nothing but barriers between.
 Case single(Random &random, const DeviceLimits &limits)
 {
@@ -92,6 +118,13 @@ constexpr std::array kGroups{
           "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
           "ppUsageCounts; triangleArrayStride; arrayOfPointers",
           200, runGroup<builds>},
+    Group{"geometry",
+          "vertices of all formats, strides, offsets, indices and transforms; geometries without triangles, degenerate "
+          "and inactive triangles; many geometries; ppGeometries; NO_DUPLICATE_ANY_HIT_INVOCATION",
+          "VkAccelerationStructureGeometryTrianglesDataKHR; VkAccelerationStructureGeometryAabbsDataKHR; "
+          "VkAccelerationStructureBuildRangeInfoKHR; VkGeometryFlagBitsKHR; Inactive Primitives and Instances; "
+          "Degenerate Primitives and Instances",
+          300, runGroup<geometry>},
     Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",

@@ -3,6 +3,7 @@
 // determines, on the device of this process.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -56,8 +57,13 @@ struct Group {
     std::string_view sentences; // of the specification that it tests, with section or VUID
     uint32_t cases = 0;         // in a full run
     Outcome (*run)(Session &session, std::string_view group, uint64_t seed) = nullptr;
+    // At least 1: how many of the first cases are a quick run. Chosen so that a group takes about three seconds of a
+    // worker on lavapipe for each extension.
+    uint32_t quick = 20;
     // Kinds of cases: case n is of kind n % kinds, which is also its seed % kinds. The first `kinds` cases show each.
     uint32_t kinds = 1;
+
+    [[nodiscard]] uint32_t quickCases() const { return std::min(quick, cases); }
 };
 
 // All groups, in the order in which they run.

@@ -45,7 +45,7 @@ void useDescriptors(TracePlan &trace)
 bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags, const DeviceLimits &limits)
 {
     if (triangle.format == kTwoState)
-        return triangle.level <= limits.maxLevel2;
+        return triangle.level <= limits.maxLevel2 && (flags & kLossy) == 0; // VUID-...-format-11713
     return triangle.level <= ((flags & kLossy) != 0 ? limits.maxLossyLevel : limits.maxLevel4);
 }
 
@@ -84,6 +84,7 @@ DeviceLimits limitsOf(const Device &gpu)
             .maxLevel2 = gpu.maxLevel(kTwoState),
             .maxLevel4 = gpu.maxLevel(kFourState),
             .maxLossyLevel = gpu.maxLossyLevel(),
+            .vertexFormats = gpu.vertexFormats(),
             .faults = gpu.knownFaults()};
 }
 
@@ -95,7 +96,9 @@ Limits smallScene(const DeviceLimits &limits)
             .objects = 3,
             .meshes = 3,
             .instances = 5,
-            .triangles = 12};
+            .triangles = 12,
+            .unusual = 40,
+            .formats = limits.vertexFormats};
 }
 
 oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits &limits)
@@ -183,7 +186,7 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         if (able.empty() || scene.micromaps.empty())
             return {};
         std::tie(step.target, step.other) = able[below(random, static_cast<uint32_t>(able.size()))];
-        const auto triangles = static_cast<uint32_t>(scene.objects[step.target].meshes[step.other].vertices.size() / 3);
+        const uint32_t triangles = scene.objects[step.target].meshes[step.other].triangles();
         step.micromapUse = oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
         step.update =
             step.update && oracle::isAlike(scene.objects[step.target].meshes[step.other].micromap, step.micromapUse);

@@ -22,6 +22,7 @@ struct DeviceLimits {
     bool hostCommands = false;
     bool indirectBuilds = false;
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
+    std::vector<VkFormat> vertexFormats = {kVertexFormats.begin(), kVertexFormats.begin() + kRequiredVertexFormats};
     std::vector<KnownFault> faults;
 
     [[nodiscard]] bool has(Fault fault) const

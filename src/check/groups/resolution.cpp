@@ -37,7 +37,8 @@ Case plain(Random &random, const DeviceLimits &limits)
 oracle::Scene rowScene(Random &random)
 {
     oracle::Scene scene;
-    scene.edge = 4e-6f; // rays along the axes, on triangles that are near the origin
+    // Rays meet the middle of micro-triangles, which is 8e-5 away from their edges at level 12.
+    scene.edge = 4e-5f;
     scene.objects.resize(1);
     scene.instances = {instanceInPlace(random)};
     return scene;
@@ -146,19 +147,64 @@ Case flags(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-Case lossy(Random &random, const DeviceLimits &limits)
+oracle::Scene lossyRow(Random &random, const DeviceLimits &limits)
 {
-    Case c{.scene = rowScene(random)};
-    oracle::SceneMicromap &micromap = c.scene.micromaps.emplace_back();
-    micromap.flags = kLossy;
-    const uint32_t level = std::min(chance(random, 75) ? below(random, 7) : 7 + below(random, 3), limits.maxLossyLevel);
-    const uint32_t triangles = level > 6 ? 2 : 6;
+    oracle::Scene scene = rowScene(random);
+    oracle::SceneMicromap &micromap = scene.micromaps.emplace_back();
+    const uint32_t kind = below(random, 100);
+    const uint32_t level = std::min(kind < 75   ? below(random, 7)
+                                    : kind < 97 ? 7 + below(random, 3)
+                                                : 10 + below(random, 3),
+                                    limits.maxLossyLevel);
+    const uint32_t triangles = level > 9 ? 1 : level > 6 ? 2 : 6;
     for (uint32_t i = 0; i < triangles; ++i)
         micromap.triangles.push_back(chance(random, 80) ? patchyTriangle(random, level, below(random, level + 1))
                                                         : fineTriangle(random, level, kFourState));
-    addRow(random, c.scene, triangles, level, 48);
-    c.scene.objects[0].meshes[0].micromap =
-        oracle::randomUse(random, c.scene, triangles, {.byteIndices = limits.byteIndices});
+    constexpr std::array<VkBuildMicromapFlagsEXT, 3> flags{0, VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT,
+                                                           VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT};
+    micromap.flags = kLossy | flags[below(random, flags.size())];
+    if (chance(random, 60))
+        micromap.flags |= VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+    addRow(random, scene, triangles, level, 48);
+    scene.objects[0].meshes[0].micromap =
+        oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
+    // Instances behind each other, so that rays meet several hits of which most are not known.
+    for (uint32_t i = chance(random, 40) ? 5 + below(random, 3) : 1; i > 1; --i) {
+        scene.instances.push_back(instanceInPlace(random));
+        scene.instances.back().transform.matrix[2][3] = -0.5f * static_cast<float>(i);
+        if (chance(random, 20))
+            scene.instances.back().flags = kFlagTwoState;
+    }
+    return scene;
+}
+
+// Lossy micromaps that are built by every command, copied, and built again.
+Case lossy(Random &random, const DeviceLimits &limits)
+{
+    Case c;
+    if (chance(random, 70)) {
+        c.scene = lossyRow(random, limits);
+    } else {
+        Limits scene = smallScene(limits);
+        scene.lossy = true;
+        c.scene = makeScene(random, scene, limits);
+    }
+    c.build.together = chance(random, 30);
+    c.build.instancePointers = chance(random, 20);
+    c.build.threads = c.build.together || chance(random, 70) ? 1 : 2 + below(random, 3);
+    if (limits.indirectBuilds && chance(random, 20))
+        c.build.structures = BuildCommand::Indirect;
+    constexpr std::array memories{Memory::Apart, Memory::Apart, Memory::Packed, Memory::PackedToTheEnd};
+    c.memory = memories[below(random, memories.size())];
+    if (limits.pipelines && chance(random, 25))
+        c.trace.method = TracePlan::Method::Pipeline;
+    using Kind = Step::Kind;
+    constexpr std::array steps{Kind::CloneMicromap,   Kind::CompactMicromap, Kind::ReloadMicromap, Kind::CloneMicromap,
+                               Kind::CompactMicromap, Kind::ReloadMicromap,  Kind::SetStates,      Kind::SetIndices,
+                               Kind::CloneObject,     Kind::CompactObject,   Kind::ReloadObject,   Kind::UpdateObject,
+                               Kind::RebuildObject,   Kind::MoveObject,      Kind::RenameObject,   Kind::RebuildObjects};
+    addSteps(random, c, steps, chance(random, 30) ? 0 : 1 + below(random, 3), limits);
+    c.build.single = c.steps.empty() && c.build.structures == BuildCommand::Device && chance(random, 30);
     return c;
 }
 
@@ -266,10 +312,15 @@ constexpr std::array kGroups{
           "ForceOpacityMicromap2StateEXT",
           200, runGroup<flags>},
     Group{
-        "lossy", "lossy builds: a state may become unknown, and nothing else",
-        "VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR: \"the implementation can additionally substitute any "
-        "state to any of the UNKNOWN states\"",
-        100, runGroup<lossy>},
+        "lossy",
+        "lossy builds, copies and updates: a state may become unknown, and nothing else; it is the same as in an equal "
+        "build on a second device",
+        "Ray Opacity Micromap: \"the implementation may substitute any element's state value with "
+        "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_TRANSPARENT_KHR or "
+        "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_OPAQUE_KHR\"; \"The implementation, on an identically created "
+        "instance and device, must perform any lossy substitutions invariantly with respect to acceleration structures "
+        "and micromaps constructed with an equivalent shape and data\"",
+        150, runGroup<lossy>},
     Group{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",

@@ -299,7 +299,7 @@ constexpr std::array kGroups{
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
           "maxOpacity2StateSubdivisionLevel and maxOpacity4StateSubdivisionLevel",
-          44, scale, kKinds.size()},
+          44, scale, kKinds.size(), kKinds.size()},
 };
 
 } // namespace

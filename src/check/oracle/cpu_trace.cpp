@@ -2,6 +2,7 @@
 #include "check/oracle/cpu_trace.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "check/oracle/outcome.h"
@@ -95,20 +96,22 @@ uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge)
 namespace
 {
 
-// The 4-state value at a place of a triangle.
-int stateAt(const Scene &scene, const MeshMicromap &use, uint32_t primitive, double u, double v, double &edge)
+// The 4-state value at a place of a triangle, and the micro-triangle that has it.
+int stateAt(const Scene &scene, const MeshMicromap &use, uint32_t primitive, double u, double v, double &edge,
+            uint32_t &element)
 {
     const int32_t index = use.indexOf(primitive);
     if (index < 0)
         return -1 - index;
     const MicromapTriangle &triangle =
         scene.micromaps[*use.micromap].triangles[static_cast<uint32_t>(index) + use.base];
-    return triangle.states[microTriangleAt(u, v, triangle.level, edge)];
+    element = microTriangleAt(u, v, triangle.level, edge);
+    return triangle.states[element];
 }
 
-// "If micromap was built as lossy ..., then the implementation can additionally substitute any state to any of the
-// UNKNOWN states", for special indices and for what the micromap has.
-bool mayBeUnknown(const Scene &scene, const MeshMicromap &use)
+// The specification says "any element's state value" (Ray Opacity Micromap); the proposal of VK_KHR_opacity_micromap
+// also allows it where triangles have special indices.
+bool isLossy(const Scene &scene, const MeshMicromap &use)
 {
     return use.micromap && (scene.micromaps[*use.micromap].flags & kLossy) != 0;
 }
@@ -116,8 +119,8 @@ bool mayBeUnknown(const Scene &scene, const MeshMicromap &use)
 class Tracing
 {
 public:
-    Tracing(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices)
-        : scene_(scene), ray_(ray), choices_(choices)
+    Tracing(const Scene &scene, const Ray &ray, const Substitution &substitution)
+        : scene_(scene), ray_(ray), substitution_(substitution)
     {
     }
 
@@ -133,8 +136,9 @@ public:
                 const Mesh &mesh = object.meshes[g];
                 for (uint32_t p = 0; p < mesh.boxes.size(); ++p)
                     box(instance, mesh, {i, g, p, instance.customIndex, true, {}, false, 0, 0, 0, false});
-                for (uint32_t p = 0; p < mesh.vertices.size() / 3; ++p)
-                    triangle(instance, mesh, {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true});
+                for (uint32_t p = 0; p < mesh.triangles(); ++p)
+                    triangle(instance, mesh,
+                             {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true, mesh.noDuplicates});
             }
         }
         for (size_t i = 0; i < out_.hits.size(); ++i) {
@@ -176,9 +180,10 @@ private:
     {
         if ((ray_.flags & kRaySkipTriangles) != 0 && !everything_)
             return;
-        const Point v0 = widen(mesh.vertices[3 * hit.primitive]);
-        const Point e1 = widen(mesh.vertices[3 * hit.primitive + 1]) - v0;
-        const Point e2 = widen(mesh.vertices[3 * hit.primitive + 2]) - v0;
+        const Corners corners = cornersOf(mesh, hit.primitive);
+        const Point &v0 = corners[0];
+        const Point e1 = corners[1] - v0;
+        const Point e2 = corners[2] - v0;
         const Point p = cross(local_.direction, e2);
         const double determinant = dot(e1, p);
         const Point toOrigin = local_.origin - v0;
@@ -191,6 +196,9 @@ private:
         const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
         const Point normal = cross(e1, e2);
         const double area = std::sqrt(dot(normal, normal));
+        // Neither degenerate triangles nor inactive ones, whose area is NaN, are ever met.
+        if (!(area > 0))
+            return;
         const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.
         const bool bad = std::abs(cosine) < kGrazing || area < 0.02;
@@ -207,17 +215,18 @@ private:
             return;
         double edge = inside;
         int state = kNoMicromap;
-        if (inside > 0 && mesh.micromap) {
-            state = stateAt(scene_, *mesh.micromap, hit.primitive, hit.u, hit.v, edge);
-            if (mayBeUnknown(scene_, *mesh.micromap)) {
-                const uint32_t choice = out_.lossy < choices_.size() ? choices_[out_.lossy] : 0;
-                ++out_.lossy;
-                state = choice == 0 ? state : static_cast<int>(1 + choice);
-            }
-        }
+        uint32_t element = 0;
+        if (inside > 0 && mesh.micromap)
+            state = stateAt(scene_, *mesh.micromap, hit.primitive, hit.u, hit.v, edge, element);
         if (bad || edge < double{scene_.edge} || nearEnds(hit.t)) {
             out_.unsure = true;
             return;
+        }
+        if (mesh.micromap && isLossy(scene_, *mesh.micromap)) {
+            const LossyElement at{instance.object, hit.geometry, hit.primitive, element};
+            out_.lossy.push_back({hit.instance, at, state});
+            if (const auto found = substitution_.find(at); found != substitution_.end())
+                state = found->second;
         }
         add(instance, mesh, hit, state);
     }
@@ -247,15 +256,18 @@ private:
     {
         if ((ray_.flags & kRaySkipBoxes) != 0)
             return;
+        const VkAabbPositionsKHR &bounds = mesh.boxes[hit.primitive];
+        if (std::isnan(bounds.minX))
+            return; // inactive
         double from = 0, to = 0;
-        hit.certain = slab(mesh.boxes[hit.primitive], -2e-3, from, to);
+        hit.certain = slab(bounds, -2e-3, from, to);
         hit.t = from;
         add(instance, mesh, hit, kBox);
     }
 
     const Scene &scene_;
     const Ray &ray_;
-    std::span<const uint8_t> choices_;
+    const Substitution &substitution_;
     LocalRay local_{};
     bool everything_ = false; // also what is culled or ignored
     Hits out_;
@@ -263,9 +275,9 @@ private:
 
 } // namespace
 
-Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices)
+Hits allHits(const Scene &scene, const Ray &ray, const Substitution &substitution)
 {
-    return Tracing(scene, ray, choices).run();
+    return Tracing(scene, ray, substitution).run();
 }
 
 std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive)
@@ -273,8 +285,9 @@ std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, 
     const bool exists =
         instance < scene.instances.size() && !scene.instances[instance].inactive &&
         geometry < scene.objects[scene.instances[instance].object].meshes.size() &&
-        primitive < scene.objects[scene.instances[instance].object].meshes[geometry].vertices.size() / 3;
-    return exists ? Tracing(scene, ray, {}).runFor(instance, geometry, primitive) : std::nullopt;
+        primitive < scene.objects[scene.instances[instance].object].meshes[geometry].triangles();
+    static const Substitution kNone;
+    return exists ? Tracing(scene, ray, kNone).runFor(instance, geometry, primitive) : std::nullopt;
 }
 
 std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray)
@@ -293,38 +306,24 @@ std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray)
 Ray aimedAt(const Scene &scene, const Hit &hit, Ray ray, std::array<double, 2> place)
 {
     const Instance &instance = scene.instances[hit.instance];
-    const Vec3 *const corners =
-        &scene.objects[instance.object].meshes[hit.geometry].vertices[size_t{3} * hit.primitive];
+    const Corners corners = cornersOf(scene.objects[instance.object].meshes[hit.geometry], hit.primitive);
     const auto [u, v] = place;
     for (size_t r = 0; r < 3; ++r) {
         double at = double{instance.transform.matrix[r][3]};
         for (size_t k = 0; k < 3; ++k)
             at += double{instance.transform.matrix[r][k]} *
-                  ((1 - u - v) * double{corners[0][k]} + u * double{corners[1][k]} + v * double{corners[2][k]});
+                  ((1 - u - v) * corners[0][k] + u * corners[1][k] + v * corners[2][k]);
         ray.origin[r] = static_cast<float>(at - hit.t * double{ray.direction[r]});
     }
     return ray;
 }
 
-std::string faultOf(const Scene &scene, const Ray &ray, const Hits &exact,
-                    const std::function<std::string(const std::vector<Hit> &)> &judge)
+std::vector<Hits> allHits(const Scene &scene, const Substitution &substitution)
 {
-    std::string fault = judge(exact.hits);
-    constexpr uint32_t kMost = 4; // 81 combinations
-    if (fault.empty() || exact.lossy == 0 || exact.lossy > kMost)
-        return exact.lossy > kMost ? std::string() : fault;
-    std::vector<uint8_t> choices(exact.lossy);
-    for (;;) {
-        size_t digit = 0;
-        while (digit < choices.size() && choices[digit] == 2)
-            choices[digit++] = 0;
-        if (digit == choices.size())
-            return fault;
-        ++choices[digit];
-        const Hits other = allHits(scene, ray, choices);
-        if (other.unsure || judge(other.hits).empty())
-            return {};
-    }
+    std::vector<Hits> hits;
+    for (const Ray &ray : scene.rays)
+        hits.push_back(allHits(scene, ray, substitution));
+    return hits;
 }
 
 } // namespace vellum::check::oracle

@@ -6,10 +6,8 @@
 #include <cstdint>
 
 #include <array>
-#include <functional>
+#include <map>
 #include <optional>
-#include <span>
-#include <string>
 
 #include "check/oracle/scene.h"
 
@@ -29,6 +27,8 @@ struct Hit {
     // False: a box that the ray does not meet for certain. "The occurrence of an AABB intersection candidate does not
     // guarantee the ray intersects the application-provided AABB."
     bool certain;
+    // A triangle of a geometry that promises to show each candidate once.
+    bool once = false;
     int state = 0; // as outcomeOf takes it
 };
 
@@ -36,18 +36,34 @@ struct Hit {
 // is, if that is nearer.
 uint32_t microTriangleAt(double u, double v, uint32_t level, double &edge);
 
+// An element of a lossy micromap as a triangle of an object has it. Of a triangle with a special index: 0.
+struct LossyElement {
+    uint32_t object, geometry, primitive, element;
+    auto operator<=>(const LossyElement &) const = default;
+};
+// The states that a device has in place of those that a lossy build was given. "The implementation, on an identically
+// created instance and device, must perform any lossy substitutions invariantly with respect to acceleration structures
+// and micromaps constructed with an equivalent shape and data."
+using Substitution = std::map<LossyElement, int>;
+
+struct LossyHit {
+    uint32_t instance;
+    LossyElement at;
+    int state; // that the build was given
+};
+
 struct Hits {
     std::vector<Hit> hits; // neither ignored nor culled
     // A hit so close to an edge, to the line between two micro-triangles, to the ends of the ray or to another hit that
     // rounding decides: nothing can be said of the ray.
     bool unsure = false;
-    // Hits whose known state a lossy build may have made unknown.
-    uint32_t lossy = 0;
+    std::vector<LossyHit> lossy; // also those that are ignored or culled
 };
 
-// choices: for each of those, in order: 0: as it was given, 1: unknown-transparent, 2: unknown-opaque. The rest as
-// given.
-Hits allHits(const Scene &scene, const Ray &ray, std::span<const uint8_t> choices = {});
+// Elements that `substitution` lacks have the states that the build was given.
+Hits allHits(const Scene &scene, const Ray &ray, const Substitution &substitution = {});
+// Of each ray of the scene.
+std::vector<Hits> allHits(const Scene &scene, const Substitution &substitution = {});
 
 // What the ray meets of one triangle, whatever its opacity and whatever the ray culls; nothing: it does not meet it for
 // certain.
@@ -57,10 +73,5 @@ std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, 
 std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray);
 // A ray as the one of that hit, that meets the triangle at other barycentrics.
 Ray aimedAt(const Scene &scene, const Hit &hit, Ray ray, std::array<double, 2> place);
-
-// What is wrong with a ray by `judge`, which compares its result with hits and says what is wrong (empty: nothing),
-// with every choice that lossy builds leave. exact: allHits without choices, not unsure.
-std::string faultOf(const Scene &scene, const Ray &ray, const Hits &exact,
-                    const std::function<std::string(const std::vector<Hit> &)> &judge);
 
 } // namespace vellum::check::oracle

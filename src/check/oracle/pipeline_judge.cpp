@@ -16,11 +16,18 @@ enum Group : uint32_t { kFull, kNoAnyHit, kNoClosestHit, kBoxFull, kBoxNoAnyHit 
 
 const std::array<TracerGroup, 5> kHitGroups{
     {{}, {.anyHit = false}, {.closestHit = false}, {.box = true}, {.box = true, .anyHit = false}}};
-const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords{
-    // triangles
-    kFull, kFull, kNoAnyHit, kFull, std::nullopt, kNoClosestHit, kFull, kNoAnyHit,
-    // boxes
-    kBoxFull, kBoxFull, kBoxNoAnyHit, kBoxFull, std::nullopt, kBoxFull, kBoxNoAnyHit, kBoxFull};
+const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords = [] {
+    constexpr std::array<std::optional<uint32_t>, 8> triangles{kFull,        kFull,         kNoAnyHit, kFull,
+                                                               std::nullopt, kNoClosestHit, kFull,     kNoAnyHit};
+    constexpr std::array<std::optional<uint32_t>, 8> boxes{kBoxFull,     kBoxFull, kBoxNoAnyHit, kBoxFull,
+                                                           std::nullopt, kBoxFull, kBoxNoAnyHit, kBoxFull};
+    std::array<std::optional<uint32_t>, 2 * kBoxRecords> records;
+    for (size_t i = 0; i < kBoxRecords; ++i) {
+        records[i] = triangles[i % triangles.size()];
+        records[kBoxRecords + i] = boxes[i % boxes.size()];
+    }
+    return records;
+}();
 
 namespace
 {
@@ -126,6 +133,8 @@ private:
                 return byOpacity ? opacityFault(scene_, ray_, c, "a candidate to an any-hit shader")
                                  : describe("an any-hit shader ran that should not", c);
             }
+            if (cameAgain(*hit, result_.candidates))
+                return describe("an any-hit shader ran twice for a triangle", c);
             if (!placed(*hit, c, note.hitKind) || !attributed(*hit, c))
                 return describe("place of a candidate", c);
             if (c.confirmed() != confirms(ray_, *hit))

@@ -107,6 +107,8 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
         if (hit == hits.end())
             return c.box() ? "a candidate of a box that the ray does not meet" + inWords(c)
                            : opacityFault(scene, ray, c, "a candidate");
+        if (cameAgain(*hit, result.candidates))
+            return "a candidate came twice" + inWords(c);
         if (hit->box) {
             generated |= c.confirmed();
             if (c.boxOpaque() != (hit->opacity == Opacity::Opaque))

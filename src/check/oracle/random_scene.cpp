@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+
+#include "check/oracle/scene_build.h"
 
 namespace vellum::check::oracle
 {
@@ -53,36 +56,6 @@ SceneMicromap randomMicromap(Random &random, uint32_t triangles, const Limits &l
     return micromap;
 }
 
-Mesh randomMesh(Random &random, Scene &scene, bool boxes, const Limits &limits)
-{
-    Mesh mesh{};
-    mesh.opaque = chance(random, 50);
-    const uint32_t count = 1 + below(random, boxes ? 5 : limits.triangles);
-    for (uint32_t i = 0; i < count; ++i) {
-        const Vec3 centre = point(random, 2);
-        if (boxes) {
-            const float size = between(random, 0.1f, 0.7f);
-            mesh.boxes.push_back({centre[0] - size, centre[1] - size, centre[2] - size, centre[0] + size,
-                                  centre[1] + size, centre[2] + size});
-            continue;
-        }
-        for (int k = 0; k < 3; ++k) {
-            const Vec3 offset = point(random, 1.5f);
-            mesh.vertices.push_back({centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]});
-        }
-    }
-    if (boxes)
-        return mesh;
-    mesh.skippedTriangles = chance(random, 15) ? 1 + below(random, 3) : 0;
-    if (limits.micromaps && chance(random, 75)) {
-        // One for each triangle and some more, of which a base may skip some; or one that other meshes use as well.
-        if (scene.micromaps.empty() || chance(random, 80))
-            scene.micromaps.push_back(randomMicromap(random, count + below(random, 7), limits));
-        mesh.micromap = randomUse(random, scene, count, limits);
-    }
-    return mesh;
-}
-
 // Turned, stretched, sometimes mirrored, moved.
 VkTransformMatrixKHR randomTransform(Random &random)
 {
@@ -108,6 +81,197 @@ VkTransformMatrixKHR randomTransform(Random &random)
     for (size_t r = 0; r < 3; ++r)
         out.matrix[r][3] = place[r];
     return out;
+}
+
+uint32_t multipleOf(Random &random, uint32_t unit, uint32_t least, uint32_t most)
+{
+    const uint32_t first = (least + unit - 1) / unit;
+    return unit * (first + below(random, most / unit - first + 1));
+}
+
+MeshLayout boxLayout(Random &random)
+{
+    MeshLayout layout;
+    if (chance(random, 60))
+        layout.stride = multipleOf(random, 8, sizeof(VkAabbPositionsKHR), 64);
+    if (chance(random, 60))
+        layout.primitiveOffset = multipleOf(random, 8, 8, 96);
+    return layout;
+}
+
+MeshLayout triangleLayout(Random &random, const Limits &limits)
+{
+    MeshLayout layout;
+    if (chance(random, 60))
+        layout.vertexFormat = limits.formats[below(random, static_cast<uint32_t>(limits.formats.size()))];
+    const VertexFormat format = vertexFormat(layout.vertexFormat);
+    if (chance(random, 50))
+        layout.stride = multipleOf(random, format.alignment, format.bytes, 64);
+    constexpr std::array types{VK_INDEX_TYPE_NONE_KHR, VK_INDEX_TYPE_UINT16, VK_INDEX_TYPE_UINT32};
+    layout.indexType = types[below(random, types.size())];
+    layout.firstVertex = chance(random, 30) ? 1 + below(random, 20) : 0;
+    const uint32_t stride = layout.stride != 0 ? layout.stride : format.bytes;
+    uint32_t unit = format.alignment, triangleBytes = 3 * stride;
+    if (layout.isIndexed()) {
+        unit = layout.indexType == VK_INDEX_TYPE_UINT32 ? 4 : 2;
+        triangleBytes = 3 * unit;
+        // Some have all of 16 bits.
+        layout.firstIndex = chance(random, 30) ? 1 + below(random, chance(random, 10) ? 50000 : 50) : 0;
+        layout.separate = chance(random, 20);
+        layout.order = chance(random, 60) ? 1 + below(random, 1000) : 0;
+    }
+    if (chance(random, 40))
+        layout.primitiveOffset = chance(random, 60) ? triangleBytes * (1 + below(random, 5))
+                                                    : multipleOf(random, unit, unit, 100);
+    if (chance(random, 40)) {
+        layout.transform = randomTransform(random);
+        layout.transformOffset = chance(random, 40) ? multipleOf(random, 16, 16, 128) : 0;
+    }
+    return layout;
+}
+
+// The triangles that follow are of all kinds, within -3.5 and 3.5.
+
+// Anywhere; in shared meshes, some corners are those of others.
+void addSoup(Random &random, std::vector<Vec3> &vertices, uint32_t triangles, bool shared)
+{
+    for (uint32_t i = 0; i < triangles; ++i) {
+        const Vec3 centre = point(random, 2);
+        for (int k = 0; k < 3; ++k) {
+            if (shared && !vertices.empty() && chance(random, 30)) {
+                vertices.push_back(vertices[below(random, static_cast<uint32_t>(vertices.size()))]);
+                continue;
+            }
+            const Vec3 offset = point(random, 1.5f);
+            vertices.push_back({centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]});
+        }
+    }
+}
+
+// A patch of a height field, whose triangles share their corners and come in any order.
+void addPatch(Random &random, std::vector<Vec3> &vertices, uint32_t triangles)
+{
+    uint32_t columns = 1;
+    while (2 * columns * columns < triangles)
+        ++columns;
+    const float step = 6 / static_cast<float>(columns);
+    std::vector<Vec3> points;
+    for (uint32_t i = 0; i < (columns + 1) * (columns + 1); ++i)
+        points.push_back({-3 + step * (static_cast<float>(i % (columns + 1)) + between(random, -0.15f, 0.15f)),
+                          -3 + step * (static_cast<float>(i / (columns + 1)) + between(random, -0.15f, 0.15f)),
+                          between(random, -1, 1)});
+    std::vector<std::array<uint32_t, 3>> all;
+    for (uint32_t y = 0; y < columns; ++y)
+        for (uint32_t x = 0; x < columns; ++x) {
+            const uint32_t at = y * (columns + 1) + x;
+            all.push_back({at, at + 1, at + columns + 1});
+            all.push_back({at + columns + 2, at + columns + 1, at + 1});
+        }
+    for (uint32_t i = 0; i < triangles; ++i) {
+        std::swap(all[i], all[i + below(random, static_cast<uint32_t>(all.size()) - i)]);
+        const uint32_t first = below(random, 3);
+        for (uint32_t k = 0; k < 3; ++k)
+            vertices.push_back(points[all[i][(first + k) % 3]]);
+    }
+}
+
+// Some triangles become degenerate, or inactive where the format has NaN.
+void spoil(Random &random, std::vector<Vec3> &vertices, const MeshLayout &layout)
+{
+    for (size_t t = 0; t + 2 < vertices.size(); t += 3) {
+        Vec3 *const corners = &vertices[t];
+        const uint32_t corner = below(random, 3);
+        switch (below(random, 24)) {
+        case 0: corners[corner] = corners[(corner + 1) % 3]; break;
+        case 1: corners[0] = corners[1] = corners[2]; break;
+        case 2: // a line along an axis, which a transform could turn
+            for (size_t k = 0; k < 3 && !layout.transform; ++k)
+                for (size_t axis = 0; axis < 2; ++axis)
+                    corners[k][(corner + axis) % 3] = corners[0][(corner + axis) % 3];
+            break;
+        case 3:
+        case 4:
+            if (vertexFormat(layout.vertexFormat).isFloat())
+                corners[corner][0] = std::numeric_limits<float>::quiet_NaN();
+            break;
+        default: break;
+        }
+    }
+}
+
+std::vector<Vec3> randomVertices(Random &random, uint32_t triangles, const MeshLayout &layout, bool unusual)
+{
+    const VertexFormat format = vertexFormat(layout.vertexFormat);
+    std::vector<Vec3> vertices;
+    // A flat soup would hide what is met: most of its hits are equally far.
+    if (format.components == 2 || (layout.isIndexed() && chance(random, 50)))
+        addPatch(random, vertices, triangles);
+    else
+        addSoup(random, vertices, triangles, layout.isIndexed());
+    for (Vec3 &vertex : vertices) {
+        for (float &value : vertex) {
+            value = format.isFloat() ? value : value / 3.5f;
+            value = format.isUnsigned() ? 0.5f + 0.5f * value : value;
+        }
+        vertex = quantized(layout.vertexFormat, vertex);
+    }
+    if (unusual)
+        spoil(random, vertices, layout);
+    return vertices;
+}
+
+std::vector<VkAabbPositionsKHR> randomBoxes(Random &random, uint32_t count, bool unusual)
+{
+    std::vector<VkAabbPositionsKHR> boxes;
+    for (uint32_t i = 0; i < count; ++i) {
+        const Vec3 centre = point(random, 2);
+        const float size = between(random, 0.1f, 0.7f);
+        boxes.push_back({centre[0] - size, centre[1] - size, centre[2] - size, centre[0] + size, centre[1] + size,
+                         centre[2] + size});
+        if (unusual && chance(random, 15))
+            boxes.back().minX = std::numeric_limits<float>::quiet_NaN();
+    }
+    return boxes;
+}
+
+// most: triangles
+Mesh randomMesh(Random &random, Scene &scene, bool boxes, uint32_t most, const Limits &limits)
+{
+    Mesh mesh{.opaque = chance(random, 50), .noDuplicates = chance(random, 30)};
+    const bool unusual = chance(random, limits.unusual);
+    const uint32_t count = unusual && chance(random, 12) ? 0 : 1 + below(random, boxes ? 5 : most);
+    if (unusual)
+        mesh.layout = boxes ? boxLayout(random) : triangleLayout(random, limits);
+    if (boxes) {
+        mesh.boxes = randomBoxes(random, count, unusual);
+        return mesh;
+    }
+    mesh.vertices = randomVertices(random, count, mesh.layout, unusual);
+    if (limits.micromaps && chance(random, 75)) {
+        // One for each triangle and some more, of which a base may skip some; or one that other meshes use as well.
+        if (scene.micromaps.empty() || chance(random, 80))
+            scene.micromaps.push_back(randomMicromap(random, std::max(count + below(random, 7), 1u), limits));
+        mesh.micromap = randomUse(random, scene, count, limits);
+    }
+    return mesh;
+}
+
+Object randomObject(Random &random, Scene &scene, const Limits &limits)
+{
+    Object object;
+    const bool boxes = chance(random, 20);
+    uint32_t meshes = 1 + below(random, limits.meshes), most = limits.triangles;
+    if (chance(random, limits.unusual / 8)) {
+        meshes = 4 + below(random, kMostGeometries - 3);
+        most = 3;
+    }
+    for (uint32_t m = 0; m < meshes; ++m)
+        object.meshes.push_back(randomMesh(random, scene, boxes, most, limits));
+    object.geometryPointers = chance(random, limits.unusual / 2);
+    // Without boxes it is one of triangles.
+    for (Mesh &mesh : object.meshes)
+        mesh.layout = boxes && !object.hasBoxes() ? MeshLayout{} : mesh.layout;
+    return object;
 }
 
 } // namespace
@@ -224,11 +388,7 @@ Scene randomScene(Random &random, const Limits &limits)
     Scene scene;
     const uint32_t objects = 1 + below(random, limits.objects);
     for (uint32_t i = 0; i < objects; ++i) {
-        Object object;
-        const bool boxes = chance(random, 20);
-        const uint32_t meshes = 1 + below(random, limits.meshes);
-        for (uint32_t m = 0; m < meshes; ++m)
-            object.meshes.push_back(randomMesh(random, scene, boxes, limits));
+        Object object = randomObject(random, scene, limits);
         scene.objects.push_back(std::move(object));
     }
     const uint32_t instances = 1 + below(random, limits.instances);

@@ -46,17 +46,49 @@ inline bool isAlike(const std::optional<MeshMicromap> &a, const std::optional<Me
     return a.has_value() == b.has_value() && (!a || a->micromap.has_value() == b->micromap.has_value());
 }
 
-struct Mesh { // a geometry
-    std::vector<Vec3> vertices;
-    std::vector<VkAabbPositionsKHR> boxes; // not empty: instead of triangles
-    bool opaque = false;
-    uint32_t skippedTriangles = 0; // before them in the vertex buffer
-    std::optional<MeshMicromap> micromap;
+// How the triangles or boxes of a mesh lie in memory. What is between them is garbage.
+struct MeshLayout {
+    VkFormat vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+    uint32_t stride = 0;          // bytes from one vertex or box to the next; 0: packed tightly
+    uint32_t primitiveOffset = 0; // bytes before the first index, vertex (where there are no indices) or box
+    // Of triangles
+    uint32_t firstVertex = 0;
+    VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR; // of vertices
+    uint32_t firstIndex = 0;                        // vertices before the first one that an index refers to
+    bool separate = false;                          // equal vertices have different indices
+    uint32_t order = 0; // of vertices to which indices refer: 0: that of the triangles, else shuffled by this number
+    std::optional<VkTransformMatrixKHR> transform; // transformData
+    uint32_t transformOffset = 0;
+
+    [[nodiscard]] bool isIndexed() const { return indexType != VK_INDEX_TYPE_NONE_KHR; }
 };
+
+struct Mesh { // a geometry, also one without triangles and boxes
+    // Three of each triangle, as the device reads them: of the layout's format, before its transform. NaN for X of one
+    // of them: the triangle is inactive.
+    std::vector<Vec3> vertices;
+    std::vector<VkAabbPositionsKHR> boxes; // not empty: instead of triangles; NaN for minX: an inactive one
+    bool opaque = false;
+    bool noDuplicates = false; // VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR
+    MeshLayout layout;
+    std::optional<MeshMicromap> micromap;
+
+    [[nodiscard]] uint32_t triangles() const { return static_cast<uint32_t>(vertices.size() / 3); }
+};
+
+// The corners of a triangle in the structure's space, in double precision.
+using Corners = std::array<std::array<double, 3>, 3>;
+Corners cornersOf(const Mesh &mesh, uint32_t triangle);
 
 struct Object {                                     // a bottom-level structure: triangles or boxes
     VkBuildAccelerationStructureFlagsKHR flags = 0; // besides those that steps and instances need
+    bool geometryPointers = false;                  // ppGeometries
     std::vector<Mesh> meshes;
+
+    [[nodiscard]] bool hasBoxes() const
+    {
+        return std::any_of(meshes.begin(), meshes.end(), [](const Mesh &mesh) { return !mesh.boxes.empty(); });
+    }
 
     // Whether a mesh has that micromap.
     [[nodiscard]] bool uses(uint32_t micromap) const

@@ -1,12 +1,95 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "check/oracle/scene_build.h"
 
+#include <cstring>
+#include <map>
+#include <random>
+
 namespace vellum::check::oracle
 {
+namespace
+{
+
+Vec3 moved(const Mesh &mesh, Vec3 vertex)
+{
+    for (float &value : vertex)
+        value += 0.5f;
+    return quantized(mesh.layout.vertexFormat, vertex);
+}
+
+// The vertices that the corners of triangles refer to, and the indices.
+void addIndexed(Geometry &geometry, const MeshLayout &layout, std::span<const Vec3> corners)
+{
+    std::vector<uint32_t> numbers; // of the vertex of each corner
+    std::vector<Vec3> vertices;
+    std::map<std::array<uint32_t, 3>, uint32_t> known;
+    for (const Vec3 &corner : corners) {
+        std::array<uint32_t, 3> bits{};
+        std::memcpy(bits.data(), corner.data(), sizeof bits);
+        const auto next = static_cast<uint32_t>(vertices.size());
+        const auto found = known.emplace(bits, next);
+        if (found.second || layout.separate)
+            vertices.push_back(corner);
+        numbers.push_back(layout.separate ? next : found.first->second);
+    }
+    std::vector<uint32_t> positions(vertices.size()); // of each vertex
+    for (uint32_t i = 0; i < positions.size(); ++i)
+        positions[i] = i;
+    std::mt19937 random(layout.order);
+    for (size_t i = positions.size(); layout.order != 0 && i > 1; --i)
+        std::swap(positions[i - 1], positions[random() % i]);
+    const size_t first = size_t{layout.firstVertex} + layout.firstIndex;
+    geometry.vertices.resize(first + vertices.size());
+    for (size_t i = 0; i < vertices.size(); ++i)
+        geometry.vertices[first + positions[i]] = vertices[i];
+    for (const uint32_t number : numbers)
+        geometry.indices.push_back(layout.firstIndex + positions[number]);
+}
+
+// Of triangles. spare: copies of the first ones, at the end.
+Geometry trianglesOf(const Mesh &mesh, uint32_t spare)
+{
+    const MeshLayout &layout = mesh.layout;
+    Geometry geometry{.indexType = layout.indexType,
+                      .spareTriangles = spare,
+                      .firstVertex = layout.firstVertex,
+                      .vertexFormat = layout.vertexFormat,
+                      .transform = layout.transform,
+                      .transformOffset = layout.transformOffset};
+    std::vector<Vec3> corners = mesh.vertices;
+    for (size_t i = 0; i < size_t{3} * spare; ++i)
+        corners.push_back(moved(mesh, mesh.vertices.empty() ? Vec3{} : mesh.vertices[i % mesh.vertices.size()]));
+    if (layout.isIndexed()) {
+        addIndexed(geometry, layout, corners);
+    } else {
+        geometry.vertices.resize(layout.firstVertex);
+        geometry.vertices.insert(geometry.vertices.end(), corners.begin(), corners.end());
+    }
+    return geometry;
+}
+
+} // namespace
+
+Corners cornersOf(const Mesh &mesh, uint32_t triangle)
+{
+    Corners corners{};
+    for (size_t i = 0; i < 3; ++i) {
+        const Vec3 &vertex = mesh.vertices[size_t{3} * triangle + i];
+        for (size_t r = 0; r < 3; ++r) {
+            corners[i][r] = double{vertex[r]};
+            if (!mesh.layout.transform)
+                continue;
+            const float *const row = mesh.layout.transform->matrix[r];
+            corners[i][r] = double{row[0]} * double{vertex[0]} + double{row[1]} * double{vertex[1]} +
+                            double{row[2]} * double{vertex[2]} + double{row[3]};
+        }
+    }
+    return corners;
+}
 
 uint32_t recordOffset(const Scene &scene, uint32_t instance)
 {
-    const bool boxes = !scene.objects[scene.instances[instance].object].meshes[0].boxes.empty();
+    const bool boxes = scene.objects[scene.instances[instance].object].hasBoxes();
     return instance % kRecordOffsets + (boxes ? kBoxRecords : 0);
 }
 
@@ -24,19 +107,15 @@ std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::un
                                    uint32_t spareTriangles)
 {
     std::vector<Geometry> geometries;
+    const bool boxes = object.hasBoxes();
     for (const Mesh &mesh : object.meshes) {
-        Geometry geometry;
-        geometry.vertices.resize(size_t{3} * mesh.skippedTriangles);
-        geometry.vertices.insert(geometry.vertices.end(), mesh.vertices.begin(), mesh.vertices.end());
-        geometry.skippedTriangles = mesh.skippedTriangles;
-        geometry.spareTriangles = mesh.boxes.empty() ? spareTriangles : 0;
-        for (uint32_t i = 0; i < 3 * geometry.spareTriangles; ++i) {
-            Vec3 vertex = mesh.vertices[i % mesh.vertices.size()];
-            vertex[2] += 0.5f;
-            geometry.vertices.push_back(vertex);
-        }
-        geometry.boxes = mesh.boxes;
-        geometry.flags = mesh.opaque ? VK_GEOMETRY_OPAQUE_BIT_KHR : 0;
+        Geometry geometry = boxes ? Geometry{.boxes = mesh.boxes, .isAabbs = true} : trianglesOf(mesh, spareTriangles);
+        geometry.stride = mesh.layout.stride;
+        geometry.leadingBytes = mesh.layout.primitiveOffset;
+        geometry.byPointer = object.geometryPointers;
+        geometry.flags =
+            (mesh.opaque ? VkGeometryFlagsKHR{VK_GEOMETRY_OPAQUE_BIT_KHR} : 0) |
+            (mesh.noDuplicates ? VkGeometryFlagsKHR{VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR} : 0);
         if (mesh.micromap) {
             const MeshMicromap &from = *mesh.micromap;
             geometry.micromap = Attachment{.micromap = from.micromap ? micromaps[*from.micromap].get() : nullptr,

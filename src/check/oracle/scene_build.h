@@ -18,7 +18,8 @@ struct Built {
 
 // Instance i has the record offset i % kRecordOffsets, and kBoxRecords more where it is one of boxes.
 inline constexpr uint32_t kRecordOffsets = 6;
-inline constexpr uint32_t kBoxRecords = 8; // an object has up to three geometries
+inline constexpr uint32_t kMostGeometries = 20; // of an object
+inline constexpr uint32_t kBoxRecords = kRecordOffsets + kMostGeometries - 1;
 uint32_t recordOffset(const Scene &scene, uint32_t instance);
 Built build(Device &gpu, const Scene &scene);
 // The parts of that.

@@ -15,6 +15,13 @@ Progress::Progress(std::string what, bool enabled)
         std::fprintf(stderr, "\r\033[K%s ...", what_.c_str());
 }
 
+Progress::Progress(std::string what, double secondsBetweenLines) : Progress(std::move(what))
+{
+    lines_ = !enabled_ && !disabled_ && secondsBetweenLines > 0;
+    if (lines_)
+        pause_ = secondsBetweenLines;
+}
+
 Progress::~Progress()
 {
     if (enabled_)
@@ -28,6 +35,19 @@ void Progress::update(size_t done, size_t total)
         return;
     shown_ = percent;
     std::fprintf(stderr, "\r\033[K%s %3d %%", what_.c_str(), percent);
+}
+
+void Progress::update(const std::function<std::string()> &words)
+{
+    const auto now = std::chrono::steady_clock::now();
+    if ((!enabled_ && !lines_) || std::chrono::duration<double>(now - last_).count() < pause_)
+        return;
+    last_ = now;
+    const std::string line = what_ + ": " + words();
+    if (enabled_)
+        std::fprintf(stderr, "\r\033[K%s", line.substr(0, terminalWidth().value_or(80) - 1).c_str());
+    else
+        std::fprintf(stderr, "vellum: %s\n", line.c_str());
 }
 
 } // namespace vellum::cli

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shows on a terminal what is being done; silent elsewhere.
+// Shows on stderr what is being done, on a terminal; elsewhere only if lines are wanted.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
+#include <functional>
 #include <string>
 
 namespace vellum::cli
@@ -13,12 +15,16 @@ class Progress
 public:
     // Shows `what` on stderr, if that is a terminal and `enabled`.
     explicit Progress(std::string what, bool enabled = true);
+    // The same, and where stderr is no terminal a line of plain text now and then, this many seconds apart; 0: none.
+    Progress(std::string what, double secondsBetweenLines);
     // Clears the line.
     ~Progress();
     Progress(const Progress &) = delete;
     Progress &operator=(const Progress &) = delete;
 
     void update(size_t done, size_t total);
+    // In words, which are asked for when they are shown.
+    void update(const std::function<std::string()> &words);
 
     // Shows none from now on.
     static void disable() { disabled_ = true; }
@@ -28,6 +34,9 @@ private:
     std::string what_;
     bool enabled_;
     int shown_ = -1; // percent
+    double pause_ = 1; // seconds between words
+    bool lines_ = false;
+    std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
 } // namespace vellum::cli

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bench/bench_report.h"
 
-#include <algorithm>
 #include <chrono>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <optional>
 #include <rapidjson/document.h>
 
 #include "cli/base/report_parts.h"
+#include "cli/base/statistics.h"
 #include "cli/base/version.h"
 #include "cli/bench/bench_page_files.h"
 
@@ -17,6 +18,10 @@ namespace
 {
 
 using Row = rapidjson::Document;
+
+// A part that takes this much longer than planned, and that many seconds, is slow.
+constexpr double kSlow = 2;
+constexpr double kSecondsOfStart = 10;
 
 std::vector<Row> rowsOf(const PartResult &result, std::string_view kind)
 {
@@ -30,11 +35,23 @@ std::vector<Row> rowsOf(const PartResult &result, std::string_view kind)
     return rows;
 }
 
-// The median; 0 where the device's clock stands still, which JSON has as null.
-double ratioOf(const Row &row)
+// Of a row; nothing where the device's clock stands still, which JSON has as null.
+std::optional<Quartiles> ratioOf(const Row &row)
 {
-    const rapidjson::Value &median = row["ratio"][1];
-    return median.IsNumber() ? median.GetDouble() : 0;
+    const rapidjson::Value &ratio = row["ratio"];
+    for (const rapidjson::Value &value : ratio.GetArray())
+        if (!value.IsNumber() || value.GetDouble() <= 0)
+            return std::nullopt;
+    return Quartiles{ratio[0].GetDouble(), ratio[1].GetDouble(), ratio[2].GetDouble()};
+}
+
+// "1.05 times as fast (0.98 to 1.12, not distinguishable)": a value, the middle half of what was measured, and whether
+// it is about the same.
+std::string comparison(const Quartiles &quartiles, const char *words)
+{
+    const bool same = quartiles.low <= 1 && quartiles.high >= 1;
+    return fmt::format("{:.2f} times as {} ({:.2f} to {:.2f}{})", quartiles.middle, words, quartiles.low, quartiles.high,
+                       same ? ", not distinguishable" : "");
 }
 
 // "emulated micromaps", "the driver's micromaps"
@@ -57,46 +74,80 @@ void addCheck(const PartResult &result, std::vector<std::string> &verdict)
     }
 }
 
-// By alpha test: plain and heavy.
+// All levels: the application chooses one, not the best of a run.
 void addFrames(const PartResult &result, std::vector<std::string> &verdict)
 {
-    double best[2] = {0, 0};
-    unsigned levels[2] = {0, 0};
-    uint64_t differing = 0;
-    for (const Row &row : rowsOf(result, "frame")) {
-        const size_t heavy = row["heavy"].GetBool() ? 1 : 0;
-        differing += row["differingPixels"].GetUint64();
-        const double ratio = ratioOf(row);
-        const double speed = ratio > 0 ? 1 / ratio : 0; // 0: timestamps that do not advance
-        if (speed <= best[heavy])
-            continue;
-        best[heavy] = speed;
-        levels[heavy] = row["level"].GetUint();
+    const std::vector<Row> rows = rowsOf(result, "frame");
+    for (const bool heavy : {false, true}) {
+        std::string levels;
+        for (const Row &row : rows) {
+            const std::optional<Quartiles> ratio = ratioOf(row);
+            if (row["heavy"].GetBool() != heavy || !ratio)
+                continue;
+            levels += fmt::format("{}level {} {}", levels.empty() ? "" : "; ", row["level"].GetUint(),
+                                  comparison({1 / ratio->high, 1 / ratio->middle, 1 / ratio->low}, "fast"));
+        }
+        if (!levels.empty())
+            verdict.push_back(fmt::format("By {}, {} beside a {} alpha test: {}.",
+                                          result.part.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline",
+                                          implementationOf(result.part), heavy ? "heavy" : "plain", levels));
     }
-    if (best[0] == 0)
-        return;
-    std::string text = fmt::format("By {}, {} are {:.2f} times as fast as a plain alpha test (level {})",
-                                   result.part.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline",
-                                   implementationOf(result.part), best[0], levels[0]);
-    if (best[1] > 0)
-        text += fmt::format(" and {:.2f} times as fast as a heavy one (level {})", best[1], levels[1]);
-    verdict.push_back(text + ".");
+    uint64_t differing = 0;
+    for (const Row &row : rows)
+        differing += row["differingPixels"].GetUint64();
     if (differing > 0)
         verdict.push_back(fmt::format("{} pixels of these frames differ from those of the alpha test.", differing));
 }
 
 void addBuilds(const PartResult &result, std::vector<std::string> &verdict)
 {
-    const std::vector<Row> rows = rowsOf(result, "build");
-    const auto slowest = std::ranges::max_element(rows, {}, ratioOf);
-    if (slowest == rows.end() || ratioOf(*slowest) == 0)
-        return;
-    const Row &row = *slowest;
-    verdict.push_back(
-        fmt::format("With {}, builds without micromaps take up to {:.2f} times as long ({}: {:.3f} ms instead "
-                    "of {:.3f}).",
-                    implementationOf(result.part), ratioOf(row), row["what"].GetString(), row["withLayer"].GetDouble(),
-                    row["withoutLayer"].GetDouble()));
+    std::string text;
+    double worst = 0;
+    for (const Row &row : rowsOf(result, "build")) {
+        const std::optional<Quartiles> ratio = ratioOf(row);
+        if (!ratio || ratio->middle <= worst)
+            continue;
+        worst = ratio->middle;
+        text = fmt::format("With {}, builds without micromaps take up to {}: {}, {:.3f} ms instead of {:.3f}.",
+                           implementationOf(result.part), comparison(*ratio, "long"), row["what"].GetString(),
+                           row["withLayer"].GetDouble(), row["withoutLayer"].GetDouble());
+    }
+    if (!text.empty())
+        verdict.push_back(text);
+}
+
+// Something else that runs at the same time spreads the times of frames. On an idle machine, the middle half of the
+// ratios lies within a few hundredths.
+void addNoise(const std::vector<PartResult> &results, std::vector<std::string> &verdict)
+{
+    constexpr double kWide = 0.1;
+    size_t all = 0;
+    size_t wide = 0;
+    for (const PartResult &result : results) {
+        for (const Row &row : rowsOf(result, "frame")) {
+            const std::optional<Quartiles> ratio = ratioOf(row);
+            if (!ratio)
+                continue;
+            ++all;
+            if (ratio->high - ratio->low > kWide * ratio->middle)
+                ++wide;
+        }
+    }
+    if (3 * wide > all)
+        verdict.push_back(fmt::format("Noisy: run again. The times of {} of {} comparisons of frames spread by more than "
+                                      "{:.0f} %, so other programs use the machine, or its speed changes.",
+                                      wide, all, 100 * kWide));
+}
+
+// "The part ... was not completed", or it was slow.
+void addEnd(const PartResult &result, std::vector<std::string> &verdict)
+{
+    if (!result.failure.empty())
+        verdict.push_back(fmt::format("The part {} was not completed: {}.", result.part.name(), result.failure));
+    else if (result.seconds > kSlow * result.part.seconds + kSecondsOfStart)
+        verdict.push_back(fmt::format("The part {} took {:.0f} seconds instead of {:.0f}: the device or the machine is "
+                                      "slow.",
+                                      result.part.name(), result.seconds, result.part.seconds));
 }
 
 } // namespace
@@ -104,12 +155,12 @@ void addBuilds(const PartResult &result, std::vector<std::string> &verdict)
 std::vector<std::string> verdictOf(const std::vector<PartResult> &results)
 {
     std::vector<std::string> verdict;
+    addNoise(results, verdict);
     for (const PartResult &result : results) {
         addCheck(result, verdict);
         addFrames(result, verdict);
         addBuilds(result, verdict);
-        if (!result.failure.empty())
-            verdict.push_back(fmt::format("The part {} was not completed: {}.", result.part.name(), result.failure));
+        addEnd(result, verdict);
     }
     return verdict;
 }

@@ -10,7 +10,8 @@
 namespace vellum::cli
 {
 
-// What the results mean, in sentences: is the device right, what do micromaps save, what does the layer cost.
+// What the results mean, in sentences: can they be trusted, is the device right, what do micromaps save, what does the
+// layer cost.
 std::vector<std::string> verdictOf(const std::vector<PartResult> &results);
 
 // Whether each self-check tested something, and found no failure.

@@ -49,6 +49,19 @@ void printRow(const char *kind, Write &&write)
     std::fflush(stdout);
 }
 
+// Something was completed: the device does not hang.
+void reportProgress()
+{
+    static Clock sinceLast;
+    static bool first = true;
+    if (!first && sinceLast.seconds() < 0.1)
+        return;
+    first = false;
+    sinceLast = Clock();
+    fmt::print("{}\n", kProgressLine);
+    std::fflush(stdout);
+}
+
 void writeQuartiles(JsonWriter &json, const char *name, const Quartiles &quartiles)
 {
     json.key(name).beginArray().value(quartiles.low).value(quartiles.middle).value(quartiles.high).end();
@@ -94,6 +107,7 @@ void selfCheck(const Part &part, const BenchDevice &wanted)
     for (uint64_t seed = 1; clock.seconds() < part.seconds; ++seed) {
         for (const check::Group &group : check::groups()) {
             const check::Outcome outcome = group.run(*session, group.name, seed);
+            reportProgress();
             rays += outcome.rays;
             if (outcome.status == check::Status::Pass)
                 ++passed;
@@ -119,6 +133,7 @@ class Timed
 public:
     double add(Milliseconds milliseconds)
     {
+        reportProgress();
         walls_.push_back(milliseconds.wall);
         return milliseconds.gpu;
     }
@@ -143,7 +158,9 @@ RenderSettings settingsFor(Device &device, const RenderScene &scene, Trace trace
         larger.heavy = true;
         Renderer renderer(device, scene, {}, larger);
         renderer.frame(); // warms up
+        reportProgress();
         const bool longer = renderer.frame() > kLongest;
+        reportProgress();
         if (longer && width != kSizes[0].first)
             break;
         settings.width = width;
@@ -162,9 +179,16 @@ struct FrameFacts {
 
 FrameFacts factsOf(Renderer &alpha, Renderer &micromaps)
 {
-    alpha.frame();
-    micromaps.frame();
-    return {{alpha.count().perRay(), micromaps.count().perRay()}, compare(alpha.picture(), micromaps.picture()).pixels};
+    FrameFacts facts;
+    size_t side = 0;
+    for (Renderer *renderer : {&alpha, &micromaps}) {
+        renderer->frame();
+        reportProgress();
+        facts.candidatesPerRay[side++] = renderer->count().perRay();
+        reportProgress();
+    }
+    facts.differingPixels = compare(alpha.picture(), micromaps.picture()).pixels;
+    return facts;
 }
 
 void measureFrames(const Part &part, const BenchDevice &wanted)
@@ -179,11 +203,14 @@ void measureFrames(const Part &part, const BenchDevice &wanted)
         BakeOptions options;
         options.level = level;
         const BakedScene baked = bakeScene(scene.scene, options);
+        reportProgress();
         std::optional<FrameFacts> facts;
         for (const bool heavy : {false, true}) {
             settings.heavy = heavy;
             Renderer alpha(*devices.bare, scene, {}, settings);
+            reportProgress();
             Renderer micromaps(*devices.layered, scene, baked.micromaps(), settings);
+            reportProgress();
             if (!facts)
                 facts = factsOf(alpha, micromaps);
             Timed alphaTimes, micromapTimes;
@@ -299,7 +326,7 @@ void measurePipelineCreation(const Part &part, const BenchDevice &wanted)
     for (const Trace trace : traces) {
         const Clock clock;
         const auto timings =
-            measurePipelines({*devices.bare, *devices.layered}, scene, trace, kLevels[0],
+            measurePipelines({*devices.bare, *devices.layered}, scene, trace, kLevels[0], reportProgress,
                              [&](size_t pairs) { return pairs < 3 || (pairs < 21 && clock.seconds() < share); });
         for (const PipelineTiming &timing : timings) {
             printRow("pipeline", [&](JsonWriter &json) {

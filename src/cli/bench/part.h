@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What `vellum bench` measures, in parts. Each part runs in a process of its own, since a driver may hang, crash or
-// lose the device. Its results are rows: JSON objects, one a line on stdout, each whole before the next begins.
+// lose the device. Its results are rows: JSON objects, one a line on stdout, each whole before the next begins. Between
+// them are lines that report progress.
 #pragma once
 
 #include <filesystem>
@@ -38,6 +39,9 @@ struct BenchDevice {
     std::optional<std::string> device;
     std::optional<std::filesystem::path> layerFolder;
 };
+
+// The line of a part that has completed a frame, a build, a pipeline or a case since the last such line.
+inline constexpr const char *kProgressLine = R"({"progress":true})";
 
 // Measures in this process. Returns the exit code.
 int runPart(const Part &part, const BenchDevice &device);

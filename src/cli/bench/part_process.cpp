@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/bench/part_process.h"
 
-#include <algorithm>
 #include <chrono>
 #include <fmt/format.h>
 #include <memory>
@@ -62,13 +61,6 @@ bool isRow(const std::string &line)
            row.HasMember("row") && row["row"].IsString();
 }
 
-// How long it may take to the next row: no less than by plan.
-double longestWait(const Part &part, double timeout)
-{
-    constexpr double kRows[] = {1, 1, 6, 8, 1}; // of each kind of part, at least
-    return std::max(timeout, 2 * part.seconds / kRows[static_cast<size_t>(part.kind)]);
-}
-
 } // namespace
 
 PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
@@ -90,7 +82,6 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     const ChildProcess *const process = child.get();
     std::string output, errors;
     std::optional<ProcessEnd> end;
-    timeout = longestWait(part, timeout);
     for (double last = 0; !end && elapsed() < last + timeout && !Interruptible::interrupted(); progress()) {
         ChildProcess::waitForAny({&process, 1}, 200);
         end = child->end(); // first: what was written before it is read below
@@ -100,16 +91,17 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
         for (size_t line = output.find('\n'); line != std::string::npos; line = output.find('\n')) {
             const std::string row = output.substr(0, line);
             output.erase(0, line + 1);
-            if (!isRow(row))
-                continue;
-            result.rows.push_back(row);
+            if (isRow(row))
+                result.rows.push_back(row);
+            else if (row != kProgressLine)
+                continue; // a driver that hangs may print
             last = elapsed();
         }
     }
     if (Interruptible::interrupted()) // which may have ended the process as well
         result.failure = "interrupted";
     else
-        result.failure = end ? failureOf(*end, errors) : fmt::format("hung: no result for {:g} seconds", timeout);
+        result.failure = end ? failureOf(*end, errors) : fmt::format("hung: no progress for {:g} seconds", timeout);
     result.seconds = elapsed();
     return result;
 }

@@ -18,9 +18,8 @@ struct PartResult {
     double seconds = 0;
 };
 
-// Runs `vellum bench --part`, and ends it if no row comes for `timeout` seconds, or for twice as long as rows of this
-// part are to take, or if this process is interrupted. `progress` is called now and then. Throws Error if no process
-// can be started.
+// Runs `vellum bench --part`, and ends it if it reports neither a row nor progress for `timeout` seconds, or if this
+// process is interrupted. `progress` is called now and then.
 PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
                           const std::function<void()> &progress);
 

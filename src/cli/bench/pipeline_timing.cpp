@@ -17,7 +17,8 @@ void disableShaderCaches()
 }
 
 std::array<PipelineTiming, 2> measurePipelines(const TimedDevices &devices, const RenderScene &scene, Trace trace,
-                                               uint32_t level, const std::function<bool(size_t pairs)> &goOn)
+                                               uint32_t level, const std::function<void()> &progress,
+                                               const std::function<bool(size_t pairs)> &goOn)
 {
     BakeOptions options;
     options.level = level;
@@ -28,8 +29,15 @@ std::array<PipelineTiming, 2> measurePipelines(const TimedDevices &devices, cons
     Renderer alpha(devices.bare, scene, {}, settings);
     Renderer layered(devices.layered, scene, {}, settings);
     Renderer micromaps(devices.layered, scene, baked.micromaps(), settings);
-    PairedTiming without([&] { return alpha.firstFrame(); }, [&] { return layered.firstFrame(); });
-    PairedTiming with([&] { return alpha.firstFrame(); }, [&] { return micromaps.firstFrame(); });
+    const auto timed = [&](Renderer &renderer) {
+        return [&] {
+            const double milliseconds = renderer.firstFrame();
+            progress();
+            return milliseconds;
+        };
+    };
+    PairedTiming without(timed(alpha), timed(layered));
+    PairedTiming with(timed(alpha), timed(micromaps));
     do {
         without.measure();
         with.measure();

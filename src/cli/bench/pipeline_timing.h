@@ -26,9 +26,10 @@ struct PipelineTiming {
 
 // Makes a pipeline and renders one small frame with it, on both devices in turns, as long as `goOn` returns true. Every
 // pipeline is new and no pipeline cache is used, but a driver may have a cache of its own: disableShaderCaches.
-// Without micromaps and with them.
+// Without micromaps and with them. Calls `progress` after each pipeline.
 std::array<PipelineTiming, 2> measurePipelines(const TimedDevices &devices, const RenderScene &scene, Trace trace,
-                                               uint32_t level, const std::function<bool(size_t pairs)> &goOn);
+                                               uint32_t level, const std::function<void()> &progress,
+                                               const std::function<bool(size_t pairs)> &goOn);
 
 // Tells the drivers of this process to compile every pipeline anew. Before the first Vulkan call.
 void disableShaderCaches();

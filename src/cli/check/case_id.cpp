@@ -33,9 +33,14 @@ const char *extensionOf(check::Api api)
     return api == check::Api::Khr ? "VK_KHR_opacity_micromap" : "VK_EXT_opacity_micromap";
 }
 
+std::string nameOf(check::Api api, const check::Group &group)
+{
+    return fmt::format("{}.{}", nameOf(api), group.name);
+}
+
 std::string nameOf(const CaseId &id)
 {
-    return fmt::format("{}.{}.{:04}", nameOf(id.api), id.group->name, id.number);
+    return fmt::format("{}.{:04}", nameOf(id.api, *id.group), id.number);
 }
 
 const check::Group *findGroup(std::string_view name)

@@ -24,6 +24,8 @@ struct CaseId {
 const char *nameOf(check::Api api);
 // The name of the extension: "VK_KHR_opacity_micromap".
 const char *extensionOf(check::Api api);
+// "khr.resolution-query"
+std::string nameOf(check::Api api, const check::Group &group);
 std::string nameOf(const CaseId &id);
 // Nothing if there is no such group, or the name is not of this form.
 std::optional<CaseId> parseCase(std::string_view name);

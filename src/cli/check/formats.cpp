@@ -32,15 +32,6 @@ const char *statusOf(const CaseResult &result)
     return result.verdict == Verdict::Missing ? kNotRun : nameOf(result.status);
 }
 
-size_t count(const GroupTally &group, std::initializer_list<check::Status> statuses)
-{
-    size_t sum = 0;
-    for (const check::Status status : statuses)
-        if (const auto found = group.statuses.find(status); found != group.statuses.end())
-            sum += found->second;
-    return sum;
-}
-
 // Text or an attribute of XML 1.0, which has no way to write control characters.
 std::string xml(const std::string &text)
 {
@@ -77,10 +68,11 @@ std::string junitCase(const CaseResult &result)
 void writeGroup(const GroupTally &group, JsonWriter &json)
 {
     using check::Status;
-    json.beginObject().member("api", nameOf(group.api)).member("group", group.group->name).member("cases", group.cases);
-    json.member("pass", count(group, {Status::Pass})).member("fail", count(group, {Status::Fail}));
-    json.member("skip", count(group, {Status::Skip})).member("crash", count(group, {Status::Crash}));
-    json.member("timeout", count(group, {Status::Timeout})).member("deviceLost", count(group, {Status::DeviceLost}));
+    json.beginObject().member("api", nameOf(group.api)).member("group", group.group->name);
+    json.member("planned", group.planned).member("cases", group.cases);
+    json.member("pass", group.count({Status::Pass})).member("fail", group.count({Status::Fail}));
+    json.member("skip", group.count({Status::Skip})).member("crash", group.count({Status::Crash}));
+    json.member("timeout", group.count({Status::Timeout})).member("deviceLost", group.count({Status::DeviceLost}));
     json.member("rays", group.rays).member("seconds", group.seconds).end();
 }
 
@@ -131,6 +123,24 @@ std::string otherVerdicts(const CheckTally &tally)
     return text;
 }
 
+// Groups of which fewer cases were tested than a quick run has; empty if there are none.
+std::string littleTested(const CheckTally &tally)
+{
+    std::string few;
+    std::string none;
+    for (const GroupTally &group : tally.groups) {
+        if (group.tested() >= group.least())
+            continue;
+        std::string &list = group.tested() == 0 ? none : few;
+        list += (list.empty() ? "" : ", ") + nameOf(group.api, *group.group);
+        std::string reasons = group.tested() == 0 ? "" : fmt::format("{} of {}", group.tested(), group.planned);
+        if (const size_t skipped = group.count({check::Status::Skip}); skipped != 0)
+            reasons += fmt::format("{}{} skipped", reasons.empty() ? "" : ", ", skipped);
+        list += reasons.empty() ? "" : " (" + reasons + ")";
+    }
+    return (few.empty() ? "" : "\nlittle tested: " + few + "\n") + (none.empty() ? "" : "\nnot tested: " + none + "\n");
+}
+
 } // namespace
 
 std::string resultsCsv(const std::vector<CaseResult> &results)
@@ -159,7 +169,7 @@ std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &resul
     if (!properties.empty())
         properties = "    <properties>\n" + properties + "    </properties>\n";
     std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum check\">\n";
-    for (const GroupTally &group : tallyOf(results).groups) {
+    for (const GroupTally &group : tallyOf(results, facts.plan).groups) {
         std::string cases;
         size_t failures = 0;
         size_t skipped = 0;
@@ -180,7 +190,7 @@ std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &resul
 
 std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &results)
 {
-    const CheckTally tally = tallyOf(results);
+    const CheckTally tally = tallyOf(results, facts.plan);
     JsonWriter json;
     beginReport(json, "check");
     json.member("device", facts.device.name).member("implementation", facts.device.implementation);
@@ -209,7 +219,7 @@ std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &re
 std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &results)
 {
     using check::Status;
-    const CheckTally tally = tallyOf(results);
+    const CheckTally tally = tallyOf(results, facts.plan);
     size_t width = 5;
     for (const GroupTally &group : tally.groups)
         width = std::max(width, group.group->name.size() + 4);
@@ -218,14 +228,15 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
     for (const GroupTally &group : tally.groups)
         text += fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9.1f}\n",
                             fmt::format("{}.{}", nameOf(group.api), group.group->name), width, grouped(group.cases),
-                            grouped(count(group, {Status::Pass})), grouped(count(group, {Status::Fail})),
-                            grouped(count(group, {Status::Skip})),
-                            grouped(count(group, {Status::Crash, Status::DeviceLost})),
-                            grouped(count(group, {Status::Timeout})), grouped(group.rays), group.seconds);
+                            grouped(group.count({Status::Pass})), grouped(group.count({Status::Fail})),
+                            grouped(group.count({Status::Skip})),
+                            grouped(group.count({Status::Crash, Status::DeviceLost})),
+                            grouped(group.count({Status::Timeout})), grouped(group.rays), group.seconds);
     appendCauses("failures", tally.failures, text);
     appendCauses("better than the baseline, which is to be updated", tally.improvements, text);
     appendCauses("flakes", tally.flakes, text);
-    appendCauses("not tested", tally.skips, text);
+    appendCauses("skipped", tally.skips, text);
+    text += littleTested(tally);
     if (!facts.device.knownFaults.empty())
         text += "\nknown faults of the device, and what is therefore not tested:\n";
     for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
@@ -234,8 +245,15 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
     size_t failures = 0;
     for (const auto &[verdict, number] : tally.verdicts)
         failures += isSuccess(verdict) || isImprovement(verdict) ? 0U : number;
-    text += fmt::format("\n{}{}: {} in {:.1f} s, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
-                        counted(results.size(), "case"), facts.seconds,
+    size_t tested = 0;
+    size_t skipped = 0;
+    for (const GroupTally &group : tally.groups) {
+        tested += group.tested();
+        skipped += group.count({Status::Skip});
+    }
+    text += fmt::format("\n{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
+                        counted(tested, "case"), facts.seconds,
+                        skipped == 0 ? "" : fmt::format(", {} skipped", grouped(skipped)),
                         failures == 0 ? "no failure" : counted(failures, "failure"),
                         others.empty() ? "" : " (" + others + ")");
     return text;

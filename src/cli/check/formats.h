@@ -15,6 +15,7 @@ namespace vellum::cli
 struct RunFacts {
     DeviceSummary device;
     uint64_t seed = 0;
+    std::vector<PlannedGroup> plan;
     double seconds = 0;
     bool interrupted = false;
 };

@@ -22,11 +22,18 @@ void add(const CaseResult &result, std::vector<CauseTally> &causes)
         found->first = &result;
 }
 
-GroupTally &tallyOf(const CaseId &id, std::vector<GroupTally> &groups)
+// The element of a group, which is added where there is none.
+template <typename OfGroup>
+OfGroup &elementOf(check::Api api, const check::Group *group, std::vector<OfGroup> &groups)
 {
     const auto found = std::find_if(groups.begin(), groups.end(),
-                                    [&](const GroupTally &g) { return g.api == id.api && g.group == id.group; });
-    return found != groups.end() ? *found : groups.emplace_back(GroupTally{id.api, id.group, 0, {}, 0, 0});
+                                    [&](const OfGroup &g) { return g.api == api && g.group == group; });
+    if (found != groups.end())
+        return *found;
+    OfGroup &added = groups.emplace_back();
+    added.api = api;
+    added.group = group;
+    return added;
 }
 
 } // namespace
@@ -44,11 +51,38 @@ std::string causeOf(const CaseResult &result)
            (result.cause().empty() ? "" : ": " + result.cause());
 }
 
-CheckTally tallyOf(const std::vector<CaseResult> &results)
+std::vector<PlannedGroup> planOf(const std::vector<CaseId> &cases)
+{
+    std::vector<PlannedGroup> plan;
+    for (const CaseId &id : cases)
+        ++elementOf(id.api, id.group, plan).cases;
+    return plan;
+}
+
+size_t GroupTally::count(std::initializer_list<check::Status> some) const
+{
+    size_t sum = 0;
+    for (const check::Status status : some)
+        if (const auto found = statuses.find(status); found != statuses.end())
+            sum += found->second;
+    return sum;
+}
+
+size_t GroupTally::tested() const
+{
+    size_t sum = 0;
+    for (const auto &[status, number] : statuses)
+        sum += status == check::Status::Skip ? 0 : number;
+    return sum;
+}
+
+CheckTally tallyOf(const std::vector<CaseResult> &results, const std::vector<PlannedGroup> &plan)
 {
     CheckTally tally;
+    for (const PlannedGroup &planned : plan)
+        elementOf(planned.api, planned.group, tally.groups).planned = planned.cases;
     for (const CaseResult &result : results) {
-        GroupTally &group = tallyOf(result.id, tally.groups);
+        GroupTally &group = elementOf(result.id.api, result.id.group, tally.groups);
         ++group.cases;
         if (result.verdict != Verdict::Missing)
             ++group.statuses[result.status];

@@ -2,7 +2,9 @@
 // What became of the cases.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <string>
@@ -34,14 +36,29 @@ struct CaseResult {
 // "Crash: SIGSEGV", "UnexpectedImprovement(Pass)": results with the same are put together.
 std::string causeOf(const CaseResult &result);
 
+// A group with one extension, and how many of its cases a run selects. --minutes adds to them.
+struct PlannedGroup {
+    check::Api api = check::Api::Khr;
+    const check::Group *group = nullptr;
+    size_t cases = 0;
+};
+std::vector<PlannedGroup> planOf(const std::vector<CaseId> &cases);
+
 // The results of one group with one extension.
 struct GroupTally {
     check::Api api = check::Api::Khr;
     const check::Group *group = nullptr;
+    size_t planned = 0;
     size_t cases = 0;
     std::map<check::Status, size_t> statuses; // without cases that were not run
     uint64_t rays = 0;
     double seconds = 0;
+
+    [[nodiscard]] size_t count(std::initializer_list<check::Status> some) const;
+    // Cases that were run, and tested something.
+    [[nodiscard]] size_t tested() const;
+    // How many a run should test at least.
+    [[nodiscard]] size_t least() const { return std::min<size_t>(planned, group->quickCases()); }
 };
 
 // Failures with one cause.
@@ -59,7 +76,7 @@ struct CheckTally {
     std::vector<CauseTally> flakes;
     std::vector<CauseTally> skips;
 };
-// Points to elements of `results`.
-CheckTally tallyOf(const std::vector<CaseResult> &results);
+// Points to elements of `results`. Groups of the plan that have no result are in the tally as well.
+CheckTally tallyOf(const std::vector<CaseResult> &results, const std::vector<PlannedGroup> &plan = {});
 
 } // namespace vellum::cli

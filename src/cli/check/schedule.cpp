@@ -39,6 +39,11 @@ CaseId Stream::next()
     return {api_, group_, numbers_[at_++]};
 }
 
+std::string Stream::name() const
+{
+    return nameOf(api_, *group_);
+}
+
 Stream *Schedule::choose()
 {
     Stream *best = nullptr;
@@ -57,6 +62,21 @@ size_t Schedule::remaining() const
 {
     return std::accumulate(streams_.begin(), streams_.end(), size_t{0},
                            [](size_t sum, const Stream &stream) { return sum + stream.remaining(); });
+}
+
+double Schedule::work() const
+{
+    return std::accumulate(streams_.begin(), streams_.end(), 0.0,
+                           [](double sum, const Stream &stream) { return sum + stream.work(); });
+}
+
+std::string Schedule::running() const
+{
+    std::string names;
+    for (const Stream &stream : streams_)
+        if (stream.workers != 0)
+            names += (names.empty() ? "" : ", ") + stream.name();
+    return names;
 }
 
 bool CaseSelection::accepts(const CaseId &id) const
@@ -81,7 +101,7 @@ std::vector<CaseId> casesOf(const CaseSelection &selection)
     }
     for (const check::Api api : selection.apis)
         for (const check::Group &group : check::groups())
-            for (uint32_t number = 0; number < group.cases; ++number)
+            for (uint32_t number = 0; number < (selection.quick ? group.quickCases() : group.cases); ++number)
                 add({api, &group, number});
     return cases;
 }

@@ -37,6 +37,10 @@ public:
     }
     // Those that remain, without those of goOn().
     [[nodiscard]] size_t remaining() const { return numbers_.size() - at_; }
+    // "khr.levels"
+    [[nodiscard]] std::string name() const;
+    // How long the remaining cases take, in the time of one group's quick run: it is about the same for all groups.
+    [[nodiscard]] double work() const { return static_cast<double>(remaining()) / group_->quickCases(); }
 
     unsigned workers = 0; // that run its cases now
     double seconds = 0;   // that its cases took
@@ -61,7 +65,10 @@ public:
     // The stream that a worker runs next; null at the end.
     Stream *choose();
     [[nodiscard]] size_t remaining() const;
+    [[nodiscard]] double work() const;
     [[nodiscard]] size_t streams() const { return streams_.size(); }
+    // Those that workers run now: "khr.levels, ext.updates".
+    [[nodiscard]] std::string running() const;
 
 private:
     std::list<Stream> streams_;
@@ -74,6 +81,7 @@ struct CaseSelection {
     std::vector<std::string> filters; // globs; a case must match one of them, if there are any
     std::vector<CaseId> list;         // only these, if `listed`
     bool listed = false;
+    bool quick = false; // the first cases of each group
     bool endless = false;
 
     [[nodiscard]] bool accepts(const CaseId &id) const;
@@ -81,7 +89,7 @@ struct CaseSelection {
 Schedule makeSchedule(const CaseSelection &selection);
 // The first of its filters that none of its cases matches.
 std::optional<std::string> idleFilter(const CaseSelection &selection);
-// The cases of a full run that a selection has.
+// The cases of a full run, or a quick one, that a selection has.
 std::vector<CaseId> casesOf(const CaseSelection &selection);
 
 } // namespace vellum::cli

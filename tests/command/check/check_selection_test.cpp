@@ -58,7 +58,7 @@ TEST_F(CheckSelection, Groups)
 {
     const Outcome groups = runVellum({"check", "--groups"});
     EXPECT_EQ(groups.exitCode, 0);
-    EXPECT_EQ(groups.output.substr(0, groups.output.find("bad")), "good (5 cases)\n  Passes\n  Section 1\n");
+    EXPECT_EQ(groups.output.substr(0, groups.output.find("bad")), "good (5 cases, 3 of them in a quick run)\n  Passes\n  Section 1\n");
 }
 
 TEST_F(CheckSelection, ExtensionsOfTheDevice)
@@ -100,11 +100,45 @@ TEST_F(CheckSelection, MinutesMakeNewCases)
     EXPECT_EQ(one.results, (Statuses{{"khr.good.0002", "Pass"}})) << "there are no others";
 }
 
-TEST_F(CheckSelection, QuickRunsEachGroup)
+TEST_F(CheckSelection, QuickIsTheFirstCasesOfEachGroup)
 {
-    const CheckRun check = run({"--filter", "*.good.*", "--filter", "*.junk.*", "--quick"});
+    const std::vector<std::string> arguments = {"--quick", "--filter", "*.good.*", "--filter", "*.junk.*"};
+    const CheckRun check = run(arguments);
     EXPECT_EQ(check.outcome.exitCode, 0) << check.outcome.errors;
-    EXPECT_EQ(check.results.size(), 16U);
+    Statuses expected;
+    for (const std::string api : {"khr", "ext"})
+        for (const char *name : {".good.0000", ".good.0001", ".good.0002", ".junk.0000"})
+            expected[api + name] = "Pass";
+    EXPECT_EQ(check.results, expected);
+    const Outcome list = runVellum({"check", "--quick", "--list"});
+    EXPECT_NE(list.output.find("ext.good.0002\next.bad.0000\n"), std::string::npos) << list.output;
+    EXPECT_NE(list.output.find("khr.sometimes.0019\nkhr.end.0000\n"), std::string::npos) << list.output;
+    EXPECT_EQ(run({"--quick", "--filter", "khr.good.0003"}).outcome.errors,
+              "vellum: --filter khr.good.0003 matches no case of a quick run; did you mean khr.good.*?; vellum check --quick "
+              "--list prints them\n");
+}
+
+TEST_F(CheckSelection, NamesGroupsThatWereHardlyTested)
+{
+    const std::string skips = file("skips.txt", "good.000[0-2]\nbad.000[0-4]\n");
+    const CheckRun check = run({"--skips", skips, "--api", "khr", "--filter", "*.good.*", "--filter", "*.bad.*", "--filter",
+                                "*.skip.*", "--filter", "*.junk.*"});
+    EXPECT_EQ(check.outcome.exitCode, 0);
+    EXPECT_NE(check.outcome.output.find("\nskipped:\n  Skip: by --skips\n    8 cases, the first of which is khr.good.0000\n"
+                                        "  Skip: the device has no pipelines\n"),
+              std::string::npos)
+        << check.outcome.output;
+    EXPECT_NE(check.outcome.output.find("\nlittle tested: khr.good (2 of 5, 3 skipped)\n"
+                                        "\nnot tested: khr.bad (5 skipped), khr.skip (2 skipped)\n"),
+              std::string::npos)
+        << check.outcome.output;
+    EXPECT_NE(check.outcome.output.find("fake: 5 cases in "), std::string::npos) << check.outcome.output;
+    EXPECT_NE(check.outcome.output.find(" s, 10 skipped, no failure\n"), std::string::npos) << check.outcome.output;
+
+    const CheckRun ended = run({"--api", "khr", "--filter", "*.bad.*", "--filter", "*.good.*", "--jobs", "1", "--fail-fast"});
+    EXPECT_NE(ended.outcome.output.find("\nlittle tested: khr.bad (1 of 5)\n"), std::string::npos) << ended.outcome.output;
+    const CheckRun few = run({"--filter", "khr.good.0000"});
+    EXPECT_EQ(few.outcome.output.find("little tested"), std::string::npos) << few.outcome.output;
 }
 
 TEST_F(CheckSelection, BaselineIsDeqpRunners)
@@ -246,6 +280,9 @@ TEST_F(CheckSelection, WrongCommandLines)
         {"--replay", file("later", R"({"schema": "vellum/2", "command": "check --replay"})")},
         {"--replay", (folder_ / "missing").string()},
         {"--quick", "--minutes", "1"},
+        {"--quick", "--caselist", file("good", good)},
+        {"--quick", "--filter", "khr.good.0003"},
+        {"--progress", "-1"},
         {"--minutes", "1", "--caselist", file("good", good)},
         {"--api", "vulkan"},
         {"--jobs", "0"},

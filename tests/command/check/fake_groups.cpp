@@ -165,7 +165,7 @@ Outcome crashAtEnd(Session &session, std::string_view, uint64_t)
 }
 
 constexpr Group kGroups[] = {
-    {"good", "Passes", "Section 1", 5, pass},
+    {"good", "Passes", "Section 1", 5, pass, 3},
     {"bad", "Fails", "Section 2", 5, fail},
     {"used-up", "Uses up what processes need", "", 1, useUp},
     {"used-up-crash", "The same, and crashes", "", 1, useUpAndCrash},
@@ -177,10 +177,10 @@ constexpr Group kGroups[] = {
     {"lost", "Loses the device", "", 2, lose},
     {"exit", "Ends the process", "", 1, exitEarly},
     {"throw", "Throws", "", 1, throwError},
-    {"junk", "Prints", "", 3, printJunk},
+    {"junk", "Prints", "", 3, printJunk, 1},
     {"events", "Writes what is no event", "", 2, writeEvents},
     {"flake", "Fails once", "", 2, flake},
-    {"sometimes", "Crashes sometimes", "", 30, crashSometimes},
+    {"sometimes", "Crashes sometimes", "", 30, crashSometimes}, // the usual number of quick cases
     {"end", "Crashes when the device is closed", "", 3, crashAtEnd},
 };
 

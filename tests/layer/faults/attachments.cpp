@@ -256,6 +256,15 @@ void lostTriangle(Context &context, Attachment &attachment)
         });
 }
 
+void updateLosesMore(Context &context, Attachment &attachment)
+{
+    if (context.update && isLossy(attachment.micromap))
+        replaceIndices(context, attachment, [base = attachment.base](const Indices &given, uint32_t t) {
+            const uint32_t index = given.value(t);
+            return index + base == 0 ? kUnknownOpaque : index;
+        });
+}
+
 // --- fields with too few bits, and what begins at such a number ---
 
 // The attachment of the geometry with the number that is left.
@@ -264,7 +273,8 @@ void narrowGeometry(Context &context, Attachment &attachment)
 {
     const auto other =
         std::ranges::lower_bound(context.attachments, attachment.geometry & mask, {}, &Attachment::geometry);
-    attachment.dropped = other == context.attachments.end() || other->geometry != (attachment.geometry & mask);
+    attachment.dropped =
+        other == context.attachments.end() || other->geometry != (attachment.geometry & mask) || other->triangles == 0;
     if (attachment.dropped || attachment.geometry <= mask)
         return;
     attachment.base = other->base;
@@ -341,6 +351,8 @@ constexpr Fault kFaults[]{
     {"base-16-bits", narrowBase<0xffff>},
     {"index-8-sign-extended", signExtended<VK_INDEX_TYPE_UINT8_EXT, 0x80>},
     {"index-16-sign-extended", signExtended<VK_INDEX_TYPE_UINT16, 0x8000>},
+    {"lossy-copy-loses-more", lostTriangle},
+    {"lossy-once-more", updateLosesMore},
 };
 
 // --- builds ---

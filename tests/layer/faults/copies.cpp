@@ -15,7 +15,8 @@ constexpr Level kLevel = Level::Copies;
 std::mutex mutex;
 std::map<uint64_t, uint64_t> clones;    // and what they are clones of
 std::map<uint64_t, uint64_t> triangles; // of micromaps
-std::map<uint64_t, uint32_t> lost;      // by compaction
+std::map<uint64_t, uint32_t> lost;      // by compaction, or copies
+std::set<uint64_t> lossy;
 std::map<uint64_t, uint64_t> places;    // where the memory of a micromap begins
 std::set<uint64_t> filledPlaces;        // with a micromap, which may be gone
 std::map<std::pair<void *, VkQueryType>, uint64_t> lastQueried;
@@ -24,6 +25,7 @@ void fill(uint64_t micromap) // under the lock
 {
     clones.erase(micromap);
     lost.erase(micromap);
+    lossy.erase(micromap);
     if (const auto place = places.find(micromap); place != places.end())
         filledPlaces.insert(place->second);
 }
@@ -34,8 +36,13 @@ void noteCopy(void *key, uint64_t source, uint64_t target, bool compact)
     const auto count = triangles.find(source);
     if (count == triangles.end()) // no micromap
         return;
+    const bool isLossy = lossy.contains(source);
     fill(target);
     triangles[target] = count->second;
+    if (isLossy)
+        lossy.insert(target);
+    if (isLossy && has(key, "lossy-copy-loses-more"))
+        lost[target] = 0;
     if (!compact && has(key, "clone-is-shallow"))
         clones[target] = source;
     if (compact && has(key, "compaction-loses-last-triangle") && count->second > 0)
@@ -179,11 +186,19 @@ uint32_t lostTriangleOf(uint64_t micromap)
     return found == lost.end() ? UINT32_MAX : found->second;
 }
 
-void noteBuilt(uint64_t micromap, uint64_t count)
+void noteBuilt(uint64_t micromap, uint64_t count, bool isLossy)
 {
     std::lock_guard lock(mutex);
     fill(micromap);
     triangles[micromap] = count;
+    if (isLossy)
+        lossy.insert(micromap);
+}
+
+bool isLossy(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    return lossy.contains(micromap);
 }
 
 void forgetCopies(uint64_t micromap)
@@ -193,6 +208,7 @@ void forgetCopies(uint64_t micromap)
     std::erase_if(lastQueried, [micromap](const auto &q) { return q.second == micromap; });
     triangles.erase(micromap);
     lost.erase(micromap);
+    lossy.erase(micromap);
     places.erase(micromap);
 }
 

@@ -93,6 +93,8 @@ uint32_t lostTriangleOf(uint64_t micromap);
 void forgetCopies(uint64_t micromap);
 void forgetBuild(uint64_t micromap);
 // A micromap of so many triangles is built.
-void noteBuilt(uint64_t micromap, uint64_t triangles);
+void noteBuilt(uint64_t micromap, uint64_t triangles, bool lossy);
+// Whether it was built as lossy, or the one that it is a copy of.
+bool isLossy(uint64_t micromap);
 
 } // namespace faults

@@ -35,7 +35,10 @@ void read(MicromapInput &input, uint32_t count, const Usage *usages, const Usage
 // `own`: the bytes of data that the triangle has; what is read beyond them is zero.
 MicromapTriangle decoded(const VkMicromapTriangleEXT &triangle, const MicromapInput &input, uint64_t own)
 {
-    MicromapTriangle content{triangle.subdivisionLevel, triangle.format, input.lossy, {}};
+    MicromapTriangle content{.level = triangle.subdivisionLevel,
+                             .format = triangle.format,
+                             .lossy = input.lossy,
+                             .address = input.data + triangle.dataOffset};
     const auto *source = hostPointer<const uint8_t>(input.data + triangle.dataOffset);
     const uint32_t bits = bitsOf(triangle.format);
     for (uint64_t bit = 0; bit < uint64_t{bits} << 2 * content.level; bit += bits) {
@@ -124,7 +127,7 @@ void rewriteWhenExecuted(VkCommandBuffer commands, MicromapInput &input, void (*
     }
     const Memory triangles = memoryFor(commands, count * sizeof(VkMicromapTriangleEXT));
     const Memory data = memoryFor(commands, capacity);
-    beforeExecution(commands, [=, given = input] {
+    beforeExecution(commands, [=, given = input, key = keyOf(commands)] {
         uint64_t used = 0;
         for (uint64_t t = 0; t < count; ++t) {
             VkMicromapTriangleEXT triangle;
@@ -134,6 +137,7 @@ void rewriteWhenExecuted(VkCommandBuffer commands, MicromapInput &input, void (*
                 if (header != nullptr)
                     header(triangle);
                 MicromapTriangle content = decoded(triangle, given, own);
+                content.key = key;
                 if (states != nullptr)
                     states(content);
                 triangle.dataOffset = static_cast<uint32_t>(used);

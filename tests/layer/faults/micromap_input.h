@@ -36,6 +36,8 @@ struct MicromapTriangle {
     uint16_t format = 0;
     bool lossy = false;
     std::vector<uint8_t> states;
+    void *key = nullptr;         // of the device that builds it
+    VkDeviceAddress address = 0; // of its data
 };
 
 // Makes the build read copies of triangles and data that are made when the command buffer is executed: `header` changes

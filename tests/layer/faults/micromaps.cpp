@@ -106,6 +106,40 @@ void lossyTransparent(MicromapTriangle &triangle)
     }
 }
 
+std::mutex devicesMutex;
+std::vector<void *> devices; // those that have built a micromap, by key
+
+// Whether another device built a micromap before this one did.
+bool isSecond(void *key)
+{
+    std::lock_guard lock(devicesMutex);
+    if (std::find(devices.begin(), devices.end(), key) == devices.end())
+        devices.push_back(key);
+    return devices.front() != key;
+}
+
+VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCallbacks *allocator)
+{
+    const auto next = DRIVER_NEXT(vkDestroyDevice);
+    if (handle != VK_NULL_HANDLE) {
+        std::lock_guard lock(devicesMutex);
+        std::erase(devices, keyOf(handle));
+    }
+    next(handle, allocator);
+}
+
+void lossyByDevice(MicromapTriangle &triangle)
+{
+    if (triangle.lossy && isSecond(triangle.key))
+        opaqueUnknown(triangle);
+}
+
+void lossyByAddress(MicromapTriangle &triangle)
+{
+    if (triangle.lossy && (triangle.address * 0x9e3779b97f4a7c15u >> 63) != 0)
+        opaqueUnknown(triangle);
+}
+
 struct Fault {
     const char *name;
     void (*parameters)(MicromapInput &) = nullptr;
@@ -125,6 +159,8 @@ constexpr Fault kFaults[]{
     {"opaque-becomes-unknown", nullptr, nullptr, opaqueUnknown},
     {"unknown-states-swapped", nullptr, nullptr, unknownSwapped},
     {"lossy-opaque-to-transparent", nullptr, nullptr, lossyTransparent},
+    {"lossy-differs-by-device", nullptr, nullptr, lossyByDevice},
+    {"lossy-differs-by-address", nullptr, nullptr, lossyByAddress},
 };
 
 // The chosen one; only the first counts.
@@ -222,7 +258,7 @@ public:
                 const uint64_t target = build->input.target;
                 if (dropped(keyOf(commands), target, std::exchange(first, false)))
                     continue;
-                noteBuilt(target, triangleCount(build->input));
+                noteBuilt(target, triangleCount(build->input), build->input.lossy);
                 if (chosen(keyOf(commands)) != nullptr || has(keyOf(commands), "micromap-built-late")) {
                     changeInput(commands, build->input);
                     build->put();
@@ -358,6 +394,7 @@ LevelRows micromapRows()
         {"vkBuildMicromapsEXT", DRIVER_FUNCTION(hostBuild)},
         {"vkBeginCommandBuffer", DRIVER_FUNCTION(begin)},
         {"vkEndCommandBuffer", DRIVER_FUNCTION(end)},
+        {"vkDestroyDevice", DRIVER_FUNCTION(destroyDevice)},
     };
     return {device, {}};
 }

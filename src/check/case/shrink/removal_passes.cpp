@@ -76,7 +76,7 @@ void removeTrianglesOfMeshes(Attempts &attempts)
             for (const bool withMicromap : {true, false}) {
                 const oracle::Mesh &mesh = attempts.best().scene.objects[o].meshes[m];
                 attempts.removeStretches(
-                    mesh.boxes.empty() ? mesh.vertices.size() / 3 : mesh.boxes.size(),
+                    mesh.boxes.empty() ? mesh.triangles() : mesh.boxes.size(),
                     [&](Case &c, size_t from, size_t count) { removeTriangles(c, o, m, from, count, withMicromap); });
             }
         }

@@ -85,12 +85,86 @@ void simplifyInstances(Attempts &attempts)
     }
     const std::vector<oracle::Object> &objects = attempts.best().scene.objects;
     for (size_t o = 0; o < objects.size(); ++o) {
+        edits.emplace_back([o](Case &c) { c.scene.objects[o].geometryPointers = false; });
         for (size_t m = 0; m < objects[o].meshes.size(); ++m) {
             edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].opaque = false; });
-            edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].skippedTriangles = 0; });
+            edits.emplace_back([o, m](Case &c) { c.scene.objects[o].meshes[m].noDuplicates = false; });
+            // Active, where it was not.
+            edits.emplace_back([o, m](Case &c) {
+                for (Vec3 &vertex : c.scene.objects[o].meshes[m].vertices)
+                    vertex[0] = std::isnan(vertex[0]) ? 0 : vertex[0];
+            });
         }
     }
     attempts.attemptAll(edits);
+}
+
+using EditMesh = std::function<void(oracle::Mesh &)>;
+
+// The same edit of each mesh, made separately.
+std::vector<Edit> editsOfMeshes(const Case &best, const EditMesh &edit)
+{
+    std::vector<Edit> edits;
+    for (size_t o = 0; o < best.scene.objects.size(); ++o)
+        for (size_t m = 0; m < best.scene.objects[o].meshes.size(); ++m)
+            edits.emplace_back([o, m, edit](Case &c) { edit(c.scene.objects[o].meshes[m]); });
+    return edits;
+}
+
+// Vertices of another format or without indices: a stride and an offset that do not fit are none.
+void fitLayout(oracle::MeshLayout &layout)
+{
+    const VertexFormat format = vertexFormat(layout.vertexFormat);
+    if (layout.stride < format.bytes || layout.stride % format.alignment != 0)
+        layout.stride = 0;
+    layout.primitiveOffset -= layout.primitiveOffset % 4;
+}
+
+// The same triangles without the transform, or with one that does nothing.
+void applyTransform(oracle::Mesh &mesh, bool keep)
+{
+    if (!mesh.layout.transform)
+        return;
+    for (uint32_t t = 0; t < mesh.triangles(); ++t) {
+        const oracle::Corners corners = oracle::cornersOf(mesh, t);
+        for (size_t k = 0; k < 3; ++k) {
+            Vec3 &vertex = mesh.vertices[size_t{3} * t + k];
+            for (size_t i = 0; i < 3 && !std::isnan(corners[k][0]); ++i)
+                vertex[i] = static_cast<float>(corners[k][i]);
+        }
+    }
+    mesh.layout.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+    mesh.layout.transform = keep ? std::optional(kIdentity) : std::nullopt;
+    mesh.layout.transformOffset = keep ? mesh.layout.transformOffset : 0;
+    fitLayout(mesh.layout);
+}
+
+// Meshes that lie in memory as plainly as can be.
+void simplifyLayouts(Attempts &attempts)
+{
+    const auto attempt = [&](const EditMesh &edit) { attempts.attemptAll(editsOfMeshes(attempts.best(), edit)); };
+    attempt([](oracle::Mesh &mesh) {
+        applyTransform(mesh, false);
+        mesh.layout = {};
+    });
+    attempt([](oracle::Mesh &mesh) { applyTransform(mesh, false); });
+    attempt([](oracle::Mesh &mesh) { applyTransform(mesh, true); });
+    attempt([](oracle::Mesh &mesh) {
+        mesh.layout.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
+        fitLayout(mesh.layout);
+    });
+    attempt([](oracle::Mesh &mesh) {
+        mesh.layout.indexType = VK_INDEX_TYPE_NONE_KHR;
+        mesh.layout.firstIndex = mesh.layout.order = 0;
+        mesh.layout.separate = false;
+        fitLayout(mesh.layout);
+    });
+    attempt([](oracle::Mesh &mesh) { mesh.layout.indexType = mesh.layout.isIndexed() ? VK_INDEX_TYPE_UINT32 : mesh.layout.indexType; });
+    attempt([](oracle::Mesh &mesh) { mesh.layout.separate = false; });
+    for (uint32_t oracle::MeshLayout::*const number :
+         {&oracle::MeshLayout::stride, &oracle::MeshLayout::primitiveOffset, &oracle::MeshLayout::firstVertex,
+          &oracle::MeshLayout::firstIndex, &oracle::MeshLayout::order, &oracle::MeshLayout::transformOffset})
+        attempt([number](oracle::Mesh &mesh) { mesh.layout.*number = 0; });
 }
 
 void simplifyRays(Attempts &attempts)
@@ -131,8 +205,12 @@ void roundCoordinates(Attempts &attempts)
         for (size_t o = 0; o < scene.objects.size(); ++o)
             for (size_t m = 0; m < scene.objects[o].meshes.size(); ++m)
                 edits.emplace_back([o, m, steps](Case &c) {
-                    for (Vec3 &vertex : c.scene.objects[o].meshes[m].vertices)
+                    for (Vec3 &vertex : c.scene.objects[o].meshes[m].vertices) {
                         roundTo(vertex, steps);
+                        vertex = quantized(c.scene.objects[o].meshes[m].layout.vertexFormat, vertex);
+                    }
+                    if (auto &transform = c.scene.objects[o].meshes[m].layout.transform)
+                        roundTo(std::span(&transform->matrix[0][0], 12), steps);
                     for (VkAabbPositionsKHR &box : c.scene.objects[o].meshes[m].boxes)
                         for (float *value : {&box.minX, &box.minY, &box.minZ, &box.maxX, &box.maxY, &box.maxZ})
                             roundTo(std::span(value, 1), steps);
@@ -179,6 +257,7 @@ std::vector<Kind> simplerThan(Kind kind)
 void simplifyScene(Attempts &attempts)
 {
     simplifyInstances(attempts);
+    simplifyLayouts(attempts);
     simplifyRays(attempts);
     simplifyTransforms(attempts);
     roundCoordinates(attempts);
@@ -193,6 +272,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.build.together = false; },
         [](Case &c) { c.build.threads = 1; },
         [](Case &c) { c.build.instancePointers = false; },
+        [](Case &c) { c.build.geometryPointers = false; },
         [](Case &c) { c.build.single = false; },
         [](Case &c) { c.build.conditional = false; },
         [](Case &c) { c.build.spareTriangles = 0; },

@@ -22,7 +22,7 @@ const table = (parent, heads, lines) => {
   const body = element("tbody", undefined, made);
   lines.forEach((cells) => {
     const line = element("tr", undefined, body);
-    cells.forEach((cell) => element("td", cell, line));
+    cells.forEach((cell, column) => { element("td", cell, line).dataset.head = heads[column]; });
   });
 };
 const svg = (name, attributes, parent, text) => {
@@ -33,28 +33,34 @@ const svg = (name, attributes, parent, text) => {
   return made;
 };
 
-// Ratios as dots with bars, one line each.
-const chart = (parent, title, frames) => {
-  const left = 150, right = 60, width = 700, step = 26, height = 40 + step * frames.length;
+// Ratios as dots with bars, one line each, beside their names; in a narrow page below them.
+const narrow = window.matchMedia("screen and (max-width: 499px)");
+const draw = (box, title, frames) => {
+  const [left, right, width, step, drop] = narrow.matches ? [12, 12, 340, 44, 20] : [150, 60, 700, 26, 0];
+  const height = 40 + step * frames.length;
   const most = Math.max(1.2, ...frames.map((f) => f.ratio[2])) * 1.05;
   const x = (value) => left + value / most * (width - left - right);
-  const box = element("div", undefined, parent);
-  box.className = "scroll";
+  box.replaceChildren();
   const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title }, box);
-  const unit = [0.1, 0.2, 0.25, 0.5, 1, 2, 5, 10].find((u) => most / u <= 8) || 20;
+  const unit = [0.1, 0.2, 0.25, 0.5, 1, 2, 5, 10].find((u) => most / u <= width / 85) || 20;
   for (let value = 0; value <= most; value += unit) {
     svg("line", { x1: x(value), x2: x(value), y1: 8, y2: height - 24, class: "grid" }, picture);
     svg("text", { x: x(value), y: height - 8, "text-anchor": "middle" }, picture, String(Math.round(value * 100) / 100));
   }
   svg("line", { x1: x(1), x2: x(1), y1: 4, y2: height - 24, class: "axis", "stroke-width": 2 }, picture);
   frames.forEach((frame, i) => {
-    const y = 22 + step * i;
-    const kind = frame.ratio[1] <= 1 ? "good" : "bad";
-    svg("text", { x: 8, y: y + 4 }, picture, `level ${frame.level}, ${frame.heavy ? "heavy" : "plain"}`);
+    const y = 22 + step * i + drop;
+    const kind = frame.ratio[2] < 1 ? "good" : frame.ratio[0] > 1 ? "bad" : "even";
+    svg("text", { x: 8, y: y + 4 - drop }, picture, `level ${frame.level}, ${frame.heavy ? "heavy" : "plain"}`);
     svg("line", { x1: x(frame.ratio[0]), x2: x(frame.ratio[2]), y1: y, y2: y, class: kind, "stroke-width": 6, "stroke-opacity": .4 }, picture);
     svg("circle", { cx: x(frame.ratio[1]), cy: y, r: 5, class: kind }, picture);
-    svg("text", { x: width - 8, y: y + 4, "text-anchor": "end" }, picture, number(frame.ratio[1]));
+    svg("text", { x: width - 8, y: y + 4 - drop, "text-anchor": "end" }, picture, number(frame.ratio[1]));
   });
+};
+const chart = (parent, title, frames) => {
+  const box = element("div", undefined, parent);
+  draw(box, title, frames);
+  narrow.addEventListener("change", () => draw(box, title, frames));
 };
 
 const device = report.parts.flatMap((part) => rows(part, "device"))[0];

@@ -121,6 +121,24 @@ std::string updatedMicromap(Gpu &gpu)
     return updated(gpu, {0, 1}, uniform({2, 3}));
 }
 
+std::string lossyClone(Gpu &gpu)
+{
+    const auto original = built(gpu, uniform({0, 1}), kLossy);
+    const Micromap clone(gpu, *original, original->size());
+    gpu.submit([&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, original->handle(), clone.handle(), VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    });
+    return statesOfMicromap(gpu, clone);
+}
+
+std::string lossyUpdate(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}), kLossy);
+    RowScene scene(gpu, micromap.get(), 2, {}, 0, kUpdate);
+    scene.update(micromap.get(), {});
+    return scene.states();
+}
+
 std::string changedOriginal(Gpu &gpu)
 {
     const auto original = built(gpu, uniform({0})), other = built(gpu, uniform({1}));
@@ -198,6 +216,8 @@ std::span<const Case> attachmentCases()
         Case{"update-drops-micromap", updatedSame, "01", "nn"},
         Case{"update-keeps-indices", updatedIndices, "10", "01"},
         Case{"update-keeps-micromap", updatedMicromap, "23", "01"},
+        Case{"lossy-copy-loses-more", lossyClone, "01", "31", Api::Khr},
+        Case{"lossy-once-more", lossyUpdate, "01", "31", Api::Khr},
         Case{"clone-is-shallow", changedOriginal, "0", "1"},
         Case{"compaction-loses-last-triangle", compacted, "0120", "0123"},
         Case{"geometry-index-4-bits", geometries<17>, "01", "00"},

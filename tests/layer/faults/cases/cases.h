@@ -38,19 +38,19 @@ vt::MicromapInput uniform(std::initializer_list<uint8_t> states, uint32_t level 
 
 // The state of each triangle of a row (vt::triangleRow) at its middle: 0 to 3; 'n' where there is no micromap and the
 // geometry is not opaque.
-std::string statesOf(vt::Gpu &gpu, const vt::Structure &scene, uint32_t triangles);
+std::string statesOf(vt::Device &gpu, const vt::Structure &scene, uint32_t triangles);
 // At these places.
-std::string statesAt(vt::Gpu &gpu, const vt::Structure &scene, std::span<const vt::Vec3> places);
+std::string statesAt(vt::Device &gpu, const vt::Structure &scene, std::span<const vt::Vec3> places);
 // What each ray with these flags meets: '.' nothing, 'O' an opaque hit, 'n' one that the shader decides over. The rays
 // meet the triangles in the middle.
-std::string hitsOf(vt::Gpu &gpu, const vt::Structure &scene, uint32_t triangles, uint32_t flags,
+std::string hitsOf(vt::Device &gpu, const vt::Structure &scene, uint32_t triangles, uint32_t flags,
                    uint32_t cullMask = 0xff);
 
 // A bottom-level structure of one row of triangles with a micromap, and a scene of one instance.
 class RowScene
 {
 public:
-    RowScene(vt::Gpu &gpu, const vt::Micromap *micromap, uint32_t triangles, vt::Attachment attachment = {},
+    RowScene(vt::Device &gpu, const vt::Micromap *micromap, uint32_t triangles, vt::Attachment attachment = {},
              VkGeometryFlagsKHR flags = 0, VkBuildAccelerationStructureFlagsKHR buildFlags = 0);
     // Updates the bottom-level structure and builds the scene again.
     void update(const vt::Micromap *micromap, vt::Attachment attachment);
@@ -61,7 +61,7 @@ public:
 private:
     [[nodiscard]] vt::Geometry geometry(const vt::Micromap *micromap, vt::Attachment attachment) const;
 
-    vt::Gpu &gpu_;
+    vt::Device &gpu_;
     uint32_t triangles_;
     VkGeometryFlagsKHR flags_;
     VkBuildAccelerationStructureFlagsKHR buildFlags_;
@@ -70,10 +70,10 @@ private:
 };
 
 // A built micromap.
-std::unique_ptr<vt::Micromap> built(vt::Gpu &gpu, vt::MicromapInput input, VkBuildMicromapFlagsEXT flags = 0);
+std::unique_ptr<vt::Micromap> built(vt::Device &gpu, vt::MicromapInput input, VkBuildMicromapFlagsEXT flags = 0);
 // Builds `target` from the input of `source`, which is as large.
-void buildFrom(vt::Gpu &gpu, const vt::Micromap &source, const vt::Micromap &target);
+void buildFrom(vt::Device &gpu, const vt::Micromap &source, const vt::Micromap &target);
 // The states of a micromap's triangles at their middle.
-std::string statesOfMicromap(vt::Gpu &gpu, const vt::Micromap &micromap);
+std::string statesOfMicromap(vt::Device &gpu, const vt::Micromap &micromap);
 
 } // namespace faults

@@ -41,7 +41,9 @@ class Fault : public testing::TestWithParam<Case>
 std::string observed(const Case &c, const char *fault)
 {
     Gpu gpu(optionsOf(c, fault));
+    setenv("VELLUM_TEST_FAULT", fault, 1); // for a second device (Device::twin)
     std::string seen = c.observe(gpu);
+    unsetenv("VELLUM_TEST_FAULT");
     if (*fault != 0)
         gpu.takeMessages(); // a driver with a fault may complain
     return seen;

@@ -105,6 +105,37 @@ std::string lossy(Gpu &gpu)
     return statesWithin(gpu, one(1, kFourState, {0, 1, 1, 3}), 1, {0, 1, 2, 3}, kLossy);
 }
 
+// On a second device, which is made while the first one has micromaps.
+std::string lossyOnTwin(Gpu &gpu)
+{
+    const MicromapInput input = one(1, kFourState, {0, 1, 2, 3});
+    const auto first = built(gpu, input, kLossy);
+    const auto micromap = std::make_unique<Micromap>(gpu.twin(), input, kLossy);
+    micromap->build();
+    const RowScene scene(gpu.twin(), micromap.get(), 1);
+    std::vector<Vec3> places;
+    for (uint32_t index = 0; index < 4; ++index) {
+        const auto centre = microTriangleCentre(index, 1);
+        places.push_back({static_cast<float>(centre[0]), static_cast<float>(centre[1]), 1});
+    }
+    return statesAt(gpu.twin(), scene.tlas(), places);
+}
+
+// Whether equal lossy micromaps have equal states.
+std::string lossyInMany(Gpu &gpu)
+{
+    std::vector<std::unique_ptr<Micromap>> all; // each has an address of its own
+    std::string first;
+    for (int i = 0; i < 32; ++i) {
+        all.push_back(built(gpu, one(1, kFourState, {1, 1, 1, 1}), kLossy));
+        const std::string states = statesOfMicromap(gpu, *all.back());
+        first = first.empty() ? states : first;
+        if (states != first)
+            return "different";
+    }
+    return "equal";
+}
+
 std::string builtAgain(Gpu &gpu)
 {
     const auto micromap = built(gpu, uniform({0})), other = built(gpu, uniform({1}));
@@ -180,6 +211,8 @@ std::span<const Case> micromapCases()
         Case{"opaque-becomes-unknown", levelOne, "0123", "0323"},
         Case{"unknown-states-swapped", levelOne, "0123", "0132"},
         Case{"lossy-opaque-to-transparent", lossy, "0113", "0003", Api::Khr},
+        Case{"lossy-differs-by-device", lossyOnTwin, "0123", "0323", Api::Khr},
+        Case{"lossy-differs-by-address", lossyInMany, "equal", "different", Api::Khr},
         Case{"micromap-built-once", builtAgain, "1", "0"},
         Case{"only-first-micromap-build", builtTogether, "01", "03"},
         Case{"micromap-built-late", inOneCommandBuffer, "opaque", "not opaque"},

@@ -22,7 +22,7 @@ std::vector<Vec3> middles(uint32_t triangles)
     return places;
 }
 
-std::string hitsAt(Gpu &gpu, const Structure &scene, std::span<const Vec3> places, uint32_t flags, uint32_t cullMask)
+std::string hitsAt(Device &gpu, const Structure &scene, std::span<const Vec3> places, uint32_t flags, uint32_t cullMask)
 {
     std::vector<Ray> rays;
     for (const Vec3 &place : places)
@@ -43,7 +43,7 @@ MicromapInput uniform(std::initializer_list<uint8_t> states, uint32_t level)
     return input;
 }
 
-std::string statesAt(Gpu &gpu, const Structure &scene, std::span<const Vec3> places)
+std::string statesAt(Device &gpu, const Structure &scene, std::span<const Vec3> places)
 {
     const std::string plain = hitsAt(gpu, scene, places, 0, 0xff);
     const std::string twoState = hitsAt(gpu, scene, places, kRayForceTwoState, 0xff);
@@ -57,17 +57,17 @@ std::string statesAt(Gpu &gpu, const Structure &scene, std::span<const Vec3> pla
     return states;
 }
 
-std::string statesOf(Gpu &gpu, const Structure &scene, uint32_t triangles)
+std::string statesOf(Device &gpu, const Structure &scene, uint32_t triangles)
 {
     return statesAt(gpu, scene, middles(triangles));
 }
 
-std::string hitsOf(Gpu &gpu, const Structure &scene, uint32_t triangles, uint32_t flags, uint32_t cullMask)
+std::string hitsOf(Device &gpu, const Structure &scene, uint32_t triangles, uint32_t flags, uint32_t cullMask)
 {
     return hitsAt(gpu, scene, middles(triangles), flags, cullMask);
 }
 
-RowScene::RowScene(Gpu &gpu, const Micromap *micromap, uint32_t triangles, Attachment attachment,
+RowScene::RowScene(Device &gpu, const Micromap *micromap, uint32_t triangles, Attachment attachment,
                    VkGeometryFlagsKHR flags, VkBuildAccelerationStructureFlagsKHR buildFlags)
     : gpu_(gpu), triangles_(triangles), flags_(flags), buildFlags_(buildFlags),
       blas_(std::make_unique<Blas>(gpu, std::vector{geometry(micromap, std::move(attachment))}, buildFlags)),
@@ -90,21 +90,21 @@ void RowScene::update(const Micromap *micromap, Attachment attachment)
     tlas_ = std::make_unique<Tlas>(gpu_, std::vector{instance(*blas_, {}, 1)});
 }
 
-std::unique_ptr<Micromap> built(Gpu &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
+std::unique_ptr<Micromap> built(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags)
 {
     auto micromap = std::make_unique<Micromap>(gpu, std::move(input), flags);
     micromap->build();
     return micromap;
 }
 
-void buildFrom(Gpu &gpu, const Micromap &source, const Micromap &target)
+void buildFrom(Device &gpu, const Micromap &source, const Micromap &target)
 {
     gpu.submit([&](VkCommandBuffer commands) {
         recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{source.buildInfo(), target.handle()}});
     });
 }
 
-std::string statesOfMicromap(Gpu &gpu, const Micromap &micromap)
+std::string statesOfMicromap(Device &gpu, const Micromap &micromap)
 {
     return RowScene(gpu, &micromap, static_cast<uint32_t>(micromap.input().triangles.size())).states();
 }

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a device makes of lossy micromaps: learned from a second, equal device, and demanded of every build and copy.
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "check/case/built_case.h"
+#include "check/oracle/cpu_trace.h"
+
+namespace vellum::check
+{
+
+// Of the elements of lossy micromaps that rays meet.
+struct LossyStates {
+    oracle::Substitution states;
+    std::map<oracle::LossyElement, std::string> faults; // what the specification does not allow
+};
+
+// In the structures of a case whose scene is `scene` after all steps. hits: allHits of each of its rays.
+LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const oracle::Scene &scene,
+                          std::span<const oracle::Hits> hits);
+// In structures that the twin of the device builds of the same data with the same flags, by plain commands: without
+// copies, updates and several builds at a time.
+LossyStates lossyStatesOfTwin(Device &gpu, const Case &c, const oracle::Scene &scene,
+                              std::span<const oracle::Hits> hits);
+
+// What is wrong with the elements that each ray meets, where the device itself has `own`, and its twin `expected`;
+// empty: nothing.
+std::vector<std::string> lossyFaults(const LossyStates &expected, const LossyStates &own,
+                                     std::span<const oracle::Hits> hits);
+
+} // namespace vellum::check
