@@ -138,7 +138,7 @@ const Break kBreaks[] = {
          c.scene.objects[0].meshes[0].boxes.clear();
      })},
     {"has a minimum above its maximum", kForBoxes([](oracle::Mesh &mesh) { mesh.boxes[0].minY = 100; })},
-    {"boxes have neither micromaps", kForBoxes([](oracle::Mesh &mesh) { mesh.skippedTriangles = 1; })},
+    {"boxes have neither micromaps", kForBoxes([](oracle::Mesh &mesh) { mesh.layout.firstVertex = 1; })},
     {"boxes have neither micromaps", kForBoxes([](oracle::Mesh &mesh) { mesh.micromap.emplace(); })},
     {"are beyond the", kForIndices([](oracle::MeshMicromap &use, Case &) {
          use.indices[0] = 0;

@@ -229,10 +229,11 @@ void checkObject(const Scene &scene, const oracle::Object &object, const std::st
          where, "fast builds and fast traces exclude each other");
     rule(!object.meshes.empty() && object.meshes.size() <= kMostMeshes, where, "has {} meshes, not 1 to {}",
          object.meshes.size(), kMostMeshes);
+    const bool boxes = object.hasBoxes();
     for (size_t i = 0; i < object.meshes.size(); ++i) {
         const oracle::Mesh &mesh = object.meshes[i];
         const std::string here = fmt::format("{}.meshes[{}]", where, i);
-        checkMesh(mesh, object.hasBoxes(), here);
+        checkMesh(mesh, boxes, here);
         if (mesh.micromap)
             checkUse(scene, *mesh.micromap, mesh.triangles(), here + ".micromap");
     }

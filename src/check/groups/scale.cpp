@@ -196,8 +196,9 @@ Case micromapTriangles(Random &random, const DeviceLimits &limits, uint32_t coun
     const std::vector<uint32_t> numbers = interesting(random, count);
     Case c = micromapCase(random, count, numbers);
     addUses(random, c, numbers, VK_INDEX_TYPE_UINT32, 0);
-    // Bases of more bits than indices have; then no indices.
-    for (const uint32_t base : {257 + below(random, count / 4), count - 1 - below(random, count / 16)}) {
+    // Bases of more than 8 bits; and of more than 10 or 16, then also without indices.
+    const uint32_t most = count > kManyMore ? kManyMore : 1u << 10;
+    for (const uint32_t base : {257 + below(random, count / 4), most + below(random, count - most)}) {
         std::vector<uint32_t> rest;
         for (const uint32_t number : numbers)
             if (number >= base && number - base <= 0xfffbu - 1)

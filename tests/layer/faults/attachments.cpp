@@ -296,6 +296,8 @@ void narrowPrimitive(Context &context, Attachment &attachment)
 template <uint32_t first>
 void lostFrom(Context &context, Attachment &attachment)
 {
+    if (trianglesOf(attachment.micromap) <= first)
+        return;
     replaceIndices(context, attachment, [base = attachment.base](const Indices &given, uint32_t t) {
         const uint32_t index = given.value(t);
         return index < kFirstSpecial && index + base >= first ? kUnknownOpaque : index;
