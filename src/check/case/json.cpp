@@ -487,9 +487,9 @@ public:
     void list(const char *key, std::vector<T> &field, Function &&fields)
     {
         forEach(key, [&](const Json &element, const std::string &where) {
-            const Amount before = amount_;
             Reader reader(element, where, amount_);
             const uint32_t count = reader.repeat();
+            const Amount before = amount_;
             T made{};
             fields(reader, made);
             reader.finish();

@@ -30,9 +30,10 @@ std::vector<uint32_t> interesting(Random &random, uint32_t count)
     for (const uint32_t bits : {4u, 6u, 7u, 8u, 10u, 12u, 15u, 16u}) {
         const uint32_t end = 1u << bits;
         if (end < count)
-            numbers.insert({end - 1, end, end + below(random, std::min(end, count - end))});
+            numbers.insert(
+                {end - 1, end, end + below(random, std::min(end, count - end)), end + below(random, count - end)});
     }
-    while (numbers.size() < std::min(count, 32u))
+    while (numbers.size() < std::min(count, 36u))
         numbers.insert(below(random, count));
     return {numbers.begin(), numbers.end()};
 }
@@ -87,7 +88,7 @@ void maybeByPipeline(Random &random, Case &c, const DeviceLimits &limits)
 Case geometries(Random &random, uint32_t count)
 {
     Case c = paletteCase(random);
-    const uint32_t filler = below(random, kFillers);
+    const uint32_t filler = below(random, 2); // a state that no ray takes for an unknown one
     oracle::Mesh plain;
     plain.opaque = chance(random, 50);
     appendTriangle(plain.vertices, kAside);
@@ -113,7 +114,7 @@ Case geometries(Random &random, uint32_t count)
 Case triangles(Random &random, const DeviceLimits &limits, uint32_t count)
 {
     Case c = paletteCase(random);
-    const uint32_t filler = below(random, kFillers);
+    const uint32_t filler = below(random, 2); // a state that no ray takes for an unknown one
     oracle::Mesh &mesh = c.scene.objects[0].meshes.emplace_back();
     mesh.opaque = chance(random, 50);
     for (uint32_t i = 0; i < count; ++i)
@@ -172,7 +173,7 @@ void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIn
         place[1] = kPitch * static_cast<float>(meshes.size());
         appendTriangle(mesh.vertices, place);
         mesh.micromap->indices.push_back(static_cast<int32_t>(number - base));
-        aimAt(random, c, place, 2, 2);
+        aimAt(random, c, place, 2, 4);
     }
 }
 
@@ -180,7 +181,7 @@ void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIn
 Case micromapCase(Random &random, uint32_t count, const std::vector<uint32_t> &numbers)
 {
     Case c = paletteCase(random);
-    const auto filler = static_cast<uint8_t>(below(random, kFillers));
+    const auto filler = static_cast<uint8_t>(below(random, 2));
     std::vector<oracle::MicromapTriangle> &all = c.scene.micromaps[0].triangles;
     all.assign(count, {.level = 0, .format = kFourState, .states = {filler}});
     for (const uint32_t number : numbers) {
