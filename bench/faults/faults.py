@@ -9,13 +9,16 @@ Vellum's (tests/layer/faults), and prints how many it finds and how soon.
   faults.py --build build/release -- --minutes 10       other options of vellum check
 
 A run ends with the first failing case that fails again with vellum check --replay: the fault is found. It is a flake if all
-pass there. First a run without a fault must find nothing. --output writes the table as JSON.
+pass there. First a run without a fault must find nothing; it also tells how long a run takes on this machine, and so when
+one with a fault is stopped. How soon a fault is found is stated in seconds, and as the number of the case in the order of
+vellum check --list, which is the same on every machine. --output writes the table as JSON.
 """
 import argparse
 import collections
 import contextlib
 import ctypes
 import json
+import math
 import os
 import pathlib
 import signal
@@ -30,6 +33,7 @@ VELLUM = "VK_LAYER_VELLUM_opacity_micromap"
 MOCK = "VK_LAYER_VELLUM_test_mock_driver"
 TEST_LAYERS = "tests/layer/layers"
 POLL_SECONDS = 0.2
+LIMIT, LEAST_LIMIT = 5, 120  # times the run without a fault; seconds
 
 Fault = collections.namedtuple("Fault", "name claim imitates quirks")
 Result = collections.namedtuple("Result", "fault outcome seconds case")
@@ -122,13 +126,29 @@ def run(program, words, build, fault, seconds):
         return Result(fault, outcome, elapsed, failures.found)
 
 
-def table(results, seed):
-    lines = ["| fault | what is wrong | result | seconds | first failing case |", "|---|---|---|---|---|"]
-    lines += [f"| {r.fault.name} | {r.fault.claim} | {r.outcome} | {r.seconds:.1f} | {r.case or ''} |" for r in results]
-    found = [r.seconds for r in results if r.outcome == "found"]
+def list_cases(program, words):
+    """The number of each case that these options select, from 1."""
+    printed = subprocess.run([program, "check", *words, "--list"], stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                             check=True).stdout
+    return {name: number for number, name in enumerate(printed.split(), 1)}
+
+
+def limit_of(asked, clean):
+    """Seconds after which a run is stopped."""
+    return asked or max(LIMIT * clean, LEAST_LIMIT)
+
+
+def table(results, numbers, seed):
+    lines = ["| fault | what is wrong | result | seconds | first failing case | its number |", "|---|---|---|--:|---|--:|"]
+    lines += [f"| {r.fault.name} | {r.fault.claim} | {r.outcome} | {r.seconds:.1f} | {r.case or ''} "
+              f"| {numbers.get(r.case, '')} |" for r in results]
+    found = [r for r in results if r.outcome == "found"]
     summary = f"found {len(found)} / planted {len(results)} with seed {seed}"
     if found:
-        summary += f", median {statistics.median(found):.1f} seconds, longest {max(found):.1f}"
+        seconds = [r.seconds for r in found]
+        summary += f", median {statistics.median(seconds):.1f} seconds, longest {max(seconds):.1f}"
+    if cases := [numbers[r.case] for r in found if r.case in numbers]:
+        summary += f"; median case {statistics.median(cases):.0f} of {len(numbers)}, last {max(cases)}"
     return "\n".join(lines + ["", summary])
 
 
@@ -146,7 +166,8 @@ def parse():
     parser.add_argument("--program", help="instead of the vellum of the build folder")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--fault", action="append", default=[], help="only this one; repeatable")
-    parser.add_argument("--seconds", type=float, default=600, help="after which a run is stopped [%(default)s]")
+    parser.add_argument("--seconds", type=float, help="after which a run is stopped [those of the run without a fault times "
+                        f"{LIMIT}, at least {LEAST_LIMIT}]")
     parser.add_argument("--output", type=pathlib.Path, help="a file for the results as JSON")
     parser.add_argument("--list", action="store_true")
     parser.add_argument("words", nargs="*", default=["--quick"], help="options of vellum check [--quick]")
@@ -164,17 +185,22 @@ def main():
         return 0
     program = options.program or str(options.build / "bin/vellum")
     words = ["--seed", str(options.seed), *options.words]
-    clean = run(program, words, options.build, Fault("", "", "", ""), options.seconds)
+    numbers = list_cases(program, words)
+    clean = run(program, words, options.build, Fault("", "", "", ""), options.seconds or math.inf)
     if clean.outcome != "missed":
         raise SystemExit(f"without a fault: {clean.outcome}, {clean.case}")
+    print(f"{len(numbers)} cases, {clean.seconds:.0f} s without a fault", file=sys.stderr, flush=True)
+    limit = limit_of(options.seconds, clean.seconds)
     results = []
     for fault in options.faults:
-        results.append(run(program, words, options.build, fault, options.seconds))
+        results.append(run(program, words, options.build, fault, limit))
         print(f"{results[-1].outcome:>7} {results[-1].seconds:6.1f} s  {fault.name}", file=sys.stderr, flush=True)
-    print(table(results, options.seed))
+    print(table(results, numbers, options.seed))
     if options.output:
-        rows = [{"fault": r.fault.name, "result": r.outcome, "seconds": round(r.seconds, 1), "case": r.case} for r in results]
-        options.output.write_text(json.dumps({"seed": options.seed, "faults": rows}, indent=2) + "\n", encoding="utf-8")
+        rows = [{"fault": r.fault.name, "result": r.outcome, "seconds": round(r.seconds, 1), "case": r.case,
+                 "number": numbers.get(r.case)} for r in results]
+        report = {"seed": options.seed, "cases": len(numbers), "secondsWithoutFault": round(clean.seconds, 1), "faults": rows}
+        options.output.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     return 0 if all(r.outcome == "found" for r in results) else 1
 
 

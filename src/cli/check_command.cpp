@@ -160,8 +160,8 @@ int printGroups(bool asJson)
         return static_cast<int>(ExitCode::Success);
     }
     for (const check::Group &group : check::groups())
-        fmt::print("{} ({} cases, {} of them in a quick run)\n  {}\n  {}\n", group.name, group.cases, group.quickCases(),
-                   group.summary, group.sentences);
+        fmt::print("{} ({} cases, {} of them in a quick run)\n  {}\n  {}\n", group.name, group.cases,
+                   group.quickCases(), group.summary, group.sentences);
     return static_cast<int>(ExitCode::Success);
 }
 
@@ -292,8 +292,9 @@ public:
     // "120 of 2,240 cases, 1 failure, khr.levels, about 85 s left"
     [[nodiscard]] std::string at(double seconds) const
     {
-        std::string text = settings_.budget ? counted(results_.size(), "case")
-                                            : fmt::format("{} of {}", grouped(results_.size()), counted(cases_, "case"));
+        std::string text = settings_.budget
+                               ? counted(results_.size(), "case")
+                               : fmt::format("{} of {}", grouped(results_.size()), counted(cases_, "case"));
         text += ", " + counted(results_.failures(), "failure");
         if (const std::string groups = schedule_.running(); !groups.empty())
             text += ", " + groups;

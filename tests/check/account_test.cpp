@@ -156,12 +156,47 @@ std::string numberText(size_t number)
 }
 
 // Each has a numbered line for each build and each step.
+TEST(Account, NamesWhatIsUnusualInBuildsAndQueries)
+{
+    Case c = smallCase();
+    c.scene.micromaps[0].usage = kUsageZeros | kUsageSplit;
+    c.scene.micromaps[0].layout = kDataGaps;
+    c.scene.objects[0].meshes[0].micromap->usage = kUsageDescending;
+    c.scene.topFlags = VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR;
+    c.build.together = c.build.mixed = true;
+    c.steps[0].outOfPlace = true;
+    c.steps[1].exact = true;
+    c.queries = {
+        {.count = 2,
+         .commands = {
+             {.count = 2},
+             {.kind = QueryCommand::Kind::Write, .count = 2, .targets = {{QueryTarget::Of::Top}, {}}},
+             {.kind = QueryCommand::Kind::Copy, .first = 1, .wide = true, .availability = true, .offset = 1, .padding = 2},
+         }}};
+    ASSERT_EQ(invalid(c), "");
+    const std::string account = accountOf(c, {}, Api::Khr);
+    for (const char *const line : {
+             ", usage counts: zeros, split, data of triangles: gaps:",
+             "baseTriangle 1, usage counts: descending\n",
+             "builds the top level, flags VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR and those",
+             "Those without micromaps are built by the command that builds the micromaps.",
+             "updated to a new structure (MODE_UPDATE)",
+             "first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports",
+             "A pool of 2 queries of serialization-size:\n",
+             "vkCmdResetQueryPool of queries 0 to 1\n",
+             "vkCmdWrite...Properties of queries 0 to 1, the top level, object 0\n",
+             "vkCmdCopyQueryPoolResults of queries 1 to 1, 64 bits, with availability, at offset 8, 16 bytes between",
+         })
+        EXPECT_NE(account.find(line), std::string::npos) << line << "\n" << account;
+}
+
 TEST(Account, OfRandomCases)
 {
     for (uint32_t seed = 0; seed < 100; ++seed) {
         const Case c = randomCase(seed, 3);
         const std::string account = accountOf(c, {.cause = "x", .detail = "found", .ray = 2}, Api::Khr);
-        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() + 1;
+        const size_t commands = c.scene.micromaps.size() + c.scene.objects.size() + c.steps.size() +
+                                c.queries.size() + 1;
         EXPECT_NE(account.find(numberText(commands)), std::string::npos) << account;
         EXPECT_EQ(account.find(numberText(commands + 1)), std::string::npos) << account;
         EXPECT_EQ(account.find('?'), std::string::npos) << account;

@@ -10,29 +10,43 @@ using namespace vellum::check;
 Case randomCase(uint32_t seed, uint32_t rays)
 {
     Random random(seed);
-    const Limits limits{.rays = rays, .byteIndices = true, .lossy = true};
+    const Limits limits{.rays = rays,
+                        .byteIndices = true,
+                        .lossy = true,
+                        .unusual = 50,
+                        .formats = {kVertexFormats.begin(), kVertexFormats.end()}};
     Case c{.group = "random", .seed = (uint64_t{random()} << 32) | random()};
     c.scene = oracle::randomScene(random, limits);
+    const auto yes = [&] { return below(random, 2) == 0; };
+    const DeviceLimits device{.api = yes() ? Api::Ext : Api::Khr,
+                              .byteIndices = true,
+                              .hostCommands = true,
+                              .hostReset = true,
+                              .maintenance = true,
+                              .dataAccess = true,
+                              .maxLevel2 = 12,
+                              .maxLevel4 = 12,
+                              .maxLossyLevel = 12};
+    varyBuilds(random, c.scene, device);
     std::array<Step::Kind, static_cast<size_t>(Step::Kind::Count)> kinds{};
     for (size_t i = 0; i < kinds.size(); ++i)
         kinds[i] = static_cast<Step::Kind>(i);
-    addSteps(random, c, kinds, below(random, 12),
-             {.byteIndices = true, .maxLevel2 = 12, .maxLevel4 = 12, .maxLossyLevel = 12});
-    const auto yes = [&] { return below(random, 2) == 0; };
-    for (oracle::Object &object : c.scene.objects)
-        object.flags = yes() ? VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR |
-                                   VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR
-                             : 0u;
+    addSteps(random, c, kinds, below(random, 12), device);
     c.memory = static_cast<Memory>(below(random, 3));
     c.build = {.micromaps = yes() ? BuildCommand::Device : BuildCommand::Host,
                .structures = yes() ? BuildCommand::Device : BuildCommand::Indirect,
                .together = yes(),
                .threads = 1 + below(random, 4),
                .instancePointers = yes(),
+               .geometryPointers = yes(),
                .single = c.steps.empty() && yes(),
                .conditional = yes(),
                .spareTriangles = below(random, 3),
                .spareInstances = below(random, 3)};
+    c.build.mixed = c.build.together && yes();
+    for (uint32_t i = c.build.single ? 0 : below(random, 3); i > 0; --i)
+        if (auto plan = randomQueries(random, c.scene, device))
+            c.queries.push_back(std::move(*plan));
     for (Step &step : c.steps) {
         step.host = targetOf(step.kind) == Target::Micromap && yes();
         step.deferred = step.host && yes();

@@ -125,6 +125,36 @@ Size sizeOf(const Case &c)
     return size;
 }
 
+// Without flags, forms of usage counts and layouts of data that nothing needs.
+bool isBuiltOrdinarily(const Case &c)
+{
+    return c.scene.topFlags == 0 && !c.build.mixed && !c.build.together &&
+           std::ranges::none_of(c.scene.objects, [](const oracle::Object &object) { return object.flags != 0; }) &&
+           std::ranges::none_of(c.scene.micromaps,
+                                [](const auto &micromap) { return micromap.usage != 0 || micromap.layout != 0; }) &&
+           !anyMesh(c,
+                    [](const oracle::Mesh &mesh) {
+                        return mesh.micromap && (mesh.micromap->usage != 0 || mesh.micromap->usagePointers);
+                    }) &&
+           std::ranges::none_of(c.steps, [](const Step &step) { return step.outOfPlace || step.exact; });
+}
+
+// Two results of a pool are read with a gap between them, one of them of an object.
+bool readsWithGaps(const Case &c)
+{
+    return std::ranges::any_of(c.queries, [](const QueryPlan &plan) {
+        const auto of = [&](const auto &is) { return std::ranges::any_of(plan.commands, is); };
+        return of([](const QueryCommand &command) {
+                   return command.kind == QueryCommand::Kind::Read && command.count >= 2 && command.padding > 0;
+               }) &&
+               of([](const QueryCommand &command) {
+                   return command.kind == QueryCommand::Kind::Write &&
+                          std::ranges::find(command.targets, QueryTarget::Of::Object, &QueryTarget::of) !=
+                              command.targets.end();
+               });
+    });
+}
+
 struct Planted {
     const char *name;
     Fails fails;
@@ -169,8 +199,11 @@ TEST_P(Shrinking, LeavesWhatTheFailureNeeds)
         EXPECT_EQ(shrunk.smallest.memory, Memory::Apart);
         EXPECT_EQ(shrunk.smallest.build.threads, 1u);
         EXPECT_EQ(shrunk.smallest.trace.method, TracePlan::Method::Query);
+        EXPECT_TRUE(shrunk.smallest.queries.empty());
+        EXPECT_TRUE(isBuiltOrdinarily(shrunk.smallest)) << toJson(shrunk.smallest);
         EXPECT_EQ(shrunk.smallest.scene.instances[0].customIndex, 0u);
         EXPECT_EQ(shrunk.smallest.scene.rays[0].flags, 0u);
+        EXPECT_EQ(toJson(shrunk.smallest).find("layout"), std::string::npos) << toJson(shrunk.smallest);
         runs.push_back(shrunk.runs);
         longest = std::max(longest, toJson(shrunk.smallest).size());
     }
@@ -181,14 +214,61 @@ TEST_P(Shrinking, LeavesWhatTheFailureNeeds)
 
 const Planted kPlanted[] = {
     {"FineTwoStates", usesFineTwoStates, {1, 1, 1, 1, 1, 1, 2, 65, 0}},
-    {"UpdatesCompacted", updatesCompacted, {1, 1, 1, 2, 2, 0, 0, 0, 2}},
+    {"UpdatesCompacted", updatesCompacted, {1, 1, 1, 2, 0, 0, 0, 0, 2}},
     {"DisablesSpecialIndex", disablesSpecialIndex, {1, 1, 1, 1, 1, 0, 0, 0, 0}},
     {"MeetsOpaqueMicroTriangle", meetsOpaqueMicroTriangle, {1, 1, 1, 1, 1, 1, 1, 1, 0}},
-    {"HasUnknownBetween", hasUnknownBetween, {1, 1, 1, 1, 1, 1, 1, 64, 0}},
+    {"HasUnknownBetween", hasUnknownBetween, {1, 1, 1, 1, 0, 1, 1, 64, 0}},
 };
 
 INSTANTIATE_TEST_SUITE_P(, Shrinking, testing::ValuesIn(kPlanted),
                          [](const auto &planted) { return std::string(planted.param.name); });
+
+TEST(ShrinkingQueries, LeavesTheCommandsThatAreNeeded)
+{
+    uint32_t found = 0;
+    for (uint32_t seed = 0; found < 10; ++seed) {
+        const Case c = randomCase(seed, 3);
+        if (!readsWithGaps(c))
+            continue;
+        ++found;
+        const Case smallest = shrink(c, readsWithGaps, kPlenty).smallest;
+        ASSERT_EQ(smallest.queries.size(), 1u);
+        const QueryPlan &plan = smallest.queries[0];
+        EXPECT_EQ(plan.count, 2u);
+        EXPECT_EQ(plan.commands.size(), 3u) << toJson(smallest);
+        for (const QueryCommand &command : plan.commands) {
+            EXPECT_TRUE(command.kind != QueryCommand::Kind::ResetOnHost && !command.wide && !command.availability &&
+                        !command.wait && !command.partial)
+                << toJson(smallest);
+        }
+    }
+}
+
+// Of how a mesh lies in memory, only what the failure needs stays.
+TEST(ShrinkingLayouts, LeavesWhatTheFailureNeeds)
+{
+    const struct {
+        std::function<bool(const oracle::MeshLayout &)> is;
+        const char *layout;
+    } planted[] = {
+        {[](const auto &layout) { return layout.indexType == VK_INDEX_TYPE_UINT16; },
+         R"("layout": {"indexType": "VK_INDEX_TYPE_UINT16"})"},
+        {[](const auto &layout) { return layout.vertexFormat == VK_FORMAT_R16G16B16A16_SNORM; },
+         R"("layout": {"vertexFormat": "VK_FORMAT_R16G16B16A16_SNORM"})"},
+        {[](const auto &layout) { return layout.transform.has_value(); },
+         R"("layout": {"transform": {"matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]}})"},
+    };
+    for (const auto &[is, layout] : planted) {
+        const Fails fails = [&is = is](const Case &c) {
+            return anyMesh(c, [&](const oracle::Mesh &mesh) { return mesh.triangles() > 0 && is(mesh.layout); });
+        };
+        uint32_t seed = 0;
+        while (!fails(randomCase(seed)))
+            ++seed;
+        const std::string text = toJson(shrink(randomCase(seed), fails, kPlenty).smallest);
+        EXPECT_NE(text.find(layout), std::string::npos) << text;
+    }
+}
 
 // A micro-triangle on an odd level, met by a ray, has another state than the one on the other end of the curve.
 bool mirrorsOddLevels(const Case &c)

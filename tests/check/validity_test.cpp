@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <limits>
 
+#include "check/case/names.h"
 #include "random_case.h"
 
 namespace
@@ -21,7 +22,7 @@ oracle::MeshMicromap *useOf(Case &c, bool withIndices)
 {
     for (oracle::Object &object : c.scene.objects)
         for (oracle::Mesh &mesh : object.meshes)
-            if (mesh.micromap && mesh.micromap->micromap &&
+            if (mesh.micromap && mesh.micromap->micromap && mesh.triangles() > 0 &&
                 (mesh.micromap->indexType != VK_INDEX_TYPE_NONE_KHR) == withIndices)
                 return &*mesh.micromap;
     return nullptr;
@@ -30,8 +31,18 @@ oracle::MeshMicromap *useOf(Case &c, bool withIndices)
 oracle::Mesh *boxesOf(Case &c)
 {
     for (oracle::Object &object : c.scene.objects)
-        if (!object.meshes[0].boxes.empty())
-            return &object.meshes[0];
+        for (oracle::Mesh &mesh : object.meshes)
+            if (!mesh.boxes.empty())
+                return &mesh;
+    return nullptr;
+}
+
+oracle::Mesh *trianglesOf(Case &c, bool indexed)
+{
+    for (oracle::Object &object : c.scene.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            if (!mesh.vertices.empty() && mesh.layout.isIndexed() == indexed)
+                return &mesh;
     return nullptr;
 }
 
@@ -58,9 +69,24 @@ const auto kForBoxes = [](auto change) {
         return mesh != nullptr;
     };
 };
+// indexed: triangles with indices
+template <bool indexed>
+constexpr auto kForTriangles = [](auto change) {
+    return [change](Case &c) {
+        oracle::Mesh *mesh = trianglesOf(c, indexed);
+        if (mesh != nullptr)
+            change(*mesh);
+        return mesh != nullptr;
+    };
+};
 Step stepOf(Step::Kind kind, uint32_t target)
 {
     return {.kind = kind, .target = target};
+}
+
+QueryPlan queriesOf(std::vector<QueryCommand> commands)
+{
+    return {.count = 3, .commands = std::move(commands)};
 }
 
 const Break kBreaks[] = {
@@ -126,17 +152,128 @@ const Break kBreaks[] = {
     {"are built on device or host",
      kAlwaysPossible([](Case &c) { c.build.micromaps = BuildCommand::Indirect; })},
     {"are built on the device", kAlwaysPossible([](Case &c) { c.build.structures = BuildCommand::Host; })},
-    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0x800; })},
+    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0x1000; })},
+    {"no such flag", kAlwaysPossible([](Case &c) { c.scene.topFlags = 0x1000; })},
+    {"updates of micromaps and of their data exclude each other",
+     kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = kAllowMicromapUpdate | kAllowDataUpdate; })},
+    {"updates more than the data of micromaps", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         for (oracle::Object &object : c.scene.objects)
+             object.flags = kAllowDataUpdate;
+         c.steps = {stepOf(Step::Kind::SetStates, *use.micromap)};
+         c.steps[0].states = c.scene.micromaps[*use.micromap].triangles;
+         for (oracle::MicromapTriangle &triangle : c.steps[0].states)
+             triangle = {.level = triangle.level + 1, .states = std::vector<uint8_t>(4 * triangle.states.size())};
+         use.stride.reset();
+         use.base = 0;
+         use.indices[0] = 0;
+         c.steps[0].update = true;
+     })},
+    {"is no update", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::RebuildObject, 0)};
+         c.steps[0].outOfPlace = true;
+     })},
+    {"is no clone", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::CompactTop, 0)};
+         c.steps[0].exact = true;
+     })},
+    {"is not together", kAlwaysPossible([](Case &c) {
+         c.build.together = false;
+         c.build.mixed = true;
+     })},
+    {"no such form of usage counts",
+     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].usage = 8; })},
+    {"no such form of usage counts, or of data",
+     kForIndices([](oracle::MeshMicromap &use, Case &c) { c.scene.micromaps[*use.micromap].layout = 8; })},
+    {"no such form of usage counts", kForIndices([](oracle::MeshMicromap &use, Case &) { use.usage = 8; })},
+    {"has queries", kAlwaysPossible([](Case &c) {
+         c.steps.clear();
+         c.build.single = true;
+         c.queries = {{}};
+     })},
+    {"0 queries, not 1 to", kAlwaysPossible([](Case &c) { c.queries = {{.count = 0}}; })},
+    {"uses queries 2 to 3 of a pool of 3",
+     kAlwaysPossible([](Case &c) { c.queries = {queriesOf({{.first = 2, .count = 2}})}; })},
+    {"writes queries that are not reset", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.kind = QueryCommand::Kind::Write, .targets = {{QueryTarget::Of::Top}}}})};
+     })},
+    {"writes queries that are not reset", kAlwaysPossible([](Case &c) {
+         const QueryCommand write{.kind = QueryCommand::Kind::Write, .targets = {{QueryTarget::Of::Top}}};
+         c.queries = {queriesOf({{.count = 3}, write, write})};
+     })},
+    {"reads queries that were never reset",
+     kAlwaysPossible([](Case &c) { c.queries = {queriesOf({{.kind = QueryCommand::Kind::Read}})}; })},
+    {"waits for queries that are not written", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Read, .wait = true}})};
+     })},
+    {"copies queries that are not available", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Copy}})};
+     })},
+    {"has targets that it does not use, or lacks them", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Write}})};
+     })},
+    {"only the top level has bottom-level pointers", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.count = 3}, {.kind = QueryCommand::Kind::Write, .targets = {{}}}})};
+         c.queries[0].property = QueryPlan::Property::BottomLevelPointers;
+     })},
+    {"the host queries micromaps only", kAlwaysPossible([](Case &c) {
+         c.queries = {queriesOf({{.kind = QueryCommand::Kind::WriteOnHost, .targets = {{}}}})};
+     })},
+    {"does not allow compaction", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.scene.micromaps[*use.micromap].flags = 0;
+         c.steps.clear();
+         c.queries = {queriesOf({{.count = 3},
+                                 {.kind = QueryCommand::Kind::Write,
+                                  .targets = {{QueryTarget::Of::Micromap, *use.micromap}}}})};
+         c.queries[0].property = QueryPlan::Property::CompactedSize;
+     })},
     {"exclude each other", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0xc; })},
     {"has 0 meshes, not 1 to 131072", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
     {"an object has more than 20 meshes, for which there are no hit records", kAlwaysPossible([](Case &c) {
          c.scene.objects[0].meshes.resize(21, c.scene.objects[0].meshes[0]);
          c.trace.method = TracePlan::Method::Pipeline;
      })},
-    {"needs either triangles or boxes", kAlwaysPossible([](Case &c) {
-         c.scene.objects[0].meshes[0].vertices.clear();
-         c.scene.objects[0].meshes[0].boxes.clear();
+    {"triangles and boxes in one object",
+     kForBoxes([](oracle::Mesh &mesh) { mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}; })},
+    {"a box is not finite", kForBoxes([](oracle::Mesh &mesh) { mesh.boxes[0].maxZ = kNan; })},
+    {"is no multiple of 8 of at least 24", kForBoxes([](oracle::Mesh &mesh) { mesh.layout.stride = 16; })},
+    {"is no multiple of 8 of at least 24", kForBoxes([](oracle::Mesh &mesh) { mesh.layout.stride = 28; })},
+    {"primitiveOffset 12 is no multiple of 8", kForBoxes([](oracle::Mesh &mesh) { mesh.layout.primitiveOffset = 12; })},
+    {"no such vertex format", kForTriangles<false>([](oracle::Mesh &mesh) {
+         mesh.layout.vertexFormat = VK_FORMAT_R32_SFLOAT;
      })},
+    {"are no whole triangles", kForTriangles<true>([](oracle::Mesh &mesh) { mesh.vertices.pop_back(); })},
+    {"a vertex is not finite", kForTriangles<true>([](oracle::Mesh &mesh) { mesh.vertices[0][1] = kNan; })},
+    {"a vertex is not finite", kForTriangles<false>([](oracle::Mesh &mesh) {
+         mesh.layout.vertexFormat = VK_FORMAT_R16G16B16A16_SNORM;
+         mesh.vertices[0] = {kNan, 0, 0};
+     })},
+    {"a vertex is none that VK_FORMAT_R32G32_SFLOAT has", kForTriangles<false>([](oracle::Mesh &mesh) {
+         mesh.layout.vertexFormat = VK_FORMAT_R32G32_SFLOAT;
+         mesh.vertices[0] = {0, 0, 1};
+     })},
+    {"a vertex is none that VK_FORMAT_R16G16B16A16_SFLOAT has", kForTriangles<false>([](oracle::Mesh &mesh) {
+         mesh.layout.vertexFormat = VK_FORMAT_R16G16B16A16_SFLOAT;
+         mesh.vertices[0] = {0.1f, 0, 0};
+     })},
+    {"of at least", kForTriangles<true>([](oracle::Mesh &mesh) { mesh.layout.stride = 1; })},
+    {"primitiveOffset 3 is no multiple of", kForTriangles<true>([](oracle::Mesh &mesh) {
+         mesh.layout.primitiveOffset = 3;
+     })},
+    {"vertex indices have 16 or 32 bits", kForTriangles<true>([](oracle::Mesh &mesh) {
+         mesh.layout.indexType = VK_INDEX_TYPE_UINT8_EXT;
+         mesh.layout.primitiveOffset = 0;
+     })},
+    {"indices that 16 bits do not have", kForTriangles<true>([](oracle::Mesh &mesh) {
+         mesh.layout.indexType = VK_INDEX_TYPE_UINT16;
+         mesh.layout.firstIndex = 0xffff;
+     })},
+    {"an order of vertices without indices", kForTriangles<false>([](oracle::Mesh &mesh) { mesh.layout.order = 1; })},
+    {"the transform cannot be inverted", kForTriangles<false>([](oracle::Mesh &mesh) { mesh.layout.transform.emplace(); })},
+    {"no multiple of 16 or without a transform", kForTriangles<true>([](oracle::Mesh &mesh) {
+         mesh.layout.transform.reset();
+         mesh.layout.transformOffset = 16;
+     })},
+    {"stride or offsets too large", kForTriangles<false>([](oracle::Mesh &mesh) { mesh.layout.firstVertex = 1u << 28; })},
     {"has a minimum above its maximum", kForBoxes([](oracle::Mesh &mesh) { mesh.boxes[0].minY = 100; })},
     {"boxes have neither micromaps", kForBoxes([](oracle::Mesh &mesh) { mesh.layout.firstVertex = 1; })},
     {"boxes have neither micromaps", kForBoxes([](oracle::Mesh &mesh) { mesh.micromap.emplace(); })},

@@ -51,8 +51,8 @@ namespace
 
 std::string frameRow(unsigned level, bool heavy, double low, double middle, double high)
 {
-    return fmt::format(R"({{"row":"frame","level":{},"heavy":{},"ratio":[{},{},{}],"differingPixels":0}})", level, heavy,
-                       low, middle, high);
+    return fmt::format(R"({{"row":"frame","level":{},"heavy":{},"ratio":[{},{},{}],"differingPixels":0}})", level,
+                       heavy, low, middle, high);
 }
 
 PartResult framesOf(std::vector<std::string> rows)
@@ -73,12 +73,13 @@ TEST(BenchReport, TheVerdictHasEveryLevelAndItsRange)
     const PartResult frames = framesOf({frameRow(3, false, 0.98, 1, 1.02), frameRow(3, true, 0.8, 0.8, 0.8),
                                         frameRow(5, false, 1.25, 1.25, 1.25), frameRow(5, true, 0.5, 0.5, 0.5),
                                         frameRow(7, false, 0.95, 0.96, 0.97)});
-    EXPECT_EQ(verdictOf({frames}),
-              (Sentences{"By ray queries, emulated micromaps (KHR) beside a plain alpha test: level 3 1.00 times as fast "
-                         "(0.98 to 1.02, not distinguishable); level 5 0.80 times as fast (0.80 to 0.80); level 7 1.04 "
-                         "times as fast (1.03 to 1.05).",
-                         "By ray queries, emulated micromaps (KHR) beside a heavy alpha test: level 3 1.25 times as fast "
-                         "(1.25 to 1.25); level 5 2.00 times as fast (2.00 to 2.00)."}));
+    EXPECT_EQ(
+        verdictOf({frames}),
+        (Sentences{"By ray queries, emulated micromaps (KHR) beside a plain alpha test: level 3 is 1.00 times as fast "
+                   "(0.98 to 1.02, not distinguishable); level 5 is 0.80 times as fast (0.80 to 0.80); level 7 is 1.04 "
+                   "times as fast (1.03 to 1.05).",
+                   "By ray queries, emulated micromaps (KHR) beside a heavy alpha test: level 3 is 1.25 times as fast "
+                   "(1.25 to 1.25); level 5 is 2.00 times as fast (2.00 to 2.00)."}));
 }
 
 TEST(BenchReport, TheVerdictHasTheSlowestBuildAndItsRange)
@@ -91,11 +92,13 @@ TEST(BenchReport, TheVerdictHasTheSlowestBuildAndItsRange)
             fmt::format(R"({{"row":"build","what":"slow","withLayer":2.5,"withoutLayer":2,"ratio":{}}})", ratio)};
         return verdictOf({builds}).at(0);
     };
-    EXPECT_EQ(sentence("[1.2,1.25,1.3]"), "With KHR micromaps translated to the driver's EXT, builds without micromaps take "
-                                          "up to 1.25 times as long (1.20 to 1.30): slow, 2.500 ms instead of 2.000.");
-    EXPECT_EQ(sentence("[0.9,1.25,1.3]"), "With KHR micromaps translated to the driver's EXT, builds without micromaps take "
-                                          "up to 1.25 times as long (0.90 to 1.30, not distinguishable): slow, 2.500 ms "
-                                          "instead of 2.000.");
+    EXPECT_EQ(sentence("[1.2,1.25,1.3]"),
+              "With KHR micromaps translated to the driver's EXT, builds without micromaps take "
+              "up to 1.25 times as long (1.20 to 1.30): slow, 2.500 ms instead of 2.000.");
+    EXPECT_EQ(sentence("[0.9,1.25,1.3]"),
+              "With KHR micromaps translated to the driver's EXT, builds without micromaps take "
+              "up to 1.25 times as long (0.90 to 1.30, not distinguishable): slow, 2.500 ms "
+              "instead of 2.000.");
     EXPECT_EQ(sentence("[null,null,null]").find("slow"), std::string::npos);
 }
 
@@ -107,10 +110,17 @@ TEST(BenchReport, ABusyMachineIsNoisy)
         return verdictOf({framesOf(rows)}).at(0).starts_with("Noisy: run again. ");
     };
     EXPECT_TRUE(noisy({wide, wide, quiet}));
-    EXPECT_EQ(verdictOf({framesOf({wide, quiet})}).at(0),
-              "Noisy: run again. The times of 1 of 2 comparisons of frames spread by more than 10 %, so other programs use "
-              "the machine, or its speed changes.");
+    EXPECT_EQ(
+        verdictOf({framesOf({wide, quiet})}).at(0),
+        "Noisy: run again. The times of 1 of 2 comparisons of frames spread by more than 10 %, so other programs use "
+        "the device, or its speed changes.");
     EXPECT_FALSE(noisy({wide, quiet, quiet}));
+    PartResult busy = framesOf({quiet});
+    busy.others = 0.19;
+    EXPECT_EQ(verdictOf({busy}).size(), 1U);
+    busy.others = 0.85;
+    EXPECT_EQ(verdictOf({framesOf({quiet}), busy}).at(0),
+              "Noisy: run again. Other programs took up to 85 % of the processors.");
     EXPECT_FALSE(noisy({frameRow(3, false, 0.48, 0.5, 0.52), quiet})) << "relative to the median";
 }
 

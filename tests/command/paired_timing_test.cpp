@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How `render --mode compare` sums up what it has timed, with times that are made up.
 #include <gtest/gtest.h>
+#include <thread>
 
 #include "cli/base/paired_timing.h"
 
@@ -67,4 +68,17 @@ TEST(PairedTiming, UncertaintyShrinksWithTheRootOfThePairs)
     const double many = after(64);
     EXPECT_GT(few, 0);
     EXPECT_NEAR(few / many, 2, 0.2);
+}
+
+TEST(ShareOfOthers, ThreadsThatCompute)
+{
+    std::vector<std::jthread> others;
+    for (unsigned i = 0; i < 4 * std::max(std::thread::hardware_concurrency(), 1U); ++i)
+        others.emplace_back([](const std::stop_token &stop) {
+            for (volatile unsigned value = 0; !stop.stop_requested();)
+                value = value + 1;
+        });
+    const double share = shareOfOthers(0.3);
+    EXPECT_GT(share, 0.4);
+    EXPECT_LE(share, 1);
 }

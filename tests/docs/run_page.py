@@ -6,7 +6,8 @@ Commands are the lines that begin with `$ ` in blocks marked `console`, which ma
 are their output, stdout and stderr together. In output, `...` stands for any text within a line, and alone in a line for any
 lines. The commands of a page run in its order, in one empty folder in which `examples` is the checkout's, and
 `build/release` is BUILD; each must succeed. Each has a shell of its own, in which earlier commands that begin with `export`
-hold. With --update, output that differs is replaced; lines with `...` are kept where they match.
+hold. A picture after a comment `<!-- commands write PATH -->` must equal that file of the folder. With --update, output and
+pictures that differ are replaced; lines with `...` are kept where they match.
 
 usage: run_page.py [--update] PAGE ROOT SCRATCH [BUILD]
 """
@@ -18,6 +19,7 @@ import sys
 import textwrap
 
 BLOCK = re.compile(r"^( *)```console\n(.*?)^\1```$", re.M | re.S)
+PICTURE = re.compile(r"<!-- commands write (\S+) -->\s*!\[[^\]]*\]\(([^)]+)\)")
 
 
 def commands_in(block):
@@ -75,6 +77,12 @@ def check(page, folder, update=False):
                 text = text.replace(old, new)
             else:
                 findings.append(f"{page.name}: $ {command}\nexpected:\n{expected}printed:\n{actual}")
+    for written, name in PICTURE.findall(text):
+        source, picture = pathlib.Path(folder) / written, page.parent / name
+        if source.exists() and update:
+            shutil.copyfile(source, picture)
+        elif not source.exists() or source.read_bytes() != picture.read_bytes():
+            findings.append(f"{page.name}: {name} is not what commands write to {written}")
     if update:
         page.write_text(text, encoding="utf-8")
     return findings, count
@@ -84,9 +92,10 @@ def main():
     arguments = [word for word in sys.argv[1:] if word != "--update"]
     page, root, scratch, *build = (pathlib.Path(word).resolve() for word in arguments)
     shutil.rmtree(scratch, ignore_errors=True)
-    (scratch / "build").mkdir(parents=True)
+    scratch.mkdir(parents=True)
     (scratch / "examples").symlink_to(root / "examples")
     for folder in build:
+        (scratch / "build").mkdir()
         (scratch / "build/release").symlink_to(folder)
     findings, count = check(page, scratch, "--update" in sys.argv)
     print(*findings, sep="\n")

@@ -15,8 +15,8 @@ class Pages(unittest.TestCase):
         self.addCleanup(self.folder.cleanup)
         self.page = pathlib.Path(self.folder.name) / "page.md"
 
-    def check(self, block, update=False, indent=""):
-        text = textwrap.indent(f"Text.\n\n```console\n{block}```\n\n```\n$ false\n```\n", indent)
+    def check(self, block, update=False, indent="", after=""):
+        text = textwrap.indent(f"Text.\n\n```console\n{block}```\n\n```\n$ false\n```\n{after}", indent)
         self.page.write_text(text)
         return run_page.check(self.page, self.folder.name, update)
 
@@ -48,6 +48,17 @@ class Pages(unittest.TestCase):
         self.assertEqual(self.check("$ printf 'one\\n  two\\n'\none\n  two\n", indent="   "), ([], 1))
         self.check("$ echo one; echo 2\n...e\n1\n", update=True, indent="   ")
         self.assertIn("\n   ```console\n   $ echo one; echo 2\n   ...e\n   2\n   ```", self.page.read_text())
+
+    def test_pictures(self):
+        picture = "   <!-- commands write made.svg -->\n   ![Squares](page.svg)\n"
+        (self.page.parent / "page.svg").write_text("old\n")
+        block = "$ echo new >made.svg\n"
+        self.assertEqual(self.check("$ echo old >made.svg\n", after=picture)[0], [])
+        self.assertEqual(self.check(block, after=picture)[0], ["page.md: page.svg is not what commands write to made.svg"])
+        self.assertEqual(self.check(block, after=picture.replace("made", "none"))[0],
+                         ["page.md: page.svg is not what commands write to none.svg"])
+        self.check(block, after=picture, update=True)
+        self.assertEqual((self.page.parent / "page.svg").read_text(), "new\n")
 
     def test_update(self):
         findings, _ = self.check("$ echo took 12 ms; echo 7\ntook ... ms\n6\n", update=True)

@@ -114,6 +114,72 @@ TEST_F(Judge, FindsChangedResultsOfPipelines)
                                     });
 }
 
+// The same results on a device that shows candidates in another order, or shows them again.
+template <class R>
+R otherwise(const R &result, bool again)
+{
+    std::vector<size_t> order;
+    for (size_t i = 0; i < result.candidates.size(); ++i)
+        order.insert(order.end(), again ? 2 : 1, i);
+    // From the farthest to the nearest no candidate is beyond a hit that was confirmed before.
+    if (!again)
+        std::ranges::stable_sort(order, std::greater{}, [&](size_t i) { return result.candidates[i].t; });
+    R other = result;
+    other.candidates.clear();
+    for (const size_t i : order)
+        other.candidates.push_back(result.candidates[i]);
+    other.candidateCount = static_cast<uint32_t>(order.size());
+    if constexpr (requires { other.notes; }) {
+        other.notes.clear();
+        for (const size_t i : order)
+            other.notes.push_back(result.notes[i]);
+    }
+    return other;
+}
+
+// No judge says anything of them, unless a geometry has VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR.
+template <class R>
+void expectAllowed(const Scene &scene, const std::vector<R> &results,
+                   const std::function<std::string(const vt::Ray &, const std::vector<Hit> &, const R &)> &judge)
+{
+    uint32_t reordered = 0, repeated = 0, promised = 0;
+    for (size_t i = 0; i < results.size(); ++i) {
+        const Hits hits = allHits(scene, scene.rays[i]);
+        if (hits.unsure || results[i].candidates.empty())
+            continue;
+        const R sorted = otherwise(results[i], false);
+        EXPECT_EQ(judge(scene.rays[i], hits.hits, sorted), "") << "ray " << i;
+        reordered += sorted.candidates.front().primitive != results[i].candidates.front().primitive ? 1u : 0u;
+        const bool once = std::ranges::any_of(results[i].candidates, [&](const vt::Candidate &c) {
+            return !c.box() && scene.objects[scene.instances[c.instance].object].meshes[c.geometry].noDuplicates;
+        });
+        EXPECT_EQ(judge(scene.rays[i], hits.hits, otherwise(results[i], true)) != "", once) << "ray " << i;
+        ++(once ? promised : repeated);
+    }
+    EXPECT_GE(std::min({reordered, repeated, promised}), 5u) << reordered << ' ' << repeated << ' ' << promised;
+}
+
+TEST_F(Judge, AllowsOtherCandidatesOfQueries)
+{
+    expectAllowed<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
+                              [](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
+                                  return queryFault(ray, hits, result);
+                              });
+}
+
+TEST_F(Judge, AllowsOtherCandidatesOfPipelines)
+{
+    if (!gpu().has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME))
+        GTEST_SKIP() << "no ray tracing pipelines";
+    vt::PipelineTracer tracer(gpu(), {.groups = {kHitGroups.begin(), kHitGroups.end()},
+                                      .records = {kHitRecords.begin(), kHitRecords.end()},
+                                      .sbtStride = 1});
+    expectAllowed<vt::PipelineResult>(scene_, tracer.trace(*built_.scene, scene_.rays, kCapacity),
+                                      [this](const vt::Ray &ray, const std::vector<Hit> &hits, const auto &result) {
+                                          return pipelineFault(scene_, ray, hits, result, toleranceFor(gpu()));
+                                      });
+}
+
 // What is tolerated where Vellum's layer emulates is a fault elsewhere.
 TEST_F(Judge, ToleratesNothingOnOtherDevices)
 {

@@ -80,7 +80,7 @@ def wrong_values(root, rows):
     """In the documents, of the settings of the table."""
     by_name = {row["env"]: row for row in rows}
     for page in sorted({*root.glob("*.md"), *root.glob("docs/**/*.md"), *root.glob(".github/**/*.md")}):
-        for name, value in re.findall(r"\b(VELLUM_[A-Z_]+)=([\w,/.-]+)", page.read_text(encoding="utf-8")):
+        for name, value in re.findall(r"\b(VELLUM_[A-Z0-9_]+)=([\w,/.-]+)", page.read_text(encoding="utf-8")):
             if name in by_name and not is_value(by_name[name], value.rstrip(",.")):
                 yield f"{page.relative_to(root)}: {name} has no value {value}"
 

@@ -283,6 +283,23 @@ TEST_F(SettingsTest, WrongValuesAreReportedAndIgnored)
     EXPECT_NE(said.find("there is no setting valdiate"), std::string::npos) << said;
 }
 
+TEST_F(SettingsTest, SimulatedLevels)
+{
+    EXPECT_EQ(simulatedLimit(12, settings_.most2StateLevel), 12u);
+    set("VELLUM_MAX_OPACITY_2_STATE_SUBDIVISION_LEVEL", "8");
+    write("vellum_opacity_micromap.max_opacity_4_state_subdivision_level = 3");
+    EXPECT_EQ(printed(), "");
+    EXPECT_EQ(simulatedLimit(12, settings_.most2StateLevel), 8u);
+    EXPECT_EQ(simulatedLimit(5, settings_.most2StateLevel), 5u);
+    EXPECT_EQ(settings_.most4StateLevel, 3u);
+    EXPECT_EQ(settings_.mostLossyLevel, 0u);
+    set("VELLUM_MAX_OPACITY_LOSSY_4_STATE_SUBDIVISION_LEVEL", "2");
+    EXPECT_EQ(printed(), "vellum: VELLUM-setting: max_opacity_lossy_4_state_subdivision_level is 2 "
+                         "(VELLUM_MAX_OPACITY_LOSSY_4_STATE_SUBDIVISION_LEVEL) and must be at least 3, as on every "
+                         "device; the setting is ignored\n");
+    EXPECT_EQ(settings_.mostLossyLevel, 0u);
+}
+
 TEST_F(SettingsTest, CaseDoesNotMatter)
 {
     write("vellum_opacity_micromap.strict = True\nvellum_opacity_micromap.report = Warning");

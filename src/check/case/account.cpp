@@ -38,6 +38,22 @@ std::string namesOf(uint32_t flags, const std::array<Bit, N> &bits)
     return names.empty() ? "none" : fmt::format("{}", fmt::join(names, " | "));
 }
 
+template <size_t N>
+std::string wordsOf(uint32_t set, const std::array<Bit, N> &bits)
+{
+    std::vector<std::string_view> words;
+    for (const Bit &bit : bits)
+        if ((set & bit.value) != 0)
+            words.push_back(bit.name);
+    return fmt::format("{}", fmt::join(words, ", "));
+}
+
+std::string describeUsage(bool pointers, uint32_t form)
+{
+    return std::string(pointers ? ", ppUsageCounts" : "") +
+           (form != 0 ? fmt::format(", usage counts: {}", wordsOf(form, kUsageNames)) : "");
+}
+
 // A line for each element, or for several in a row that are described alike; at most kMost.
 template <class T, class Describe>
 std::string listed(const std::vector<T> &elements, const char *one, const char *many, const Describe &describeOne)
@@ -90,7 +106,8 @@ std::string describe(const MeshMicromap &use)
         if (use.indexOffset > 0)
             text += fmt::format(", {} bytes before the first index", use.indexOffset);
     }
-    return text + (use.base > 0 ? fmt::format(", baseTriangle {}", use.base) : "");
+    return text + (use.base > 0 ? fmt::format(", baseTriangle {}", use.base) : "") +
+           describeUsage(use.usagePointers, use.usage);
 }
 
 // Where it is not the plainest.
@@ -120,7 +137,8 @@ std::string describe(const oracle::Mesh &mesh)
     std::string text = mesh.boxes.empty()
                            ? counted(mesh.triangles(), "triangle")
                            : fmt::format("{} AABB{}", mesh.boxes.size(), mesh.boxes.size() == 1 ? "" : "s");
-    const auto inactive = std::ranges::count_if(mesh.vertices, [](const Vec3 &vertex) { return std::isnan(vertex[0]); });
+    const auto inactive =
+        std::ranges::count_if(mesh.vertices, [](const Vec3 &vertex) { return std::isnan(vertex[0]); });
     if (inactive > 0)
         text += fmt::format(", {} of NaN", counted(static_cast<size_t>(inactive), "corner"));
     text += mesh.opaque ? ", VK_GEOMETRY_OPAQUE_BIT_KHR" : ", not opaque";
@@ -169,6 +187,8 @@ public:
         for (const Step &step : case_.steps)
             if (targetOf(step.kind) == Target::Top)
                 number("{}", commandsOf(step));
+        for (const QueryPlan &plan : case_.queries)
+            writeQueries(plan);
         writeRay();
         return text_;
     }
@@ -203,8 +223,9 @@ private:
             std::string more;
             if (micromap.triangleStride != sizeof(VkMicromapTriangleEXT))
                 more += fmt::format(", triangleArrayStride {}", micromap.triangleStride);
-            if (micromap.usagePointers)
-                more += ", ppUsageCounts";
+            more += describeUsage(micromap.usagePointers, micromap.usage);
+            if (micromap.layout != 0)
+                more += fmt::format(", data of triangles: {}", wordsOf(micromap.layout, kDataNames));
             number("{} builds micromap {}, flags {}{}{}:{}", micromapBuild(), i,
                    namesOf(micromap.flags, kMicromapFlagNames), more,
                    case_.build.together && i > 0 ? ", by the same command" : "", describe(micromap.triangles));
@@ -223,14 +244,19 @@ private:
                     .substr(1) +
                 "\n";
         }
+        if (case_.build.mixed)
+            line("     Those without micromaps are built by the command that builds the micromaps.");
         if (case_.build.threads > 1)
             line("     {} threads record these builds, which are submitted to all queues.", case_.build.threads);
     }
     void writeTop()
     {
-        number("{} builds the top level{}{}:", structureBuild(),
+        number("{} builds the top level{}{}{}:", structureBuild(),
                case_.build.instancePointers ? " from an array of pointers" : "",
-               case_.build.geometryPointers ? ", by ppGeometries" : "");
+               case_.build.geometryPointers ? ", by ppGeometries" : "",
+               case_.scene.topFlags != 0 ? fmt::format(", flags {} and those that what follows needs",
+                                                       namesOf(case_.scene.topFlags, kStructureFlagNames))
+                                         : "");
         writeInstances(case_.scene.instances);
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
@@ -245,6 +271,7 @@ private:
     }
 
     [[nodiscard]] std::string commandsOf(const Step &step) const;
+    void writeQueries(const QueryPlan &plan);
     void writeRay();
     void writeHit(const Ray &ray, const Hit &hit);
     [[nodiscard]] int explainState(const Hit &hit);
@@ -257,9 +284,43 @@ private:
     int number_ = 0;
 };
 
+void Account::writeQueries(const QueryPlan &plan)
+{
+    number("A pool of {} queries of {}:", plan.count, nameOf(kPropertyNames, plan.property));
+    for (const QueryCommand &command : plan.commands) {
+        constexpr std::array kNames{"vkCmdResetQueryPool",       "vkResetQueryPool",
+                                    "vkCmdWrite...Properties",   "vkGetQueryPoolResults",
+                                    "vkCmdCopyQueryPoolResults", "vkWriteMicromapsPropertiesEXT"};
+        std::string text =
+            command.byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR" : kNames[static_cast<size_t>(command.kind)];
+        if (command.kind != QueryCommand::Kind::WriteOnHost)
+            text += fmt::format(" of queries {} to {}", command.first, command.first + command.count - 1);
+        for (const QueryTarget &target : command.targets)
+            text += target.of == QueryTarget::Of::Top
+                        ? ", the top level"
+                        : fmt::format(", {} {}", nameOf(kQueryTargetNames, target.of), target.number);
+        if (command.wide)
+            text += ", 64 bits";
+        if (command.availability)
+            text += ", with availability";
+        if (command.wait)
+            text += ", waiting";
+        if (command.partial)
+            text += ", partial";
+        if (command.offset > 0)
+            text += fmt::format(", at offset {}", 8 * command.offset);
+        if (command.padding > 0)
+            text += fmt::format(", {} bytes between results", 8 * command.padding);
+        line("     {}", text);
+    }
+}
+
 std::string Account::commandsOf(const Step &step) const
 {
     const uint32_t t = step.target;
+    const char *const elsewhere = step.outOfPlace ? " to a new structure" : "";
+    const char *const exact =
+        step.exact ? ", first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports" : "";
     // Of micromaps.
     const auto command = [&](const char *khr, const char *ext, const char *host) {
         return std::string(khr_ ? khr : step.host ? host : ext) + (step.deferred ? ", deferred," : "");
@@ -270,10 +331,11 @@ std::string Account::commandsOf(const Step &step) const
                                           "vkCopyMicromapToMemoryEXT");
     const std::string load = command("vkCmdCopyMemoryToAccelerationStructureKHR", "vkCmdCopyMemoryToMicromapEXT",
                                      "vkCopyMemoryToMicromapEXT");
-    const std::string users = step.update ? "the structures that use it are updated (MODE_UPDATE)"
-                                          : "the structures that use it are built again";
+    const std::string users = step.update
+                                  ? fmt::format("the structures that use it are updated{} (MODE_UPDATE)", elsewhere)
+                                  : "the structures that use it are built again";
     switch (step.kind) {
-    case Kind::CloneObject: return fmt::format("vkCmdCopyAccelerationStructureKHR clones object {}.", t);
+    case Kind::CloneObject: return fmt::format("vkCmdCopyAccelerationStructureKHR clones object {}{}.", t, exact);
     case Kind::CompactObject:
         return fmt::format("vkCmdWriteAccelerationStructuresPropertiesKHR queries the compacted size of object {}, to "
                            "which vkCmdCopyAccelerationStructureKHR compacts it.",
@@ -283,7 +345,7 @@ std::string Account::commandsOf(const Step &step) const
                            "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure.",
                            t);
     case Kind::UpdateObject:
-        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data.", t);
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}.", t, elsewhere);
     case Kind::RebuildObject: return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again.", t);
     case Kind::MoveObject:
         return fmt::format(
@@ -295,8 +357,9 @@ std::string Account::commandsOf(const Step &step) const
                            "first one is destroyed.",
                            t);
     case Kind::RebuildObjects:
-        return fmt::format("One vkCmdBuildAccelerationStructuresKHR builds every second object again, among them {}.",
-                           t);
+        return fmt::format("One vkCmdBuildAccelerationStructuresKHR builds every second object again, among them "
+                           "{}{}{}.",
+                           t, step.update ? ", which is updated" : "", elsewhere);
     case Kind::CloneMicromap:
         return fmt::format("{} clones micromap {}{}; {}.", copyMicromap, t,
                            step.states.empty() ? "" : ", and the original is built with other states", users);
@@ -311,15 +374,15 @@ std::string Account::commandsOf(const Step &step) const
                            step.inPlace ? "by its handle" : "anew", step.host ? " by vkBuildMicromapsEXT" : "", users,
                            describe(step.states));
     case Kind::SetIndices:
-        return fmt::format("vkCmdBuildAccelerationStructuresKHR {} object {}, whose geometry {} has now {}.",
-                           step.update ? "updates" : "builds again", t, step.other,
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR {} object {}{}, whose geometry {} has now {}.",
+                           step.update ? "updates" : "builds again", t, elsewhere, step.other,
                            step.micromapUse ? describe(*step.micromapUse) : "no micromap");
-    case Kind::CloneTop: return "vkCmdCopyAccelerationStructureKHR clones the top level.";
+    case Kind::CloneTop: return fmt::format("vkCmdCopyAccelerationStructureKHR clones the top level{}.", exact);
     case Kind::CompactTop: return "vkCmdCopyAccelerationStructureKHR compacts the top level.";
     case Kind::ReloadTop: return "The top level is serialized and deserialized to a new structure.";
     default: {
-        std::string text = "vkCmdBuildAccelerationStructuresKHR updates the top level:";
-        return text + describe(step.instances);
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates the top level{}:", elsewhere) +
+               describe(step.instances);
     }
     }
 }

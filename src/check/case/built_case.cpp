@@ -4,7 +4,9 @@
 #include <array>
 #include <cstring>
 #include <thread>
+#include <utility>
 
+#include "check/case/names.h"
 #include "check/case/step.h"
 #include "check/oracle/scene_build.h"
 
@@ -64,23 +66,19 @@ private:
     std::optional<Arena::Snapshot> before_;
 };
 
-// scene: after the step
-bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene)
-{
-    switch (step.kind) {
-    case Kind::UpdateObject: return step.target == object;
-    case Kind::SetIndices: return step.update && step.target == object;
-    case Kind::CloneMicromap:
-    case Kind::CompactMicromap:
-    case Kind::ReloadMicromap:
-    case Kind::SetStates: return step.update && scene.objects[object].uses(step.target);
-    default: return false;
-    }
-}
-
 bool isIndirect(const Case &c)
 {
     return c.build.structures == BuildCommand::Indirect;
+}
+
+bool queriesCompactedSize(const Case &c, const QueryTarget &target)
+{
+    return std::ranges::any_of(c.queries, [&](const QueryPlan &plan) {
+        return plan.property == QueryPlan::Property::CompactedSize &&
+               std::ranges::any_of(plan.commands, [&](const QueryCommand &command) {
+                   return std::ranges::find(command.targets, target) != command.targets.end();
+               });
+    });
 }
 
 } // namespace
@@ -108,6 +106,7 @@ void BuiltCase::buildAll()
         if (targetOf(step.kind) == Target::Top)
             applyToTop(step);
     }
+    runQueries();
 }
 
 void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) const
@@ -184,22 +183,26 @@ void BuiltCase::buildMicromaps()
         micromaps_[i] = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags, scratch);
     };
     micromaps_.resize(scene_.micromaps.size());
+    // "infoCount must be greater than 0" (VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength and its like)
+    if (micromaps_.empty())
+        return;
     if (case_.build.micromaps == BuildCommand::Host) {
-        for (size_t i = 0; i < micromaps_.size(); ++i) {
-            make(i, nullptr);
-            micromaps_[i]->buildOnHost();
-        }
-    } else if (case_.build.together) {
-        std::vector<MicromapBuild> builds;
+        std::vector<VkMicromapBuildInfoEXT> infos;
         Writes writes;
         for (size_t i = 0; i < micromaps_.size(); ++i) {
             make(i, nullptr);
-            builds.push_back({micromaps_[i]->buildInfo(), micromaps_[i]->handle()});
-            writes.insert(writes.end(), {micromaps_[i]->range(), micromaps_[i]->scratchRange()});
+            infos.push_back(micromaps_[i]->hostBuildInfo());
+            writes.push_back(micromaps_[i]->range());
         }
-        if (!builds.empty())
-            execute("micromap builds", writes,
-                    [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, builds); });
+        const size_t some = case_.build.together ? infos.size() : 1;
+        executeOnHost("micromap builds on the host", writes, [&] {
+            for (size_t i = 0; i < infos.size(); i += some)
+                HostCommands(gpu_, false).build(std::span(infos).subspan(i, some));
+        });
+    } else if (case_.build.together) {
+        for (size_t i = 0; i < micromaps_.size(); ++i)
+            make(i, nullptr);
+        buildMicromapsTogether();
     } else {
         runOnThreads(
             {"micromap builds", micromaps_.size(), [&](size_t i, VkCommandBuffer commands, SharedScratch &scratch) {
@@ -211,6 +214,59 @@ void BuiltCase::buildMicromaps()
     // What micromaps were built from is garbage from now on, and its memory is free.
     for (const auto &micromap : micromaps_)
         micromap->forgetInput();
+}
+
+// By one command, with the structures that BuildPlan::mixed adds.
+void BuiltCase::buildMicromapsTogether()
+{
+    std::vector<MicromapBuild> builds;
+    OtherBuilds others;
+    Writes writes;
+    for (const auto &micromap : micromaps_) {
+        builds.push_back({micromap->buildInfo(), micromap->handle()});
+        writes.insert(writes.end(), {micromap->range(), micromap->scratchRange()});
+    }
+    if (case_.build.mixed && gpu_.khr()) {
+        describeObjects();
+        for (uint32_t o = 0; o < bottoms_.size(); ++o) {
+            if (std::ranges::any_of(scene_.objects[o].meshes, [](const auto &mesh) { return mesh.micromap.has_value(); }))
+                continue;
+            const Writes own = prepareNew(o, nullptr);
+            writes.insert(writes.end(), own.begin(), own.end());
+            others.infos.push_back(bottoms_[o].structure->buildInfo());
+            others.ranges.push_back(bottoms_[o].structure->ranges());
+        }
+    }
+    execute("micromap builds", writes,
+            [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, builds, others); });
+}
+
+// Triangles of each mesh that are not built.
+uint32_t BuiltCase::spareTriangles() const
+{
+    return isIndirect(case_) ? case_.build.spareTriangles : 0;
+}
+
+void BuiltCase::describeObjects()
+{
+    bottoms_.resize(scene_.objects.size());
+    for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
+        if (bottoms_[o].structure)
+            continue;
+        bottoms_[o].flags = buildFlagsOf(case_, o);
+        bottoms_[o].geometries = oracle::geometriesOf(scene_.objects[o], micromaps_, spareTriangles());
+    }
+}
+
+// Prepares the first build of an object. Returns what that writes to.
+BuiltCase::Writes BuiltCase::prepareNew(uint32_t object, SharedScratch *scratch)
+{
+    Bottom &bottom = bottoms_[object];
+    bottom.structure = std::make_unique<Blas>(gpu_);
+    bottom.structure->shareScratch(scratch);
+    bottom.structure->prepare(bottom.geometries, bottom.flags);
+    bottom.structure->shareScratch(nullptr);
+    return {bottom.structure->range(), bottom.structure->scratchRange()};
 }
 
 VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object)
@@ -225,49 +281,65 @@ VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object
     };
     allowDisabling(c.scene.instances);
     oracle::Scene scene = c.scene;
+    bool deserialized = false;
     for (const Step &step : c.steps) {
         applyTo(scene, step);
         allowDisabling(step.instances);
         const bool updated = isUpdated(step, object, scene);
         if (updated)
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
-        if (updated && step.kind != Kind::UpdateObject)
-            flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
+        // Without it, an update needs the original micromap, or after deserialization a deserialized one:
+        // VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11628, -micromap-11629.
+        const bool sameMicromap = step.kind == Kind::UpdateObject || step.kind == Kind::RebuildObjects;
+        if (updated && (!sameMicromap || deserialized) && (flags & kAllowDataUpdate) == 0)
+            flags |= kAllowMicromapUpdate;
         if (step.kind == Kind::CompactObject && step.target == object)
             flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
+        deserialized |= step.kind == Kind::ReloadObject && step.target == object;
     }
+    if (queriesCompactedSize(c, {QueryTarget::Of::Object, object}))
+        flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
+    return flags;
+}
+
+VkBuildAccelerationStructureFlagsKHR BuiltCase::topFlags() const
+{
+    VkBuildAccelerationStructureFlagsKHR flags = case_.scene.topFlags;
+    for (const Step &step : case_.steps) {
+        if (step.kind == Kind::UpdateTop)
+            flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
+        if (step.kind == Kind::CompactTop)
+            flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
+    }
+    if (queriesCompactedSize(case_, {.of = QueryTarget::Of::Top}))
+        flags |= VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR;
     return flags;
 }
 
 void BuiltCase::buildObjects()
 {
     const bool indirect = isIndirect(case_);
-    const uint32_t spare = indirect ? case_.build.spareTriangles : 0;
-    for (uint32_t o = 0; o < scene_.objects.size(); ++o)
-        bottoms_.push_back({buildFlagsOf(case_, o), oracle::geometriesOf(scene_.objects[o], micromaps_, spare), nullptr});
-    const auto prepare = [this](size_t i, SharedScratch *scratch) {
-        Bottom &bottom = bottoms_[i];
-        bottom.structure = std::make_unique<Blas>(gpu_);
-        bottom.structure->shareScratch(scratch);
-        bottom.structure->prepare(bottom.geometries, bottom.flags);
-        bottom.structure->shareScratch(nullptr);
-        return Writes{bottom.structure->range(), bottom.structure->scratchRange()};
-    };
+    describeObjects();
+    std::vector<uint32_t> objects; // that are not built yet
+    for (uint32_t o = 0; o < bottoms_.size(); ++o) {
+        if (!bottoms_[o].structure)
+            objects.push_back(o);
+    }
     if (case_.build.together) {
         std::vector<const Structure *> structures;
         Writes writes;
-        for (size_t i = 0; i < bottoms_.size(); ++i) {
-            const Writes own = prepare(i, nullptr);
+        for (const uint32_t o : objects) {
+            const Writes own = prepareNew(o, nullptr);
             writes.insert(writes.end(), own.begin(), own.end());
-            structures.push_back(bottoms_[i].structure.get());
+            structures.push_back(bottoms_[o].structure.get());
         }
         const StructureBuilds builds(gpu_, structures, indirect);
         execute("builds", writes, [&](VkCommandBuffer commands) { builds.record(commands); });
     } else {
-        std::vector<std::unique_ptr<StructureBuilds>> builds(bottoms_.size());
-        runOnThreads({"builds", bottoms_.size(), [&](size_t i, VkCommandBuffer commands, SharedScratch &scratch) {
-                          const Writes writes = prepare(i, &scratch);
-                          const Structure *const structure = bottoms_[i].structure.get();
+        std::vector<std::unique_ptr<StructureBuilds>> builds(objects.size());
+        runOnThreads({"builds", objects.size(), [&](size_t i, VkCommandBuffer commands, SharedScratch &scratch) {
+                          const Writes writes = prepareNew(objects[i], &scratch);
+                          const Structure *const structure = bottoms_[objects[i]].structure.get();
                           builds[i] = std::make_unique<StructureBuilds>(gpu_, std::span(&structure, 1), indirect);
                           builds[i]->record(commands);
                           return writes;
@@ -294,15 +366,10 @@ void BuiltCase::prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode)
     std::vector<const Structure *> objects;
     for (const Bottom &bottom : bottoms_)
         objects.push_back(bottom.structure.get());
-    const bool updated =
-        std::ranges::any_of(case_.steps, [](const Step &step) { return step.kind == Kind::UpdateTop; });
     tlas.usePointers(case_.build.geometryPointers);
-    tlas.prepare(
-        oracle::instancesOf(scene_, objects),
-        VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
-            (updated ? VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR} : 0u),
-        mode, case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array, 0,
-        isIndirect(case_) ? case_.build.spareInstances : 0);
+    tlas.prepare(oracle::instancesOf(scene_, objects), topFlags(), mode,
+                 case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array, 0,
+                 isIndirect(case_) ? case_.build.spareInstances : 0);
 }
 
 std::unique_ptr<Tlas> BuiltCase::plainTop() const
@@ -318,8 +385,14 @@ std::unique_ptr<Tlas> BuiltCase::plainTop() const
     return std::make_unique<Tlas>(gpu_, oracle::instancesOf(scene, objects));
 }
 
-void BuiltCase::updateTop()
+void BuiltCase::updateTop(bool outOfPlace)
 {
+    std::unique_ptr<Structure> source;
+    if (outOfPlace) {
+        auto target = std::make_unique<Tlas>(gpu_);
+        target->updateFrom(top_.get());
+        source = std::exchange(top_, std::move(target));
+    }
     auto &tlas = static_cast<Tlas &>(*top_);
     prepareTop(tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
     execute("top level updated", {tlas.range(), tlas.scratchRange()},
@@ -332,13 +405,9 @@ void BuiltCase::prepareAll()
 {
     for (const oracle::SceneMicromap &from : scene_.micromaps)
         micromaps_.push_back(std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags));
-    for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
-        Bottom &bottom = bottoms_.emplace_back();
-        bottom.flags = buildFlagsOf(case_, o);
-        bottom.geometries = oracle::geometriesOf(scene_.objects[o], micromaps_);
-        bottom.structure = std::make_unique<Blas>(gpu_);
-        bottom.structure->prepare(bottom.geometries, bottom.flags);
-    }
+    describeObjects();
+    for (uint32_t o = 0; o < bottoms_.size(); ++o)
+        prepareNew(o, nullptr);
     auto tlas = std::make_unique<Tlas>(gpu_);
     prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     top_ = std::move(tlas);

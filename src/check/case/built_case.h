@@ -19,7 +19,7 @@ VkBuildAccelerationStructureFlagsKHR buildFlagsOf(const Case &c, uint32_t object
 class BuiltCase
 {
 public:
-    // Builds micromaps and bottom-level structures, carries out the steps and builds the top level.
+    // Builds micromaps and bottom-level structures, carries out the steps, builds the top level and makes the queries.
     BuiltCase(Device &gpu, const Case &c);
     BuiltCase(const BuiltCase &) = delete;
     BuiltCase &operator=(const BuiltCase &) = delete;
@@ -38,6 +38,7 @@ private:
     };
     using Record = std::function<void(VkCommandBuffer)>;
     using Writes = std::vector<Arena::Range>;
+    struct QueryRun;
     struct Work { // builds of one kind: for each, what is recorded and what it writes to
         std::string name;
         size_t count = 0;
@@ -46,29 +47,42 @@ private:
 
     void buildAll();
     void buildMicromaps();
+    void buildMicromapsTogether();
+    [[nodiscard]] uint32_t spareTriangles() const;
+    void describeObjects();
+    Writes prepareNew(uint32_t object, SharedScratch *scratch);
     void buildObjects();
     void buildTop();
     void apply(const Step &step);
     void applyToObject(const Step &step);
     void applyToTop(const Step &step);
     void prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const;
-    void updateTop();
+    void updateTop(bool outOfPlace);
     void prepareAll();
     void recordAll(VkCommandBuffer commands) const;
     void buildMicromap(Micromap &micromap, const Step &step);
 
-    void copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode);
+    [[nodiscard]] VkBuildAccelerationStructureFlagsKHR topFlags() const;
+    // How builds and updates of objects are done.
+    struct BuildMode {
+        bool update = false, outOfPlace = false;
+    };
+    template <class T>
+    [[nodiscard]] std::unique_ptr<T> copied(const Structure &source, VkCopyAccelerationStructureModeKHR mode,
+                                            VkDeviceSize size);
+    template <class T>
+    [[nodiscard]] std::unique_ptr<T> copied(const Structure &source, const Step &step);
     void reloadObject(Bottom &bottom);
-    void buildObject(uint32_t object, bool update);
-    void prepareObject(uint32_t object, VkBuildAccelerationStructureModeKHR mode);
-    void rebuildObjects(uint32_t parity);
-    void buildMicromapUsers(uint32_t micromap, bool update);
+    void buildObject(uint32_t object, BuildMode mode);
+    // Returns what is destroyed when the build is done.
+    [[nodiscard]] std::unique_ptr<Blas> prepareObject(uint32_t object, BuildMode mode);
+    void rebuildObjects(const Step &step);
+    void buildMicromapUsers(uint32_t micromap, const Step &step);
     void moveObject(Bottom &moved, uint32_t built);
     void setStates(Micromap &micromap, const Step &step);
     [[nodiscard]] std::unique_ptr<Micromap> copyOfMicromap(const Micromap &source, const Step &step);
     [[nodiscard]] std::unique_ptr<Micromap> reloadMicromap(std::unique_ptr<Micromap> source, const Step &step);
-    [[nodiscard]] VkDeviceSize sizeToDeserialize(const uint8_t *data, VkDeviceSize size, std::string_view of,
-                                                 bool (*compatible)(const Device &, const uint8_t *));
+    void checkVersion(const uint8_t *data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *));
     void reload(const Structure &source, Structure &target);
 
     void runOnThreads(const Work &work);
@@ -77,6 +91,10 @@ private:
     // Executes, and reports what else was written to.
     void execute(const std::string &what, const Writes &writes, const Record &record);
     void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
+    void runQueries();
+    [[nodiscard]] VkAccelerationStructureKHR structureOf(const QueryTarget &target) const;
+    // What a query of that structure reports in a pool of its own.
+    [[nodiscard]] uint64_t alone(QueryPlan::Property property, const QueryTarget &target);
     [[nodiscard]] uint64_t query(VkQueryType type, uint32_t count,
                                  const std::function<void(VkCommandBuffer, VkQueryPool)> &record);
     [[nodiscard]] VkDeviceSize sizeOf(const Structure &structure, VkQueryType type);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <fmt/format.h>
+#include <utility>
 
 #include "check/case/built_case.h"
 #include "check/case/step.h"
@@ -18,6 +19,7 @@ constexpr VkBufferUsageFlags kSerializedUsage =
 // Where the header of serialized data has these, after the version of 32 bytes.
 constexpr size_t kHeaderSerializedSize = 32;
 constexpr size_t kHeaderDeserializedSize = 40;
+constexpr size_t kHeaderHandleCount = 48; // of a top level
 
 using Kind = Step::Kind;
 
@@ -38,21 +40,33 @@ bool compatible(const Device &gpu, const uint8_t *version)
 
 } // namespace
 
-void BuiltCase::prepareObject(uint32_t object, VkBuildAccelerationStructureModeKHR mode)
+std::unique_ptr<Blas> BuiltCase::prepareObject(uint32_t object, BuildMode mode)
 {
     Bottom &bottom = bottoms_[object];
     // With as many vertices as before, which an update must not change.
-    const uint32_t spare = case_.build.structures == BuildCommand::Indirect ? case_.build.spareTriangles : 0;
-    bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_, spare);
-    bottom.structure->prepare(bottom.geometries, bottom.flags, mode);
+    bottom.geometries = oracle::geometriesOf(scene_.objects[object], micromaps_, spareTriangles());
+    std::unique_ptr<Blas> source;
+    if (mode.update && mode.outOfPlace) {
+        source = std::exchange(bottom.structure, std::make_unique<Blas>(gpu_));
+        bottom.structure->updateFrom(source.get());
+    }
+    bottom.structure->prepare(bottom.geometries, bottom.flags,
+                              mode.update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
+                                          : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    return source;
 }
 
-void BuiltCase::rebuildObjects(uint32_t parity)
+void BuiltCase::rebuildObjects(const Step &step)
 {
+    const uint32_t parity = step.target % 2;
     std::vector<const Structure *> structures;
+    std::unique_ptr<Blas> source; // of the update
     Writes writes;
     for (uint32_t o = parity; o < bottoms_.size(); o += 2) {
-        prepareObject(o, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+        if (o == step.target)
+            source = prepareObject(o, {step.update, step.outOfPlace});
+        else
+            (void)prepareObject(o, {});
         const Blas &structure = *bottoms_[o].structure;
         structures.push_back(&structure);
         writes.insert(writes.end(), {structure.range(), structure.scratchRange()});
@@ -63,21 +77,20 @@ void BuiltCase::rebuildObjects(uint32_t parity)
         bottoms_[o].structure->forgetInput();
 }
 
-void BuiltCase::buildObject(uint32_t object, bool update)
+void BuiltCase::buildObject(uint32_t object, BuildMode mode)
 {
-    Bottom &bottom = bottoms_[object];
-    prepareObject(object, update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
-                                 : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
-    execute(update ? "updated" : "built", {bottom.structure->range(), bottom.structure->scratchRange()},
+    const Bottom &bottom = bottoms_[object];
+    const std::unique_ptr<Blas> source = prepareObject(object, mode);
+    execute(mode.update ? "updated" : "built", {bottom.structure->range(), bottom.structure->scratchRange()},
             [&](VkCommandBuffer commands) { bottom.structure->record(commands); });
     bottom.structure->forgetInput();
 }
 
-void BuiltCase::buildMicromapUsers(uint32_t micromap, bool update)
+void BuiltCase::buildMicromapUsers(uint32_t micromap, const Step &step)
 {
     for (uint32_t o = 0; o < scene_.objects.size(); ++o) {
         if (scene_.objects[o].uses(micromap))
-            buildObject(o, update);
+            buildObject(o, {step.update, step.outOfPlace});
     }
 }
 
@@ -94,10 +107,10 @@ void BuiltCase::apply(const Step &step)
             setStates(*original, step);
         // What the original's memory has is nothing that the copy depends on.
         original->forget();
-        return buildMicromapUsers(step.target, step.update);
+        return buildMicromapUsers(step.target, step);
     case Kind::ReloadMicromap:
         micromaps_[step.target] = reloadMicromap(std::move(micromaps_[step.target]), step);
-        return buildMicromapUsers(step.target, step.update);
+        return buildMicromapUsers(step.target, step);
     case Kind::SetStates: {
         const oracle::SceneMicromap &from = scene_.micromaps[step.target];
         // A compacted one may be too small to be built in.
@@ -106,7 +119,7 @@ void BuiltCase::apply(const Step &step)
             micromap = std::make_unique<Micromap>(gpu_, oracle::inputOf(from), from.flags);
         buildMicromap(*micromap, step);
         micromaps_[step.target] = std::move(micromap);
-        return buildMicromapUsers(step.target, step.update);
+        return buildMicromapUsers(step.target, step);
     }
     default: return applyToObject(step);
     }
@@ -116,12 +129,12 @@ void BuiltCase::applyToObject(const Step &step)
 {
     Bottom &bottom = bottoms_[step.target];
     switch (step.kind) {
-    case Kind::CloneObject: return copyObject(bottom, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR);
-    case Kind::CompactObject: return copyObject(bottom, VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
+    case Kind::CloneObject:
+    case Kind::CompactObject: bottom.structure = copied<Blas>(*bottom.structure, step); return;
     case Kind::ReloadObject: return reloadObject(bottom);
-    case Kind::UpdateObject: return buildObject(step.target, true);
-    case Kind::RebuildObject: return buildObject(step.target, false);
-    case Kind::RebuildObjects: return rebuildObjects(step.target % 2);
+    case Kind::UpdateObject: return buildObject(step.target, {true, step.outOfPlace});
+    case Kind::RebuildObject: return buildObject(step.target, {});
+    case Kind::RebuildObjects: return rebuildObjects(step);
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
         auto second = std::make_unique<Blas>(gpu_);
@@ -130,7 +143,7 @@ void BuiltCase::applyToObject(const Step &step)
         bottom.structure = std::move(second);
         return;
     }
-    case Kind::SetIndices: return buildObject(step.target, step.update);
+    case Kind::SetIndices: return buildObject(step.target, {step.update, step.outOfPlace});
     default: return;
     }
 }
@@ -173,9 +186,8 @@ std::unique_ptr<Micromap> BuiltCase::copyOfMicromap(const Micromap &source, cons
     return target;
 }
 
-// The size that the header of serialized data states, which is checked.
-VkDeviceSize BuiltCase::sizeToDeserialize(const uint8_t *data, VkDeviceSize size, std::string_view of,
-                                          bool (*compatible)(const Device &, const uint8_t *))
+// Serialized data begins with what vkGetDevice...CompatibilityKHR compares.
+void BuiltCase::checkVersion(const uint8_t *data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *))
 {
     std::vector<uint8_t> version(data, data + 2 * VK_UUID_SIZE);
     if (!compatible(gpu_, version.data()))
@@ -185,9 +197,6 @@ VkDeviceSize BuiltCase::sizeToDeserialize(const uint8_t *data, VkDeviceSize size
         version[i] = static_cast<uint8_t>(~version[i]);
     if (compatible(gpu_, version.data()))
         gpu_.fault(fmt::format("the device accepts every version of a serialized {}", of));
-    if (numberAt(data, kHeaderSerializedSize) > size)
-        gpu_.fault(fmt::format("the header of a serialized {} has a size above that of the query", of));
-    return numberAt(data, kHeaderDeserializedSize);
 }
 
 std::unique_ptr<Micromap> BuiltCase::reloadMicromap(std::unique_ptr<Micromap> source, const Step &step)
@@ -201,10 +210,11 @@ std::unique_ptr<Micromap> BuiltCase::reloadMicromap(std::unique_ptr<Micromap> so
     else
         execute("micromap serialized", {data.range()},
                 [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, from, data.address()); });
-    const VkDeviceSize bytes = sizeToDeserialize(data.bytes(), size, "micromap", micromapIsCompatible);
+    checkVersion(data.bytes(), "micromap", micromapIsCompatible);
     std::unique_ptr<Micromap> target = std::move(source);
-    if (!step.inPlace || bytes > target->size())
-        target = std::make_unique<Micromap>(gpu_, *target, bytes);
+    // Unlike that of a structure, the header states no sizes: a micromap is as large as the one that was serialized.
+    if (!step.inPlace)
+        target = std::make_unique<Micromap>(gpu_, *target, target->size());
     else if (!step.states.empty())
         setStates(*target, step);
     const MicromapHandle to = target->handle();
@@ -216,16 +226,31 @@ std::unique_ptr<Micromap> BuiltCase::reloadMicromap(std::unique_ptr<Micromap> so
     return target;
 }
 
-void BuiltCase::copyObject(Bottom &bottom, VkCopyAccelerationStructureModeKHR mode)
+template <class T>
+std::unique_ptr<T> BuiltCase::copied(const Structure &source, VkCopyAccelerationStructureModeKHR mode,
+                                     VkDeviceSize size)
 {
-    const bool compact = mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR;
-    auto target = std::make_unique<Blas>(gpu_);
-    target->create(compact ? sizeOf(*bottom.structure, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
-                           : bottom.structure->size());
-    execute(compact ? "compacted" : "cloned", {target->range()}, [&](VkCommandBuffer commands) {
-        recordCopy(gpu_, commands, bottom.structure->handle(), target->handle(), mode);
-    });
-    bottom.structure = std::move(target);
+    auto target = std::make_unique<T>(gpu_);
+    target->create(size);
+    execute(mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR ? "compacted" : "cloned", {target->range()},
+            [&](VkCommandBuffer commands) { recordCopy(gpu_, commands, source.handle(), target->handle(), mode); });
+    return target;
+}
+
+template <class T>
+std::unique_ptr<T> BuiltCase::copied(const Structure &source, const Step &step)
+{
+    constexpr auto kClone = VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR;
+    if (step.kind == Kind::CompactObject || step.kind == Kind::CompactTop)
+        return copied<T>(source, VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR,
+                         sizeOf(source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR));
+    if (!step.exact)
+        return copied<T>(source, kClone, source.size());
+    // The size of a clone "must be at least as large as the queried VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR size"
+    // (VkCopyAccelerationStructureModeKHR). Updates may need more, so it is cloned again.
+    const std::unique_ptr<T> exact =
+        copied<T>(source, kClone, sizeOf(source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR));
+    return copied<T>(*exact, kClone, source.size());
 }
 
 void BuiltCase::reload(const Structure &source, Structure &target)
@@ -234,8 +259,21 @@ void BuiltCase::reload(const Structure &source, Structure &target)
                        kSerializedUsage);
     execute("serialized", {data.range()},
             [&](VkCommandBuffer commands) { recordSerialize(gpu_, commands, source, data.address()); });
-    const VkDeviceSize bytes = sizeToDeserialize(data.bytes(), data.size(), "structure", compatible);
-    target.create(bytes);
+    checkVersion(data.bytes(), "structure", compatible);
+    // "the total size matching the value queried", "This value matches the value queried"
+    // (vkCmdCopyAccelerationStructureToMemoryKHR)
+    if (numberAt(data.bytes(), kHeaderSerializedSize) != data.size())
+        gpu_.fault(fmt::format("the header of a serialized structure has another size than the query reported "
+                               "({}, not {})",
+                               numberAt(data.bytes(), kHeaderSerializedSize), data.size()));
+    if (&source == top_.get() && gpu_.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME)) {
+        const uint64_t pointers = alone(QueryPlan::Property::BottomLevelPointers, {.of = QueryTarget::Of::Top});
+        if (numberAt(data.bytes(), kHeaderHandleCount) != pointers)
+            gpu_.fault(fmt::format("the header of a serialized top level counts other handles than the query "
+                                   "reported ({}, not {})",
+                                   numberAt(data.bytes(), kHeaderHandleCount), pointers));
+    }
+    target.create(numberAt(data.bytes(), kHeaderDeserializedSize));
     execute("deserialized", {target.range()}, [&](VkCommandBuffer commands) {
         auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
         info.src.deviceAddress = data.address();
@@ -279,19 +317,13 @@ void BuiltCase::applyToTop(const Step &step)
     const Kind kind = step.kind;
     applyTo(scene_, step);
     if (kind == Kind::UpdateTop)
-        return updateTop();
-    auto target = std::make_unique<Tlas>(gpu_);
-    if (kind == Kind::ReloadTop) {
-        reload(*top_, *target);
-    } else {
-        const bool clone = kind == Kind::CloneTop;
-        target->create(clone ? top_->size() : sizeOf(*top_, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR));
-        execute(clone ? "top level cloned" : "top level compacted", {target->range()}, [&](VkCommandBuffer commands) {
-            recordCopy(gpu_, commands, top_->handle(), target->handle(),
-                       clone ? VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR
-                             : VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR);
-        });
+        return updateTop(step.outOfPlace);
+    if (kind != Kind::ReloadTop) {
+        top_ = copied<Tlas>(*top_, step);
+        return;
     }
+    auto target = std::make_unique<Tlas>(gpu_);
+    reload(*top_, *target);
     top_ = std::move(target);
 }
 

@@ -25,6 +25,9 @@ struct BuildPlan {
     BuildCommand micromaps = BuildCommand::Device;
     BuildCommand structures = BuildCommand::Device;
     bool together = false;         // all micromaps by one command, all bottom-level structures by another
+    // With `together` and VK_KHR_opacity_micromap: structures without micromaps are built by the command that builds
+    // the micromaps.
+    bool mixed = false;
     uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
     bool geometryPointers = false; // the top level's geometry comes by ppGeometries
@@ -49,7 +52,7 @@ struct Step {
         RebuildObject,
         MoveObject,     // cloned, and `other` built in its memory by the same submission
         RenameObject,   // a second handle at the same address
-        RebuildObjects, // every second object, the target among them, by one command
+        RebuildObjects, // every second object, the target among them, by one command (`update`: the target is updated)
         // On a micromap; the structures that use it are built again (`update`: updated).
         CloneMicromap, // and the original built again with `states`, if there are any
         CompactMicromap,
@@ -69,12 +72,58 @@ struct Step {
     uint32_t target = 0; // an object or a micromap
     uint32_t other = 0;  // MoveObject: another object. SetIndices: a mesh of the object
     bool update = false;
+    // Updates write a new structure (dstAccelerationStructure is not srcAccelerationStructure), and the old one is
+    // destroyed afterwards.
+    bool outOfPlace = false;
+    bool exact = false;    // a clone is first made as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports
     bool inPlace = false;  // by the same handle
     bool host = false;     // On a micromap: by host commands
     bool deferred = false; // host commands get a deferred operation
     std::vector<oracle::MicromapTriangle> states;
     std::optional<oracle::MeshMicromap> micromapUse;
     std::vector<oracle::Instance> instances;
+};
+
+// What a query is about.
+struct QueryTarget {
+    enum class Of { Object, Micromap, Top };
+    Of of = Of::Object;
+    uint32_t number = 0;
+
+    bool operator==(const QueryTarget &) const = default;
+};
+
+// A command on a range of the queries of a pool, or one of the host without a pool.
+struct QueryCommand {
+    enum class Kind {
+        Reset,       // vkCmdResetQueryPool
+        ResetOnHost, // vkResetQueryPool
+        Write,       // vkCmdWrite...Properties
+        Read,        // vkGetQueryPoolResults
+        Copy,        // vkCmdCopyQueryPoolResults
+        WriteOnHost, // vkWriteMicromapsPropertiesEXT, of micromaps
+        Count
+    };
+    Kind kind = Kind::Reset;
+    uint32_t first = 0;
+    uint32_t count = 1;               // of queries; where there are targets, as many as those
+    std::vector<QueryTarget> targets; // Write, WriteOnHost
+    // Read, Copy
+    bool wide = false;         // VK_QUERY_RESULT_64_BIT
+    bool availability = false; // VK_QUERY_RESULT_WITH_AVAILABILITY_BIT
+    bool wait = false;         // VK_QUERY_RESULT_WAIT_BIT; Read: nothing else waits for what was submitted
+    bool partial = false;      // VK_QUERY_RESULT_PARTIAL_BIT
+    bool byAddress = false;    // Copy: vkCmdCopyQueryPoolResultsToMemoryKHR, where the device has it
+    uint32_t offset = 0;       // Copy: of the first result. In units of 8 bytes
+    uint32_t padding = 0;      // between two results. WriteOnHost as well. In units of 8 bytes
+};
+
+// A pool of queries of one property, and what is done with it when all structures are there.
+struct QueryPlan {
+    enum class Property { CompactedSize, SerializationSize, Size, BottomLevelPointers };
+    Property property = Property::SerializationSize;
+    uint32_t count = 1; // of the pool
+    std::vector<QueryCommand> commands;
 };
 
 // How the rays are traced.
@@ -120,6 +169,7 @@ struct Case {
     oracle::Scene scene;
     BuildPlan build;
     std::vector<Step> steps;
+    std::vector<QueryPlan> queries;
     TracePlan trace;
 };
 

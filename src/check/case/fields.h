@@ -27,6 +27,8 @@ void ofMicromap(Archive &archive, T &micromap)
     archive.bits("flags", micromap.flags, kMicromapFlagNames);
     archive.value("triangleStride", micromap.triangleStride, uint32_t{sizeof(VkMicromapTriangleEXT)});
     archive.value("usagePointers", micromap.usagePointers, false);
+    archive.bits("usage", micromap.usage, kUsageNames);
+    archive.bits("layout", micromap.layout, kDataNames);
     archive.list("triangles", micromap.triangles, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
 }
 
@@ -39,6 +41,8 @@ void ofUse(Archive &archive, T &use)
     archive.value("base", use.base, 0u);
     archive.value("stride", use.stride, std::optional<uint32_t>());
     archive.value("indexOffset", use.indexOffset, 0u);
+    archive.value("usagePointers", use.usagePointers, false);
+    archive.bits("usage", use.usage, kUsageNames);
 }
 
 template <class Archive, class T>
@@ -109,6 +113,7 @@ void ofRay(Archive &archive, T &ray)
 template <class Archive, class T>
 void ofScene(Archive &archive, T &scene)
 {
+    archive.bits("topFlags", scene.topFlags, kStructureFlagNames);
     archive.value("edge", scene.edge, std::decay_t<T>().edge);
     archive.list("micromaps", scene.micromaps, [](auto &a, auto &micromap) { ofMicromap(a, micromap); });
     archive.list("objects", scene.objects, [](auto &a, auto &object) { ofObject(a, object); });
@@ -123,6 +128,7 @@ void ofBuild(Archive &archive, T &build)
     archive.name("micromaps", build.micromaps, kBuildCommandNames, standard.micromaps);
     archive.name("structures", build.structures, kBuildCommandNames, standard.structures);
     archive.value("together", build.together, standard.together);
+    archive.value("mixed", build.mixed, standard.mixed);
     archive.value("threads", build.threads, standard.threads);
     archive.value("instancePointers", build.instancePointers, standard.instancePointers);
     archive.value("geometryPointers", build.geometryPointers, standard.geometryPointers);
@@ -139,12 +145,45 @@ void ofStep(Archive &archive, T &step)
     archive.value("target", step.target, 0u);
     archive.value("other", step.other, 0u);
     archive.value("update", step.update, false);
+    archive.value("outOfPlace", step.outOfPlace, false);
+    archive.value("exact", step.exact, false);
     archive.value("inPlace", step.inPlace, false);
     archive.value("host", step.host, false);
     archive.value("deferred", step.deferred, false);
     archive.list("states", step.states, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
     archive.optional("micromapUse", step.micromapUse, [](auto &a, auto &use) { ofUse(a, use); });
     archive.list("instances", step.instances, [](auto &a, auto &instance) { ofInstance(a, instance); });
+}
+
+template <class Archive, class T>
+void ofQueryTarget(Archive &archive, T &target)
+{
+    archive.name("of", target.of, kQueryTargetNames);
+    archive.value("number", target.number, 0u);
+}
+
+template <class Archive, class T>
+void ofQueryCommand(Archive &archive, T &command)
+{
+    archive.name("kind", command.kind, kQueryCommandNames);
+    archive.value("first", command.first, 0u);
+    archive.value("count", command.count, 1u);
+    archive.list("targets", command.targets, [](auto &a, auto &target) { ofQueryTarget(a, target); });
+    archive.value("wide", command.wide, false);
+    archive.value("availability", command.availability, false);
+    archive.value("wait", command.wait, false);
+    archive.value("partial", command.partial, false);
+    archive.value("byAddress", command.byAddress, false);
+    archive.value("offset", command.offset, 0u);
+    archive.value("padding", command.padding, 0u);
+}
+
+template <class Archive, class T>
+void ofQueryPlan(Archive &archive, T &plan)
+{
+    archive.name("property", plan.property, kPropertyNames);
+    archive.value("count", plan.count, 1u);
+    archive.list("commands", plan.commands, [](auto &a, auto &command) { ofQueryCommand(a, command); });
 }
 
 template <class Archive, class T>
@@ -179,6 +218,7 @@ void ofCase(Archive &archive, T &c)
     archive.object("scene", c.scene, [](auto &a, auto &scene) { ofScene(a, scene); });
     archive.object("build", c.build, [](auto &a, auto &build) { ofBuild(a, build); });
     archive.list("steps", c.steps, [](auto &a, auto &step) { ofStep(a, step); });
+    archive.list("queries", c.queries, [](auto &a, auto &plan) { ofQueryPlan(a, plan); });
     archive.object("trace", c.trace, [](auto &a, auto &trace) { ofTrace(a, trace); });
 }
 

@@ -58,6 +58,27 @@ inline constexpr std::array kStepNames{
 };
 static_assert(kStepNames.size() == static_cast<size_t>(Step::Kind::Count));
 
+inline constexpr std::array kPropertyNames{
+    Name<QueryPlan::Property>{QueryPlan::Property::CompactedSize, "compacted-size"},
+    Name<QueryPlan::Property>{QueryPlan::Property::SerializationSize, "serialization-size"},
+    Name<QueryPlan::Property>{QueryPlan::Property::Size, "size"},
+    Name<QueryPlan::Property>{QueryPlan::Property::BottomLevelPointers, "serialization-bottom-level-pointers"},
+};
+inline constexpr std::array kQueryCommandNames{
+    Name<QueryCommand::Kind>{QueryCommand::Kind::Reset, "reset"},
+    Name<QueryCommand::Kind>{QueryCommand::Kind::ResetOnHost, "reset-on-host"},
+    Name<QueryCommand::Kind>{QueryCommand::Kind::Write, "write"},
+    Name<QueryCommand::Kind>{QueryCommand::Kind::Read, "read"},
+    Name<QueryCommand::Kind>{QueryCommand::Kind::Copy, "copy"},
+    Name<QueryCommand::Kind>{QueryCommand::Kind::WriteOnHost, "write-on-host"},
+};
+static_assert(kQueryCommandNames.size() == static_cast<size_t>(QueryCommand::Kind::Count));
+inline constexpr std::array kQueryTargetNames{
+    Name<QueryTarget::Of>{QueryTarget::Of::Object, "object"},
+    Name<QueryTarget::Of>{QueryTarget::Of::Micromap, "micromap"},
+    Name<QueryTarget::Of>{QueryTarget::Of::Top, "top"},
+};
+
 inline constexpr std::array kMethodNames{
     Name<TracePlan::Method>{TracePlan::Method::Query, "query"},
     Name<TracePlan::Method>{TracePlan::Method::Pipeline, "pipeline"},
@@ -140,7 +161,23 @@ inline constexpr std::array kMicromapFlagNames{
     Bit{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT, "VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT"},
     Bit{kLossy, "VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR"},
 };
-// Of bottom-level structures. The others follow from what is done with them.
+inline constexpr std::array kUsageNames{
+    Bit{kUsageZeros, "zeros"},
+    Bit{kUsageSplit, "split"},
+    Bit{kUsageDescending, "descending"},
+};
+inline constexpr std::array kDataNames{
+    Bit{kDataDescending, "descending"},
+    Bit{kDataGaps, "gaps"},
+    Bit{kDataOverlapping, "overlapping"},
+};
+inline constexpr auto kAllowDataUpdate =
+    VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT};
+inline constexpr auto kAllowMicromapUpdate =
+    VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT};
+// VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DATA_ACCESS_BIT_KHR of VK_KHR_ray_tracing_position_fetch
+inline constexpr VkBuildAccelerationStructureFlagsKHR kAllowDataAccess = 0x800;
+// Of bottom-level and top-level structures. Others follow from what is done with them.
 inline constexpr std::array kStructureFlagNames{
     Bit{VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR,
         "VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR"},
@@ -150,6 +187,11 @@ inline constexpr std::array kStructureFlagNames{
     Bit{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR"},
     Bit{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR,
         "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR"},
+    Bit{kAllowMicromapUpdate, "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT"},
+    Bit{kAllowDataUpdate, "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT"},
+    Bit{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT,
+        "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT"},
+    Bit{kAllowDataAccess, "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DATA_ACCESS_BIT_KHR"},
 };
 inline constexpr std::array kInstanceFlagNames{
     Bit{VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR,

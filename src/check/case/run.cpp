@@ -3,6 +3,7 @@
 
 #include "check/case/built_case.h"
 #include "check/case/lossy.h"
+#include "check/case/names.h"
 #include "check/case/trace.h"
 #include "check/oracle/query_judge.h"
 
@@ -11,6 +12,47 @@ namespace vellum::check
 
 namespace
 {
+
+// What the device lacks for the queries of a case; empty: nothing.
+std::string missingForQueries(const Device &gpu, const Case &c)
+{
+    using Kind = QueryCommand::Kind;
+    using Property = QueryPlan::Property;
+    const bool maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
+    bool exact = std::ranges::any_of(c.steps, &Step::exact);
+    for (const QueryPlan &plan : c.queries) {
+        const bool newer = plan.property == Property::Size || plan.property == Property::BottomLevelPointers;
+        exact |= newer;
+        bool micromaps = false, structures = false;
+        for (const QueryCommand &command : plan.commands) {
+            if (command.kind == Kind::ResetOnHost && !gpu.hasHostQueryReset())
+                return "hostQueryReset is not supported";
+            if (command.kind == Kind::WriteOnHost && !gpu.hasMicromapHostCommands())
+                return "micromapHostCommands is not supported";
+            if (command.byAddress && !gpu.has(VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME))
+                return "VK_KHR_device_address_commands is not supported";
+            for (const QueryTarget &target : command.targets)
+                (target.of == QueryTarget::Of::Micromap ? micromaps : structures) = true;
+        }
+        if (!gpu.khr() && micromaps && (structures || newer))
+            return "VK_EXT_opacity_micromap has other queries for micromaps";
+    }
+    return exact && !maintenance ? "VK_KHR_ray_tracing_maintenance1 is not supported" : "";
+}
+
+// What the device lacks for the flags of structures; empty: nothing.
+std::string missingForFlags(const Device &gpu, const oracle::Scene &scene)
+{
+    VkBuildAccelerationStructureFlagsKHR flags = scene.topFlags;
+    for (const oracle::Object &object : scene.objects)
+        flags |= object.flags;
+    // VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11709
+    if ((flags & kAllowDataUpdate) != 0 && gpu.khr())
+        return "VK_KHR_opacity_micromap has no updates of the data of micromaps";
+    if ((flags & kAllowDataAccess) != 0 && !gpu.has("VK_KHR_ray_tracing_position_fetch"))
+        return "VK_KHR_ray_tracing_position_fetch is not supported";
+    return {};
+}
 
 // What the device lacks for a case, whose steps lead to the scene `after`; empty: nothing.
 std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after)
@@ -23,6 +65,8 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
         return "VK_EXT_conditional_rendering is not supported";
     if (c.build.structures == BuildCommand::Indirect && !gpu.hasIndirectBuilds())
         return "accelerationStructureIndirectBuild is not supported";
+    if (std::string lacks = missingForQueries(gpu, c) + missingForFlags(gpu, c.scene); !lacks.empty())
+        return lacks;
     if (c.scene.instances.size() > gpu.maxInstances())
         return "more instances than maxInstanceCount";
     for (const oracle::Object &object : c.scene.objects) {
@@ -65,6 +109,7 @@ Verdict run(Device &gpu, const Case &c)
         verdict.skipped = true;
         return verdict;
     }
+    gpu.insertLabel(c.group + " " + std::to_string(c.seed));
     gpu.takeFaults();
     std::vector<oracle::Hits> hits = oracle::allHits(after);
     const bool lossy = std::ranges::any_of(hits, [](const oracle::Hits &of) { return !of.lossy.empty(); });

@@ -11,6 +11,21 @@ Target targetOf(Step::Kind kind)
     return kind >= Step::Kind::CloneMicromap && kind <= Step::Kind::SetStates ? Target::Micromap : Target::Object;
 }
 
+bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene)
+{
+    using Kind = Step::Kind;
+    switch (step.kind) {
+    case Kind::UpdateObject: return step.target == object;
+    case Kind::RebuildObjects:
+    case Kind::SetIndices: return step.update && step.target == object;
+    case Kind::CloneMicromap:
+    case Kind::CompactMicromap:
+    case Kind::ReloadMicromap:
+    case Kind::SetStates: return step.update && scene.objects[object].uses(step.target);
+    default: return false;
+    }
+}
+
 void applyTo(oracle::Scene &scene, const Step &step)
 {
     if (step.kind == Step::Kind::SetStates)

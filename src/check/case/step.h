@@ -11,6 +11,9 @@ namespace vellum::check
 enum class Target { Object, Micromap, Top };
 Target targetOf(Step::Kind kind);
 
+// Whether it updates that object. scene: after the step
+bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene);
+
 // The content of the scene after the step; copies change nothing.
 void applyTo(oracle::Scene &scene, const Step &step);
 

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "check/case/names.h"
+#include "check/case/queries.h"
 #include "check/case/step.h"
 #include "check/oracle/scene_build.h"
 
@@ -80,6 +81,8 @@ void checkMicromap(const oracle::SceneMicromap &micromap, const std::string &whe
     checkMicromapTriangles(micromap.triangles, where + ".triangles", states);
     checkLossy(micromap.flags, micromap.triangles, where);
     rule((micromap.flags & ~allOf(kMicromapFlagNames)) == 0, where, "no such flag");
+    rule((micromap.usage & ~allOf(kUsageNames)) == 0 && (micromap.layout & ~allOf(kDataNames)) == 0, where,
+         "no such form of usage counts, or of data");
     rule(oneAtMost(micromap.flags,
                    VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT | VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT),
          where, "fast builds and fast traces exclude each other");
@@ -101,6 +104,7 @@ void checkUse(const Scene &scene, const MeshMicromap &use, size_t triangles, con
         use.micromap && *use.micromap < scene.micromaps.size() ? scene.micromaps[*use.micromap].triangles.size() : 0;
     rule(!use.micromap || count > 0, where, "micromap {} does not exist", use.micromap.value_or(0));
     rule(isNamed(kIndexTypeNames, use.indexType), where, "no such index type");
+    rule((use.usage & ~allOf(kUsageNames)) == 0, where, "no such form of usage counts");
     rule(use.indices.size() == triangles, where, "{} indices for {} triangles", use.indices.size(), triangles);
     const bool direct = use.indexType == VK_INDEX_TYPE_NONE_KHR;
     const uint32_t size = bytesOf(use.indexType);
@@ -221,12 +225,21 @@ void checkMesh(const oracle::Mesh &mesh, bool boxes, const std::string &where)
          where, "stride or offsets too large");
 }
 
+void checkStructureFlags(VkBuildAccelerationStructureFlagsKHR flags, const std::string &where)
+{
+    rule((flags & ~allOf(kStructureFlagNames)) == 0, where, "no such flag");
+    // VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-03796
+    rule(oneAtMost(flags, VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
+                              VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR),
+         where, "fast builds and fast traces exclude each other");
+    // VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11558
+    rule(oneAtMost(flags, kAllowMicromapUpdate | kAllowDataUpdate), where,
+         "updates of micromaps and of their data exclude each other");
+}
+
 void checkObject(const Scene &scene, const oracle::Object &object, const std::string &where)
 {
-    rule((object.flags & ~allOf(kStructureFlagNames)) == 0, where, "no such flag");
-    rule(oneAtMost(object.flags, VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
-                                     VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR),
-         where, "fast builds and fast traces exclude each other");
+    checkStructureFlags(object.flags, where);
     rule(!object.meshes.empty() && object.meshes.size() <= kMostMeshes, where, "has {} meshes, not 1 to {}",
          object.meshes.size(), kMostMeshes);
     const bool boxes = object.hasBoxes();
@@ -284,6 +297,9 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     rule(step.kind == Kind::SetIndices || !step.micromapUse, where, "has indices that it does not use");
     rule(step.kind == Kind::UpdateTop || step.instances.empty(), where, "has instances that it does not use");
     rule(step.kind == Kind::SetStates || reused || !step.inPlace, where, "is not in place");
+    rule(step.update || step.kind == Kind::UpdateObject || step.kind == Kind::UpdateTop || !step.outOfPlace, where,
+         "is no update");
+    rule(step.kind == Kind::CloneObject || step.kind == Kind::CloneTop || !step.exact, where, "is no clone");
     const Target target = targetOf(step.kind);
     rule(target == Target::Micromap || !step.host, where, "has no host command");
     rule(step.host || !step.deferred, where, "only host commands are deferred");
@@ -336,6 +352,92 @@ void checkUpdates(const Case &c, const Scene &scene, const Step &step, const std
              where, "updates object {}, which had no micromap when it was built", i);
 }
 
+// Whether an update changes opacity values only: "the application must not [...] change between use of special index
+// values and explicit micro-map triangles; change the subdivision level or format of the micromap triangle associated
+// with any acceleration-structure triangle" (Acceleration Structure Update Rules).
+bool changesDataOnly(const Scene &before, const Scene &after, uint32_t object)
+{
+    const auto shapeOf = [](const Scene &scene, const MeshMicromap &use, uint32_t triangle) {
+        const int32_t index = use.indexOf(triangle);
+        if (index < 0)
+            return std::pair(index, uint32_t{0});
+        const oracle::MicromapTriangle &of =
+            scene.micromaps[*use.micromap].triangles[static_cast<size_t>(index) + use.base];
+        return std::pair(static_cast<int32_t>(of.level), uint32_t{of.format});
+    };
+    const auto &from = before.objects[object].meshes, &to = after.objects[object].meshes;
+    for (size_t m = 0; m < from.size(); ++m) {
+        if (!oracle::isAlike(from[m].micromap, to[m].micromap))
+            return false;
+        for (uint32_t t = 0; from[m].micromap && t < from[m].micromap->indices.size(); ++t)
+            if (shapeOf(before, *from[m].micromap, t) != shapeOf(after, *to[m].micromap, t))
+                return false;
+    }
+    return true;
+}
+
+// Objects with ALLOW_OPACITY_MICROMAP_DATA_UPDATE.
+void checkDataUpdates(const Case &c)
+{
+    for (uint32_t o = 0; o < c.scene.objects.size(); ++o) {
+        if ((c.scene.objects[o].flags & kAllowDataUpdate) == 0)
+            continue;
+        Scene scene = c.scene;
+        bool deserialized = false;
+        for (size_t i = 0; i < c.steps.size(); ++i) {
+            const Step &step = c.steps[i];
+            const Scene before = scene;
+            applyTo(scene, step);
+            deserialized |= step.kind == Step::Kind::ReloadObject && step.target == o;
+            rule(!isUpdated(step, o, scene) || (!deserialized && changesDataOnly(before, scene, o)),
+                 fmt::format("steps[{}]", i), "updates more than the data of micromaps of object {}", o);
+        }
+    }
+}
+
+void checkQueryTarget(const Case &c, const QueryPlan &plan, const QueryTarget &target, const std::string &where)
+{
+    using Property = QueryPlan::Property;
+    rule(isNamed(kQueryTargetNames, target.of), where, "no such target");
+    const bool micromap = target.of == QueryTarget::Of::Micromap;
+    rule(target.number < (micromap ? c.scene.micromaps.size()
+                          : target.of == QueryTarget::Of::Object ? c.scene.objects.size()
+                                                                 : 1),
+         where, "{} {} does not exist", nameOf(kQueryTargetNames, target.of), target.number);
+    // VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502
+    rule(!micromap || plan.property != Property::CompactedSize ||
+             (c.scene.micromaps[target.number].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0,
+         where, "micromap {} does not allow compaction", target.number);
+    // VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425
+    rule(plan.property != Property::BottomLevelPointers || target.of == QueryTarget::Of::Top, where,
+         "only the top level has bottom-level pointers");
+}
+
+void checkQueries(const Case &c)
+{
+    constexpr uint32_t kMost = 4096;
+    for (size_t p = 0; p < c.queries.size(); ++p) {
+        const QueryPlan &plan = c.queries[p];
+        const std::string where = fmt::format("queries[{}]", p);
+        rule(isNamed(kPropertyNames, plan.property), where, "no such property");
+        rule(plan.count >= 1 && plan.count <= kMost, where, "{} queries, not 1 to {}", plan.count, kMost);
+        QueryStates states(plan.count);
+        for (size_t i = 0; i < plan.commands.size(); ++i) {
+            const QueryCommand &command = plan.commands[i];
+            const std::string here = fmt::format("{}.commands[{}]", where, i);
+            rule(isNamed(kQueryCommandNames, command.kind), here, "no such command");
+            rule(command.offset <= kMost && command.padding <= kMost, here, "offset or padding is too large");
+            for (const QueryTarget &target : command.targets) {
+                checkQueryTarget(c, plan, target, here);
+                rule(command.kind != QueryCommand::Kind::WriteOnHost || target.of == QueryTarget::Of::Micromap, here,
+                     "the host queries micromaps only");
+            }
+            const std::string broken = advance(states, command);
+            rule(broken.empty(), here, "{}", broken);
+        }
+    }
+}
+
 void checkSteps(const Case &c, uint64_t &states)
 {
     Scene scene = c.scene;
@@ -352,6 +454,7 @@ void checkSteps(const Case &c, uint64_t &states)
             checkUses(scene, step.target, where);
         checkUpdates(c, scene, step, where);
     }
+    checkDataUpdates(c);
 }
 
 void checkPlans(const Case &c)
@@ -379,6 +482,8 @@ void checkPlans(const Case &c)
     rule(isNamed(kLaunchNames, c.trace.launch), "trace.launch", "no such command");
     rule(c.trace.recordPadding <= 64, "trace.recordPadding", "{} is too large", c.trace.recordPadding);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
+    rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
+    rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");
     rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
     rule(c.build.spareInstances <= 1000, "build.spareInstances", "{} is too large", c.build.spareInstances);
 }
@@ -389,6 +494,7 @@ void check(const Case &c)
     rule(!scene.objects.empty() && !scene.instances.empty() && !scene.rays.empty(), "scene",
          "needs an object, an instance and a ray");
     rule(std::isfinite(scene.edge) && scene.edge > 0 && scene.edge < 0.1f, "scene.edge", "is not between 0 and 0.1");
+    checkStructureFlags(scene.topFlags, "scene.topFlags");
     uint64_t states = 0;
     for (size_t i = 0; i < scene.micromaps.size(); ++i)
         checkMicromap(scene.micromaps[i], fmt::format("scene.micromaps[{}]", i), states);
@@ -399,6 +505,7 @@ void check(const Case &c)
     for (size_t i = 0; i < scene.rays.size(); ++i)
         checkRay(scene.rays[i], fmt::format("scene.rays[{}]", i));
     checkSteps(c, states);
+    checkQueries(c);
     checkPlans(c);
 }
 

@@ -351,6 +351,7 @@ void Device::createDevice()
                       0};
     indirectBuilds_ = structures.accelerationStructureIndirectBuild != VK_FALSE;
     micromapHostCommands_ = micromaps.micromapHostCommands != VK_FALSE;
+    hostQueryReset_ = vulkan12.hostQueryReset != VK_FALSE;
     indirectTraces_ = {pipelines.rayTracingPipelineTraceRaysIndirect != VK_FALSE,
                        maintenance.rayTracingPipelineTraceRaysIndirect2 != VK_FALSE};
 }
@@ -399,6 +400,13 @@ void Device::submit(const std::function<void(VkCommandBuffer)> &record)
     end(commands);
     execute(commands);
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
+}
+
+void Device::insertLabel(const std::string &text) const
+{
+    const auto label = vkInit<VkDebugUtilsLabelEXT>({.pLabelName = text.c_str()});
+    if (commands_.QueueInsertDebugUtilsLabelEXT != nullptr)
+        commands_.QueueInsertDebugUtilsLabelEXT(queue_, &label);
 }
 
 std::vector<uint32_t> Device::code(std::span<const uint32_t> words) const

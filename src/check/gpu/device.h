@@ -101,6 +101,7 @@ struct DeviceOptions {
     X(CmdTraceRaysIndirect2KHR)                                                                                        \
     X(GetRayTracingShaderGroupStackSizeKHR)                                                                            \
     X(CmdSetRayTracingPipelineStackSizeKHR)                                                                            \
+    X(QueueInsertDebugUtilsLabelEXT)                                                                                   \
     X(CreateDeferredOperationKHR)                                                                                      \
     X(DestroyDeferredOperationKHR)                                                                                     \
     X(DeferredOperationJoinKHR)                                                                                        \
@@ -251,6 +252,7 @@ public:
     // Enabled features.
     [[nodiscard]] bool hasIndirectBuilds() const { return indirectBuilds_; }
     [[nodiscard]] bool hasMicromapHostCommands() const { return micromapHostCommands_; }
+    [[nodiscard]] bool hasHostQueryReset() const { return hostQueryReset_; }
     [[nodiscard]] bool hasIndirectTraces() const { return indirectTraces_[0]; } // vkCmdTraceRaysIndirectKHR
     [[nodiscard]] bool hasIndirectTraces2() const { return indirectTraces_[1]; }
     // Of micromap triangles, by format.
@@ -300,6 +302,8 @@ public:
     void execute(VkCommandBuffer commands);
     // begin, record, end, execute.
     void submit(const std::function<void(VkCommandBuffer)> &record);
+    // Names what follows in capture tools: VkDebugUtilsLabelEXT.
+    void insertLabel(const std::string &text) const;
     VkShaderModule shader(std::span<const uint32_t> words) const;
 
     // An object that a user of the device keeps with it, one of each type; destroyed before the device.
@@ -344,7 +348,7 @@ private:
     uint32_t scratchAlignment_ = 0;
     std::vector<KnownFault> knownFaults_;
     bool lavapipe26_ = false;
-    bool indirectBuilds_ = false, micromapHostCommands_ = false;
+    bool indirectBuilds_ = false, micromapHostCommands_ = false, hostQueryReset_ = false;
     std::array<bool, 2> indirectTraces_{};
     std::array<uint32_t, 3> maxLevels_{};
     uint64_t maxGeometries_ = 0, maxPrimitives_ = 0, maxInstances_ = 0;

@@ -20,7 +20,7 @@ struct OfDriver {
     uint32_t first, end; // versions that have it: from `first`, and before `end`
 };
 
-constexpr std::array<OfDriver, 5> kOfDrivers{{
+constexpr std::array<OfDriver, 8> kOfDrivers{{
     {{Fault::ReportChangesAttributes,
       "a hit that an intersection shader reports and that is not accepted changes the attributes of the committed hit",
       "attributes of such committed hits are not judged"},
@@ -51,6 +51,19 @@ constexpr std::array<OfDriver, 5> kOfDrivers{{
      VK_DRIVER_ID_MESA_LLVMPIPE,
      kMesa26,
      kNotFixed},
+    // Mesa 25.0 builds on the CPU. Later ones build as RADV does (vk_acceleration_structure.c), which is right in these.
+    {{Fault::FirstVertexIgnored, "builds ignore firstVertex", "it is 0"}, VK_DRIVER_ID_MESA_LLVMPIPE, 0, kMesa26},
+    {{Fault::FourthComponentTransformed,
+      "transformData moves vertices by as much as their fourth component, which is to be ignored, says",
+      "geometries whose vertex format has four components have no transformData"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     0,
+     kMesa26},
+    {{Fault::InactiveHideOthers, "inactive triangles and AABBs hide others of their structure",
+      "degenerate ones are in their place"},
+     VK_DRIVER_ID_MESA_LLVMPIPE,
+     0,
+     kMesa26},
 }};
 
 struct OfLayer {

@@ -17,6 +17,9 @@ enum class Fault {
     RayGenerationInLibrary,
     InstanceBehindInvisible,
     AddressWithConstantFlags,
+    FirstVertexIgnored,
+    FourthComponentTransformed,
+    InactiveHideOthers,
     LayerIntersectionShaders,
     LayerSerializedStructures,
 };

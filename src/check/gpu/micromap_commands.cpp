@@ -119,7 +119,8 @@ VkDeviceSize reportedSize(const Device &gpu, VkDeviceSize bytes)
     return gpu.khr() ? (bytes + 255 - 64) / 256 * 256 + 64 : bytes;
 }
 
-void recordMicromapBuilds(const Device &gpu, VkCommandBuffer commands, std::span<const MicromapBuild> builds)
+void recordMicromapBuilds(const Device &gpu, VkCommandBuffer commands, std::span<const MicromapBuild> builds,
+                          const OtherBuilds &others)
 {
     const auto count = static_cast<uint32_t>(builds.size());
     if (!gpu.khr()) {
@@ -133,13 +134,21 @@ void recordMicromapBuilds(const Device &gpu, VkCommandBuffer commands, std::span
     }
     std::vector<std::unique_ptr<StructureBuild>> structures;
     std::vector<VkAccelerationStructureBuildGeometryInfoKHR> infos;
-    for (const MicromapBuild &build : builds) {
-        structures.push_back(std::make_unique<StructureBuild>(build.info, build.target.khr));
-        infos.push_back(structures.back()->info);
-    }
     // Not read of micromaps, but there must be as many.
-    const std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges(count, nullptr);
-    gpu.vk().CmdBuildAccelerationStructuresKHR(commands, count, infos.data(), ranges.data());
+    std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges;
+    for (size_t i = 0; i < std::max(builds.size(), others.infos.size()); ++i) {
+        if (i < builds.size()) {
+            structures.push_back(std::make_unique<StructureBuild>(builds[i].info, builds[i].target.khr));
+            infos.push_back(structures.back()->info);
+            ranges.push_back(nullptr);
+        }
+        if (i < others.infos.size()) {
+            infos.push_back(others.infos[i]);
+            ranges.push_back(others.ranges[i]);
+        }
+    }
+    gpu.vk().CmdBuildAccelerationStructuresKHR(commands, static_cast<uint32_t>(infos.size()), infos.data(),
+                                               ranges.data());
 }
 
 void recordMicromapCopy(const Device &gpu, VkCommandBuffer commands, MicromapHandle from, MicromapHandle to,
@@ -236,10 +245,10 @@ void HostCommands::run(const Command &command) const
     checkResult(result, "a deferred host command of micromaps");
 }
 
-void HostCommands::build(const VkMicromapBuildInfoEXT &info) const
+void HostCommands::build(std::span<const VkMicromapBuildInfoEXT> infos) const
 {
     run([&](VkDeferredOperationKHR operation) {
-        return gpu_.vk().BuildMicromapsEXT(gpu_.device(), operation, 1, &info);
+        return gpu_.vk().BuildMicromapsEXT(gpu_.device(), operation, static_cast<uint32_t>(infos.size()), infos.data());
     });
 }
 

@@ -68,8 +68,14 @@ VkMicromapBuildSizesInfoEXT micromapSizes(const Device &gpu, const VkMicromapBui
 // A size that VK_EXT_opacity_micromap would report as `bytes`: with VK_KHR_opacity_micromap the layer reports the
 // next one that is 64 modulo 256, by which it knows a GENERIC structure that was made for a micromap.
 VkDeviceSize reportedSize(const Device &gpu, VkDeviceSize bytes);
-// All by one command.
-void recordMicromapBuilds(const Device &gpu, VkCommandBuffer commands, std::span<const MicromapBuild> builds);
+// Builds of acceleration structures other than micromaps.
+struct OtherBuilds {
+    std::vector<VkAccelerationStructureBuildGeometryInfoKHR> infos;
+    std::vector<const VkAccelerationStructureBuildRangeInfoKHR *> ranges;
+};
+// All by one command. others: built by the same one, between the micromaps; VK_KHR_opacity_micromap only
+void recordMicromapBuilds(const Device &gpu, VkCommandBuffer commands, std::span<const MicromapBuild> builds,
+                          const OtherBuilds &others = {});
 
 void recordMicromapCopy(const Device &gpu, VkCommandBuffer commands, MicromapHandle from, MicromapHandle to,
                         VkCopyMicromapModeEXT mode);
@@ -88,7 +94,7 @@ class HostCommands
 {
 public:
     HostCommands(Device &gpu, bool deferred) : gpu_(gpu), deferred_(deferred) {}
-    void build(const VkMicromapBuildInfoEXT &info) const;
+    void build(std::span<const VkMicromapBuildInfoEXT> infos) const; // by one command
     void copy(VkMicromapEXT from, VkMicromapEXT to, VkCopyMicromapModeEXT mode) const;
     void toMemory(VkMicromapEXT from, void *to) const;
     void toMicromap(const void *from, VkMicromapEXT to) const;

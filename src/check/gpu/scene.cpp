@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <stdexcept>
+#include <utility>
 
 namespace vellum::check
 {
@@ -13,12 +14,45 @@ namespace
 constexpr VkBufferUsageFlags kBuildInput =
     VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
-std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<uint32_t, uint32_t>, uint32_t> &counts)
+std::vector<VkMicromapUsageEXT> toUsage(const std::map<std::pair<uint32_t, uint32_t>, uint32_t> &counts, uint32_t form)
 {
     std::vector<VkMicromapUsageEXT> usage;
     for (const auto &[key, count] : counts)
         usage.push_back({count, key.second, key.first});
-    return usage;
+    if ((form & kUsageDescending) != 0)
+        std::reverse(usage.begin(), usage.end());
+    const size_t different = usage.size();
+    for (size_t i = 0; (form & kUsageSplit) != 0 && i < different; ++i) {
+        const uint32_t first = usage[i].count / 2;
+        usage.push_back({usage[i].count - first, usage[i].subdivisionLevel, usage[i].format});
+        usage[i].count = first;
+    }
+    if ((form & kUsageZeros) == 0)
+        return usage;
+    std::vector<VkMicromapUsageEXT> withZeros;
+    for (size_t i = 0; i < usage.size(); ++i) {
+        const VkMicromapUsageEXT &next = usage[(i + 1) % usage.size()];
+        withZeros.push_back({0, next.subdivisionLevel, next.format});
+        withZeros.push_back(usage[i]);
+    }
+    return withZeros;
+}
+
+uint32_t bitsOf(const VkMicromapTriangleEXT &triangle)
+{
+    return (triangle.format == kTwoState ? 1u : 2u) << (2 * triangle.subdivisionLevel);
+}
+
+// Where the bits of `own` are in the data; nothing where they are not, or are many.
+std::optional<uint32_t> findData(std::span<const uint8_t> data, std::span<const uint8_t> own, uint32_t bits)
+{
+    constexpr size_t kMost = 64;
+    if (own.size() > kMost)
+        return {};
+    const auto mask = static_cast<uint8_t>(bits < 8 ? (1u << bits) - 1 : 0xff);
+    const auto found = std::search(data.begin(), data.end(), own.begin(), own.end(),
+                                   [mask](uint8_t a, uint8_t b) { return (a & mask) == (b & mask); });
+    return found == data.end() ? std::nullopt : std::optional(static_cast<uint32_t>(found - data.begin()));
 }
 
 constexpr uint8_t kGarbage = 0x5a; // what nobody may read
@@ -67,10 +101,37 @@ std::vector<VkMicromapUsageEXT> MicromapInput::usage() const
     std::map<std::pair<uint32_t, uint32_t>, uint32_t> counts;
     for (const VkMicromapTriangleEXT &t : triangles)
         ++counts[{t.format, t.subdivisionLevel}];
-    return toUsage(counts);
+    return toUsage(counts, usageForm);
 }
 
-std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> indices, uint32_t base) const
+void MicromapInput::layOut(uint32_t layout)
+{
+    if (layout == 0)
+        return;
+    const std::vector<uint8_t> packed = std::exchange(data, {});
+    for (size_t n = 0; n < triangles.size(); ++n) {
+        const size_t i = (layout & kDataDescending) != 0 ? triangles.size() - 1 - n : n;
+        const uint32_t bits = bitsOf(triangles[i]);
+        std::vector<uint8_t> own(packed.begin() + triangles[i].dataOffset,
+                                 packed.begin() + triangles[i].dataOffset + (bits + 7) / 8);
+        if ((layout & kDataOverlapping) != 0) {
+            if (const auto found = findData(data, own, bits)) {
+                triangles[i].dataOffset = *found;
+                continue;
+            }
+        }
+        if ((layout & kDataGaps) != 0) {
+            data.insert(data.end(), 1 + i % 7, 0x5a);
+            if (bits < 8)
+                own[0] = static_cast<uint8_t>(own[0] | (0xa5u << bits));
+        }
+        triangles[i].dataOffset = static_cast<uint32_t>(data.size());
+        data.insert(data.end(), own.begin(), own.end());
+    }
+}
+
+std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> indices, uint32_t base,
+                                                     uint32_t form) const
 {
     std::map<std::pair<uint32_t, uint32_t>, uint32_t> counts;
     for (const int32_t i : indices) {
@@ -79,7 +140,7 @@ std::vector<VkMicromapUsageEXT> MicromapInput::usage(std::span<const int32_t> in
         const VkMicromapTriangleEXT &t = triangles[static_cast<size_t>(i) + base];
         ++counts[{t.format, t.subdivisionLevel}];
     }
-    return toUsage(counts);
+    return toUsage(counts, form);
 }
 
 Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT flags, SharedScratch *scratch)
@@ -181,7 +242,8 @@ VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
 
 void Micromap::buildOnHost(bool deferred) const
 {
-    HostCommands(gpu_, deferred).build(hostBuildInfo());
+    const VkMicromapBuildInfoEXT info = hostBuildInfo();
+    HostCommands(gpu_, deferred).build(std::span(&info, 1));
 }
 
 void Micromap::scribble()
@@ -275,8 +337,11 @@ void Structure::prepareBuild(VkBuildAccelerationStructureFlagsKHR flags, VkBuild
     // A compacted one is large enough for its updates in place: VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126.
     if (sizes.accelerationStructureSize > size_ && !update)
         create(sizes.accelerationStructureSize);
+    const Structure *const source = update ? std::exchange(source_, nullptr) : nullptr;
+    if (source != nullptr)
+        create(source->size());
     scratch_ = scratchOf(gpu_, sharedScratch_, update ? sizes.updateScratchSize : sizes.buildScratchSize);
-    info_.srcAccelerationStructure = update ? structure_ : VK_NULL_HANDLE;
+    info_.srcAccelerationStructure = source != nullptr ? source->handle() : update ? structure_ : VK_NULL_HANDLE;
     info_.dstAccelerationStructure = structure_;
     info_.scratchData.deviceAddress = scratch_->address();
 }
@@ -358,6 +423,7 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
     inputs_ = std::move(geometries);
     buffers_.clear();
     usages_.assign(inputs_.size(), {});
+    usagePointers_.assign(inputs_.size(), {});
     attachments_.assign(inputs_.size(), {});
     attachmentsKhr_.assign(inputs_.size(), {});
     geometries_.clear();
@@ -394,11 +460,14 @@ void Blas::prepare(std::vector<Geometry> geometries, VkBuildAccelerationStructur
                 out.indexBuffer.deviceAddress = upload(packed.data(), packed.size(), size) + attachment.indexOffset;
             }
             if (attachment.micromap != nullptr) {
-                usages_[i] = attachment.micromap->input().usage(used, attachment.base);
+                usages_[i] = attachment.micromap->input().usage(used, attachment.base, attachment.usageForm);
                 out.micromap = attachment.micromap->handle().ext;
             }
             out.usageCountsCount = static_cast<uint32_t>(usages_[i].size());
-            out.pUsageCounts = usages_[i].data();
+            for (const VkMicromapUsageEXT &usage : usages_[i])
+                usagePointers_[i].push_back(&usage);
+            out.pUsageCounts = attachment.usagePointers ? nullptr : usages_[i].data();
+            out.ppUsageCounts = attachment.usagePointers ? usagePointers_[i].data() : nullptr;
             geometry.geometry.triangles.pNext = &out;
             const bool khr =
                 attachment.micromap != nullptr ? attachment.micromap->handle().khr != VK_NULL_HANDLE : gpu().khr();

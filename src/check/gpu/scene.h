@@ -19,6 +19,21 @@ inline constexpr uint16_t kFourState = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
 inline constexpr uint32_t kFlagTwoState = 0x10; // VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT
 inline constexpr uint32_t kFlagDisable = 0x20;  // VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT
 
+// How usage counts are stated. "Multiple elements with the same format and subdivisionLevel are allowed and the total
+// count for that format and subdivisionLevel is the sum of the count for each element" (VkMicromapBuildInfoEXT,
+// VkAccelerationStructureGeometryMicromapDataKHR; VkAccelerationStructureTrianglesOpacityMicromapEXT alike).
+enum UsageForm : uint32_t {
+    kUsageZeros = 1,      // elements with count 0 before the others
+    kUsageSplit = 2,      // what is counted is in two elements, the second ones behind all first ones
+    kUsageDescending = 4, // by format and level
+};
+// Where the data of a micromap's triangles is. dataOffset is "a byte aligned value" (VkMicromapTriangleKHR).
+enum DataLayout : uint32_t {
+    kDataDescending = 1,  // that of the last triangle first
+    kDataGaps = 2,        // 1 to 7 bytes of garbage between two; unused bits of a byte are garbage as well
+    kDataOverlapping = 4, // where a triangle finds its data among that of others, it has none of its own
+};
+
 // What a micromap build reads.
 struct MicromapInput {
     std::vector<VkMicromapTriangleEXT> triangles;
@@ -26,12 +41,16 @@ struct MicromapInput {
     VkDeviceSize stride = sizeof(VkMicromapTriangleEXT);
     std::vector<VkMicromapUsageEXT> declared; // not empty: instead of the true usage
     bool usagePointers = false;               // usage counts come as an array of pointers
+    uint32_t usageForm = 0;                   // bits of UsageForm
 
     // Appends a triangle and its data; states: 4^level values 0..3 (only 0 and 1 in the 2-state format).
     uint32_t add(uint32_t level, uint16_t format, std::span<const uint8_t> states);
     [[nodiscard]] std::vector<VkMicromapUsageEXT> usage() const;
-    // The usage of a geometry with these indices; negative ones do not count.
-    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage(std::span<const int32_t> indices, uint32_t base) const;
+    // The usage of a geometry with these indices; negative ones do not count. form: bits of UsageForm
+    [[nodiscard]] std::vector<VkMicromapUsageEXT> usage(std::span<const int32_t> indices, uint32_t base,
+                                                        uint32_t form = 0) const;
+    // Lays the data out otherwise. layout: bits of DataLayout
+    void layOut(uint32_t layout);
 };
 
 class Micromap
@@ -95,6 +114,8 @@ struct Attachment {
     std::optional<uint32_t> stride; // tightly packed unless given; 0: every triangle reads the first index
     uint32_t base = 0;
     uint32_t indexOffset = 0; // bytes before the first index
+    bool usagePointers = false;
+    uint32_t usageForm = 0; // bits of UsageForm
 };
 
 struct Geometry {
@@ -135,6 +156,8 @@ public:
     // The next create uses the other's room, if it is large enough: two handles, and later another content, in one
     // place.
     void useRoomOf(const Structure &other) { room_ = other.storage_; }
+    // The next update reads the source, and writes a structure that is made as large; null: the same as it writes.
+    void updateFrom(const Structure *source) { source_ = source; }
     // The next builds get their geometries by ppGeometries.
     void usePointers(bool pointers) { usesPointers_ = pointers; }
     // Uses that scratch memory instead of memory of its own; null: its own again.
@@ -169,6 +192,7 @@ private:
     VkAccelerationStructureKHR structure_ = VK_NULL_HANDLE;
     VkDeviceAddress address_ = 0;
     VkDeviceSize size_ = 0;
+    const Structure *source_ = nullptr;
     std::shared_ptr<Guarded> storage_, room_;
     std::shared_ptr<Guarded> scratch_;
     SharedScratch *sharedScratch_ = nullptr;
@@ -211,6 +235,7 @@ private:
     std::vector<Guarded> buffers_;
     size_t filled_ = 0; // of the last buffer, where geometries share it
     std::vector<std::vector<VkMicromapUsageEXT>> usages_;
+    std::vector<std::vector<const VkMicromapUsageEXT *>> usagePointers_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapKHR> attachmentsKhr_;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Groups about builds: commands, threads, memory.
 #include <array>
+#include <cmath>
 
 #include "check/case/trace.h"
 #include "check/groups/random_case.h"
@@ -10,10 +11,75 @@ namespace vellum::check
 namespace
 {
 
+// A ray at the middle of a micro-triangle; some instance has the object.
+void aimAt(oracle::Scene &scene, const oracle::Instance &instance, const oracle::Mesh &mesh, uint32_t triangle,
+           std::array<double, 2> place)
+{
+    const oracle::Corners corners = oracle::cornersOf(mesh, triangle);
+    Ray ray;
+    for (size_t i = 0; i < 3; ++i) {
+        double point = double{instance.transform.matrix[i][3]};
+        for (size_t k = 0; k < 3; ++k) {
+            const double inObject = corners[0][k] + place[0] * (corners[1][k] - corners[0][k]) +
+                                    place[1] * (corners[2][k] - corners[0][k]);
+            point += double{instance.transform.matrix[i][k]} * inObject;
+        }
+        if (!std::isfinite(point)) // of an inactive triangle
+            return;
+        constexpr std::array<double, 3> kFrom{3.1, 4.7, 5.9};
+        ray.origin[i] = static_cast<float>(point + kFrom[i]);
+        ray.direction[i] = static_cast<float>(-kFrom[i]);
+    }
+    ray.tMax = 1000;
+    scene.rays.push_back(ray);
+}
+
+// Rays at a micro-triangle of a micromap triangle, wherever it is.
+void aimAtAll(oracle::Scene &scene, uint32_t micromap, uint32_t triangle, uint32_t microTriangle)
+{
+    constexpr size_t kMostRays = 400;
+    const uint32_t level = scene.micromaps[micromap].triangles[triangle].level;
+    for (const oracle::Instance &instance : scene.instances) {
+        for (const oracle::Mesh &mesh : scene.objects[instance.object].meshes) {
+            if (!mesh.micromap || mesh.micromap->micromap != micromap)
+                continue;
+            for (uint32_t t = 0; t < mesh.micromap->indices.size(); ++t) {
+                const int32_t index = mesh.micromap->indexOf(t);
+                if (index >= 0 && static_cast<uint32_t>(index) + mesh.micromap->base == triangle &&
+                    scene.rays.size() < kMostRays)
+                    aimAt(scene, instance, mesh, t, microTriangleCentre(microTriangle, level));
+            }
+        }
+    }
+}
+
+void makeNearlyEqual(Random &random, oracle::Scene &scene, uint32_t micromap)
+{
+    std::vector<oracle::MicromapTriangle> &triangles = scene.micromaps[micromap].triangles;
+    for (uint32_t t = 0; t < triangles.size(); ++t) {
+        // Of this micromap or of one before it
+        const uint32_t other = below(random, micromap + 1);
+        const auto &from = scene.micromaps[other].triangles;
+        const auto candidates = static_cast<uint32_t>(other == micromap ? t : from.size());
+        if (candidates == 0 || chance(random, 20))
+            continue;
+        const uint32_t source = below(random, candidates);
+        triangles[t] = from[source];
+        if (chance(random, 15))
+            continue;
+        const uint32_t place = below(random, static_cast<uint32_t>(triangles[t].states.size()));
+        uint8_t &state = triangles[t].states[place];
+        state = static_cast<uint8_t>(state ^ (triangles[t].format == kTwoState ? 1 : 1 + below(random, 2)));
+        aimAtAll(scene, micromap, t, place);
+        aimAtAll(scene, other, source, place);
+    }
+}
+
 Case builds(Random &random, const DeviceLimits &limits)
 {
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
     c.build.together = chance(random, 60);
+    c.build.mixed = c.build.together && limits.api == Api::Khr && chance(random, 50);
     if (limits.indirectBuilds && chance(random, 40)) {
         c.build.structures = BuildCommand::Indirect;
         c.build.spareTriangles = below(random, 4);
@@ -55,6 +121,19 @@ Case single(Random &random, const DeviceLimits &limits)
     Case c{.scene = makeScene(random, smallScene(limits), limits)};
     c.build.single = true;
     c.build.instancePointers = chance(random, 30);
+    return c;
+}
+
+// Micromaps most of whose triangles equal another one, or differ from it in one bit, and rays at these micro-triangles.
+Case nearlyEqual(Random &random, const DeviceLimits &limits)
+{
+    Limits small = smallScene(limits);
+    small.maxLevel = 7;
+    small.rays = 40;
+    Case c{.scene = makeScene(random, small, limits)};
+    c.build.together = chance(random, 50);
+    for (uint32_t m = 0; m < c.scene.micromaps.size(); ++m)
+        makeNearlyEqual(random, c.scene, m);
     return c;
 }
 
@@ -114,36 +193,39 @@ Case state(Random &random, const DeviceLimits &limits)
 constexpr std::array kGroups{
     Group{"builds",
           "several micromaps and structures by one command, indirect builds, arrays of pointers, usage counts by "
-          "pointers, strides of triangle arrays",
+          "pointers, of 0, repeated and in any order, strides of triangle arrays, data with gaps and overlaps",
           "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
-          "ppUsageCounts; triangleArrayStride; arrayOfPointers",
-          200, runGroup<builds>},
+          "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
+          "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
+          200, runGroup<builds>, 150},
+    Group{"nearly-equal", "micromap triangles that equal others or differ from them in one bit",
+          "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>, 60},
     Group{"geometry",
           "vertices of all formats, strides, offsets, indices and transforms; geometries without triangles, degenerate "
           "and inactive triangles; many geometries; ppGeometries; NO_DUPLICATE_ANY_HIT_INVOCATION",
           "VkAccelerationStructureGeometryTrianglesDataKHR; VkAccelerationStructureGeometryAabbsDataKHR; "
           "VkAccelerationStructureBuildRangeInfoKHR; VkGeometryFlagBitsKHR; Inactive Primitives and Instances; "
           "Degenerate Primitives and Instances",
-          300, runGroup<geometry>},
+          300, runGroup<geometry>, 200},
     Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",
-          150, runGroup<single>},
+          150, runGroup<single>, 120},
     Group{"host-builds", "micromaps that are built on the host", "vkBuildMicromapsEXT; micromapHostCommands", 60,
-          runGroup<hostBuilds>},
+          runGroup<hostBuilds>, 60},
     Group{
         "packed", "micromaps and structures side by side in one buffer: builds write nothing else",
         "VkAccelerationStructureBuildSizesInfoKHR and VkMicromapBuildSizesInfoEXT: sizes of memory and scratch memory",
-        150, runGroup<packed>},
+        150, runGroup<packed>, 120},
     Group{"generic", "GENERIC structures that reach to the end of their buffer, beyond what is built in them",
           "VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; VkAccelerationStructureCreateInfoKHR: size", 150,
-          runGroup<generic>},
+          runGroup<generic>, 120},
     Group{"state", "what is bound before a build is still there after it; builds within conditional rendering",
           "Command Buffer State: build and copy commands change no bound pipeline, descriptor set or push constants; "
           "Conditional Rendering: discards draws, dispatches and clears only",
-          120, runGroup<state>},
+          120, runGroup<state>, 50},
     Group{"threads", "builds recorded on several threads and submitted to all queues; rays beside a build",
-          "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>},
+          "Threading Behavior; Acceleration Structure Build Synchronization", 100, runGroup<threads>, 100},
 };
 
 } // namespace

@@ -10,7 +10,8 @@ std::span<const Group> groups()
 {
     static const std::vector<Group> all = [] {
         std::vector<Group> list;
-        for (const std::span<const Group> some : {resolutionGroups(), buildGroups(), objectGroups(), scaleGroups()})
+        for (const std::span<const Group> some :
+             {resolutionGroups(), buildGroups(), objectGroups(), queryGroups(), scaleGroups()})
             list.insert(list.end(), some.begin(), some.end());
         return list;
     }();

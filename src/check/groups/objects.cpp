@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "check/case/step.h"
 #include "check/groups/random_case.h"
 
 namespace vellum::check
@@ -43,9 +44,16 @@ Case serialization(Random &random, const DeviceLimits &limits)
 
 Case updates(Random &random, const DeviceLimits &limits)
 {
-    constexpr std::array kinds{Kind::UpdateObject, Kind::SetStates, Kind::SetIndices, Kind::RebuildObject,
-                               Kind::UpdateTop};
-    return withSteps(random, limits, kinds, 4);
+    // Updates, and between them what an updated structure may have come from
+    constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject,    Kind::UpdateObject,   Kind::SetStates,
+                               Kind::SetStates,     Kind::SetIndices,      Kind::SetIndices,     Kind::UpdateTop,
+                               Kind::UpdateTop,     Kind::RebuildObject,   Kind::RebuildObjects, Kind::CloneObject,
+                               Kind::CompactObject, Kind::ReloadObject,    Kind::CloneMicromap,  Kind::CompactMicromap,
+                               Kind::CloneTop,      Kind::CompactTop,      Kind::ReloadTop};
+    Case c = withSteps(random, limits, kinds, 6);
+    for (Step &step : c.steps)
+        step.update |= targetOf(step.kind) == Target::Micromap && chance(random, 50);
+    return c;
 }
 
 Case sequences(Random &random, const DeviceLimits &limits)
@@ -98,25 +106,28 @@ constexpr std::array kGroups{
     Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
-          200, runGroup<copies>},
+          200, runGroup<copies>, 100},
     Group{"serialization", "serialized and deserialized, into fresh memory and over another content; version data",
           "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
           "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries; "
           "vkGetDeviceAccelerationStructureCompatibilityKHR, vkGetDeviceMicromapCompatibilityEXT",
-          150, runGroup<serialization>},
+          150, runGroup<serialization>, 80},
     Group{"host-copies", "micromaps that are copied, serialized, deserialized and queried on the host, also deferred",
           "vkCopyMicromapEXT, vkCopyMicromapToMemoryEXT, vkCopyMemoryToMicromapEXT, vkWriteMicromapsPropertiesEXT; "
           "Deferred Host Operations; micromapHostCommands",
-          120, runGroup<hostCopies>},
-    Group{"updates", "updates with other states, other indices and the same data",
+          120, runGroup<hostCopies>, 120},
+    Group{"updates",
+          "updates in place and to another structure, with other states, other indices and the same data, after copies, "
+          "compaction and deserialization",
           "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
-          "acceleration structure can change on update\"",
-          200, runGroup<updates>},
+          "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
+          "ALLOW_OPACITY_MICROMAP_DATA_UPDATE; srcAccelerationStructure other than dstAccelerationStructure",
+          200, runGroup<updates>, 120},
     Group{"rebuilds", "structures of all kinds that are built again by one command, between others that stay",
           "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
-          runGroup<rebuilds>},
+          runGroup<rebuilds>, 80},
     Group{"sequences", "up to ten steps of all kinds, and rays beside a build",
-          "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>},
+          "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>, 100},
 };
 
 } // namespace

@@ -2,9 +2,12 @@
 #include "check/groups/random_case.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "check/case/json.h"
+#include "check/case/names.h"
 #include "check/case/step.h"
+#include "check/case/validity.h"
 #include "check/groups/session.h"
 
 namespace vellum::check
@@ -30,6 +33,25 @@ void showBeforeOthers(oracle::Scene &scene)
     }
 }
 
+// Fault::FirstVertexIgnored, FourthComponentTransformed, InactiveHideOthers
+void avoidFaultsOfGeometry(oracle::Mesh &mesh, const DeviceLimits &limits)
+{
+    if (limits.has(Fault::FirstVertexIgnored))
+        mesh.layout.firstVertex = 0;
+    if (limits.has(Fault::FourthComponentTransformed) && vertexFormat(mesh.layout.vertexFormat).components == 4) {
+        mesh.layout.transform.reset();
+        mesh.layout.transformOffset = 0;
+    }
+    if (!limits.has(Fault::InactiveHideOthers))
+        return;
+    for (VkAabbPositionsKHR &box : mesh.boxes)
+        if (std::isnan(box.minX))
+            box = {box.maxX, box.maxY, box.maxZ, box.maxX, box.maxY, box.maxZ};
+    for (size_t i = 0; i < mesh.vertices.size(); ++i)
+        if (std::isnan(mesh.vertices[i][0]))
+            std::fill_n(mesh.vertices.begin() + static_cast<ptrdiff_t>(i - i % 3), 3, Vec3{});
+}
+
 // Fault::AddressWithConstantFlags
 void useDescriptors(TracePlan &trace)
 {
@@ -47,6 +69,29 @@ bool allowed(const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT f
     if (triangle.format == kTwoState)
         return triangle.level <= limits.maxLevel2 && (flags & kLossy) == 0; // VUID-...-format-11713
     return triangle.level <= ((flags & kLossy) != 0 ? limits.maxLossyLevel : limits.maxLevel4);
+}
+
+VkBuildAccelerationStructureFlagsKHR randomFlags(Random &random, const DeviceLimits &limits)
+{
+    constexpr std::array<VkBuildAccelerationStructureFlagsKHR, 3> preferences{
+        0, VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR,
+        VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR};
+    VkBuildAccelerationStructureFlagsKHR flags = preferences[below(random, preferences.size())];
+    const auto maybe = [&](VkBuildAccelerationStructureFlagsKHR flag, uint32_t percent) {
+        flags |= chance(random, percent) ? flag : 0;
+    };
+    maybe(VK_BUILD_ACCELERATION_STRUCTURE_LOW_MEMORY_BIT_KHR, 30);
+    maybe(VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR, 20);
+    maybe(VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR, 20);
+    maybe(VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_EXT, 20);
+    // VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11558, -flags-11709
+    if (limits.api == Api::Ext && chance(random, 30))
+        flags |= kAllowDataUpdate;
+    else
+        maybe(kAllowMicromapUpdate, 20);
+    if (limits.dataAccess)
+        maybe(kAllowDataAccess, 20);
+    return flags;
 }
 
 // sameSize: of the same levels and formats.
@@ -81,6 +126,9 @@ DeviceLimits limitsOf(const Device &gpu)
             .pipelines = gpu.has(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME),
             .hostCommands = gpu.hasMicromapHostCommands(),
             .indirectBuilds = gpu.hasIndirectBuilds(),
+            .hostReset = gpu.hasHostQueryReset(),
+            .maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME),
+            .dataAccess = gpu.has("VK_KHR_ray_tracing_position_fetch"),
             .maxLevel2 = gpu.maxLevel(kTwoState),
             .maxLevel4 = gpu.maxLevel(kFourState),
             .maxLossyLevel = gpu.maxLossyLevel(),
@@ -101,6 +149,27 @@ Limits smallScene(const DeviceLimits &limits)
             .formats = limits.vertexFormats};
 }
 
+void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits)
+{
+    const auto some = [&](uint32_t percent, uint32_t bits) {
+        return chance(random, percent) ? below(random, bits + 1) : 0;
+    };
+    scene.topFlags = randomFlags(random, limits);
+    for (oracle::SceneMicromap &micromap : scene.micromaps) {
+        micromap.usage = some(50, allOf(kUsageNames));
+        micromap.layout = some(50, allOf(kDataNames));
+    }
+    for (oracle::Object &object : scene.objects) {
+        object.flags = randomFlags(random, limits);
+        for (oracle::Mesh &mesh : object.meshes) {
+            if (!mesh.micromap)
+                continue;
+            mesh.micromap->usagePointers = chance(random, 30);
+            mesh.micromap->usage = some(50, allOf(kUsageNames));
+        }
+    }
+}
+
 oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits &limits)
 {
     oracle::Scene made = oracle::randomScene(random, scene);
@@ -110,8 +179,12 @@ oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits 
                 triangle = oracle::randomTriangle(random, scene.maxLevel);
         }
     }
+    for (oracle::Object &object : made.objects)
+        for (oracle::Mesh &mesh : object.meshes)
+            avoidFaultsOfGeometry(mesh, limits);
     if (limits.has(Fault::InstanceBehindInvisible))
         showBeforeOthers(made);
+    varyBuilds(random, made, limits);
     return made;
 }
 
@@ -154,6 +227,7 @@ oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t
 std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind kind, const DeviceLimits &limits)
 {
     Step step{.kind = kind, .update = chance(random, 50)};
+    step.outOfPlace = chance(random, 50) && (step.update || kind == Kind::UpdateObject);
     switch (kind) {
     case Kind::CloneMicromap:
     case Kind::CompactMicromap:
@@ -190,10 +264,12 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         step.micromapUse = oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
         step.update =
             step.update && oracle::isAlike(scene.objects[step.target].meshes[step.other].micromap, step.micromapUse);
+        step.outOfPlace &= step.update;
         return step;
     }
     case Kind::UpdateTop:
         step.update = false;
+        step.outOfPlace = chance(random, 50);
         step.instances = scene.instances;
         for (oracle::Instance &instance : step.instances) {
             const bool inactive = instance.inactive;
@@ -207,8 +283,12 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         return step;
     case Kind::CloneTop:
     case Kind::CompactTop:
-    case Kind::ReloadTop: return Step{.kind = kind};
+    case Kind::ReloadTop:
+        return Step{.kind = kind, .exact = kind == Kind::CloneTop && limits.maintenance && chance(random, 40)};
     default:
+        step.exact = kind == Kind::CloneObject && limits.maintenance && chance(random, 40);
+        step.update &= kind == Kind::RebuildObjects;
+        step.outOfPlace &= step.update || kind == Kind::UpdateObject;
         step.target = below(random, static_cast<uint32_t>(scene.objects.size()));
         step.other = below(random, static_cast<uint32_t>(scene.objects.size()));
         if (kind == Kind::ReloadObject && limits.api == Api::Khr && limits.has(Fault::LayerSerializedStructures) &&
@@ -228,6 +308,11 @@ void addSteps(Random &random, Case &c, std::span<const Kind> kinds, uint32_t cou
     }
     // In the order in which they are carried out.
     std::ranges::stable_partition(c.steps, [](const Step &step) { return targetOf(step.kind) != Target::Top; });
+    // Objects whose micromaps change in more than their data
+    for (oracle::Object &object : c.scene.objects) {
+        if ((object.flags & kAllowDataUpdate) != 0 && !invalid(c).empty())
+            object.flags ^= kAllowDataUpdate | kAllowMicromapUpdate;
+    }
 }
 
 Outcome runRandomCase(Session &session, std::string_view group, uint64_t seed, MakeCase make)

@@ -21,6 +21,9 @@ struct DeviceLimits {
     bool pipelines = false;   // ray tracing pipelines
     bool hostCommands = false;
     bool indirectBuilds = false;
+    bool hostReset = false;   // of queries
+    bool maintenance = false; // VK_KHR_ray_tracing_maintenance1
+    bool dataAccess = false;  // VK_KHR_ray_tracing_position_fetch
     uint32_t maxLevel2 = 0, maxLevel4 = 0, maxLossyLevel = 0;
     std::vector<VkFormat> vertexFormats = {kVertexFormats.begin(), kVertexFormats.begin() + kRequiredVertexFormats};
     std::vector<KnownFault> faults;
@@ -59,6 +62,11 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step:
 // Appends `count` steps of random kinds.
 void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32_t count, const DeviceLimits &limits);
 
+// Flags that nothing needs, and inputs that are stated in unusual forms. makeScene does it.
+void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits);
+// A pool of queries of a random property, and what is done with it; nothing where there is nothing to query.
+std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scene, const DeviceLimits &limits);
+
 // Runs a case, and makes it smaller if it fails, for at most that many seconds.
 Outcome runAndShrink(Session &session, const Case &c, double seconds);
 // The same with a random case.
@@ -74,6 +82,7 @@ Outcome runGroup(Session &session, std::string_view group, uint64_t seed)
 std::span<const Group> resolutionGroups();
 std::span<const Group> buildGroups();
 std::span<const Group> objectGroups();
+std::span<const Group> queryGroups();
 std::span<const Group> scaleGroups();
 
 } // namespace vellum::check

@@ -288,29 +288,30 @@ Case executionMode(Random &random, const DeviceLimits &limits)
 }
 
 constexpr std::array kGroups{
-    Group{"resolution-query", "random scenes, by ray queries in compute shaders", kRayOpacity, 400, runGroup<queries>},
+    Group{"resolution-query", "random scenes, by ray queries in compute shaders", kRayOpacity, 400, runGroup<queries>,
+          250},
     Group{"resolution-pipeline",
           "random scenes, by ray tracing pipelines whose hit groups have and lack any-hit and closest-hit shaders, and "
           "by "
           "null records",
-          kRayOpacity, 200, runGroup<pipelines>},
+          kRayOpacity, 200, runGroup<pipelines>, 200},
     Group{"plain", "random scenes without micromaps: whether oracle and driver agree at all",
-          "Ray Traversal; Ray Intersection Culling", 60, runGroup<plain>},
+          "Ray Traversal; Ray Intersection Culling", 60, runGroup<plain>, 30},
     Group{"levels", "subdivision levels up to the limits of the device, of both formats in one micromap",
           "Opacity Micromap: the curve by which micro-triangles are numbered; maxOpacity2StateSubdivisionLevel and "
           "maxOpacity4StateSubdivisionLevel; VkMicromapTriangleKHR: subdivisionLevel and format of each triangle",
-          150, runGroup<levels>},
+          150, runGroup<levels>, 50},
     Group{"indices", "special and other indices of every type, stride and offset, with a base triangle, null micromaps",
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: \"a triangle in the micromap is fetched at index "
           "reinterpret_cast<indexType>(indexBuffer + indexStride * geomTriangleIndex) + baseTriangle\"; \"If the index "
           "fetched from indexbuffer is negative then it is a special value\"; VK_EXT_opacity_micromap: \"the unsigned "
           "cast "
           "of one of the values from VkOpacityMicromapSpecialIndexEXT\"",
-          300, runGroup<indices>},
+          300, runGroup<indices>, 250},
     Group{"flags", "one object in instances with different flags, which force two states or disable micromaps",
           "VkGeometryInstanceFlagBitsKHR: FORCE_OPACITY_MICROMAP_2_STATE, DISABLE_OPACITY_MICROMAPS; the ray flag "
           "ForceOpacityMicromap2StateEXT",
-          200, runGroup<flags>},
+          200, runGroup<flags>, 150},
     Group{
         "lossy",
         "lossy builds, copies and updates: a state may become unknown, and nothing else; it is the same as in an equal "
@@ -320,24 +321,24 @@ constexpr std::array kGroups{
         "VK_OPACITY_MICROMAP_SPECIAL_INDEX_FULLY_UNKNOWN_OPAQUE_KHR\"; \"The implementation, on an identically created "
         "instance and device, must perform any lossy substitutions invariantly with respect to acceleration structures "
         "and micromaps constructed with an equivalent shape and data\"",
-        150, runGroup<lossy>},
+        150, runGroup<lossy>, 120},
     Group{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
-        200, runGroup<stages>},
+        200, runGroup<stages>, 12},
     Group{"pipeline-plans", "ray tracing pipelines of libraries, with inline modules, stack sizes, recursion, flags2",
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR; "
           "VK_KHR_pipeline_library",
-          200, runGroup<pipelinePlans>},
+          200, runGroup<pipelinePlans>, 8},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
-          120, runGroup<indirectTraces>},
+          120, runGroup<indirectTraces>, 120},
     Group{"query-objects", "two ray queries at a time, in an array",
           "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own", 60,
-          runGroup<queryObjects>},
+          runGroup<queryObjects>, 60},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
-          runGroup<executionMode>},
+          runGroup<executionMode>, 20},
 };
 
 } // namespace

@@ -42,7 +42,7 @@ std::vector<uint32_t> interesting(Random &random, uint32_t count)
 Case paletteCase(Random &random)
 {
     Case c;
-    c.scene.edge = 1e-3f; // coordinates of up to 400
+    c.scene.edge = 4e-4f; // coordinates of up to 400
     c.scene.objects.resize(1);
     c.scene.instances = {instanceInPlace(random)};
     oracle::SceneMicromap &palette = c.scene.micromaps.emplace_back();

@@ -24,7 +24,8 @@ Device &Session::device(Memory memory)
         DeviceOptions options{.physicalDevice = options_.device,
                               .api = options_.api,
                               .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
-                                             VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5"},
+                                             VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5",
+                                             "VK_KHR_ray_tracing_position_fetch"},
                               .memory = memory};
         if (options_.layer)
             options.layers.emplace_back(kLayer);

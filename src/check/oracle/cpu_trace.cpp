@@ -14,7 +14,11 @@ namespace
 
 constexpr double kDistance = 1e-4; // in t
 constexpr double kGrazing = 0.02;  // cosine
-constexpr double kWidest = 0.05;   // barycentrics beyond an edge that may still be a hit
+// How far a driver's rounding may move a triangle or a ray, in units of the object. "Implementations should take efforts
+// to maintain as much precision as possible" is all that the specification says.
+constexpr double kPlace = 5e-6;
+constexpr double kMostMargin = 5e-4; // in barycentrics: half of what the judges tolerate
+constexpr double kWidest = 0.05;     // the same of slivers
 
 using Point = std::array<double, 3>;
 
@@ -143,7 +147,8 @@ public:
         }
         for (size_t i = 0; i < out_.hits.size(); ++i) {
             for (size_t k = 0; k < i; ++k) {
-                if (std::abs(out_.hits[i].t - out_.hits[k].t) < kDistance && !out_.hits[i].box && !out_.hits[k].box)
+                if (std::abs(out_.hits[i].t - out_.hits[k].t) < std::max(slackOf_[i], slackOf_[k]) &&
+                    !out_.hits[i].box && !out_.hits[k].box)
                     out_.unsure = true;
             }
         }
@@ -173,6 +178,7 @@ private:
                 return;
         }
         out_.hits.push_back(hit);
+        slackOf_.push_back(slack_);
     }
 
     // Möller and Trumbore.
@@ -188,22 +194,29 @@ private:
         const double determinant = dot(e1, p);
         const Point toOrigin = local_.origin - v0;
         hit.u = dot(toOrigin, p) / determinant;
-        if (const double widest = std::max(kWidest, double{scene_.edge}); hit.u < -widest || hit.u > 1 + widest)
+        if (hit.u < -kWidest || hit.u > 1 + kWidest)
             return; // most triangles of a large scene
         const Point q = cross(toOrigin, e1);
         hit.v = dot(local_.direction, q) / determinant;
         hit.t = dot(e2, q) / determinant;
         const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
+        if (!(inside > -kWidest))
+            return;
         const Point normal = cross(e1, e2);
         const double area = std::sqrt(dot(normal, normal));
         // Neither degenerate triangles nor inactive ones, whose area is NaN, are ever met.
         if (!(area > 0))
             return;
         const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
+        const double length = std::sqrt(std::max({dot(e1, e1), dot(e2, e2), dot(e2 - e1, e2 - e1)}));
+        // What kPlace is in barycentrics, where the height above the longest edge decides, and along the ray.
+        const double moved = std::max(double{scene_.edge}, kPlace * length / (area * std::abs(cosine)));
+        slack_ = std::max(kDistance,
+                          kPlace / (std::abs(cosine) * std::sqrt(dot(local_.direction, local_.direction))));
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.
-        const bool bad = std::abs(cosine) < kGrazing || area < 0.02;
-        const double margin = bad ? kWidest : double{scene_.edge};
-        if (!(inside > -margin) || hit.t < double{ray_.tMin} - kDistance || hit.t > double{ray_.tMax} + kDistance)
+        const bool bad = std::abs(cosine) < kGrazing || area < 0.02 || moved > kMostMargin;
+        const double margin = bad ? kWidest : moved;
+        if (!(inside > -margin) || hit.t < double{ray_.tMin} - slack_ || hit.t > double{ray_.tMax} + slack_)
             return;
         // Front faces are those whose vertices appear clockwise to the ray: their normal points along it in a
         // right-handed view, towards it as Vulkan counts (confirmed on a driver by OracleWithoutLayer).
@@ -218,7 +231,7 @@ private:
         uint32_t element = 0;
         if (inside > 0 && mesh.micromap)
             state = stateAt(scene_, *mesh.micromap, hit.primitive, hit.u, hit.v, edge, element);
-        if (bad || edge < double{scene_.edge} || nearEnds(hit.t)) {
+        if (bad || edge < moved || nearEnds(hit.t)) {
             out_.unsure = true;
             return;
         }
@@ -233,7 +246,7 @@ private:
 
     [[nodiscard]] bool nearEnds(double t) const
     {
-        return std::abs(t - double{ray_.tMin}) < kDistance || std::abs(t - double{ray_.tMax}) < kDistance;
+        return std::abs(t - double{ray_.tMin}) < slack_ || std::abs(t - double{ray_.tMax}) < slack_;
     }
 
     // Where the ray is inside the box grown by `growth`; false: nowhere between tMin and tMax.
@@ -244,6 +257,8 @@ private:
         from = double{ray_.tMin};
         to = double{ray_.tMax};
         for (size_t a = 0; a < 3; ++a) {
+            if (high[a] - low[a] < -2 * growth)
+                return false; // thinner than what it is to shrink by
             const double first = (low[a] - growth - local_.origin[a]) / local_.direction[a];
             const double second = (high[a] + growth - local_.origin[a]) / local_.direction[a];
             from = std::max(from, std::min(first, second));
@@ -269,6 +284,8 @@ private:
     const Ray &ray_;
     const Substitution &substitution_;
     LocalRay local_{};
+    double slack_ = kDistance;     // of the current hit, in t
+    std::vector<double> slackOf_{}; // of each of the hits
     bool everything_ = false; // also what is culled or ignored
     Hits out_;
 };

@@ -23,6 +23,8 @@ struct SceneMicromap {
     VkBuildMicromapFlagsEXT flags = 0; // and kLossy
     uint32_t triangleStride = sizeof(VkMicromapTriangleEXT);
     bool usagePointers = false; // usage counts come as an array of pointers
+    uint32_t usage = 0;         // how they are stated: bits of check::UsageForm
+    uint32_t layout = 0;        // where the data of triangles is: bits of check::DataLayout
 };
 
 // How a mesh uses a micromap.
@@ -34,6 +36,9 @@ struct MeshMicromap {
     // Bytes between two indices; tightly packed unless given; 0: every triangle reads the first index.
     std::optional<uint32_t> stride;
     uint32_t indexOffset = 0; // bytes before the first index
+    // Of usage counts, which VK_EXT_opacity_micromap has here as well
+    bool usagePointers = false;
+    uint32_t usage = 0;
 
     // The index of a triangle, before the base is added.
     [[nodiscard]] int32_t indexOf(uint32_t triangle) const { return indices[stride == 0u ? 0 : triangle]; }
@@ -109,6 +114,7 @@ struct Instance {
 };
 
 struct Scene {
+    VkBuildAccelerationStructureFlagsKHR topFlags = 0; // of the top level, besides those that steps need
     // Hits nearer than this to a line between micro-triangles, in barycentrics, are not compared: rounding decides.
     float edge = 5e-5f;
     std::vector<SceneMicromap> micromaps;

@@ -100,6 +100,8 @@ MicromapInput inputOf(const SceneMicromap &micromap)
         input.add(triangle.level, triangle.format, triangle.states);
     input.stride = micromap.triangleStride;
     input.usagePointers = micromap.usagePointers;
+    input.usageForm = micromap.usage;
+    input.layOut(micromap.layout);
     return input;
 }
 
@@ -123,7 +125,9 @@ std::vector<Geometry> geometriesOf(const Object &object, std::span<const std::un
                                            .indices = from.indices,
                                            .stride = from.stride,
                                            .base = from.base,
-                                           .indexOffset = from.indexOffset};
+                                           .indexOffset = from.indexOffset,
+                                           .usagePointers = from.usagePointers,
+                                           .usageForm = from.usage};
         }
         geometries.push_back(std::move(geometry));
     }

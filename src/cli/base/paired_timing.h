@@ -38,4 +38,8 @@ private:
     std::vector<double> ratios_;
 };
 
+// The share of all processors that other programs take, 0 to 1, measured for some seconds: threads compute for as long,
+// and what interrupts them is counted. 0 where no thread can be started.
+double shareOfOthers(double seconds);
+
 } // namespace vellum::cli

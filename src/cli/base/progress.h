@@ -33,7 +33,7 @@ private:
     inline static bool disabled_ = false;
     std::string what_;
     bool enabled_;
-    int shown_ = -1; // percent
+    int shown_ = -1;   // percent
     double pause_ = 1; // seconds between words
     bool lines_ = false;
     std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();

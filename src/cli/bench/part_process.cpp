@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "cli/base/error.h"
+#include "cli/base/paired_timing.h"
 #include "cli/base/system/child_process.h"
 #include "cli/base/system/interrupt.h"
 #include "core/utf8_path.h"
@@ -66,7 +67,10 @@ bool isRow(const std::string &line)
 PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
                           const std::function<void()> &progress)
 {
-    PartResult result{part, {}, {}, 0};
+    constexpr double kSecondsOfLook = 0.1;
+    PartResult result;
+    result.part = part;
+    result.others = shareOfOthers(kSecondsOfLook);
     const auto begin = std::chrono::steady_clock::now();
     const auto elapsed = [&] {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -103,6 +107,8 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     else
         result.failure = end ? failureOf(*end, errors) : fmt::format("hung: no progress for {:g} seconds", timeout);
     result.seconds = elapsed();
+    child.reset();
+    result.others = (result.others + shareOfOthers(kSecondsOfLook)) / 2;
     return result;
 }
 

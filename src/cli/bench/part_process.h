@@ -16,6 +16,7 @@ struct PartResult {
     std::vector<std::string> rows; // JSON objects, all that were complete
     std::string failure;           // how it ended, in words; empty for success
     double seconds = 0;
+    double others = 0; // the share of the processors that other programs took before it and after it
 };
 
 // Runs `vellum bench --part`, and ends it if it reports neither a row nor progress for `timeout` seconds, or if this

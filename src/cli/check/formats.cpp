@@ -226,12 +226,12 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
     std::string text = fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9}\n", "group", width, "cases",
                                    "pass", "fail", "skip", "crash", "timeout", "rays", "seconds");
     for (const GroupTally &group : tally.groups)
-        text += fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9.1f}\n",
-                            fmt::format("{}.{}", nameOf(group.api), group.group->name), width, grouped(group.cases),
-                            grouped(group.count({Status::Pass})), grouped(group.count({Status::Fail})),
-                            grouped(group.count({Status::Skip})),
-                            grouped(group.count({Status::Crash, Status::DeviceLost})),
-                            grouped(group.count({Status::Timeout})), grouped(group.rays), group.seconds);
+        text +=
+            fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9.1f}\n",
+                        fmt::format("{}.{}", nameOf(group.api), group.group->name), width, grouped(group.cases),
+                        grouped(group.count({Status::Pass})), grouped(group.count({Status::Fail})),
+                        grouped(group.count({Status::Skip})), grouped(group.count({Status::Crash, Status::DeviceLost})),
+                        grouped(group.count({Status::Timeout})), grouped(group.rays), group.seconds);
     appendCauses("failures", tally.failures, text);
     appendCauses("better than the baseline, which is to be updated", tally.improvements, text);
     appendCauses("flakes", tally.flakes, text);
@@ -251,11 +251,10 @@ std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &r
         tested += group.tested();
         skipped += group.count({Status::Skip});
     }
-    text += fmt::format("\n{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
-                        counted(tested, "case"), facts.seconds,
-                        skipped == 0 ? "" : fmt::format(", {} skipped", grouped(skipped)),
-                        failures == 0 ? "no failure" : counted(failures, "failure"),
-                        others.empty() ? "" : " (" + others + ")");
+    text += fmt::format(
+        "\n{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
+        counted(tested, "case"), facts.seconds, skipped == 0 ? "" : fmt::format(", {} skipped", grouped(skipped)),
+        failures == 0 ? "no failure" : counted(failures, "failure"), others.empty() ? "" : " (" + others + ")");
     return text;
 }
 

@@ -26,8 +26,8 @@ void add(const CaseResult &result, std::vector<CauseTally> &causes)
 template <typename OfGroup>
 OfGroup &elementOf(check::Api api, const check::Group *group, std::vector<OfGroup> &groups)
 {
-    const auto found = std::find_if(groups.begin(), groups.end(),
-                                    [&](const OfGroup &g) { return g.api == api && g.group == group; });
+    const auto found =
+        std::find_if(groups.begin(), groups.end(), [&](const OfGroup &g) { return g.api == api && g.group == group; });
     if (found != groups.end())
         return *found;
     OfGroup &added = groups.emplace_back();

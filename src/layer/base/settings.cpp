@@ -149,15 +149,25 @@ void assignChecks(Checks &setting, const Given &given)
     setting = checks;
 }
 
-void assignNumber(uint32_t &setting, const Given &given)
+// Whether the setting is a limit of subdivision levels.
+bool isLevel(uint32_t Settings::*setting)
 {
+    return setting == &Settings::most2StateLevel || setting == &Settings::most4StateLevel ||
+           setting == &Settings::mostLossyLevel;
+}
+
+void assignNumber(uint32_t &setting, const Given &given, bool level)
+{
+    constexpr uint32_t kLeastLevel = 3; // Required Limits
     uint32_t number = 0;
     const char *end = given.value.data() + given.value.size();
     const auto [rest, error] = std::from_chars(given.value.data(), end, number);
-    if (error == std::errc() && rest == end)
-        setting = number;
-    else
+    if (error != std::errc() || rest != end)
         reportOnce(given.is("\"" + given.value + "\"") + " and must be a number; the setting is ignored");
+    else if (level && number != 0 && number < kLeastLevel)
+        reportOnce(given.is(given.value) + " and must be at least 3, as on every device; the setting is ignored");
+    else
+        setting = number;
 }
 
 void apply(Settings &settings, const Row &row, const Given &given)
@@ -173,7 +183,7 @@ void apply(Settings &settings, const Row &row, const Given &given)
     else if (const auto *checks = std::get_if<Checks Settings::*>(&row.member))
         assignChecks(settings.**checks, given);
     else if (const auto *number = std::get_if<uint32_t Settings::*>(&row.member))
-        assignNumber(settings.**number, given);
+        assignNumber(settings.**number, given, isLevel(*number));
     else
         assign(settings.*std::get<bool Settings::*>(row.member), kBooleans, given, "1, true, on, 0, false or off");
 }

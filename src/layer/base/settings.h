@@ -3,6 +3,7 @@
 // VkLayerSettingsCreateInfoEXT, environment variables. Unknown names and wrong values are reported on stderr.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 
@@ -38,6 +39,12 @@ struct Settings {
     VELLUM_SETTINGS(VELLUM_MEMBER)
 #undef VELLUM_MEMBER
 };
+
+// A limit of a device as a setting simulates it.
+inline uint32_t simulatedLimit(uint32_t limit, uint32_t setting)
+{
+    return setting == 0 ? limit : std::min(limit, setting);
+}
 
 // `instanceChain`: the pNext chain of VkInstanceCreateInfo.
 Settings readSettings(const void *instanceChain);

@@ -45,6 +45,13 @@
     X(assume_micromaps, assumeMicromaps, bool, false, "Assume micromaps",                                              \
       "Use micromaps in ray tracing pipelines without the micromap bit and in ray queries without the execution "      \
       "mode, if the feature is enabled. Also where micromaps are the driver's own.")                                   \
+    X(max_opacity_2_state_subdivision_level, most2StateLevel, uint32_t, 0, "Limit of levels, 2 states",                \
+      "Simulate a device with this maxOpacity2StateSubdivisionLevel, at least 3, where its own is higher. 0: its "     \
+      "own.")                                                                                                          \
+    X(max_opacity_4_state_subdivision_level, most4StateLevel, uint32_t, 0, "Limit of levels, 4 states",                \
+      "The same of maxOpacity4StateSubdivisionLevel.")                                                                 \
+    X(max_opacity_lossy_4_state_subdivision_level, mostLossyLevel, uint32_t, 0, "Limit of levels, lossy",              \
+      "The same of maxOpacityLossy4StateSubdivisionLevel.")                                                            \
     X(constant_ray_flags, constantRayFlags, bool, true, "Constant ray flags",                                          \
       "Use the values of ray flags that are constant in a module or pipeline. Turned off only for tests.")             \
     X(cache_folder, cacheFolder, std::string, {}, "Cache folder",                                                      \

@@ -216,6 +216,23 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
                               .pipelineMicromaps = isNamed(pipelines)});
 }
 
+// Lowers limits to those that settings simulate: the layer's in `own`, or the driver's in the chain of `properties`.
+template <class Properties>
+void simulateLimits(const Settings &settings, const Unlinked &own, VkPhysicalDeviceProperties2 &properties,
+                    VkStructureType type)
+{
+    auto *limits = own.get<Properties>();
+    if (!limits)
+        limits = findStructure<Properties>(properties.pNext, type);
+    if (!limits)
+        return;
+    const auto lower = [](uint32_t &limit, uint32_t setting) { limit = simulatedLimit(limit, setting); };
+    lower(limits->maxOpacity2StateSubdivisionLevel, settings.most2StateLevel);
+    lower(limits->maxOpacity4StateSubdivisionLevel, settings.most4StateLevel);
+    if constexpr (std::is_same_v<Properties, VkPhysicalDeviceOpacityMicromapPropertiesKHR>)
+        lower(limits->maxOpacityLossy4StateSubdivisionLevel, settings.mostLossyLevel);
+}
+
 VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
                                                         VkPhysicalDeviceProperties2 *properties)
 {
@@ -243,6 +260,10 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
         own->maxOpacityLossy4StateSubdivisionLevel = limits.lossyLevel;
         own->maxMicromapTriangles = shared::kMaxMicromapTriangles;
     }
+    simulateLimits<VkPhysicalDeviceOpacityMicromapPropertiesEXT>(
+        instance.settings, ext, *properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
+    simulateLimits<VkPhysicalDeviceOpacityMicromapPropertiesKHR>(
+        instance.settings, khr, *properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
     if (auto *none = displacement.get<newer::DisplacementMicromapProperties>())
         none->maxDisplacementMicromapSubdivisionLevel = 0;
 }

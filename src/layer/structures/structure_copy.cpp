@@ -145,6 +145,9 @@ VkDeviceSize cloneBytes(const DeviceStructures &device, const StructureCopy &cop
     // handle states nothing.
     const bool unknown =
         device.driver.queriesStructureSize || copy.source->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    // Only the device knows how many instances a top level has that was deserialized or built indirectly.
+    if (unknown && copy.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
+        return 0;
     return unknown ? std::min(copy.source->size, lastBytes(*copy.source)) : copy.source->size;
 }
 

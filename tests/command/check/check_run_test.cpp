@@ -90,9 +90,8 @@ TEST_F(Check, WhatTheDeviceLacksIsSkipped)
     EXPECT_EQ(check.outcome.exitCode, 0);
     EXPECT_EQ(check.results,
               (Statuses{{"khr.good.0000", "Pass"}, {"khr.skip.0000", "Skip"}, {"khr.skip.0001", "Skip"}}));
-    EXPECT_NE(
-        check.outcome.output.find("\nskipped:\n  Skip: the device has no pipelines\n    2 cases, the first of"),
-        std::string::npos)
+    EXPECT_NE(check.outcome.output.find("\nskipped:\n  Skip: the device has no pipelines\n    2 cases, the first of"),
+              std::string::npos)
         << check.outcome.output;
 }
 
@@ -318,7 +317,8 @@ TEST_F(Check, ProgressIsPlainLinesWithoutATerminal)
     EXPECT_NE(lines.find(" s left\n"), std::string::npos) << lines;
     EXPECT_EQ(std::count_if(lines.begin(), lines.end(), [](char c) { return c < ' ' && c != '\n'; }), 0) << lines;
     const CheckRun timed = run({"hang.*"}, {"--timeout", "1", "--progress", "0.2", "--minutes", "0.01"});
-    EXPECT_NE(timed.outcome.errors.find("vellum: checking: 0 cases, 0 failures, khr.hang, 0 s left\n"), std::string::npos)
+    EXPECT_NE(timed.outcome.errors.find("vellum: checking: 0 cases, 0 failures, khr.hang, 0 s left\n"),
+              std::string::npos)
         << timed.outcome.errors;
     for (const char *pause : {"0", "100"})
         EXPECT_EQ(run({"hang.*"}, {"--timeout", "1", "--progress", pause}).outcome.errors, "khr.hang.0000: Timeout\n");

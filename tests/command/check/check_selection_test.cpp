@@ -58,7 +58,8 @@ TEST_F(CheckSelection, Groups)
 {
     const Outcome groups = runVellum({"check", "--groups"});
     EXPECT_EQ(groups.exitCode, 0);
-    EXPECT_EQ(groups.output.substr(0, groups.output.find("bad")), "good (5 cases, 3 of them in a quick run)\n  Passes\n  Section 1\n");
+    EXPECT_EQ(groups.output.substr(0, groups.output.find("bad")),
+              "good (5 cases, 3 of them in a quick run)\n  Passes\n  Section 1\n");
 }
 
 TEST_F(CheckSelection, ExtensionsOfTheDevice)
@@ -113,20 +114,22 @@ TEST_F(CheckSelection, QuickIsTheFirstCasesOfEachGroup)
     const Outcome list = runVellum({"check", "--quick", "--list"});
     EXPECT_NE(list.output.find("ext.good.0002\next.bad.0000\n"), std::string::npos) << list.output;
     EXPECT_NE(list.output.find("khr.sometimes.0019\nkhr.end.0000\n"), std::string::npos) << list.output;
-    EXPECT_EQ(run({"--quick", "--filter", "khr.good.0003"}).outcome.errors,
-              "vellum: --filter khr.good.0003 matches no case of a quick run; did you mean khr.good.*?; vellum check --quick "
-              "--list prints them\n");
+    EXPECT_EQ(
+        run({"--quick", "--filter", "khr.good.0003"}).outcome.errors,
+        "vellum: --filter khr.good.0003 matches no case of a quick run; did you mean khr.good.*?; vellum check --quick "
+        "--list prints them\n");
 }
 
 TEST_F(CheckSelection, NamesGroupsThatWereHardlyTested)
 {
     const std::string skips = file("skips.txt", "good.000[0-2]\nbad.000[0-4]\n");
-    const CheckRun check = run({"--skips", skips, "--api", "khr", "--filter", "*.good.*", "--filter", "*.bad.*", "--filter",
-                                "*.skip.*", "--filter", "*.junk.*"});
+    const CheckRun check = run({"--skips", skips, "--api", "khr", "--filter", "*.good.*", "--filter", "*.bad.*",
+                                "--filter", "*.skip.*", "--filter", "*.junk.*"});
     EXPECT_EQ(check.outcome.exitCode, 0);
-    EXPECT_NE(check.outcome.output.find("\nskipped:\n  Skip: by --skips\n    8 cases, the first of which is khr.good.0000\n"
-                                        "  Skip: the device has no pipelines\n"),
-              std::string::npos)
+    EXPECT_NE(
+        check.outcome.output.find("\nskipped:\n  Skip: by --skips\n    8 cases, the first of which is khr.good.0000\n"
+                                  "  Skip: the device has no pipelines\n"),
+        std::string::npos)
         << check.outcome.output;
     EXPECT_NE(check.outcome.output.find("\nlittle tested: khr.good (2 of 5, 3 skipped)\n"
                                         "\nnot tested: khr.bad (5 skipped), khr.skip (2 skipped)\n"),
@@ -135,8 +138,10 @@ TEST_F(CheckSelection, NamesGroupsThatWereHardlyTested)
     EXPECT_NE(check.outcome.output.find("fake: 5 cases in "), std::string::npos) << check.outcome.output;
     EXPECT_NE(check.outcome.output.find(" s, 10 skipped, no failure\n"), std::string::npos) << check.outcome.output;
 
-    const CheckRun ended = run({"--api", "khr", "--filter", "*.bad.*", "--filter", "*.good.*", "--jobs", "1", "--fail-fast"});
-    EXPECT_NE(ended.outcome.output.find("\nlittle tested: khr.bad (1 of 5)\n"), std::string::npos) << ended.outcome.output;
+    const CheckRun ended =
+        run({"--api", "khr", "--filter", "*.bad.*", "--filter", "*.good.*", "--jobs", "1", "--fail-fast"});
+    EXPECT_NE(ended.outcome.output.find("\nlittle tested: khr.bad (1 of 5)\n"), std::string::npos)
+        << ended.outcome.output;
     const CheckRun few = run({"--filter", "khr.good.0000"});
     EXPECT_EQ(few.outcome.output.find("little tested"), std::string::npos) << few.outcome.output;
 }

@@ -59,6 +59,64 @@ protected:
     Properties() : GpuTest({.api = vt::Api::Ext}) {}
 };
 
+// By the API of the tests, on a device whose limits settings simulate.
+class SimulatedLimits : public vt::GpuTest
+{
+protected:
+    SimulatedLimits() : GpuTest({.validate = (setAll(), true)}) {}
+    ~SimulatedLimits() override
+    {
+        for (const auto &[name, value] : kValues)
+            unsetenv(name);
+    }
+    // The ids of what a build of one triangle reports. declared: the level in its usage counts.
+    std::vector<std::string> reported(uint32_t level, uint32_t declared, uint16_t format,
+                                      VkBuildMicromapFlagsEXT flags = 0)
+    {
+        vt::MicromapInput input;
+        input.add(level, format, std::vector<uint8_t>(size_t{1} << 2 * level, 1));
+        input.declared = {{1, declared, format}};
+        vt::Micromap(gpu(), std::move(input), flags).build();
+        std::vector<std::string> ids;
+        for (const vt::Message &message : gpu().takeUnexpectedMessages())
+            ids.push_back(message.id);
+        return ids;
+    }
+
+private:
+    static constexpr std::array<std::pair<const char *, const char *>, 3> kValues{
+        {{"VELLUM_MAX_OPACITY_2_STATE_SUBDIVISION_LEVEL", "6"},
+         {"VELLUM_MAX_OPACITY_4_STATE_SUBDIVISION_LEVEL", "4"},
+         {"VELLUM_MAX_OPACITY_LOSSY_4_STATE_SUBDIVISION_LEVEL", "5"}}};
+    static void setAll()
+    {
+        for (const auto &[name, value] : kValues)
+            setenv(name, value, 1);
+    }
+};
+
+TEST_F(SimulatedLimits, AreReported)
+{
+    EXPECT_EQ(gpu().maxLevel(vt::kTwoState), 6u);
+    EXPECT_EQ(gpu().maxLevel(vt::kFourState), 4u);
+    EXPECT_EQ(gpu().maxLossyLevel(), gpu().khr() ? 5u : 0u);
+}
+
+TEST_F(SimulatedLimits, AreValidated)
+{
+    using Ids = std::vector<std::string>;
+    EXPECT_EQ(reported(6, 6, vt::kTwoState), Ids());
+    EXPECT_EQ(reported(4, 4, vt::kFourState), Ids());
+    // In usage counts, and in the triangles that the device reads.
+    EXPECT_NE(reported(7, 7, vt::kTwoState), Ids());
+    EXPECT_NE(reported(5, 5, vt::kFourState), Ids());
+    EXPECT_NE(reported(5, 4, vt::kFourState), Ids());
+    if (gpu().khr()) {
+        EXPECT_EQ(reported(5, 5, vt::kFourState, vt::kLossy), Ids());
+        EXPECT_NE(reported(6, 6, vt::kFourState, vt::kLossy), Ids());
+    }
+}
+
 class WithoutLayer : public vt::GpuTest
 {
 protected:

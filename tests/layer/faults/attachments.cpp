@@ -66,13 +66,18 @@ struct Attachment {
     // of the geometry
     uint32_t geometry = 0, triangles = 0, firstTriangle = 0;
     VkGeometryFlagsKHR flags = 0;
+    VkAccelerationStructureGeometryTrianglesDataKHR data{};
+    VkDeviceAddress vertexIndices = 0; // of the first triangle
 };
 
 struct Context {
     VkCommandBuffer commands;
     uint64_t target, source; // the structures that the build writes, and that an update reads
     bool update;
+    VkBuildAccelerationStructureFlagsKHR flags;
     std::vector<Attachment> attachments; // of the geometries that have one
+    std::vector<Attachment> given;       // the same before they are changed
+    std::vector<uint32_t> empty;         // geometries without triangles
 };
 
 using MakeIndex = std::function<uint32_t(const Indices &, uint32_t triangle)>;
@@ -201,6 +206,47 @@ void opaqueGeometry(Context &, Attachment &attachment)
     attachment.dropped = (attachment.flags & VK_GEOMETRY_OPAQUE_BIT_KHR) != 0;
 }
 
+void indexedGeometry(Context &, Attachment &attachment)
+{
+    attachment.dropped = attachment.data.indexType != VK_INDEX_TYPE_NONE_KHR;
+}
+
+void transformedGeometry(Context &, Attachment &attachment)
+{
+    attachment.dropped = attachment.data.transformData.deviceAddress != 0;
+}
+
+void otherFormat(Context &, Attachment &attachment)
+{
+    attachment.dropped = attachment.data.vertexFormat != VK_FORMAT_R32G32B32_SFLOAT;
+}
+
+void noDuplicates(Context &, Attachment &attachment)
+{
+    attachment.dropped = (attachment.flags & VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR) != 0;
+}
+
+void byVertexIndex(Context &context, Attachment &attachment)
+{
+    if (attachment.data.indexType == VK_INDEX_TYPE_NONE_KHR)
+        return;
+    const Indices vertices{attachment.data.indexType, attachment.vertexIndices, 3 * bytesOf(attachment.data.indexType)};
+    replaceIndices(context, attachment, [vertices, count = attachment.triangles](const Indices &given, uint32_t t) {
+        return given.value(std::min(vertices.raw(t) / 3, count - 1));
+    });
+}
+
+// Geometries behind empty ones have the micromaps of those before them.
+void emptyShifts(Context &context, Attachment &attachment)
+{
+    uint32_t empty = 0;
+    for (const uint32_t number : context.empty)
+        empty += number < attachment.geometry ? 1u : 0u;
+    for (const Attachment &other : context.given)
+        if (empty > 0 && other.geometry == attachment.geometry - empty)
+            attachment.micromap = other.micromap;
+}
+
 void primitiveOffset(Context &, Attachment &attachment)
 {
     if (attachment.indices.type != VK_INDEX_TYPE_NONE_KHR)
@@ -221,6 +267,16 @@ void specialUnknown(Context &context, Attachment &attachment)
 void updateDrops(Context &context, Attachment &attachment)
 {
     attachment.dropped = context.update;
+}
+
+void fastTrace(Context &context, Attachment &attachment)
+{
+    attachment.dropped = (context.flags & VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR) != 0;
+}
+
+void updateElsewhere(Context &context, Attachment &attachment)
+{
+    attachment.dropped = context.update && context.source != context.target;
 }
 
 void updateIndices(Context &context, Attachment &attachment)
@@ -335,9 +391,17 @@ constexpr Fault kFaults[]{
     {"null-micromap-opaque", nullMicromapOpaque},
     {"micromap-of-first-geometry", geometryZero},
     {"opaque-geometry-without-micromap", opaqueGeometry},
+    {"indexed-geometry-without-micromap", indexedGeometry},
+    {"transformed-geometry-without-micromap", transformedGeometry},
+    {"other-vertex-format-without-micromap", otherFormat},
+    {"no-duplicates-without-micromap", noDuplicates},
+    {"micromap-by-vertex-index", byVertexIndex},
+    {"empty-geometry-shifts-micromaps", emptyShifts},
     {"primitive-offset-moves-indices", primitiveOffset},
     {"special-unknown-swapped", specialUnknown},
     {"update-drops-micromap", updateDrops},
+    {"fast-trace-without-micromap", fastTrace},
+    {"update-elsewhere-drops-micromap", updateElsewhere},
     {"update-keeps-indices", updateIndices},
     {"update-keeps-micromap", updateMicromap},
     {"clone-is-shallow", shallowClone},
@@ -436,14 +500,21 @@ private:
         Context context{.commands = commands,
                         .target = numberOf(info.dstAccelerationStructure),
                         .source = numberOf(info.srcAccelerationStructure),
-                        .update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR};
+                        .update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR,
+                        .flags = info.flags};
         for (uint32_t g = 0; g < info.geometryCount; ++g) {
             const auto &geometry = geometries.emplace_back(geometryOf(info, g));
             const auto &triangles = geometry.geometry.triangles;
-            auto attachment =
-                geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR ? attachmentOf(triangles) : std::nullopt;
-            if (!attachment)
+            if (ranges[g].primitiveCount == 0)
+                context.empty.push_back(g);
+            const bool first = info.ppGeometries != nullptr && has(keyOf(commands), "geometry-pointers-as-first");
+            auto attachment = geometry.geometryType == VK_GEOMETRY_TYPE_TRIANGLES_KHR
+                                  ? attachmentOf(first ? geometries[0].geometry.triangles : triangles)
+                                  : std::nullopt;
+            if (!attachment || !attachmentOf(triangles))
                 continue;
+            attachment->data = triangles;
+            attachment->vertexIndices = triangles.indexData.deviceAddress + ranges[g].primitiveOffset;
             attachment->geometry = g;
             attachment->flags = geometry.flags;
             attachment->triangles = ranges[g].primitiveCount;
@@ -454,6 +525,7 @@ private:
             return;
         if (!context.update)
             keep(context);
+        context.given = context.attachments;
         for (const Fault &fault : kFaults) {
             if (!has(keyOf(commands), fault.name))
                 continue;

@@ -85,12 +85,62 @@ std::vector<Handle> queriedInstead(void *key, std::span<const Handle> all, VkQue
     return instead;
 }
 
+uint32_t firstOf(VkCommandBuffer handle, uint32_t first)
+{
+    return has(keyOf(handle), "query-first-ignored") ? 0 : first;
+}
+
+VkDeviceSize packedStride(VkQueryResultFlags flags)
+{
+    return ((flags & VK_QUERY_RESULT_64_BIT) != 0 ? 8u : 4u) *
+           ((flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0 ? 2u : 1u);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL getResults(VkDevice handle, VkQueryPool pool, uint32_t first, uint32_t count, size_t size,
+                                          void *data, VkDeviceSize stride, VkQueryResultFlags flags)
+{
+    if (has(keyOf(handle), "results-stride-ignored"))
+        stride = packedStride(flags);
+    const VkResult result =
+        DRIVER_NEXT(vkGetQueryPoolResults)(handle, pool, first, count, size, data, stride, flags);
+    if (!has(keyOf(handle), "results-without-availability") || (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) == 0)
+        return result;
+    for (uint32_t i = 0; i < count; ++i) {
+        const uint64_t available = 1;
+        const size_t word = packedStride(flags) / 2;
+        std::memcpy(static_cast<uint8_t *>(data) + i * stride + word, &available, word);
+    }
+    return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL copyResults(VkCommandBuffer handle, VkQueryPool pool, uint32_t first, uint32_t count,
+                                       VkBuffer buffer, VkDeviceSize offset, VkDeviceSize stride,
+                                       VkQueryResultFlags flags)
+{
+    if (has(keyOf(handle), "copied-results-stride-ignored"))
+        stride = packedStride(flags);
+    DRIVER_NEXT(vkCmdCopyQueryPoolResults)(handle, pool, first, count, buffer, offset, stride, flags);
+}
+
+VKAPI_ATTR void VKAPI_CALL resetQueries(VkCommandBuffer handle, VkQueryPool pool, uint32_t first, uint32_t count)
+{
+    if (!has(keyOf(handle), "reset-does-nothing"))
+        DRIVER_NEXT(vkCmdResetQueryPool)(handle, pool, first, count);
+}
+
+VKAPI_ATTR void VKAPI_CALL resetQueriesOnHost(VkDevice handle, VkQueryPool pool, uint32_t first, uint32_t count)
+{
+    if (!has(keyOf(handle), "host-reset-does-nothing"))
+        DRIVER_NEXT(vkResetQueryPool)(handle, pool, first, count);
+}
+
 VKAPI_ATTR void VKAPI_CALL writeMicromapProperties(VkCommandBuffer handle, uint32_t count, const VkMicromapEXT *all,
                                                    VkQueryType type, VkQueryPool pool, uint32_t first)
 {
     const auto instead = queriedInstead<VkMicromapEXT>(keyOf(handle), {all, count}, type,
                                                        type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT);
-    DRIVER_NEXT(vkCmdWriteMicromapsPropertiesEXT)(handle, count, instead.data(), type, pool, first);
+    DRIVER_NEXT(vkCmdWriteMicromapsPropertiesEXT)
+    (handle, count, instead.data(), type, pool, firstOf(handle, first));
 }
 
 VKAPI_ATTR void VKAPI_CALL writeStructureProperties(VkCommandBuffer handle, uint32_t count,
@@ -99,7 +149,8 @@ VKAPI_ATTR void VKAPI_CALL writeStructureProperties(VkCommandBuffer handle, uint
 {
     const auto instead = queriedInstead<VkAccelerationStructureKHR>(
         keyOf(handle), {all, count}, type, type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR);
-    DRIVER_NEXT(vkCmdWriteAccelerationStructuresPropertiesKHR)(handle, count, instead.data(), type, pool, first);
+    DRIVER_NEXT(vkCmdWriteAccelerationStructuresPropertiesKHR)
+    (handle, count, instead.data(), type, pool, firstOf(handle, first));
 }
 
 VKAPI_ATTR void VKAPI_CALL copyMicromap(VkCommandBuffer handle, const VkCopyMicromapInfoEXT *info)
@@ -224,6 +275,10 @@ LevelRows copyRows()
     static const Row device[]{
         {"vkCmdWriteMicromapsPropertiesEXT", DRIVER_FUNCTION(writeMicromapProperties)},
         {"vkCmdWriteAccelerationStructuresPropertiesKHR", DRIVER_FUNCTION(writeStructureProperties)},
+        {"vkGetQueryPoolResults", DRIVER_FUNCTION(getResults)},
+        {"vkCmdCopyQueryPoolResults", DRIVER_FUNCTION(copyResults)},
+        {"vkCmdResetQueryPool", DRIVER_FUNCTION(resetQueries)},
+        {"vkResetQueryPool", DRIVER_FUNCTION(resetQueriesOnHost)},
         {"vkCmdCopyMicromapEXT", DRIVER_FUNCTION(copyMicromap)},
         {"vkCmdCopyAccelerationStructureKHR", DRIVER_FUNCTION(copyStructure)},
         {"vkCmdCopyMemoryToMicromapEXT", DRIVER_FUNCTION(restoreMicromap)},

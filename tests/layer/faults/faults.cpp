@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All faults, and the levels of the faulty driver.
+// All faults and freedoms, and the levels of the faulty driver.
 #include "faults/faults.h"
 
 #include <array>
@@ -9,7 +9,10 @@ namespace driver
 
 const char *const kQuirkVariable = "VELLUM_TEST_FAULT";
 
-std::span<const Quirk> allQuirks()
+namespace
+{
+
+std::span<const Quirk> allFaults()
 {
     static constexpr const char *kOffByDefault = "a parameter that most programs leave at its default";
     static constexpr const char *kNarrow = "a field that is stored with too few bits";
@@ -37,6 +40,24 @@ std::span<const Quirk> allQuirks()
          "engines with one geometry in each structure, and drivers that were tested with them"},
         {"opaque-geometry-without-micromap", Level::Attachments,
          "geometries with VK_GEOMETRY_OPAQUE_BIT_KHR have no micromap", "an opaque fast path that is chosen first"},
+        {"indexed-geometry-without-micromap", Level::Attachments, "geometries with vertex indices have no micromap",
+         "a build that has a kernel for each index type"},
+        {"transformed-geometry-without-micromap", Level::Attachments, "geometries with transformData have no micromap",
+         kOffByDefault},
+        {"other-vertex-format-without-micromap", Level::Attachments,
+         "geometries with another vertexFormat than R32G32B32_SFLOAT have no micromap",
+         "a slow path for formats that are converted first"},
+        {"no-duplicates-without-micromap", Level::Attachments,
+         "geometries with VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR have no micromap",
+         "flags that are compared where one bit was meant"},
+        {"micromap-by-vertex-index", Level::Attachments,
+         "with vertex indices, a triangle's micromap is found by its first index instead of its number",
+         "a number that is computed after indices were fetched"},
+        {"geometry-pointers-as-first", Level::Attachments, "all geometries of ppGeometries use the micromap of the first",
+         kOffByDefault},
+        {"empty-geometry-shifts-micromaps", Level::Attachments,
+         "geometries behind one without triangles use the micromap of the one before them",
+         "empty geometries that are skipped"},
         {"primitive-offset-moves-indices", Level::Attachments,
          "primitiveOffset also moves into the buffer of micromap indices", "vertex indices, where it does"},
         {"special-unknown-swapped", Level::Attachments,
@@ -45,6 +66,12 @@ std::span<const Quirk> allQuirks()
          "updates that rewrite all leaves"},
         {"update-keeps-indices", Level::Attachments, "an update of a structure keeps its micromap indices", kCaching},
         {"update-keeps-micromap", Level::Attachments, "an update of a structure keeps its micromaps", kCaching},
+        {"fast-trace-without-micromap", Level::Attachments,
+         "structures built with VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR have no micromaps",
+         "a second builder, which lacks what the first one learnt"},
+        {"update-elsewhere-drops-micromap", Level::Attachments,
+         "an update that writes another structure than it reads removes micromaps",
+         "updates that were tested in place only"},
         {"clone-is-shallow", Level::Attachments, "a clone of a micromap shows what the original becomes later",
          "reference-counted storage"},
         {"compaction-loses-last-triangle", Level::Attachments,
@@ -77,6 +104,18 @@ std::span<const Quirk> allQuirks()
         // micromaps.cpp
         {"usage-pointers-as-first", Level::Micromaps, "every element of ppUsageCounts is read as the first one",
          kOffByDefault},
+        {"usage-count-0-ends", Level::Micromaps, "usage counts end at the first element whose count is 0",
+         "lists that end with a zero"},
+        {"usage-counts-once", Level::Micromaps,
+         "of usage counts with the same format and level, only the last one counts", "a table by format and level"},
+        {"data-offset-multiple-of-4", Level::Micromaps, "dataOffset is rounded down to a multiple of 4",
+         "data that is read in words"},
+        {"sharing-by-16-bytes", Level::Micromaps,
+         "triangles of one format and level share their data where the first 16 bytes are equal",
+         "deduplication by the beginning of the data"},
+        {"sharing-ignores-last-byte", Level::Micromaps,
+         "triangles of one format and level share their data where all bytes but the last are equal",
+         "deduplication with an exclusive bound"},
         {"triangle-stride", Level::Micromaps, "triangleArrayStride is ignored: triangles are tightly packed",
          kOffByDefault},
         {"two-state-as-four", Level::Micromaps, "2-state data is read as 4-state data",
@@ -111,6 +150,8 @@ std::span<const Quirk> allQuirks()
         {"micromap-built-late", Level::Micromaps,
          "builds of micromaps are executed at the end of the command buffer, whatever barriers follow them",
          "a missing barrier"},
+        {"only-first-host-build", Level::Micromaps, "of several micromaps in one vkBuildMicromapsEXT, one is built",
+         "engines that build one at a time"},
         {"host-build-returns-early", Level::Micromaps,
          "vkBuildMicromapsEXT returns before it has built: the micromap is there after the next submission",
          "a deferred operation that nobody waits for"},
@@ -130,6 +171,7 @@ std::span<const Quirk> allQuirks()
          "an opaque fast path that is chosen first"},
         {"update-keeps-instance-flags", Level::Instances, "an update of a top-level structure keeps instance flags",
          "updates that rewrite transforms only"},
+        {"instances-displaced", Level::Instances, "instances are a hundredth to the side", "transforms of half floats"},
         {"copy-loses-instance-flags", Level::Instances, "instances of a cloned top-level structure have no flags",
          "copies that convert instances"},
         {"instance-flags-lost-from-64", Level::Instances, "instances from number 64 on have no flags",
@@ -142,6 +184,15 @@ std::span<const Quirk> allQuirks()
          "a shifted array index"},
         {"query-of-previous", Level::Copies, "a query of a size returns that of the structure queried before",
          "a result that is read before it is written"},
+        {"query-first-ignored", Level::Copies, "properties are written to the queries from 0 on, whatever firstQuery is",
+         kOffByDefault},
+        {"results-stride-ignored", Level::Copies, "vkGetQueryPoolResults writes results without gaps", kOffByDefault},
+        {"results-without-availability", Level::Copies,
+         "vkGetQueryPoolResults returns every query as available", "queries that are written at once"},
+        {"copied-results-stride-ignored", Level::Copies, "vkCmdCopyQueryPoolResults writes results without gaps",
+         kOffByDefault},
+        {"reset-does-nothing", Level::Copies, "vkCmdResetQueryPool does nothing", "pools that are used once"},
+        {"host-reset-does-nothing", Level::Copies, "vkResetQueryPool does nothing", "pools that are used once"},
         {"deserialization-keeps-old", Level::Copies, "a micromap is not deserialized into memory that held one before",
          kCaching},
         {"serialized-header-size", Level::Copies,
@@ -151,6 +202,8 @@ std::span<const Quirk> allQuirks()
         {"generic-cleared-to-its-end", Level::Generic,
          "a build clears the whole range of a GENERIC structure, which other structures may share",
          "lavapipe 25.0.7, under programs like vkd3d-proton"},
+        // boxes.cpp
+        {"boxes-shrunk", Level::Boxes, "boxes are smaller than they were given", "quantization that rounds inwards"},
         // shaders.cpp
         {"mode-constant-true", Level::Shaders,
          "a specialization constant of the execution mode that defaults to false defaults to true",
@@ -190,13 +243,42 @@ std::span<const Quirk> allQuirks()
     return faults;
 }
 
+// What the specification allows and lavapipe does not do, and where it says so. A check that reports one of these as a
+// failure is wrong.
+std::span<const Quirk> allFreedoms()
+{
+    static constexpr Quirk freedoms[]{
+        {"coarse-arithmetic", Level::Instances,
+         "distances and barycentrics differ by a few units in the last place of world coordinates (Ray Traversal)"},
+        {"boxes-grown", Level::Boxes,
+         "boxes are candidates of rays that pass beside them (Ray Intersection Candidate Determination)"},
+        {"lossy-by-content", Level::Micromaps,
+         "a third of the elements of lossy micromaps are unknown, depending on nothing but their content (Ray Opacity "
+         "Micromap)"},
+    };
+    return freedoms;
+}
+
+} // namespace
+
+std::span<const Quirk> allQuirks()
+{
+    static const std::vector<Quirk> all = [] {
+        std::vector<Quirk> both(allFaults().begin(), allFaults().end());
+        both.insert(both.end(), allFreedoms().begin(), allFreedoms().end());
+        return both;
+    }();
+    return all;
+}
+
 std::span<const NamedLevel> allLevels()
 {
     static const NamedLevel all[]{
         {Level::Process, faults::processRows(), true},    {Level::Shaders, faults::shaderRows(), true},
         {Level::Instances, faults::instanceRows(), true}, {Level::Attachments, faults::attachmentRows(), true},
         {Level::Copies, faults::copyRows(), true},        {Level::Generic, faults::genericRows(), true},
-        {Level::Micromaps, faults::micromapRows(), true}, {Level::Commands, faults::commandRows(), true},
+        {Level::Boxes, faults::boxRows(), true},          {Level::Micromaps, faults::micromapRows(), true},
+        {Level::Commands, faults::commandRows(), true},
         {Level::State, faults::stateRows(), true},        {Level::Submissions, faults::submissionRows(), true},
     };
     return all;
@@ -209,7 +291,7 @@ std::span<const NamedLevel> allLevels()
 extern "C" __attribute__((visibility("default"))) const char *vellumFault(unsigned i, unsigned member);
 extern "C" const char *vellumFault(unsigned i, unsigned member)
 {
-    const auto all = driver::allQuirks();
+    const auto all = driver::allFaults();
     if (i >= all.size())
         return nullptr;
     const driver::Quirk &fault = all[i];

@@ -2,7 +2,8 @@
 // The faulty driver: a layer between an application and Vellum's layer. Both together, over lavapipe, are a driver with
 // VK_EXT_opacity_micromap and VK_KHR_opacity_micromap and one planted fault, which the environment variable
 // VELLUM_TEST_FAULT names when an instance is created. faults.cpp lists all faults; each file implements those of one
-// subject by changing the application's calls. Without a fault every call passes unchanged.
+// subject by changing the application's calls. Without a fault every call passes unchanged. Among the names are also
+// freedoms, which the specification allows.
 //
 // It needs a driver like lavapipe, whose device addresses are host pointers.
 #pragma once
@@ -29,6 +30,7 @@ using BuildInfo = VkAccelerationStructureBuildGeometryInfoKHR;
 using RangeInfo = VkAccelerationStructureBuildRangeInfoKHR;
 
 LevelRows attachmentRows();
+LevelRows boxRows();
 LevelRows commandRows();
 LevelRows copyRows();
 LevelRows genericRows();

@@ -73,6 +73,26 @@ void updateKeepsFlags(std::span<Instance> instances, const Flags *first)
         instances[i].flags = (*first)[i] & 0xff;
 }
 
+// Between -1 and 1, the same for the same instance of a structure.
+float noise(size_t i)
+{
+    return static_cast<float>(i * 0x9e3779b9u % 2001) / 1000.0f - 1;
+}
+
+// As coarser arithmetic would: by a few units in the last place of world coordinates.
+void rounded(std::span<Instance> instances, const Flags *)
+{
+    for (size_t i = 0; i < instances.size(); ++i)
+        for (size_t r = 0; r < 3; ++r)
+            instances[i].transform.matrix[r][3] += 2e-6f * noise(7 * i + r + 1);
+}
+
+void displaced(std::span<Instance> instances, const Flags *)
+{
+    for (Instance &instance : instances)
+        instance.transform.matrix[0][3] += 0.01f;
+}
+
 template <size_t first>
 void noFlagsFrom(std::span<Instance> instances, const Flags *)
 {
@@ -95,6 +115,8 @@ constexpr Fault kFaults[]{
     {"instance-flags-lost-from-64", noFlagsFrom<64>},
     {"instance-flags-lost-from-256", noFlagsFrom<256>},
     {"instance-flags-lost-from-65536", noFlagsFrom<65536>},
+    {"coarse-arithmetic", rounded},
+    {"instances-displaced", displaced},
 };
 
 // What was built, for updates and copies.

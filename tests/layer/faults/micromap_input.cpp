@@ -117,7 +117,7 @@ uint64_t triangleCount(const MicromapInput &input)
 }
 
 void rewriteWhenExecuted(VkCommandBuffer commands, MicromapInput &input, void (*header)(VkMicromapTriangleEXT &),
-                         void (*states)(MicromapTriangle &))
+                         void (*states)(MicromapTriangle &, const MicromapTriangles &before))
 {
     const uint64_t count = triangleCount(input);
     uint64_t capacity = 0;
@@ -129,6 +129,7 @@ void rewriteWhenExecuted(VkCommandBuffer commands, MicromapInput &input, void (*
     const Memory data = memoryFor(commands, capacity);
     beforeExecution(commands, [=, given = input, key = keyOf(commands)] {
         uint64_t used = 0;
+        MicromapTriangles before;
         for (uint64_t t = 0; t < count; ++t) {
             VkMicromapTriangleEXT triangle;
             std::memcpy(&triangle, hostPointer<const void>(given.triangles + t * given.stride), sizeof triangle);
@@ -138,8 +139,10 @@ void rewriteWhenExecuted(VkCommandBuffer commands, MicromapInput &input, void (*
                     header(triangle);
                 MicromapTriangle content = decoded(triangle, given, own);
                 content.key = key;
+                const MicromapTriangle read = content;
                 if (states != nullptr)
-                    states(content);
+                    states(content, before);
+                before.push_back(read);
                 triangle.dataOffset = static_cast<uint32_t>(used);
                 // The usage counts may state less than there is.
                 if (const uint64_t bytes = bytesOf(content.level, content.format); used + bytes <= capacity) {

@@ -39,10 +39,12 @@ struct MicromapTriangle {
     void *key = nullptr;         // of the device that builds it
     VkDeviceAddress address = 0; // of its data
 };
+using MicromapTriangles = std::vector<MicromapTriangle>;
 
 // Makes the build read copies of triangles and data that are made when the command buffer is executed: `header` changes
-// how a triangle's data is read, `states` what was read. Data beyond the triangle's own is zero. Either may be null.
+// how a triangle's data is read, `states` what was read, with the triangles before it. Data beyond the triangle's own is
+// zero. Either may be null.
 void rewriteWhenExecuted(VkCommandBuffer commands, MicromapInput &input, void (*header)(VkMicromapTriangleEXT &),
-                         void (*states)(MicromapTriangle &));
+                         void (*states)(MicromapTriangle &, const MicromapTriangles &before));
 
 } // namespace faults

@@ -28,6 +28,22 @@ void firstUsagePointer(MicromapInput &input)
         input.usages.assign(input.usages.size(), input.usages.front());
 }
 
+void untilZero(MicromapInput &input)
+{
+    const auto zero = std::find_if(input.usages.begin(), input.usages.end(), [](const auto &u) { return u.count == 0; });
+    input.usages.erase(zero, input.usages.end());
+}
+
+void lastOfEach(MicromapInput &input)
+{
+    std::map<std::pair<uint32_t, uint32_t>, VkMicromapUsageEXT> last;
+    for (const VkMicromapUsageEXT &usage : input.usages)
+        last[{usage.format, usage.subdivisionLevel}] = usage;
+    input.usages.clear();
+    for (const auto &[key, usage] : last)
+        input.usages.push_back(usage);
+}
+
 void packedTriangles(MicromapInput &input)
 {
     input.stride = sizeof(VkMicromapTriangleEXT);
@@ -48,9 +64,43 @@ void shortOffset(VkMicromapTriangleEXT &triangle)
     triangle.dataOffset &= 0xffff;
 }
 
+void alignedOffset(VkMicromapTriangleEXT &triangle)
+{
+    triangle.dataOffset &= ~3u;
+}
+
 // --- what becomes of the states ---
 
-void fourStateAsTwo(MicromapTriangle &triangle)
+// The states of a triangle before it that are equal as far as the `compared` first ones; all but the last byte where
+// that is 0.
+void shareFirst(MicromapTriangle &triangle, const MicromapTriangles &before, size_t bytes)
+{
+    const size_t inByte = triangle.format == kTwoState ? 8 : 4;
+    const size_t all = triangle.states.size();
+    const size_t compared = bytes > 0 ? std::min(all, bytes * inByte) : all - std::min(all, inByte);
+    if (compared == 0)
+        return;
+    for (const MicromapTriangle &other : before) {
+        if (other.format == triangle.format && other.level == triangle.level &&
+            std::equal(other.states.begin(), other.states.begin() + static_cast<ptrdiff_t>(compared),
+                       triangle.states.begin())) {
+            triangle.states = other.states;
+            return;
+        }
+    }
+}
+
+void shareBy16(MicromapTriangle &triangle, const MicromapTriangles &before)
+{
+    shareFirst(triangle, before, 16);
+}
+
+void shareButLast(MicromapTriangle &triangle, const MicromapTriangles &before)
+{
+    shareFirst(triangle, before, 0);
+}
+
+void fourStateAsTwo(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     if (triangle.format != kFourState)
         return;
@@ -59,20 +109,20 @@ void fourStateAsTwo(MicromapTriangle &triangle)
         triangle.states[i] = four[i / 2] >> (i % 2) & 1;
 }
 
-void highestLevel(MicromapTriangle &triangle)
+void highestLevel(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     const std::vector<uint8_t> given = triangle.states;
     for (size_t i = 0; triangle.level == kHighestLevel && i < given.size(); ++i)
         triangle.states[i] = given[i / 4];
 }
 
-void shortIndex(MicromapTriangle &triangle)
+void shortIndex(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     for (size_t i = 0x10000; i < triangle.states.size(); ++i)
         triangle.states[i] = triangle.states[i & 0xffff];
 }
 
-void mirroredOddLevels(MicromapTriangle &triangle)
+void mirroredOddLevels(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     if (triangle.level % 2 == 1)
         std::reverse(triangle.states.begin(), triangle.states.end());
@@ -84,17 +134,17 @@ void replaceStates(MicromapTriangle &triangle, std::array<uint8_t, 4> states)
         state = triangle.format == kFourState ? states[state] : state;
 }
 
-void opaqueUnknown(MicromapTriangle &triangle)
+void opaqueUnknown(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     replaceStates(triangle, {kTransparent, kUnknownOpaque, kUnknownTransparent, kUnknownOpaque});
 }
 
-void unknownSwapped(MicromapTriangle &triangle)
+void unknownSwapped(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     replaceStates(triangle, {kTransparent, kOpaque, kUnknownOpaque, kUnknownTransparent});
 }
 
-void lossyTransparent(MicromapTriangle &triangle)
+void lossyTransparent(MicromapTriangle &triangle, const MicromapTriangles &)
 {
     if (!triangle.lossy)
         return;
@@ -103,6 +153,19 @@ void lossyTransparent(MicromapTriangle &triangle)
         const auto begin = triangle.states.begin() + static_cast<ptrdiff_t>(i), end = begin + 4;
         if (std::find(begin, end, kTransparent) != end)
             std::replace(begin, end, kOpaque, kTransparent);
+    }
+}
+
+// A third of all states, chosen by what the triangle has.
+void lossyByContent(MicromapTriangle &triangle)
+{
+    uint32_t hash = triangle.level;
+    for (const uint8_t state : triangle.states)
+        hash = (hash ^ state) * 0x01000193u;
+    for (uint32_t i = 0; triangle.lossy && i < triangle.states.size(); ++i) {
+        const uint32_t choice = ((hash ^ i) * 0x9e3779b9u >> 16) % 6;
+        if (choice < 2)
+            triangle.states[i] = choice == 0 ? kUnknownTransparent : kUnknownOpaque;
     }
 }
 
@@ -144,14 +207,19 @@ struct Fault {
     const char *name;
     void (*parameters)(MicromapInput &) = nullptr;
     void (*header)(VkMicromapTriangleEXT &) = nullptr; // also changes the usage counts alike
-    void (*states)(MicromapTriangle &) = nullptr;
+    void (*states)(MicromapTriangle &, const MicromapTriangles &before) = nullptr;
 };
 constexpr Fault kFaults[]{
     {"usage-pointers-as-first", firstUsagePointer},
+    {"usage-count-0-ends", untilZero},
+    {"usage-counts-once", lastOfEach},
     {"triangle-stride", packedTriangles},
     {"two-state-as-four", nullptr, twoStateAsFour},
     {"level-0-as-1", nullptr, levelZeroAsOne},
     {"data-offset-16-bits", nullptr, shortOffset},
+    {"data-offset-multiple-of-4", nullptr, alignedOffset},
+    {"sharing-by-16-bytes", nullptr, nullptr, shareBy16},
+    {"sharing-ignores-last-byte", nullptr, nullptr, shareButLast},
     {"four-state-as-two", nullptr, nullptr, fourStateAsTwo},
     {"highest-level-truncated", nullptr, nullptr, highestLevel},
     {"micro-triangle-index-16-bits", nullptr, nullptr, shortIndex},
@@ -159,6 +227,7 @@ constexpr Fault kFaults[]{
     {"opaque-becomes-unknown", nullptr, nullptr, opaqueUnknown},
     {"unknown-states-swapped", nullptr, nullptr, unknownSwapped},
     {"lossy-opaque-to-transparent", nullptr, nullptr, lossyTransparent},
+    {"lossy-by-content", nullptr, nullptr, lossyByContent},
     {"lossy-differs-by-device", nullptr, nullptr, lossyByDevice},
     {"lossy-differs-by-address", nullptr, nullptr, lossyByAddress},
 };
@@ -366,6 +435,8 @@ VKAPI_ATTR VkResult VKAPI_CALL hostBuild(VkDevice handle, VkDeferredOperationKHR
                                          const VkMicromapBuildInfoEXT *infos)
 {
     const auto build = DRIVER_NEXT(vkBuildMicromapsEXT);
+    if (has(keyOf(handle), "only-first-host-build"))
+        return build(handle, operation, std::min(count, 1u), infos);
     if (operation != VK_NULL_HANDLE || !has(keyOf(handle), "host-build-returns-early"))
         return build(handle, operation, count, infos);
     for (const VkMicromapBuildInfoEXT &info : std::span(infos, count)) {

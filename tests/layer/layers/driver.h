@@ -48,10 +48,13 @@ enum class Level {
     Attachments,
     Copies,
     Generic,
+    Boxes,
     Micromaps,
     Commands,
     State,
-    Submissions
+    Submissions,
+    // of the recorder (recorder/recorder.cpp)
+    Recorder
 };
 
 struct Row {

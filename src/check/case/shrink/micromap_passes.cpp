@@ -3,6 +3,7 @@
 #include <set>
 #include <span>
 
+#include "check/case/names.h"
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
 #include "check/oracle/cpu_trace.h"
@@ -289,6 +290,10 @@ void simplifyMicromaps(Attempts &attempts)
                 edits.emplace_back([i, bit](Case &c) { c.scene.micromaps[i].flags &= ~bit; });
         edits.emplace_back([i](Case &c) { c.scene.micromaps[i].triangleStride = sizeof(VkMicromapTriangleEXT); });
         edits.emplace_back([i](Case &c) { c.scene.micromaps[i].usagePointers = false; });
+        for (const Bit &bit : kUsageNames)
+            edits.emplace_back([i, &bit](Case &c) { c.scene.micromaps[i].usage &= ~bit.value; });
+        for (const Bit &bit : kDataNames)
+            edits.emplace_back([i, &bit](Case &c) { c.scene.micromaps[i].layout &= ~bit.value; });
     }
     attempts.attemptAll(edits);
 }
@@ -298,6 +303,11 @@ void simplifyUses(Attempts &attempts)
     const auto attempt = [&](const std::function<bool(const MeshMicromap &)> &of, const EditUse &edit) {
         attempts.attemptAll(editsOfUses(attempts.best(), of, edit));
     };
+    attempt([](const MeshMicromap &use) { return use.usagePointers; },
+            [](MeshMicromap &use) { use.usagePointers = false; });
+    for (const Bit &bit : kUsageNames)
+        attempt([&bit](const MeshMicromap &use) { return (use.usage & bit.value) != 0; },
+                [&bit](MeshMicromap &use) { use.usage &= ~bit.value; });
     attempt([](const MeshMicromap &use) { return use.stride.has_value(); },
             [](MeshMicromap &use) {
                 if (use.stride == 0u && !use.indices.empty())

@@ -32,6 +32,20 @@ void closeGap(uint32_t &number, uint32_t removed)
     number -= number > removed ? 1u : 0u;
 }
 
+// Queries of what is removed are about the first one of its kind instead.
+void removeTarget(Case &c, QueryTarget::Of of, uint32_t removed)
+{
+    for (QueryPlan &plan : c.queries)
+        for (QueryCommand &command : plan.commands)
+            for (QueryTarget &target : command.targets) {
+                if (target.of != of)
+                    continue;
+                if (target.number == removed)
+                    target.number = 0;
+                closeGap(target.number, removed);
+            }
+}
+
 bool isDirect(const MeshMicromap &use)
 {
     return use.indexType == VK_INDEX_TYPE_NONE_KHR;
@@ -117,6 +131,21 @@ void forEachInstances(Case &c, const std::function<void(std::vector<oracle::Inst
             function(step.instances);
 }
 
+void removeQuery(QueryPlan &plan, uint32_t query)
+{
+    for (QueryCommand &command : plan.commands) {
+        if (command.kind == QueryCommand::Kind::WriteOnHost)
+            continue;
+        if (query >= command.first && query < command.first + command.count) {
+            command.count -= 1;
+            eraseFrom(command.targets, query - command.first, 1);
+        }
+        closeGap(command.first, query);
+    }
+    std::erase_if(plan.commands, [](const QueryCommand &command) { return command.count == 0; });
+    plan.count -= 1;
+}
+
 void removeInstances(Case &c, size_t from, size_t count)
 {
     forEachInstances(c, [&](std::vector<oracle::Instance> &instances) { eraseFrom(instances, from, count); });
@@ -144,6 +173,7 @@ void removeObject(Case &c, uint32_t object)
         if (step.kind == Kind::MoveObject)
             closeGap(step.other, object);
     }
+    removeTarget(c, QueryTarget::Of::Object, object);
     eraseFrom(c.scene.objects, object, 1);
 }
 
@@ -189,6 +219,7 @@ void removeMicromap(Case &c, uint32_t micromap)
         if (targetOf(step.kind) == Target::Micromap)
             closeGap(step.target, micromap);
     }
+    removeTarget(c, QueryTarget::Of::Micromap, micromap);
     eraseFrom(c.scene.micromaps, micromap, 1);
 }
 

@@ -17,6 +17,9 @@ bool isUsed(const Case &c, uint32_t micromap);
 void forEachInstances(Case &c, const std::function<void(std::vector<oracle::Instance> &)> &function);
 void removeInstances(Case &c, size_t from, size_t count);
 
+// Removes a query of a pool from all commands that use it.
+void removeQuery(QueryPlan &plan, uint32_t query);
+
 // Calls it for the triangles of a micromap: the scene's and those of steps.
 void forEachStates(Case &c, uint32_t micromap,
                    const std::function<void(std::vector<oracle::MicromapTriangle> &)> &function);

@@ -51,6 +51,17 @@ void removeSteps(Attempts &attempts)
     }
 }
 
+void removeQueries(Attempts &attempts)
+{
+    attempts.removeStretches(attempts.best().queries.size(), erase([](Case & c) -> auto & { return c.queries; }));
+    for (size_t p = 0; p < attempts.best().queries.size(); ++p) {
+        attempts.removeStretches(attempts.best().queries[p].commands.size(),
+                                 erase([p](Case & c) -> auto & { return c.queries[p].commands; }));
+        attempts.removeStretches(attempts.best().queries[p].count,
+                                 eachOf([p](Case &c, uint32_t query) { removeQuery(c.queries[p], query); }));
+    }
+}
+
 void removeObjects(Attempts &attempts)
 {
     attempts.removeStretches(attempts.best().scene.instances.size(), removeInstances);
@@ -146,6 +157,7 @@ void removeParts(Attempts &attempts, std::optional<uint32_t> ray)
 {
     removeRays(attempts, ray);
     removeSteps(attempts);
+    removeQueries(attempts);
     removeObjects(attempts);
     removeMicromaps(attempts);
     removeTrianglesOfMeshes(attempts);

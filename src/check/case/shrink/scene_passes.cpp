@@ -270,13 +270,31 @@ void simplifyScene(Attempts &attempts)
     roundCoordinates(attempts);
 }
 
+// What makes a command of a query plan simpler.
+void addQueryEdits(size_t plan, size_t command, std::vector<Edit> &edits)
+{
+    const auto add = [&](const std::function<void(QueryCommand &)> &change) {
+        edits.emplace_back([=](Case &c) { change(c.queries[plan].commands[command]); });
+    };
+    for (bool QueryCommand::*const flag : {&QueryCommand::byAddress, &QueryCommand::partial, &QueryCommand::wait,
+                                           &QueryCommand::availability, &QueryCommand::wide})
+        add([flag](QueryCommand &of) { of.*flag = false; });
+    for (uint32_t QueryCommand::*const number : {&QueryCommand::offset, &QueryCommand::padding})
+        add([number](QueryCommand &of) { of.*number = 0; });
+    add([](QueryCommand &of) {
+        if (of.kind == QueryCommand::Kind::ResetOnHost)
+            of.kind = QueryCommand::Kind::Reset;
+    });
+}
+
 void simplifyPlans(Attempts &attempts)
 {
     std::vector<Edit> edits{
         [](Case &c) { c.memory = Memory::Apart; },
         [](Case &c) { c.build.micromaps = BuildCommand::Device; },
         [](Case &c) { c.build.structures = BuildCommand::Device; },
-        [](Case &c) { c.build.together = false; },
+        [](Case &c) { c.build.mixed = false; },
+        [](Case &c) { c.build.together = c.build.mixed = false; },
         [](Case &c) { c.build.threads = 1; },
         [](Case &c) { c.build.instancePointers = false; },
         [](Case &c) { c.build.geometryPointers = false; },
@@ -303,7 +321,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
-        for (bool Step::*const flag : {&Step::update, &Step::inPlace, &Step::deferred, &Step::host})
+        for (bool Step::*const flag : {&Step::outOfPlace, &Step::exact, &Step::update, &Step::inPlace, &Step::deferred, &Step::host})
             edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
         edits.emplace_back([i](Case &c) { c.steps[i].other = 0; });
         if (targetOf(attempts.best().steps[i].kind) == Target::Top)
@@ -315,8 +333,14 @@ void simplifyPlans(Attempts &attempts)
         if (attempts.best().steps[i].kind == Kind::UpdateTop)
             edits.emplace_back([i](Case &c) { c.steps[i].instances = c.scene.instances; });
     }
-    for (size_t i = 0; i < attempts.best().scene.objects.size(); ++i)
-        edits.emplace_back([i](Case &c) { c.scene.objects[i].flags = 0; });
+    for (const Bit &bit : kStructureFlagNames) {
+        edits.emplace_back([&bit](Case &c) { c.scene.topFlags &= ~bit.value; });
+        for (size_t i = 0; i < attempts.best().scene.objects.size(); ++i)
+            edits.emplace_back([i, &bit](Case &c) { c.scene.objects[i].flags &= ~bit.value; });
+    }
+    for (size_t p = 0; p < attempts.best().queries.size(); ++p)
+        for (size_t i = 0; i < attempts.best().queries[p].commands.size(); ++i)
+            addQueryEdits(p, i, edits);
     attempts.attemptAll(edits);
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
         for (const Kind kind : simplerThan(attempts.best().steps[i].kind)) {

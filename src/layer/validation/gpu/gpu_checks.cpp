@@ -17,7 +17,7 @@ using namespace shared;
 constexpr uint32_t kLossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
 
 // The limits of whoever implements micromaps. A driver's own are asked for; translation never makes a lossy build.
-LevelLimits limitsOf(const Driver &driver)
+LevelLimits ownLimits(const Driver &driver)
 {
     if (driver.emulated())
         return {};
@@ -33,6 +33,14 @@ LevelLimits limitsOf(const Driver &driver)
                 khr.maxOpacityLossy4StateSubdivisionLevel};
     return {ext.maxOpacity2StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel,
             ext.maxOpacity4StateSubdivisionLevel};
+}
+
+LevelLimits limitsOf(const Driver &driver)
+{
+    const LevelLimits own = ownLimits(driver);
+    return {simulatedLimit(own.twoState, driver.settings->most2StateLevel),
+            simulatedLimit(own.fourState, driver.settings->most4StateLevel),
+            simulatedLimit(own.lossy, driver.settings->mostLossyLevel)};
 }
 
 uint32_t highestLevel(const MicromapBuildInput &build)

@@ -77,6 +77,74 @@ std::string opaqueGeometry(Gpu &gpu)
     return RowScene(gpu, micromap.get(), 4, {}, VK_GEOMETRY_OPAQUE_BIT_KHR).states();
 }
 
+// The states of a row of three triangles, each 0, 1 and 2, in another form.
+std::string statesIn(Gpu &gpu, void (*change)(Geometry &))
+{
+    const auto micromap = built(gpu, uniform({0, 1, 2}));
+    Geometry geometry{.vertices = triangleRow(3)};
+    geometry.micromap = Attachment{micromap.get()};
+    change(geometry);
+    const Blas blas(gpu, {geometry});
+    return statesOf(gpu, Tlas(gpu, {instance(blas, {}, 1)}), 3);
+}
+
+std::string indexed(Gpu &gpu)
+{
+    return statesIn(gpu, [](Geometry &geometry) {
+        geometry.indexType = VK_INDEX_TYPE_UINT16;
+        geometry.indices = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+    });
+}
+
+// The first two triangles are exchanged.
+std::string exchanged(Gpu &gpu)
+{
+    return statesIn(gpu, [](Geometry &geometry) {
+        geometry.indexType = VK_INDEX_TYPE_UINT32;
+        geometry.indices = {3, 4, 5, 0, 1, 2, 6, 7, 8};
+    });
+}
+
+std::string transformed(Gpu &gpu)
+{
+    return statesIn(gpu, [](Geometry &geometry) {
+        geometry.transform = VkTransformMatrixKHR{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    });
+}
+
+std::string flat(Gpu &gpu)
+{
+    return statesIn(gpu, [](Geometry &geometry) { geometry.vertexFormat = VK_FORMAT_R32G32_SFLOAT; });
+}
+
+std::string noDuplicates(Gpu &gpu)
+{
+    return statesIn(
+        gpu, [](Geometry &geometry) { geometry.flags = VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR; });
+}
+
+// Geometries of one triangle each, and one without in between.
+std::string threeGeometries(Gpu &gpu, bool byPointer)
+{
+    const auto first = built(gpu, uniform({0})), second = built(gpu, uniform({1}));
+    Geometry left{.vertices = triangleRow(1), .byPointer = byPointer}, right{.vertices = triangleRow(1, {1.5f, 0, 0})};
+    Geometry none;
+    left.micromap = none.micromap = Attachment{first.get()};
+    right.micromap = Attachment{second.get()};
+    const Blas blas(gpu, {left, none, right});
+    return statesOf(gpu, Tlas(gpu, {instance(blas, {}, 1)}), 2);
+}
+
+std::string byPointers(Gpu &gpu)
+{
+    return threeGeometries(gpu, true);
+}
+
+std::string emptyBetween(Gpu &gpu)
+{
+    return threeGeometries(gpu, false);
+}
+
 std::string skippedTriangle(Gpu &gpu)
 {
     const auto micromap = built(gpu, uniform({0, 1, 2}));
@@ -94,6 +162,24 @@ std::string unknownSpecial(Gpu &gpu)
 constexpr VkBuildAccelerationStructureFlagsKHR kUpdate =
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR |
     VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT;
+
+std::string fastTrace(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    return RowScene(gpu, micromap.get(), 2, {}, 0, VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR).states();
+}
+
+std::string updatedElsewhere(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    Geometry geometry{.vertices = triangleRow(2)};
+    geometry.micromap = Attachment{micromap.get()};
+    const Blas source(gpu, {geometry}, kUpdate);
+    Blas target(gpu);
+    target.updateFrom(&source);
+    target.build({geometry}, kUpdate, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    return statesOf(gpu, Tlas(gpu, {instance(target, {}, 1)}), 2);
+}
 
 // After an update with other indices, or with another micromap.
 std::string updated(Gpu &gpu, std::vector<int32_t> indices, MicromapInput other)
@@ -211,9 +297,18 @@ std::span<const Case> attachmentCases()
         Case{"null-micromap-opaque", nullMicromap, "023", "111"},
         Case{"micromap-of-first-geometry", twoGeometries, "01", "00"},
         Case{"opaque-geometry-without-micromap", opaqueGeometry, "0123", "1111"},
+        Case{"indexed-geometry-without-micromap", indexed, "012", "nnn"},
+        Case{"transformed-geometry-without-micromap", transformed, "012", "nnn"},
+        Case{"other-vertex-format-without-micromap", flat, "012", "nnn"},
+        Case{"no-duplicates-without-micromap", noDuplicates, "012", "nnn"},
+        Case{"micromap-by-vertex-index", exchanged, "102", "012"},
+        Case{"geometry-pointers-as-first", byPointers, "01", "00"},
+        Case{"empty-geometry-shifts-micromaps", emptyBetween, "01", "00"},
         Case{"primitive-offset-moves-indices", skippedTriangle, "01", "12"},
         Case{"special-unknown-swapped", unknownSpecial, "23", "32"},
         Case{"update-drops-micromap", updatedSame, "01", "nn"},
+        Case{"fast-trace-without-micromap", fastTrace, "01", "nn"},
+        Case{"update-elsewhere-drops-micromap", updatedElsewhere, "01", "nn"},
         Case{"update-keeps-indices", updatedIndices, "10", "01"},
         Case{"update-keeps-micromap", updatedMicromap, "23", "01"},
         Case{"lossy-copy-loses-more", lossyClone, "01", "31", Api::Khr},

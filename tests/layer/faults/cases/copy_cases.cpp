@@ -56,6 +56,62 @@ std::string serializedSizes(Gpu &gpu)
     return orderOfSizes(gpu, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, false);
 }
 
+// Of two queries of one size, of which the second one is written: what is read of both, with availability, 24 bytes
+// apart; '-' where nothing was written. copied: by vkCmdCopyQueryPoolResults, of the second query twice.
+std::string secondQuery(Gpu &gpu, const std::function<void(VkQueryPool)> &afterwards, bool copied = false)
+{
+    const auto micromap = built(gpu, uniform({0}));
+    const VkQueryType type = micromapQueryType(gpu, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT);
+    const QueryPool pool(gpu, type, 3);
+    const MicromapHandle handle = micromap->handle();
+    constexpr VkDeviceSize kStride = 24;
+    constexpr uint64_t kUnwritten = UINT64_MAX;
+    const Buffer buffer(gpu, 2 * kStride, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
+    std::memset(buffer.bytes(), 0xff, 2 * kStride);
+    constexpr VkQueryResultFlags kFlags = VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WITH_AVAILABILITY_BIT;
+    gpu.submit([&](VkCommandBuffer commands) {
+        vkCmdResetQueryPool(commands, pool, 0, 3);
+        recordMicromapProperties(gpu, commands, std::span(&handle, 1), type, pool, 1);
+        if (copied) {
+            recordMicromapProperties(gpu, commands, std::span(&handle, 1), type, pool, 2);
+            vkCmdCopyQueryPoolResults(commands, pool, 1, 2, buffer.handle(), 0, kStride,
+                                      kFlags | VK_QUERY_RESULT_WAIT_BIT);
+        }
+        barrier(commands);
+    });
+    afterwards(pool);
+    if (!copied)
+        (void)vkGetQueryPoolResults(gpu.device(), pool, 0, 2, 2 * kStride, buffer.bytes(), kStride,
+                                    kFlags | VK_QUERY_RESULT_PARTIAL_BIT);
+    std::string seen;
+    for (const size_t word : {size_t{1}, size_t{4}})
+        seen += buffer.as<uint64_t>()[word] == kUnwritten ? '-' : buffer.as<uint64_t>()[word] != 0 ? 'a' : 'u';
+    return seen;
+}
+
+std::string queryStates(Gpu &gpu)
+{
+    return secondQuery(gpu, [](VkQueryPool) {});
+}
+
+std::string copiedStates(Gpu &gpu)
+{
+    return secondQuery(
+        gpu, [](VkQueryPool) {}, true);
+}
+
+std::string resetStates(Gpu &gpu)
+{
+    return secondQuery(gpu, [&](VkQueryPool pool) {
+        gpu.submit([&](VkCommandBuffer commands) { vkCmdResetQueryPool(commands, pool, 0, 2); });
+    });
+}
+
+std::string hostResetStates(Gpu &gpu)
+{
+    return secondQuery(gpu, [&](VkQueryPool pool) { vkResetQueryPool(gpu.device(), pool, 0, 2); });
+}
+
 Guarded serialized(Gpu &gpu, const Micromap &micromap)
 {
     const uint64_t size =
@@ -114,6 +170,12 @@ std::span<const Case> copyCases()
     static const std::array cases{
         Case{"compacted-size-of-another", compactedSizes, "smaller first", "larger first"},
         Case{"query-of-previous", serializedSizes, "smaller first", "equal"},
+        Case{"query-first-ignored", queryStates, "ua", "au"},
+        Case{"results-stride-ignored", queryStates, "ua", "u-"},
+        Case{"results-without-availability", queryStates, "ua", "aa"},
+        Case{"copied-results-stride-ignored", copiedStates, "aa", "a-"},
+        Case{"reset-does-nothing", resetStates, "uu", "ua"},
+        Case{"host-reset-does-nothing", hostResetStates, "uu", "ua"},
         Case{"deserialization-keeps-old", deserializedAgain, "1", "0"},
         Case{"serialized-header-size", header, "different", "equal"},
         Case{"generic-cleared-to-its-end", sharedRange, "intact", "overwritten"},

@@ -10,11 +10,17 @@ import tempfile
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
+sys.path.insert(0, str(ROOT / "bench/faults"))
+sys.dont_write_bytecode = True
+import faults  # noqa: E402
 BUILD = os.environ.get("VELLUM_TEST_BUILD")
 
 PROGRAM = """#!{python}
 import os, pathlib, sys, time
 words = sys.argv
+if "--list" in words:
+    print("khr.resolution-query.0002 khr.resolution-query.0003 khr.resolution-query.0004".replace(" ", chr(10)))
+    sys.exit()
 fault = os.environ["VELLUM_TEST_FAULT"]
 if "--replay" in words:
     sys.exit(fault == "index-stride")
@@ -24,6 +30,8 @@ pathlib.Path("{log}").open("a").write(" ".join(words[4:] + layers) + chr(10))
 if fault in ("index-stride", "base-twice"):
     (output / "failures").mkdir(parents=True)
     (output / "failures" / "khr.resolution-query.0003.json").write_text("{{}}")
+if not fault:
+    time.sleep({slow})
 if fault in ("index-stride", "hangs"):
     time.sleep(600)
 sys.exit({{"dies": 1, "does-nothing": 2, "": {clean}}}.get(fault, 0))
@@ -36,9 +44,9 @@ class Script(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
 
-    def run_script(self, faults, *words, clean=0):
+    def run_script(self, faults, *words, clean=0, slow=0):
         program = self.folder / "program"
-        program.write_text(PROGRAM.format(python=sys.executable, log=self.folder / "log", clean=clean))
+        program.write_text(PROGRAM.format(python=sys.executable, log=self.folder / "log", clean=clean, slow=slow))
         program.chmod(0o755)
         chosen = [word for fault in faults for word in ("--fault", fault)]
         return subprocess.run([sys.executable, ROOT / "bench/faults/faults.py", "--build", BUILD, "--program", program,
@@ -57,7 +65,11 @@ class Script(unittest.TestCase):
                          [("index-stride", "found", "khr.resolution-query.0003"), ("dies", "found", None),
                           ("base-twice", "flake", None), ("triangle-stride", "missed", None),
                           ("hangs", "no end", None)])
+        self.assertEqual([row["number"] for row in rows], [2, None, None, None, None])
+        self.assertIn("| found | ", ended.stdout)
+        self.assertIn(" | khr.resolution-query.0003 | 2 |\n", ended.stdout)
         self.assertIn("found 2 / planted 5 with seed 7, median", ended.stdout)
+        self.assertIn("; median case 2 of 3, last 2\n", ended.stdout)
         self.assertEqual(len(self.calls()), 6)
         self.assertTrue(self.calls()[0].startswith("--seed 7 --minutes 1 "))
 
@@ -66,6 +78,16 @@ class Script(unittest.TestCase):
         above, vellum = "VkLayer_vellum_test_faulty_driver.json", "VkLayer_vellum_opacity_micromap.json"
         self.assertEqual(self.calls(), [f"--seed 1 --quick {above} {vellum}",
                                         f"--seed 1 --quick {above} {vellum} VkLayer_vellum_test_mock_driver.json"])
+
+    # A slow machine has more time: five times that of the run without a fault.
+    def test_time_limit(self):
+        faults.LEAST_LIMIT = 0
+        self.assertEqual(faults.limit_of(None, 30), 150)
+        self.assertEqual(faults.limit_of(7, 30), 7)
+        faults.LEAST_LIMIT = 1000
+        self.assertEqual(faults.limit_of(None, 30), 1000)
+        ended = self.run_script(["dies"], slow=1)
+        self.assertRegex(ended.stderr, r"^3 cases, [1-9]\d* s without a fault\n")
 
     def test_all_found(self):
         self.assertEqual(self.run_script(["dies"]).returncode, 0)

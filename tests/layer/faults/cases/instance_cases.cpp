@@ -93,6 +93,24 @@ std::string copied(Gpu &gpu)
     return statesOf(gpu, clone, 4);
 }
 
+// A ray that passes near the edge u = 0.
+std::string nearEdge(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({1}));
+    const RowScene scene(gpu, micromap.get(), 1);
+    const Vec3 place{0.005f, 0.3f, 1};
+    return statesAt(gpu, scene.tlas(), std::span(&place, 1));
+}
+
+// A ray that passes a box near its side.
+std::string nearSide(Gpu &gpu)
+{
+    const Blas blas(gpu, {Geometry{.boxes = {{-1, -1, -1, 1, 1, 1}}}});
+    const Tlas tlas(gpu, std::vector{instance(blas, {}, 1)});
+    const Ray ray{.origin = {0.98f, 0, 5}};
+    return Tracer(gpu).trace(tlas, std::span(&ray, 1))[0].candidateCount > 0 ? "met" : "missed";
+}
+
 // The states of the last of so many instances, which forces two states; the others are elsewhere.
 template <uint32_t count>
 std::string lastInstance(Gpu &gpu)
@@ -115,6 +133,8 @@ std::span<const Case> instanceCases()
         Case{"mirrored-instance-faces-away", mirrored, "front", "back"},
         Case{"force-opaque-disables-micromaps", forcedOpaque, "0111", "1111"},
         Case{"update-keeps-instance-flags", updatedFlags, "0101", "0123"},
+        Case{"instances-displaced", nearEdge, "1", "0"},
+        Case{"boxes-shrunk", nearSide, "met", "missed"},
         Case{"copy-loses-instance-flags", copied, "0101", "0123"},
         Case{"instance-flags-lost-from-64", lastInstance<65>, "0101", "0123"},
         Case{"instance-flags-lost-from-256", lastInstance<257>, "0101", "0123"},

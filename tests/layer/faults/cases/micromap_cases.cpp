@@ -58,6 +58,52 @@ std::string usagePointers(Gpu &gpu)
     return statesOfMicromap(gpu, micromap);
 }
 
+std::string countedBy(Gpu &gpu, uint32_t form)
+{
+    MicromapInput input = uniform({0}, 1);
+    for (const uint8_t state : std::array<uint8_t, 3>{1, 2, 0})
+        input.add(2, kFourState, std::vector<uint8_t>(16, state));
+    input.usageForm = form;
+    return statesOfMicromap(gpu, *built(gpu, std::move(input)));
+}
+
+std::string zeroCounts(Gpu &gpu)
+{
+    return countedBy(gpu, kUsageZeros);
+}
+
+std::string splitCounts(Gpu &gpu)
+{
+    return countedBy(gpu, kUsageSplit);
+}
+
+// The second triangle has its data at byte 1.
+std::string oddOffset(Gpu &gpu)
+{
+    MicromapInput input;
+    input.add(1, kFourState, std::array<uint8_t, 4>{0, 0, 0, 0});
+    input.add(1, kFourState, std::array<uint8_t, 4>{1, 1, 1, 1});
+    return statesOfMicromap(gpu, *built(gpu, std::move(input)));
+}
+
+// Two triangles that differ in the last micro-triangle.
+std::string differAtEnd(Gpu &gpu)
+{
+    constexpr uint32_t kLevel = 4, kLast = 255;
+    MicromapInput input;
+    std::vector<uint8_t> states(kLast + 1, 0);
+    input.add(kLevel, kFourState, states);
+    states[kLast] = 1;
+    input.add(kLevel, kFourState, states);
+    const auto micromap = built(gpu, std::move(input));
+    const auto centre = microTriangleCentre(kLast, kLevel);
+    const RowScene scene(gpu, micromap.get(), 2);
+    std::vector<Vec3> places;
+    for (const float triangle : {0.0f, 1.5f})
+        places.push_back({triangle + static_cast<float>(centre[0]), static_cast<float>(centre[1]), 1});
+    return statesAt(gpu, scene.tlas(), places);
+}
+
 std::string strided(Gpu &gpu)
 {
     MicromapInput input = uniform({0, 1, 2});
@@ -194,12 +240,25 @@ std::string byHost(Gpu &gpu)
     });
 }
 
+std::string twoByHost(Gpu &gpu)
+{
+    const Micromap first(gpu, uniform({0})), second(gpu, uniform({1}));
+    const std::array infos{first.hostBuildInfo(), second.hostBuildInfo()};
+    VT_CHECK(gpu.vk().BuildMicromapsEXT(gpu.device(), VK_NULL_HANDLE, infos.size(), infos.data()));
+    return statesOfMicromap(gpu, first) + statesOfMicromap(gpu, second);
+}
+
 } // namespace
 
 std::span<const Case> micromapCases()
 {
     static const std::array cases{
         Case{"usage-pointers-as-first", usagePointers, "012", "033"},
+        Case{"usage-count-0-ends", zeroCounts, "0120", "3333"},
+        Case{"usage-counts-once", splitCounts, "0120", "0123"},
+        Case{"data-offset-multiple-of-4", oddOffset, "01", "00"},
+        Case{"sharing-by-16-bytes", differAtEnd, "01", "00"},
+        Case{"sharing-ignores-last-byte", differAtEnd, "01", "00"},
         Case{"triangle-stride", strided, "012", "031"},
         Case{"two-state-as-four", twoStates, "11", "30"},
         Case{"level-0-as-1", levelZero, "1111", "1000"},
@@ -216,6 +275,7 @@ std::span<const Case> micromapCases()
         Case{"micromap-built-once", builtAgain, "1", "0"},
         Case{"only-first-micromap-build", builtTogether, "01", "03"},
         Case{"micromap-built-late", inOneCommandBuffer, "opaque", "not opaque"},
+        Case{"only-first-host-build", twoByHost, "01", "03", Api::Ext},
         Case{"host-build-returns-early", byHost, "opaque", "not opaque", Api::Ext},
     };
     return cases;

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "check/case/queries.h"
+
+#include <algorithm>
+#include <fmt/format.h>
+#include <span>
+
+namespace vellum::check
+{
+
+using Is = QueryState::Is;
+using Kind = QueryCommand::Kind;
+
+bool hasTargets(Kind kind)
+{
+    return kind == Kind::Write || kind == Kind::WriteOnHost;
+}
+
+bool readsResults(Kind kind)
+{
+    return kind == Kind::Read || kind == Kind::Copy;
+}
+
+bool allAvailable(const QueryStates &states, const QueryCommand &command)
+{
+    return std::ranges::all_of(std::span(states).subspan(command.first, command.count),
+                               [](const QueryState &state) { return state.is == Is::Available; });
+}
+
+std::string advance(QueryStates &states, const QueryCommand &command)
+{
+    if (hasTargets(command.kind) ? command.targets.empty() || command.count != command.targets.size()
+                                 : command.count == 0 || !command.targets.empty())
+        return "has targets that it does not use, or lacks them";
+    if (command.kind == Kind::WriteOnHost)
+        return {};
+    // VUID-vkGetQueryPoolResults-firstQuery-09436, -firstQuery-09437 and those of the other commands
+    if (uint64_t{command.first} + command.count > states.size())
+        return fmt::format("uses queries {} to {} of a pool of {}", command.first,
+                           uint64_t{command.first} + command.count - 1, states.size());
+    const auto queries = std::span(states).subspan(command.first, command.count);
+    const auto all = [&](Is is) { return std::ranges::all_of(queries, [is](const auto &query) { return query.is == is; }); };
+    switch (command.kind) {
+    case Kind::Write:
+        // VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494,
+        // VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417
+        if (!all(Is::Unavailable))
+            return "writes queries that are not reset";
+        for (size_t i = 0; i < queries.size(); ++i)
+            queries[i] = {Is::Available, command.targets[i]};
+        return {};
+    case Kind::Read:
+        // VUID-vkGetQueryPoolResults-None-09401
+        if (std::ranges::any_of(queries, [](const auto &query) { return query.is == Is::Uninitialized; }))
+            return "reads queries that were never reset";
+        return command.wait && !all(Is::Available) ? "waits for queries that are not written" : "";
+    case Kind::Copy:
+        // VUID-vkCmdCopyQueryPoolResults-None-08752, VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-None-13084
+        return all(Is::Available) ? "" : "copies queries that are not available";
+    default:
+        std::ranges::fill(queries, QueryState{.is = Is::Unavailable});
+        return {};
+    }
+}
+
+} // namespace vellum::check

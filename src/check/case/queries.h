@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the commands of a QueryPlan make of the queries of its pool, and which commands are allowed.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "check/case/case.h"
+
+namespace vellum::check
+{
+
+struct QueryState {
+    enum class Is { Uninitialized, Unavailable, Available };
+    Is is = Is::Uninitialized;
+    QueryTarget target; // whose property an available query holds
+};
+using QueryStates = std::vector<QueryState>; // of a pool
+
+// Whether the command uses targets, and whether it reads results.
+bool hasTargets(QueryCommand::Kind kind);
+bool readsResults(QueryCommand::Kind kind);
+// Whether all queries that the command names are available.
+bool allAvailable(const QueryStates &states, const QueryCommand &command);
+// Carries out the command. Returns what forbids it; empty: nothing.
+std::string advance(QueryStates &states, const QueryCommand &command);
+
+} // namespace vellum::check
