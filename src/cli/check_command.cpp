@@ -13,6 +13,7 @@
 #include "cli/base/exit_code.h"
 #include "cli/base/numbers.h"
 #include "cli/base/progress.h"
+#include "cli/base/report_parts.h"
 #include "cli/base/system/interrupt.h"
 #include "cli/check/formats.h"
 #include "cli/check/output_folder.h"
@@ -133,13 +134,31 @@ void removeMissing(const CheckOptions &options, const DeviceSummary &device, Cas
 
 int list(const CheckOptions &options)
 {
-    for (const CaseId &id : casesOf(selectionOf(options)))
+    const std::vector<CaseId> cases = casesOf(selectionOf(options));
+    if (options.json) {
+        JsonWriter json;
+        beginReport(json, "check --list");
+        json.list("cases", cases, [&](const CaseId &id) { json.value(nameOf(id)); });
+        fmt::print("{}\n", json.end().text());
+        return static_cast<int>(ExitCode::Success);
+    }
+    for (const CaseId &id : cases)
         fmt::print("{}\n", nameOf(id));
     return static_cast<int>(ExitCode::Success);
 }
 
-int printGroups()
+int printGroups(bool asJson)
 {
+    if (asJson) {
+        JsonWriter json;
+        beginReport(json, "check --groups");
+        json.list("groups", check::groups(), [&](const check::Group &group) {
+            json.beginObject().member("group", group.name).member("cases", group.cases);
+            json.member("summary", group.summary).member("sentences", group.sentences).end();
+        });
+        fmt::print("{}\n", json.end().text());
+        return static_cast<int>(ExitCode::Success);
+    }
     for (const check::Group &group : check::groups())
         fmt::print("{} ({} cases, {} of them in a quick run)\n  {}\n  {}\n", group.name, group.cases,
                    group.quickCases(), group.summary, group.sentences);
@@ -361,7 +380,11 @@ int replay(const CheckOptions &options, const DeviceSummary &device, const CaseI
     if (!result)
         throw Error("the case was not run");
     fmt::print("{}: {}\n", nameOf(id), causeOf(result->outcome));
-    if (!result->outcome.detail.empty())
+    const auto &files = result->outcome.files;
+    const auto account = std::ranges::find(files, "txt", &check::OutcomeFile::extension);
+    if (account != files.end())
+        fmt::print("\n{}", account->bytes);
+    else if (!result->outcome.detail.empty())
         fmt::print("{}\n", result->outcome.detail);
     if (result->verdict == Verdict::Skip)
         return static_cast<int>(ExitCode::NotRun);
@@ -375,7 +398,7 @@ int checkCommand(const CheckOptions &options)
     if (options.worker)
         return runWorker({options.device, apisOf(options).front(), options.layer});
     if (options.groups)
-        return printGroups();
+        return printGroups(options.json);
     if (options.list)
         return list(options);
     const Interruptible interruptible;

@@ -111,12 +111,42 @@ TEST_P(AccountRules, AreNamed)
     Case c = smallCase();
     GetParam().change(c);
     ASSERT_EQ(invalid(c), "");
-    const std::string account = accountOf(c, {}, Api::Khr);
+    const std::string account = accountOf(c, {.ray = 0}, Api::Khr);
     EXPECT_NE(account.find(GetParam().line), std::string::npos) << account;
 }
 
 INSTANTIATE_TEST_SUITE_P(, AccountRules, testing::ValuesIn(kRules),
                          [](const auto &rule) { return std::string(rule.param.name); });
+
+// What is alike is one line, however much it is.
+TEST(Account, OfManyIsShort)
+{
+    Case c = smallCase();
+    c.steps.clear();
+    c.scene.objects[0].meshes.resize(70000, c.scene.objects[0].meshes[0]);
+    c.scene.objects[0].meshes[300].opaque = true;
+    c.scene.instances.resize(1000, c.scene.instances[0]);
+    ASSERT_EQ(invalid(c), "");
+    const std::string account = accountOf(c, {}, Api::Khr);
+    for (const char *const line :
+         {"     geometries 0 to 299, each: 1 triangle, not opaque",
+          "     geometry 300: 1 triangle, VK_GEOMETRY_OPAQUE_BIT_KHR",
+          "     geometries 301 to 69999, each: 1 triangle, not opaque", "     instances 0 to 999, each: object 0"})
+        EXPECT_NE(account.find(line), std::string::npos) << line << "\n" << account;
+    EXPECT_LT(account.size(), 2000u);
+}
+
+// What is wrong with a size says nothing of a ray.
+TEST(Account, OfASizeHasNoRay)
+{
+    const std::string account =
+        accountOf(smallCase(), {.cause = "x", .detail = "a build wrote beyond its micromap (...)"}, Api::Khr);
+    EXPECT_EQ(account.find("Expected:"), std::string::npos) << account;
+    EXPECT_NE(
+        account.find("1 ray traced by a ray query in stage VK_SHADER_STAGE_COMPUTE_BIT.\n\nFound:\na build wrote"),
+        std::string::npos)
+        << account;
+}
 
 // As the number of a command is written.
 std::string numberText(size_t number)

@@ -135,6 +135,41 @@ TEST(CaseJson, ManyStatesAreLengthsOfRuns)
     EXPECT_EQ(caseFromJson(text).scene.micromaps[0].triangles[0].states, states);
 }
 
+// Large scenes are short files, as long as most of their elements are alike.
+TEST(CaseJson, RunsAreElementsWithACount)
+{
+    Case c = smallCase();
+    oracle::Mesh mesh = c.scene.objects[0].meshes[0];
+    const std::vector<Vec3> triangle = std::exchange(mesh.vertices, {});
+    for (uint32_t i = 0; i < 70000; ++i)
+        for (const Vec3 &vertex : triangle)
+            mesh.vertices.push_back({vertex[0] + 1.5f * static_cast<float>(i % 256),
+                                     vertex[1] + 1.5f * static_cast<float>(i / 256), vertex[2]});
+    mesh.micromap->indices.assign(70000, 0);
+    mesh.micromap->indices[300] = -2;
+    for (int32_t i = 0; i < 100; ++i)
+        mesh.micromap->indices[400 + static_cast<size_t>(i)] = i + 7;
+    c.scene.objects[0].meshes.resize(70001, c.scene.objects[0].meshes[0]);
+    c.scene.objects[0].meshes[0] = mesh;
+    c.scene.instances.resize(66000, c.scene.instances[0]);
+    c.scene.instances[65999].flags = kFlagTwoState;
+    c.scene.micromaps[0].triangles.resize(66000, {.level = 0, .states = {3}});
+    ASSERT_EQ(invalid(c), "");
+    const std::string text = toJson(c);
+    EXPECT_LT(text.size(), 64000u);
+    for (const char *const part :
+         {"\"repeat\": 70000,", "{\"repeat\": 100, \"index\": 7, \"step\": 1}",
+          "\"repeat\": 65999, \"object\": 0", "\"repeat\": 65999,", "\"step\": [1.5, 0, 0]"})
+        EXPECT_NE(text.find(part), std::string::npos) << part;
+    const Case back = caseFromJson(text);
+    EXPECT_EQ(toJson(back), text);
+    EXPECT_EQ(back.scene.objects[0].meshes[0].vertices, mesh.vertices);
+    EXPECT_EQ(back.scene.objects[0].meshes[0].micromap->indices, mesh.micromap->indices);
+    EXPECT_EQ(back.scene.objects[0].meshes.size(), c.scene.objects[0].meshes.size());
+    EXPECT_EQ(back.scene.instances.size(), c.scene.instances.size());
+    EXPECT_EQ(back.scene.micromaps[0].triangles.size(), c.scene.micromaps[0].triangles.size());
+}
+
 // What makes the small case wrong, and what is then said.
 struct Wrong {
     const char *instead;
@@ -204,6 +239,19 @@ constexpr Wrong kWrong[] = {
     {"[0, 0, 1, 0]]", "5]", "scene.instances[0].transform[2]: is not a list of 4 numbers"},
     {"\"direction\": [0, 0, -1]", "\"direction\": [0, 0, -1], \"tMin\": -1",
      "scene.rays[0]: tMin -1 is negative or above tMax 1000"},
+    {"{\"object\": 0", "{\"repeat\": 0, \"object\": 0", "scene.instances[0].repeat: is 0"},
+    {"{\"object\": 0", "{\"repeat\": 4294967295, \"object\": 0",
+     "scene.instances[0]: more than 16777216 elements of lists in all"},
+    {"{\"level\": 1", "{\"repeat\": 16000000, \"level\": 1, \"states\": \"TOto\", \"level\": 1",
+     "scene.micromaps[0].triangles[0]: has the field \"level\" twice"},
+    {"\"TOto\"}",
+     "\"TOto\", \"repeat\": 16000000}, {\"level\": 5, \"format\": "
+     "\"VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT\", \"repeat\": 300000, \"states\": \"1024T\"}",
+     "scene.micromaps[0].triangles[1]: more than 268435456 micro-triangles in all"},
+    {"\"vertices\": [", "\"vertices\": [{\"repeat\": 2, \"triangle\": [[0, 0, 0]]}, ",
+     "scene.objects[0].meshes[0].vertices[0].triangle: is not a list of 3 vertices"},
+    {"\"indices\": [0]", "\"indices\": [{\"repeat\": 2}]",
+     "scene.objects[0].meshes[0].micromap.indices[0].index: is missing"},
     {"\"direction\": [0, 0, -1]", "\"direction\": [0, 0, -1], \"flags\": [\"OpaqueKHR\", \"NoOpaqueKHR\"]",
      "scene.rays[0]: flags that exclude each other"},
 };

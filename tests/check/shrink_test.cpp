@@ -270,6 +270,72 @@ TEST(ShrinkingLayouts, LeavesWhatTheFailureNeeds)
     }
 }
 
+// A micro-triangle on an odd level, met by a ray, has another state than the one on the other end of the curve.
+bool mirrorsOddLevels(const Case &c)
+{
+    const oracle::Scene scene = sceneAfter(c);
+    return std::ranges::any_of(scene.rays, [&](const Ray &ray) {
+        const oracle::Hits hits = oracle::allHits(scene, ray);
+        const std::optional<oracle::Hit> hit = oracle::nearestTriangle(scene, ray);
+        if (hits.unsure || !hit)
+            return false;
+        const oracle::Mesh &mesh = scene.objects[scene.instances[hit->instance].object].meshes[hit->geometry];
+        const int32_t index = mesh.micromap ? mesh.micromap->indexOf(hit->primitive) : -1;
+        if (index < 0)
+            return false;
+        const oracle::MicromapTriangle &triangle =
+            scene.micromaps[*mesh.micromap->micromap].triangles[static_cast<uint32_t>(index) + mesh.micromap->base];
+        double edge = 1;
+        const uint32_t number = oracle::microTriangleAt(hit->u, hit->v, triangle.level, edge);
+        return triangle.level % 2 == 1 &&
+               triangle.states[number] != triangle.states[triangle.states.size() - 1 - number];
+    });
+}
+
+// What the lowest level shows is shown there, whatever the levels between.
+TEST(ShrinkingLevels, FindTheLowest)
+{
+    uint32_t found = 0;
+    for (uint32_t seed = 1000; found < 20 && seed < 3000; ++seed) {
+        const Case c = randomCase(seed);
+        if (!mirrorsOddLevels(c))
+            continue;
+        ++found;
+        const Case smallest = shrink(c, mirrorsOddLevels, kPlenty).smallest;
+        ASSERT_EQ(smallest.scene.micromaps.size(), 1u);
+        for (const oracle::MicromapTriangle &triangle : smallest.scene.micromaps[0].triangles)
+            EXPECT_EQ(triangle.level, 1u) << seed << "\n" << toJson(smallest);
+    }
+    EXPECT_EQ(found, 20u);
+}
+
+// Large scenes become as large as the failure needs, or nearly, in few runs, and their files stay short.
+TEST(ShrinkingScale, KeepsTheNumbersThatMatter)
+{
+    Case c = randomCase(1000);
+    const oracle::Mesh mesh{.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
+    c.steps.clear();
+    c.trace = {};
+    c.scene.objects = {{.meshes = std::vector<oracle::Mesh>(66000, mesh)}};
+    c.scene.objects[0].meshes[65800].opaque = true;
+    for (oracle::Instance &instance : c.scene.instances)
+        instance.object = 0;
+    const auto fails = [](uint32_t first) {
+        return [first](const Case &candidate) {
+            const auto &meshes = candidate.scene.objects[0].meshes;
+            return std::ranges::any_of(meshes.begin() + std::min<ptrdiff_t>(first, std::ssize(meshes)), meshes.end(),
+                                       [](const oracle::Mesh &m) { return m.opaque; });
+        };
+    };
+    const Shrunk few = shrink(c, fails(256), kPlenty);
+    EXPECT_EQ(few.smallest.scene.objects[0].meshes.size(), 257u);
+    const Shrunk many = shrink(c, fails(65536), kPlenty);
+    EXPECT_LT(many.smallest.scene.objects[0].meshes.size(), 66000u);
+    EXPECT_GE(many.smallest.scene.objects[0].meshes.size(), 65537u);
+    EXPECT_LT(many.runs, 2500u);
+    EXPECT_LT(toJson(many.smallest).size(), 2000u);
+}
+
 Case failingCase()
 {
     for (uint32_t seed = 0;; ++seed)

@@ -257,9 +257,11 @@ const Break kBreaks[] = {
          c.queries[0].property = QueryPlan::Property::CompactedSize;
      })},
     {"exclude each other", kAlwaysPossible([](Case &c) { c.scene.objects[0].flags = 0xc; })},
-    {"has 0 meshes, not 1 to 20", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
-    {"has 21 meshes, not 1 to 20",
-     kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.resize(21, c.scene.objects[0].meshes[0]); })},
+    {"has 0 meshes, not 1 to 131072", kAlwaysPossible([](Case &c) { c.scene.objects[0].meshes.clear(); })},
+    {"an object has more than 20 meshes, for which there are no hit records", kAlwaysPossible([](Case &c) {
+         c.scene.objects[0].meshes.resize(21, c.scene.objects[0].meshes[0]);
+         c.trace.method = TracePlan::Method::Pipeline;
+     })},
     {"triangles and boxes in one object",
      kForBoxes([](oracle::Mesh &mesh) { mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}; })},
     {"a box is not finite", kForBoxes([](oracle::Mesh &mesh) { mesh.boxes[0].maxZ = kNan; })},

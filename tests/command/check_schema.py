@@ -29,7 +29,8 @@ def report(*arguments, code=0, program=VELLUM):
     value = json.loads(done.stdout)
     found = faults(value, SCHEMA)
     assert not found, (arguments, found)
-    assert value["command"] == arguments[0]
+    listed = [word for word in arguments if word in ("--list", "--groups")]
+    assert value["command"] == " ".join([arguments[0], *listed])
     return value
 
 
@@ -63,6 +64,13 @@ with tempfile.TemporaryDirectory() as name:
     report("spirv", "--rewrite", module, "-o", folder / "rewritten.spv")
     report("render", baked, "--mode", "compare", "--size", "32x32", "--frames", "2", "-o", folder / "picture.png")
 
+    listed = subprocess.run([VELLUM, "check", "--list"], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert report("check", "--list")["cases"] == listed
+    groups = subprocess.run([VELLUM, "check", "--groups"], capture_output=True, text=True, check=True).stdout
+    for group in report("check", "--groups")["groups"]:
+        assert "{group} ({cases} cases)\n  {summary}\n  {sentences}\n".format(**group) in groups, group
+        groups = groups.replace("{group} ({cases} cases)\n  {summary}\n  {sentences}\n".format(**group), "")
+    assert not groups
     out = folder / "check"
     check = report("check", "--filter", "*.good.*", "--filter", "*.bad.*", "--filter", "*.crash.*", "--filter", "*.lost.*",
                    "--filter", "*.skip.*", "-o", out, code=1, program=CHECK)

@@ -97,8 +97,8 @@ protected:
 TEST_F(Judge, FindsChangedResultsOfQueries)
 {
     expectFound<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
-                            [](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
-                                return queryFault(ray, hits, result);
+                            [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
+                                return queryFault(scene_, ray, hits, result);
                             });
 }
 

@@ -16,7 +16,7 @@ std::vector<Traced> judged(const Scene &scene, std::span<const Hits> hits, const
 {
     std::vector<Traced> traced;
     for (size_t i = 0; i < results.size(); ++i)
-        traced.push_back({queryFault(scene.rays[i], hits[i].hits, results[i]), results[i].candidateCount,
+        traced.push_back({queryFault(scene, scene.rays[i], hits[i].hits, results[i]), results[i].candidateCount,
                           results[i].committed != vt::kNone});
     return traced;
 }

@@ -54,12 +54,30 @@ std::string describeUsage(bool pointers, uint32_t form)
            (form != 0 ? fmt::format(", usage counts: {}", wordsOf(form, kUsageNames)) : "");
 }
 
+// A line for each element, or for several in a row that are described alike; at most kMost.
+template <class T, class Describe>
+std::string listed(const std::vector<T> &elements, const char *one, const char *many, const Describe &describeOne)
+{
+    constexpr size_t kMost = 64;
+    std::string text;
+    size_t lines = 0;
+    for (size_t i = 0; i < elements.size();) {
+        if (lines++ == kMost)
+            return text + fmt::format("\n     and {} more", elements.size() - i);
+        const std::string words = describeOne(elements[i]);
+        size_t end = i + 1;
+        while (end < elements.size() && describeOne(elements[end]) == words)
+            ++end;
+        text += end - i == 1 ? fmt::format("\n     {} {}: {}", one, i, words)
+                             : fmt::format("\n     {} {} to {}, each: {}", many, i, end - 1, words);
+        i = end;
+    }
+    return text;
+}
+
 std::string describe(const std::vector<MicromapTriangle> &triangles)
 {
-    constexpr size_t kMost = 8;
-    std::string text;
-    for (size_t i = 0; i < triangles.size() && i < kMost; ++i) {
-        const MicromapTriangle &triangle = triangles[i];
+    return listed(triangles, "triangle", "triangles", [](const MicromapTriangle &triangle) {
         std::array<size_t, 4> counts{};
         for (const uint8_t state : triangle.states)
             ++counts[state & 3];
@@ -67,10 +85,9 @@ std::string describe(const std::vector<MicromapTriangle> &triangles)
         for (size_t s = 0; s < counts.size(); ++s)
             if (counts[s] > 0)
                 states.push_back(fmt::format("{} {}", counts[s], kStateNames[s]));
-        text += fmt::format("\n     triangle {}: level {}, {}-state: {}", i, triangle.level,
-                            triangle.format == kTwoState ? 2 : 4, fmt::join(states, ", "));
-    }
-    return text + (triangles.size() > kMost ? fmt::format("\n     and {} more", triangles.size() - kMost) : "");
+        return fmt::format("level {}, {}-state: {}", triangle.level, triangle.format == kTwoState ? 2 : 4,
+                           fmt::join(states, ", "));
+    });
 }
 
 std::string describe(const MeshMicromap &use)
@@ -138,6 +155,12 @@ std::string describe(const oracle::Instance &instance)
     if (instance.mask != 0xff)
         text += fmt::format(", mask {:#x}", instance.mask);
     return text + (instance.inactive ? ", inactive (reference 0)" : "");
+}
+
+std::string describe(const std::vector<oracle::Instance> &instances)
+{
+    return listed(instances, "instance", "instances",
+                  [](const oracle::Instance &instance) { return describe(instance); });
 }
 
 class Account
@@ -218,8 +241,10 @@ private:
                    structureBuild(), o, namesOf(object.flags, kStructureFlagNames),
                    object.geometryPointers ? ", ppGeometries" : "",
                    case_.build.together && o > 0 ? ", by the same command" : "");
-            for (size_t m = 0; m < object.meshes.size(); ++m)
-                line("     geometry {}: {}", m, describe(object.meshes[m]));
+            text_ +=
+                listed(object.meshes, "geometry", "geometries", [](const oracle::Mesh &mesh) { return describe(mesh); })
+                    .substr(1) +
+                "\n";
         }
         if (case_.build.mixed)
             line("     Those without micromaps are built by the command that builds the micromaps.");
@@ -231,10 +256,9 @@ private:
         number("{} builds the top level{}{}{}:", structureBuild(),
                case_.build.instancePointers ? " from an array of pointers" : "",
                case_.build.geometryPointers ? ", by ppGeometries" : "",
-               case_.scene.topFlags != 0
-                   ? fmt::format(", flags {} and those that what follows needs",
-                                 namesOf(case_.scene.topFlags, kStructureFlagNames))
-                   : "");
+               case_.scene.topFlags != 0 ? fmt::format(", flags {} and those that what follows needs",
+                                                       namesOf(case_.scene.topFlags, kStructureFlagNames))
+                                         : "");
         writeInstances(case_.scene.instances);
         if (case_.build.single)
             line("     All builds and the rays are in one command buffer.");
@@ -245,8 +269,7 @@ private:
     }
     void writeInstances(const std::vector<oracle::Instance> &instances)
     {
-        for (size_t i = 0; i < instances.size(); ++i)
-            line("     instance {}: {}", i, describe(instances[i]));
+        text_ += describe(instances).substr(1) + "\n";
     }
 
     [[nodiscard]] std::string commandsOf(const Step &step) const;
@@ -269,11 +292,11 @@ void Account::writeQueries(const QueryPlan &plan)
 {
     number("A pool of {} queries of {}:", plan.count, nameOf(kPropertyNames, plan.property));
     for (const QueryCommand &command : plan.commands) {
-        constexpr std::array kNames{"vkCmdResetQueryPool",   "vkResetQueryPool",
-                                    "vkCmdWrite...Properties", "vkGetQueryPoolResults",
+        constexpr std::array kNames{"vkCmdResetQueryPool",       "vkResetQueryPool",
+                                    "vkCmdWrite...Properties",   "vkGetQueryPoolResults",
                                     "vkCmdCopyQueryPoolResults", "vkWriteMicromapsPropertiesEXT"};
-        std::string text = command.byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR"
-                                             : kNames[static_cast<size_t>(command.kind)];
+        std::string text =
+            command.byAddress ? "vkCmdCopyQueryPoolResultsToMemoryKHR" : kNames[static_cast<size_t>(command.kind)];
         if (command.kind != QueryCommand::Kind::WriteOnHost)
             text += fmt::format(" of queries {} to {}", command.first, command.first + command.count - 1);
         for (const QueryTarget &target : command.targets)
@@ -326,8 +349,7 @@ std::string Account::commandsOf(const Step &step) const
                            "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure.",
                            t);
     case Kind::UpdateObject:
-        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}.", t,
-                           elsewhere);
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}.", t, elsewhere);
     case Kind::RebuildObject: return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again.", t);
     case Kind::MoveObject:
         return fmt::format(
@@ -363,11 +385,8 @@ std::string Account::commandsOf(const Step &step) const
     case Kind::CompactTop: return "vkCmdCopyAccelerationStructureKHR compacts the top level.";
     case Kind::ReloadTop: return "The top level is serialized and deserialized to a new structure.";
     default: {
-        std::string text =
-            fmt::format("vkCmdBuildAccelerationStructuresKHR updates the top level{}:", elsewhere);
-        for (size_t i = 0; i < step.instances.size(); ++i)
-            text += fmt::format("\n     instance {}: {}", i, describe(step.instances[i]));
-        return text;
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates the top level{}:", elsewhere) +
+               describe(step.instances);
     }
     }
 }
@@ -517,15 +536,19 @@ void Account::writePipeline(const PipelinePlan &pipeline)
 
 void Account::writeRay()
 {
-    if (after_.rays.empty())
-        return;
-    const size_t number = std::min<size_t>(verdict_.ray.value_or(0), after_.rays.size() - 1);
-    const Ray &ray = after_.rays[number];
+    const std::string tracer = case_.trace.method == TracePlan::Method::Pipeline
+                                   ? std::string("a ray tracing pipeline")
+                                   : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage));
     line("");
-    line("Ray {} of {}, traced by {}:", number, after_.rays.size(),
-         case_.trace.method == TracePlan::Method::Pipeline
-             ? std::string("a ray tracing pipeline")
-             : fmt::format("a ray query in stage {}", nameOf(kStageNames, case_.trace.stage)));
+    if (!verdict_.ray) { // what is wrong is not what a ray meets
+        line("{} traced by {}.", counted(after_.rays.size(), "ray"), tracer);
+        if (!verdict_.detail.empty())
+            line("\nFound:\n{}", verdict_.detail);
+        return;
+    }
+    const size_t number = std::min<size_t>(*verdict_.ray, after_.rays.size() - 1);
+    const Ray &ray = after_.rays[number];
+    line("Ray {} of {}, traced by {}:", number, after_.rays.size(), tracer);
     if (case_.trace.boundFirst)
         line("What traces was bound before the builds of the same command buffer.");
     writeTracePlan();

@@ -10,6 +10,7 @@
 #include <rapidjson/error/en.h>
 #include <stdexcept>
 
+#include "check/case/bytes.h"
 #include "check/case/fields.h"
 #include "check/case/validity.h"
 
@@ -25,6 +26,10 @@ constexpr std::string_view kSchema = "vellum-check/1";
 constexpr std::string_view kNan = "nan";   // a number of an inactive triangle or box
 constexpr uint32_t kMostPlainStates = 256; // more are written as lengths of runs
 constexpr size_t kLineWidth = 100;
+constexpr uint64_t kMostElements = uint64_t{1} << 24; // of all lists of a case
+constexpr const char *kRepeat = "repeat";             // how often an element of a list follows itself
+constexpr size_t kShortestRun = 4;                    // of triangles that are written as one
+constexpr size_t kMostPlainIndices = 16;              // in a row; as many and more are written as one
 
 template <class T>
 bool same(const T &a, const T &b)
@@ -33,6 +38,54 @@ bool same(const T &a, const T &b)
         return std::memcmp(&a, &b, sizeof a) == 0; // 0 and -0 are different
     else
         return a == b;
+}
+
+// The n-th of triangles that are moved copies of one.
+Vec3 moved(const Vec3 &vertex, const Vec3 &step, size_t n)
+{
+    Vec3 out = vertex;
+    for (size_t i = 0; n > 0 && i < 3; ++i)
+        out[i] += step[i] * static_cast<float>(n);
+    return out;
+}
+
+// How many triangles from vertex `from` on are the first one, moved by a multiple of `step`.
+size_t runOfTriangles(const std::vector<Vec3> &vertices, size_t from, Vec3 &step)
+{
+    if (vertices.size() - from < 6)
+        return 1;
+    for (size_t i = 0; i < 3; ++i)
+        step[i] = vertices[from + 3][i] - vertices[from][i];
+    if (!std::ranges::all_of(step, [](float value) { return std::isfinite(value); }))
+        return 1; // an inactive one
+    size_t count = 1;
+    const auto continues = [&] {
+        for (size_t k = 0; k < 3; ++k) {
+            const Vec3 expected = moved(vertices[from + k], step, count);
+            for (size_t i = 0; i < 3; ++i)
+                if (!same(vertices[from + 3 * count + k][i], expected[i]))
+                    return false;
+        }
+        return true;
+    };
+    while (from + 3 * count + 3 <= vertices.size() && continues())
+        ++count;
+    return count;
+}
+
+// How many indices from `from` on differ from the one before by `step`.
+size_t runOfIndices(const std::vector<int32_t> &indices, size_t from, int32_t &step)
+{
+    if (from + 1 == indices.size())
+        return 1;
+    const int64_t difference = int64_t{indices[from + 1]} - indices[from];
+    if (difference != 0 && difference != 1)
+        return 1;
+    step = static_cast<int32_t>(difference);
+    size_t count = 1;
+    while (from + count < indices.size() && int64_t{indices[from + count]} - indices[from + count - 1] == step)
+        ++count;
+    return count;
 }
 
 std::string statesText(const std::vector<uint8_t> &states)
@@ -97,7 +150,27 @@ public:
         add(key, toList(field));
     }
     void states(const char *key, const std::vector<uint8_t> &field) { add(key, toValue(statesText(field))); }
-    void vectors(const char *key, const std::vector<Vec3> &field) { addLists(key, field); }
+    void vectors(const char *key, const std::vector<Vec3> &field)
+    {
+        Json list(rapidjson::kArrayType);
+        for (size_t i = 0; i < field.size();) {
+            Vec3 step{};
+            const size_t count = runOfTriangles(field, i, step);
+            if (count < kShortestRun) {
+                list.PushBack(toList(field[i++]), allocator_);
+                continue;
+            }
+            Writer run(allocator_);
+            run.always(kRepeat, static_cast<uint32_t>(count));
+            run.addLists("triangle", std::vector<Vec3>{field[i], field[i + 1], field[i + 2]});
+            if (step != Vec3{})
+                run.floats("step", step);
+            list.PushBack(run.take(), allocator_);
+            i += 3 * count;
+        }
+        if (!list.Empty())
+            add(key, std::move(list));
+    }
     void vectors(const char *key, const std::vector<VkAabbPositionsKHR> &field)
     {
         std::vector<std::array<float, 6>> boxes;
@@ -106,7 +179,26 @@ public:
         addLists(key, boxes);
     }
     void vectors(const char *key, const float (&field)[3][4]) { addLists(key, field); }
-    void indices(const char *key, const std::vector<int32_t> &field) { add(key, toList(field)); }
+    void indices(const char *key, const std::vector<int32_t> &field)
+    {
+        Json list(rapidjson::kArrayType);
+        for (size_t i = 0; i < field.size();) {
+            int32_t step = 0;
+            const size_t count = runOfIndices(field, i, step);
+            if (count < kMostPlainIndices) {
+                for (const size_t end = i + count; i < end; ++i)
+                    list.PushBack(toValue(field[i]), allocator_);
+                continue;
+            }
+            Writer run(allocator_);
+            run.always(kRepeat, static_cast<uint32_t>(count));
+            run.always("index", field[i]);
+            run.value("step", step, 0);
+            list.PushBack(run.take(), allocator_);
+            i += count;
+        }
+        add(key, std::move(list));
+    }
     void indices(const char *key, const std::vector<uint32_t> &field)
     {
         if (!field.empty())
@@ -138,8 +230,25 @@ public:
     void list(const char *key, const std::vector<T> &field, Function &&fields)
     {
         Json list(rapidjson::kArrayType);
-        for (const T &element : field)
-            list.PushBack(toObject(element, fields), allocator_);
+        const auto bytesOf = [&](size_t i) {
+            Bytes bytes;
+            if (field.size() > 1)
+                fields(bytes, field[i]);
+            return bytes.text();
+        };
+        std::string bytes = field.empty() ? std::string() : bytesOf(0);
+        for (size_t i = 0; i < field.size();) {
+            size_t end = i + 1;
+            std::string next;
+            while (end < field.size() && (next = bytesOf(end)) == bytes)
+                ++end;
+            Writer element(allocator_);
+            element.value(kRepeat, static_cast<uint32_t>(end - i), 1u);
+            fields(element, field[i]);
+            list.PushBack(element.take(), allocator_);
+            bytes = std::move(next);
+            i = end;
+        }
         if (!list.Empty())
             add(key, std::move(list));
     }
@@ -261,8 +370,12 @@ std::string textOf(const Json &json, size_t indent)
 class Reader
 {
 public:
-    Reader(const Json &json, std::string where, uint64_t &states)
-        : json_(json), where_(std::move(where)), states_(states)
+    // What was read of the whole case: what a file of some bytes stands for is bounded.
+    struct Amount {
+        uint64_t states = 0, elements = 0;
+    };
+
+    Reader(const Json &json, std::string where, Amount &amount) : json_(json), where_(std::move(where)), amount_(amount)
     {
         if (!json.IsObject())
             reject(where_, "is not an object");
@@ -319,7 +432,23 @@ public:
     void vectors(const char *key, std::vector<Vec3> &field)
     {
         forEach(key, [&](const Json &element, const std::string &where) {
-            getFloats(element, where, field.emplace_back());
+            if (!element.IsObject())
+                return getFloats(element, where, field.emplace_back());
+            Reader run(element, where, amount_);
+            const uint32_t count = run.repeat();
+            const Json &corners = run.needed("triangle");
+            if (!corners.IsArray() || corners.Size() != 3)
+                reject(run.path("triangle"), "is not a list of 3 vertices");
+            std::array<Vec3, 3> triangle{};
+            for (rapidjson::SizeType k = 0; k < 3; ++k)
+                getFloats(corners[k], fmt::format("{}[{}]", run.path("triangle"), k), triangle[k]);
+            Vec3 step{};
+            if (run.find("step") != nullptr)
+                run.floats("step", step);
+            run.finish();
+            for (uint32_t i = 0; i < count; ++i)
+                for (const Vec3 &vertex : triangle)
+                    field.push_back(moved(vertex, step, i));
         });
     }
     void vectors(const char *key, std::vector<VkAabbPositionsKHR> &field)
@@ -351,7 +480,18 @@ public:
     template <class T>
     void indices(const char *key, std::vector<T> &field)
     {
-        forEach(key, [&](const Json &element, const std::string &where) { get(element, where, field.emplace_back()); });
+        forEach(key, [&](const Json &element, const std::string &where) {
+            if (!element.IsObject())
+                return get(element, where, field.emplace_back());
+            Reader run(element, where, amount_);
+            const uint32_t count = run.repeat();
+            int32_t index = 0, step = 0;
+            run.always("index", index);
+            run.value("step", step, 0);
+            run.finish();
+            for (uint32_t i = 0; i < count; ++i)
+                field.push_back(static_cast<int32_t>(std::min<int64_t>(index + int64_t{i} * step, INT32_MAX)));
+        });
     }
     template <class T, class Function>
     void object(const char *key, T &field, Function &&fields)
@@ -369,11 +509,42 @@ public:
     void list(const char *key, std::vector<T> &field, Function &&fields)
     {
         forEach(key, [&](const Json &element, const std::string &where) {
-            getObject(element, where, field.emplace_back(), fields);
+            Reader reader(element, where, amount_);
+            const uint32_t count = reader.repeat();
+            const Amount before = amount_;
+            T made{};
+            fields(reader, made);
+            reader.finish();
+            amount_.states += (count - 1) * (amount_.states - before.states);
+            addElements((count - 1) * (amount_.elements - before.elements), where);
+            rejectManyStates(where);
+            field.insert(field.end(), count, made);
         });
     }
 
 private:
+    // How often this element of a list is there.
+    uint32_t repeat()
+    {
+        uint32_t count = 1;
+        value(kRepeat, count, 1u);
+        if (count == 0)
+            reject(path(kRepeat), "is 0");
+        addElements(count - 1, where_);
+        return count;
+    }
+    void addElements(uint64_t count, const std::string &where) const
+    {
+        amount_.elements += count;
+        if (amount_.elements > kMostElements)
+            reject(where, fmt::format("more than {} elements of lists in all", kMostElements));
+    }
+    void rejectManyStates(const std::string &where) const
+    {
+        if (amount_.states > kMostStates)
+            reject(where, fmt::format("more than {} micro-triangles in all", kMostStates));
+    }
+
     static std::string printable(const std::string &text)
     {
         std::string out = text.substr(0, 60);
@@ -403,13 +574,14 @@ private:
             return;
         if (!found->IsArray())
             reject(path(key), "is not a list");
+        addElements(found->Size(), path(key));
         for (rapidjson::SizeType i = 0; i < found->Size(); ++i)
             function((*found)[i], fmt::format("{}[{}]", path(key), i));
     }
     template <class T, class Function>
     void getObject(const Json &json, const std::string &where, T &field, Function &&fields)
     {
-        Reader reader(json, where, states_);
+        Reader reader(json, where, amount_);
         fields(reader, field);
         reader.finish();
     }
@@ -487,7 +659,7 @@ private:
 
     const Json &json_;
     std::string where_;
-    uint64_t &states_; // that were read, of the whole case
+    Amount &amount_;
     std::vector<std::string> known_;
 };
 
@@ -507,9 +679,8 @@ void Reader::states(const char *key, std::vector<uint8_t> &field)
         if (state == std::string_view::npos)
             reject(path(key), "has a state that is not T, O, t or o");
         count = std::max<uint64_t>(count, 1);
-        states_ += count;
-        if (states_ > kMostStates)
-            reject(path(key), fmt::format("more than {} micro-triangles in all", kMostStates));
+        amount_.states += count;
+        rejectManyStates(path(key));
         field.insert(field.end(), count, static_cast<uint8_t>(state));
         count = 0;
     }
@@ -542,8 +713,8 @@ Case caseFromJson(std::string_view text)
     document.Parse<kFlags>(text.data(), text.size());
     if (document.HasParseError())
         reject(placeOf(text, document.GetErrorOffset()), rapidjson::GetParseError_En(document.GetParseError()));
-    uint64_t states = 0;
-    Reader reader(document, "", states);
+    Reader::Amount amount;
+    Reader reader(document, "", amount);
     std::string schema;
     reader.always("schema", schema);
     if (schema != kSchema)

@@ -22,20 +22,6 @@ constexpr std::string_view kWrong = "#d62828", kRight = "#cfe8cf";
 constexpr std::array kAdvances{105.0, 85.0, 165.0, 0.0}; // of the legend
 constexpr std::array kNames{"transparent", "opaque", "unknown-transparent", "unknown-opaque"};
 
-// The triangle that the ray meets, whatever its opacity.
-std::optional<oracle::Hit> triangleOf(Scene scene, const Ray &ray)
-{
-    for (oracle::Object &object : scene.objects)
-        for (oracle::Mesh &mesh : object.meshes)
-            mesh.micromap.reset();
-    const std::vector<oracle::Hit> hits = oracle::allHits(scene, ray).hits;
-    std::optional<oracle::Hit> nearest;
-    for (const oracle::Hit &hit : hits)
-        if (!hit.box && (!nearest || hit.t < nearest->t))
-            nearest = hit;
-    return nearest;
-}
-
 struct States {
     uint32_t level = 0;
     std::vector<uint8_t> states;
@@ -52,23 +38,6 @@ std::optional<States> statesOf(const Scene &scene, const oracle::Hit &hit)
     const auto &triangles = scene.micromaps[*mesh.micromap->micromap].triangles;
     const oracle::MicromapTriangle &triangle = triangles[static_cast<uint32_t>(index) + mesh.micromap->base];
     return States{triangle.level, triangle.states};
-}
-
-// A ray as the wrong one, at a place of the triangle.
-Ray aimedAt(const Scene &scene, const oracle::Hit &hit, Ray ray, std::array<double, 2> place)
-{
-    const oracle::Instance &instance = scene.instances[hit.instance];
-    const oracle::Mesh &mesh = scene.objects[instance.object].meshes[hit.geometry];
-    const oracle::Corners corners = oracle::cornersOf(mesh, hit.primitive);
-    const auto [u, v] = place;
-    for (size_t r = 0; r < 3; ++r) {
-        double at = double{instance.transform.matrix[r][3]};
-        for (size_t k = 0; k < 3; ++k)
-            at += double{instance.transform.matrix[r][k]} *
-                  ((1 - u - v) * corners[0][k] + u * corners[1][k] + v * corners[2][k]);
-        ray.origin[r] = static_cast<float>(at - hit.t * double{ray.direction[r]});
-    }
-    return ray;
 }
 
 std::string polygon(const std::array<std::array<double, 2>, 3> &corners, double left, std::string_view color)
@@ -89,15 +58,17 @@ std::string text(double x, double y, std::string_view words)
 std::string pictureOf(const Case &c, const Verdict &verdict, const std::function<Verdict(const Case &)> &runs)
 {
     const Scene scene = sceneAfter(c);
-    const Ray &wrong = scene.rays[verdict.ray.value_or(0)];
-    const std::optional<oracle::Hit> hit = triangleOf(scene, wrong);
+    if (!verdict.ray)
+        return {};
+    const Ray &wrong = scene.rays[*verdict.ray];
+    const std::optional<oracle::Hit> hit = oracle::nearestTriangle(scene, wrong);
     const std::optional<States> states = hit ? statesOf(scene, *hit) : std::nullopt;
     if (!states || states->level > kMostLevel)
         return {};
     Case probes = c;
     probes.scene.rays.clear();
     for (uint32_t i = 0; i < states->states.size(); ++i)
-        probes.scene.rays.push_back(aimedAt(scene, *hit, wrong, microTriangleCentre(i, states->level)));
+        probes.scene.rays.push_back(oracle::aimedAt(scene, *hit, wrong, microTriangleCentre(i, states->level)));
     const std::vector<uint32_t> bad = runs(probes).wrongRays;
 
     const double right = 20 + kSide + kGap;

@@ -67,7 +67,18 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
         return "accelerationStructureIndirectBuild is not supported";
     if (std::string lacks = missingForQueries(gpu, c) + missingForFlags(gpu, c.scene); !lacks.empty())
         return lacks;
+    if (c.scene.instances.size() > gpu.maxInstances())
+        return "more instances than maxInstanceCount";
+    for (const oracle::Object &object : c.scene.objects) {
+        uint64_t primitives = 0;
+        for (const oracle::Mesh &mesh : object.meshes)
+            primitives += mesh.vertices.size() / 3 + mesh.boxes.size();
+        if (object.meshes.size() > gpu.maxGeometries() || primitives > gpu.maxPrimitives())
+            return "more geometries or primitives than maxGeometryCount or maxPrimitiveCount";
+    }
     for (const oracle::SceneMicromap &micromap : c.scene.micromaps) {
+        if (micromap.triangles.size() > gpu.maxMicromapTriangles())
+            return "more triangles in a micromap than maxMicromapTriangles";
         const bool lossy = (micromap.flags & kLossy) != 0;
         if (lossy && !gpu.khr())
             return "VK_EXT_opacity_micromap has no lossy builds";
@@ -85,13 +96,6 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
     if (const auto lacks = missingFor(gpu, c.trace))
         return *lacks;
     return sceneRule(gpu, c.trace, after).value_or("");
-}
-
-std::string described(const oracle::Scene &scene, size_t ray)
-{
-    const Ray &r = scene.rays[ray];
-    return "ray " + std::to_string(ray) + ", flags " + std::to_string(r.flags) + ", cull mask " +
-           std::to_string(r.cullMask);
 }
 
 } // namespace
@@ -133,10 +137,12 @@ Verdict run(Device &gpu, const Case &c)
         if (faults[i].empty())
             continue;
         verdict.wrongRays.push_back(static_cast<uint32_t>(i));
-        if (!verdict.ray) {
+        // What several rays show is told by the opacity of a hit, if one does: one fault has one cause.
+        if (!verdict.ray ||
+            (verdict.cause != oracle::kOpacityCause && oracle::causeOf(faults[i]) == oracle::kOpacityCause)) {
             verdict.ray = static_cast<uint32_t>(i);
             verdict.cause = oracle::causeOf(faults[i]);
-            verdict.detail = described(after, i) + ": " + faults[i];
+            verdict.detail = "ray " + std::to_string(i) + ": " + faults[i];
         }
     }
     for (const std::string &fault : gpu.takeFaults()) {

@@ -77,7 +77,7 @@ public:
                     faults[i] = judgeHits(hits[i].hits);
             };
             if (plan_.method == TracePlan::Method::Query)
-                traceQueries(top, rays, *first, judge);
+                traceQueries(top, scene, rays, *first, judge);
             else
                 tracePipelines(top, scene, rays, *first, judge);
             static const Record kNothing;
@@ -145,7 +145,8 @@ private:
     }
 
     template <class Judge>
-    void traceQueries(const Structure &top, std::span<const Ray> rays, const Record &beside, const Judge &judge)
+    void traceQueries(const Structure &top, const Scene &scene, std::span<const Ray> rays, const Record &beside,
+                      const Judge &judge)
     {
         std::unique_ptr<Tracer> &tracer = queries_[key(rays)];
         if (!tracer)
@@ -154,7 +155,7 @@ private:
         run(std::span(&one, 1), top, rays, beside);
         const std::vector<Result> results = tracer->results();
         for (size_t i = 0; i < results.size(); ++i)
-            judge(i, [&](const std::vector<Hit> &hits) { return queryFault(rays[i], hits, results[i]); });
+            judge(i, [&](const std::vector<Hit> &hits) { return queryFault(scene, rays[i], hits, results[i]); });
     }
 
     struct PipelineTrace {

@@ -21,7 +21,7 @@ using oracle::MeshMicromap;
 using oracle::Scene;
 
 constexpr uint32_t kMostLevels = 12;
-constexpr size_t kMostMeshes = oracle::kMostGeometries;
+constexpr size_t kMostMeshes = size_t{1} << 17;
 // So that no case takes all memory.
 constexpr uint64_t kMostBytes = uint64_t{1} << 28; // of a buffer
 constexpr uint32_t kMostThreads = 64;
@@ -243,10 +243,11 @@ void checkObject(const Scene &scene, const oracle::Object &object, const std::st
     checkStructureFlags(object.flags, where);
     rule(!object.meshes.empty() && object.meshes.size() <= kMostMeshes, where, "has {} meshes, not 1 to {}",
          object.meshes.size(), kMostMeshes);
+    const bool boxes = object.hasBoxes();
     for (size_t i = 0; i < object.meshes.size(); ++i) {
         const oracle::Mesh &mesh = object.meshes[i];
         const std::string here = fmt::format("{}.meshes[{}]", where, i);
-        checkMesh(mesh, object.hasBoxes(), here);
+        checkMesh(mesh, boxes, here);
         if (mesh.micromap)
             checkUse(scene, *mesh.micromap, mesh.triangles(), here + ".micromap");
     }
@@ -569,6 +570,11 @@ void checkPlans(const Case &c)
          "build.structures", "are built on the device");
     rule(c.build.threads >= 1 && c.build.threads <= kMostThreads, "build.threads", "{} is not 1 to {}", c.build.threads,
          kMostThreads);
+    rule(c.trace.method == TracePlan::Method::Query ||
+             std::ranges::all_of(c.scene.objects,
+                                 [](const oracle::Object &o) { return o.meshes.size() <= oracle::kMostGeometries; }),
+         "trace.method", "an object has more than {} meshes, for which there are no hit records",
+         oracle::kMostGeometries);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
     rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");

@@ -112,10 +112,16 @@ void Arena::Snapshot::expectOnlyChanged(std::span<const Range> ranges, const std
             last = before[i] != now[i] ? i : last;
         }
         const auto piece = pieces.upTo(offset).value_or(std::pair<size_t, size_t>{});
+        std::string given; // the memory before that, if the operation may write to it
+        for (const Range &range : ranges)
+            if (pieces.address() + piece.first == range.address)
+                given = ", right behind the " + std::to_string(range.size) +
+                        " bytes that it may write to, a size that Vulkan reported";
         arena_.gpu_.fault(operation + ": bytes changed that it may not write to (" + std::to_string(changed) +
                           " bytes from offset " + std::to_string(offset) + " to " + std::to_string(last) +
                           " of buffer " + std::to_string(b) + "; the piece before begins at " +
-                          std::to_string(piece.first) + " and has " + std::to_string(piece.second) + " bytes)");
+                          std::to_string(piece.first) + " and has " + std::to_string(piece.second) + " bytes" + given +
+                          ")");
     }
 }
 
@@ -154,6 +160,23 @@ bool Guarded::intact() const
     const auto guard = [](uint8_t b) { return b == kGuardByte; };
     return std::all_of(bytes, bytes + place_.offset, guard) &&
            std::all_of(bytes + place_.offset + size_, bytes + own_.size(), guard);
+}
+
+std::string Guarded::damage() const
+{
+    std::string text = " (the size that Vulkan reported is " + std::to_string(size_) + " bytes";
+    if (arena_ == nullptr) {
+        const uint8_t *const bytes = own_.bytes(), *const end = bytes + own_.size();
+        const auto written = [](uint8_t b) { return b != kGuardByte; };
+        const uint8_t *const behind = bytes + place_.offset + size_;
+        const uint8_t *last = end;
+        while (last > behind && !written(last[-1]))
+            --last;
+        text += last > behind ? ", and it wrote up to byte " +
+                                    std::to_string(last - bytes - static_cast<ptrdiff_t>(place_.offset))
+                              : ", and it wrote before them";
+    }
+    return text + ")";
 }
 
 void Guarded::swap(Guarded &other) noexcept

@@ -98,6 +98,8 @@ public:
     [[nodiscard]] VkDeviceMemory memory() const { return whole().memory(); }
     [[nodiscard]] Arena::Range range() const { return {address(), size_}; }
     [[nodiscard]] bool intact() const;
+    // What was written to around it, in words and in parentheses.
+    [[nodiscard]] std::string damage() const;
 
 private:
     void swap(Guarded &other) noexcept;

@@ -337,6 +337,11 @@ void Device::createDevice()
     knownFaults_ = check::knownFaults(physical_, options_.micromaps && options_.apiVersion >= VK_API_VERSION_1_3);
     lavapipe26_ = driver_.driverID == VK_DRIVER_ID_MESA_LLVMPIPE &&
                   properties.properties.driverVersion >= VK_MAKE_API_VERSION(0, 26, 0, 0);
+    maxGeometries_ = limits.maxGeometryCount;
+    maxPrimitives_ = limits.maxPrimitiveCount;
+    maxInstances_ = limits.maxInstanceCount;
+    if (khr() && has(VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME))
+        maxMicromapTriangles_ = micromapLimitsKhr.maxMicromapTriangles;
     if (khr())
         maxLevels_ = {micromapLimitsKhr.maxOpacity2StateSubdivisionLevel,
                       micromapLimitsKhr.maxOpacity4StateSubdivisionLevel,

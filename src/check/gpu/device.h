@@ -263,6 +263,11 @@ public:
     }
     // Of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
     [[nodiscard]] uint32_t maxLossyLevel() const { return maxLevels_[2]; }
+    // How many there may be in a bottom-level structure, a top-level one and a micromap.
+    [[nodiscard]] uint64_t maxGeometries() const { return maxGeometries_; }
+    [[nodiscard]] uint64_t maxPrimitives() const { return maxPrimitives_; }
+    [[nodiscard]] uint64_t maxInstances() const { return maxInstances_; }
+    [[nodiscard]] uint64_t maxMicromapTriangles() const { return maxMicromapTriangles_; }
     // Those of kVertexFormats that the device has.
     [[nodiscard]] std::vector<VkFormat> vertexFormats() const;
     [[nodiscard]] const VkPhysicalDeviceDriverProperties &driver() const { return driver_; }
@@ -348,6 +353,8 @@ private:
     std::array<bool, 2> indirectTraces_{};
     bool primitiveCulling_ = false;
     std::array<uint32_t, 3> maxLevels_{};
+    uint64_t maxGeometries_ = 0, maxPrimitives_ = 0, maxInstances_ = 0;
+    uint64_t maxMicromapTriangles_ = UINT64_MAX; // VK_EXT_opacity_micromap has no such limit
     std::mutex faultsMutex_;
     std::vector<std::string> faults_;
     VkPhysicalDeviceDriverProperties driver_{};

@@ -213,9 +213,9 @@ void Micromap::create(VkDeviceSize size)
 Micromap::~Micromap()
 {
     if (!storage_.intact())
-        gpu_.fault("a build wrote beyond its micromap");
+        gpu_.fault("a build wrote beyond its micromap" + storage_.damage());
     if (scratch_ && !scratch_->intact())
-        gpu_.fault("a micromap build wrote beyond its scratch memory");
+        gpu_.fault("a micromap build wrote beyond its scratch memory" + scratch_->damage());
     if (scratch_ && !(data_.intact() && triangles_.intact()))
         gpu_.fault("a micromap build wrote to its input");
     destroyMicromap(gpu_, handle_);
@@ -277,9 +277,9 @@ Structure::~Structure()
 void Structure::checkGuards() const
 {
     if (placedBuffer_ == VK_NULL_HANDLE && structure_ != VK_NULL_HANDLE && !storage_->intact())
-        gpu_.fault("a build wrote beyond its acceleration structure");
+        gpu_.fault("a build wrote beyond its acceleration structure" + storage_->damage());
     if (structure_ != VK_NULL_HANDLE && scratch_ && !scratch_->intact())
-        gpu_.fault("an acceleration structure build wrote beyond its scratch memory");
+        gpu_.fault("an acceleration structure build wrote beyond its scratch memory" + scratch_->damage());
 }
 
 void Structure::placeIn(VkBuffer buffer, VkDeviceSize offset)
@@ -354,8 +354,21 @@ void Structure::record(VkCommandBuffer commands) const
 
 VkDeviceAddress Blas::upload(const void *content, size_t size, size_t alignment)
 {
-    buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
-    return buffers_.back().address();
+    // Where there are many geometries, their inputs share buffers: devices allow as few as 4096 allocations.
+    constexpr size_t kManyGeometries = 128, kSharedBytes = size_t{1} << 20;
+    if (inputs_.size() < kManyGeometries || size > kSharedBytes) {
+        buffers_.push_back(uploadAligned(gpu(), content, size, kBuildInput, alignment));
+        filled_ = kSharedBytes;
+        return buffers_.back().address();
+    }
+    size_t begin = (filled_ + alignment - 1) / alignment * alignment;
+    if (buffers_.empty() || begin + size > kSharedBytes) {
+        buffers_.emplace_back(gpu(), kSharedBytes, 256, kBuildInput);
+        begin = 0;
+    }
+    filled_ = begin + size;
+    std::memcpy(buffers_.back().bytes() + begin, content, size);
+    return buffers_.back().address() + begin;
 }
 
 void Blas::describeBoxes(const Geometry &input, VkAccelerationStructureGeometryAabbsDataKHR &boxes,

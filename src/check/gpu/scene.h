@@ -233,6 +233,7 @@ private:
 
     std::vector<Geometry> inputs_;
     std::vector<Guarded> buffers_;
+    size_t filled_ = 0; // of the last buffer, where geometries share it
     std::vector<std::vector<VkMicromapUsageEXT>> usages_;
     std::vector<std::vector<const VkMicromapUsageEXT *>> usagePointers_;
     std::vector<VkAccelerationStructureTrianglesOpacityMicromapEXT> attachments_;

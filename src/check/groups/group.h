@@ -60,6 +60,8 @@ struct Group {
     // At least 1: how many of the first cases are a quick run. Chosen so that a group takes about three seconds of a
     // worker on lavapipe for each extension.
     uint32_t quick = 20;
+    // Kinds of cases: case n is of kind n % kinds, which is also its seed % kinds. The first `kinds` cases show each.
+    uint32_t kinds = 1;
 
     [[nodiscard]] uint32_t quickCases() const { return std::min(quick, cases); }
 };

@@ -11,7 +11,7 @@ std::span<const Group> groups()
     static const std::vector<Group> all = [] {
         std::vector<Group> list;
         for (const std::span<const Group> some :
-             {resolutionGroups(), pipelineGroups(), buildGroups(), objectGroups(), queryGroups()})
+             {resolutionGroups(), pipelineGroups(), buildGroups(), objectGroups(), queryGroups(), scaleGroups()})
             list.insert(list.end(), some.begin(), some.end());
         return list;
     }();

@@ -188,6 +188,42 @@ oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits 
     return made;
 }
 
+oracle::Instance instanceInPlace(Random &random)
+{
+    oracle::Instance instance;
+    for (size_t i = 0; i < 3; ++i)
+        instance.transform.matrix[i][i] = 1;
+    instance.customIndex = below(random, 1u << 24);
+    return instance;
+}
+
+Ray rayDown(Random &random)
+{
+    Ray ray = oracle::randomRay(random, {});
+    ray.origin = {0, 0, 3};
+    ray.direction = {0, 0, -1};
+    ray.tMin = 0;
+    ray.tMax = 10;
+    ray.cullMask = 0xff;
+    ray.generate = 0;
+    ray.flags &= ~(kRayCullBack | kRayCullFront | kRaySkipTriangles);
+    return ray;
+}
+
+oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t least)
+{
+    oracle::MicromapTriangle triangle{.level = level, .format = kFourState};
+    const size_t count = size_t{1} << (2 * level);
+    while (triangle.states.size() < count) {
+        // 4^n states of the curve from a multiple of 4^n on are a sub-triangle.
+        uint32_t n = least + below(random, level + 1 - least);
+        while (triangle.states.size() % (size_t{1} << (2 * n)) != 0)
+            --n;
+        triangle.states.insert(triangle.states.end(), size_t{1} << (2 * n), static_cast<uint8_t>(below(random, 4)));
+    }
+    return triangle;
+}
+
 std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind kind, const DeviceLimits &limits)
 {
     Step step{.kind = kind, .update = chance(random, 50)};

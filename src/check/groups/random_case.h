@@ -51,6 +51,12 @@ inline bool chance(Random &random, uint32_t percent)
 Limits smallScene(const DeviceLimits &limits);
 // A scene of these limits, with no levels above what the device allows.
 oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits &limits);
+// One that does not move its object, 0.
+oracle::Instance instanceInPlace(Random &random);
+// A ray against z with random flags, which cull by opacity at most. The caller places its origin.
+Ray rayDown(Random &random);
+// States that are the same within sub-triangles, as those of a picture are: none smaller than of 4^least states.
+oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t least);
 // A random step of that kind; nothing where the scene has nothing that it could be done to.
 std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step::Kind kind, const DeviceLimits &limits);
 // Appends `count` steps of random kinds.
@@ -84,5 +90,6 @@ std::span<const Group> pipelineGroups();
 std::span<const Group> buildGroups();
 std::span<const Group> objectGroups();
 std::span<const Group> queryGroups();
+std::span<const Group> scaleGroups();
 
 } // namespace vellum::check

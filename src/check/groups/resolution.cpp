@@ -33,15 +33,6 @@ Case plain(Random &random, const DeviceLimits &limits)
                                                                        : TracePlan::Method::Query}};
 }
 
-oracle::Instance oneInstance(Random &random)
-{
-    oracle::Instance instance;
-    for (size_t i = 0; i < 3; ++i)
-        instance.transform.matrix[i][i] = 1;
-    instance.customIndex = below(random, 1u << 24);
-    return instance;
-}
-
 // One object in one instance, which does not move it.
 oracle::Scene rowScene(Random &random)
 {
@@ -49,7 +40,7 @@ oracle::Scene rowScene(Random &random)
     // Rays meet the middle of micro-triangles, which is 8e-5 away from their edges at level 12.
     scene.edge = 4e-5f;
     scene.objects.resize(1);
-    scene.instances = {oneInstance(random)};
+    scene.instances = {instanceInPlace(random)};
     return scene;
 }
 
@@ -64,15 +55,9 @@ void addRow(Random &random, oracle::Scene &scene, uint32_t triangles, uint32_t l
         const float x = 1.5f * static_cast<float>(t);
         appendTriangle(mesh.vertices, {x, y, 0});
         for (uint32_t r = 0; r < raysOfEach; ++r) {
-            Ray ray = oracle::randomRay(random, {});
+            Ray ray = rayDown(random);
             const auto [u, v] = microTriangleCentre(below(random, 1u << (2 * level)), level);
             ray.origin = {x + static_cast<float>(u), y + static_cast<float>(v), 3};
-            ray.direction = {0, 0, -1};
-            ray.tMin = 0;
-            ray.tMax = 10;
-            ray.cullMask = 0xff;
-            ray.generate = 0;
-            ray.flags &= ~(kRayCullBack | kRayCullFront | kRaySkipTriangles);
             scene.rays.push_back(ray);
         }
     }
@@ -84,22 +69,6 @@ oracle::MicromapTriangle fineTriangle(Random &random, uint32_t level, uint16_t f
     triangle.states.resize(size_t{1} << (2 * level));
     for (uint8_t &state : triangle.states)
         state = static_cast<uint8_t>(below(random, format == kTwoState ? 2 : 4));
-    return triangle;
-}
-
-// States that are the same within sub-triangles, as those of a picture are: none smaller than one random size.
-oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level)
-{
-    oracle::MicromapTriangle triangle{.level = level, .format = kFourState};
-    const size_t count = size_t{1} << (2 * level);
-    const uint32_t least = below(random, level + 1);
-    while (triangle.states.size() < count) {
-        // 4^n states of the curve from a multiple of 4^n on are a sub-triangle.
-        uint32_t n = least + below(random, level + 1 - least);
-        while (triangle.states.size() % (size_t{1} << (2 * n)) != 0)
-            --n;
-        triangle.states.insert(triangle.states.end(), size_t{1} << (2 * n), static_cast<uint8_t>(below(random, 4)));
-    }
     return triangle;
 }
 
@@ -189,7 +158,7 @@ oracle::Scene lossyRow(Random &random, const DeviceLimits &limits)
                                     limits.maxLossyLevel);
     const uint32_t triangles = level > 9 ? 1 : level > 6 ? 2 : 6;
     for (uint32_t i = 0; i < triangles; ++i)
-        micromap.triangles.push_back(chance(random, 80) ? patchyTriangle(random, level)
+        micromap.triangles.push_back(chance(random, 80) ? patchyTriangle(random, level, below(random, level + 1))
                                                         : fineTriangle(random, level, kFourState));
     constexpr std::array<VkBuildMicromapFlagsEXT, 3> flags{0, VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT,
                                                            VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT};
@@ -201,7 +170,7 @@ oracle::Scene lossyRow(Random &random, const DeviceLimits &limits)
         oracle::randomUse(random, scene, triangles, {.byteIndices = limits.byteIndices});
     // Instances behind each other, so that rays meet several hits of which most are not known.
     for (uint32_t i = chance(random, 40) ? 5 + below(random, 3) : 1; i > 1; --i) {
-        scene.instances.push_back(oneInstance(random));
+        scene.instances.push_back(instanceInPlace(random));
         scene.instances.back().transform.matrix[2][3] = -0.5f * static_cast<float>(i);
         if (chance(random, 20))
             scene.instances.back().flags = kFlagTwoState;

@@ -156,13 +156,27 @@ public:
         return std::move(out_);
     }
 
+    // One triangle, without culling and opacity.
+    std::optional<Hit> runFor(uint32_t i, uint32_t g, uint32_t p)
+    {
+        everything_ = true;
+        const Instance &instance = scene_.instances[i];
+        local_ = toObject(instance.transform, ray_);
+        triangle(instance, scene_.objects[instance.object].meshes[g],
+                 {i, g, p, instance.customIndex, false, {}, false, 0, 0, 0, true});
+        return out_.hits.empty() ? std::nullopt : std::optional(out_.hits[0]);
+    }
+
 private:
     void add(const Instance &instance, const Mesh &mesh, Hit hit, int state)
     {
+        hit.state = state;
         switch (outcomeOf(state, mesh.opaque, instance.flags, ray_.flags)) {
         case Outcome::Opaque: hit.opacity = Opacity::Opaque; break;
         case Outcome::NonOpaque: hit.opacity = Opacity::NonOpaque; break;
-        default: return;
+        default:
+            if (!everything_)
+                return;
         }
         hit.record = recordOffset(scene_, hit.instance);
         out_.hits.push_back(hit);
@@ -172,28 +186,30 @@ private:
     // Möller and Trumbore.
     void triangle(const Instance &instance, const Mesh &mesh, Hit hit)
     {
-        if ((ray_.flags & kRaySkipTriangles) != 0)
+        if ((ray_.flags & kRaySkipTriangles) != 0 && !everything_)
             return;
         const Corners corners = cornersOf(mesh, hit.primitive);
         const Point &v0 = corners[0];
         const Point e1 = corners[1] - v0;
         const Point e2 = corners[2] - v0;
-        const Point normal = cross(e1, e2);
-        const double area = std::sqrt(dot(normal, normal));
-        // Neither degenerate triangles nor inactive ones, whose area is NaN, are ever met.
-        if (!(area > 0))
-            return;
         const Point p = cross(local_.direction, e2);
         const double determinant = dot(e1, p);
-        const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
         const Point toOrigin = local_.origin - v0;
-        const Point q = cross(toOrigin, e1);
         hit.u = dot(toOrigin, p) / determinant;
+        if (hit.u < -kWidest || hit.u > 1 + kWidest)
+            return; // most triangles of a large scene
+        const Point q = cross(toOrigin, e1);
         hit.v = dot(local_.direction, q) / determinant;
         hit.t = dot(e2, q) / determinant;
         const double inside = std::min({hit.u, hit.v, 1 - hit.u - hit.v});
         if (!(inside > -kWidest))
             return;
+        const Point normal = cross(e1, e2);
+        const double area = std::sqrt(dot(normal, normal));
+        // Neither degenerate triangles nor inactive ones, whose area is NaN, are ever met.
+        if (!(area > 0))
+            return;
+        const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
         const double length = std::sqrt(std::max({dot(e1, e1), dot(e2, e2), dot(e2 - e1, e2 - e1)}));
         // What kPlace is in barycentrics, where the height above the longest edge decides, and along the ray.
         const double moved = std::max(double{scene_.edge}, kPlace * length / (area * std::abs(cosine)));
@@ -209,7 +225,7 @@ private:
         hit.frontFace = determinant > 0;
         if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FLIP_FACING_BIT_KHR) != 0)
             hit.frontFace = !hit.frontFace;
-        if ((instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR) == 0 && !bad &&
+        if (!everything_ && (instance.flags & VK_GEOMETRY_INSTANCE_TRIANGLE_FACING_CULL_DISABLE_BIT_KHR) == 0 && !bad &&
             (ray_.flags & (hit.frontFace ? kRayCullFront : kRayCullBack)) != 0)
             return;
         double edge = inside;
@@ -272,6 +288,7 @@ private:
     LocalRay local_{};
     double slack_ = kDistance;     // of the current hit, in t
     std::vector<double> slackOf_{}; // of each of the hits
+    bool everything_ = false; // also what is culled or ignored
     Hits out_;
 };
 
@@ -280,6 +297,44 @@ private:
 Hits allHits(const Scene &scene, const Ray &ray, const Substitution &substitution)
 {
     return Tracing(scene, ray, substitution).run();
+}
+
+std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive)
+{
+    const bool exists =
+        instance < scene.instances.size() && !scene.instances[instance].inactive &&
+        geometry < scene.objects[scene.instances[instance].object].meshes.size() &&
+        primitive < scene.objects[scene.instances[instance].object].meshes[geometry].triangles();
+    static const Substitution kNone;
+    return exists ? Tracing(scene, ray, kNone).runFor(instance, geometry, primitive) : std::nullopt;
+}
+
+std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray)
+{
+    Scene bare = scene; // without micromaps, no hit is ignored
+    for (Object &object : bare.objects)
+        for (Mesh &mesh : object.meshes)
+            mesh.micromap.reset();
+    std::optional<Hit> nearest;
+    for (const Hit &hit : allHits(bare, ray).hits)
+        if (!hit.box && (!nearest || hit.t < nearest->t))
+            nearest = hit;
+    return nearest;
+}
+
+Ray aimedAt(const Scene &scene, const Hit &hit, Ray ray, std::array<double, 2> place)
+{
+    const Instance &instance = scene.instances[hit.instance];
+    const Corners corners = cornersOf(scene.objects[instance.object].meshes[hit.geometry], hit.primitive);
+    const auto [u, v] = place;
+    for (size_t r = 0; r < 3; ++r) {
+        double at = double{instance.transform.matrix[r][3]};
+        for (size_t k = 0; k < 3; ++k)
+            at += double{instance.transform.matrix[r][k]} *
+                  ((1 - u - v) * corners[0][k] + u * corners[1][k] + v * corners[2][k]);
+        ray.origin[r] = static_cast<float>(at - hit.t * double{ray.direction[r]});
+    }
+    return ray;
 }
 
 std::vector<Hits> allHits(const Scene &scene, const Substitution &substitution)

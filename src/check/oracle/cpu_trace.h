@@ -5,7 +5,9 @@
 
 #include <cstdint>
 
+#include <array>
 #include <map>
+#include <optional>
 
 #include "check/oracle/scene.h"
 
@@ -28,6 +30,7 @@ struct Hit {
     // A triangle of a geometry that promises to show each candidate once.
     bool once = false;
     uint32_t record = 0; // instanceShaderBindingTableRecordOffset
+    int state = 0; // as outcomeOf takes it
 };
 
 // The number of the micro-triangle at barycentrics (u, v). `edge` becomes how near the next line between two of them
@@ -62,5 +65,14 @@ struct Hits {
 Hits allHits(const Scene &scene, const Ray &ray, const Substitution &substitution = {});
 // Of each ray of the scene.
 std::vector<Hits> allHits(const Scene &scene, const Substitution &substitution = {});
+
+// What the ray meets of one triangle, whatever its opacity and whatever the ray culls; nothing: it does not meet it for
+// certain.
+std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive);
+
+// The first triangle that the ray meets, whatever its opacity.
+std::optional<Hit> nearestTriangle(const Scene &scene, const Ray &ray);
+// A ray as the one of that hit, that meets the triangle at other barycentrics.
+Ray aimedAt(const Scene &scene, const Hit &hit, Ray ray, std::array<double, 2> place);
 
 } // namespace vellum::check::oracle

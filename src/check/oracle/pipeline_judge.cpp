@@ -228,6 +228,11 @@ private:
                    std::abs(at.v - static_cast<float>(hit.geometry) - 0.5f) < 1e-6f;
         return std::abs(double{at.u} - hit.u) < 1e-3 && std::abs(double{at.v} - hit.v) < 1e-3;
     }
+    template <class List>
+    static bool seen(const List &list, const Hit &hit)
+    {
+        return std::any_of(list.begin(), list.end(), [&hit](const auto &x) { return names(hit, x); });
+    }
     template <class T>
     static std::string describe(const char *what, const T &x)
     {
@@ -262,8 +267,11 @@ private:
             const Candidate &c = result_.candidates[i];
             const CandidateNote &note = result_.notes[i];
             const Hit *hit = find(c, c.box());
-            if (hit == nullptr || !asks(*hit))
-                return describe("an any-hit shader ran that should not", c);
+            if (hit == nullptr || !asks(*hit)) {
+                const bool byOpacity = !c.box() && (hit == nullptr || hit->opacity == Opacity::Opaque);
+                return byOpacity ? opacityFault(scene_, ray_, c, "a candidate to an any-hit shader")
+                                 : describe("an any-hit shader ran that should not", c);
+            }
             if (cameAgain(*hit, result_.candidates))
                 return describe("an any-hit shader ran twice for a triangle", c);
             if (!placed(*hit, c, note.hitKind) || !attributed(*hit, c))
@@ -312,16 +320,20 @@ private:
         if (result_.tMin < ray_.tMin || result_.tMin > ray_.tMin)
             return "tMin read back wrong";
         if (result_.committed == kNone) {
+            if (nearest != nullptr && !seen(result_.candidates, *nearest))
+                return opacityFault(scene_, ray_, *nearest, "a miss");
             if (nearest != nullptr || !generated_.empty())
-                return "nothing committed";
+                return "an accepted hit was not committed";
             if (by_.table.nullMiss)
                 return "a miss shader of a zero record ran";
             return reads(result_.record, 50, by_.parameters.missIndex & 0xffff) ? "" : "record of the miss shader";
         }
         const bool box = result_.committed == kGenerated;
         const Hit *hit = find(result_, box);
+        if (!box && (hit == nullptr || !accepts(*hit)))
+            return opacityFault(scene_, ray_, result_, "it as the committed hit");
         if (hit == nullptr || !accepts(*hit) || !hasClosestHit(*hit))
-            return "the committed hit is not one that may be committed";
+            return describe("the committed hit is not one that may be committed", result_);
         if (box && end == nullptr && std::find(generated_.begin(), generated_.end(), hit) == generated_.end())
             return "the committed box was not reported";
         const bool othersReported = std::any_of(result_.visits.begin(), result_.visits.end(), [&](const auto &visit) {
@@ -334,7 +346,11 @@ private:
                    std::to_string(result_.hitKind) + ")";
         if (!reads(result_.record, 100, recordOf(*hit)))
             return "record of the committed hit";
-        return mayStay(double{result_.t}) ? "" : "the committed hit is not the nearest";
+        if (mayStay(double{result_.t}))
+            return {};
+        if (nearest != nullptr && double{result_.t} > nearest->t + 1e-3 && !seen(result_.candidates, *nearest))
+            return opacityFault(scene_, ray_, *nearest, "none, but a hit farther away");
+        return describe("the committed hit is not the nearest", result_);
     }
 
     // Nearer than the hit that stays, nothing may have been left out.
@@ -342,16 +358,13 @@ private:
     {
         if (end() != nullptr || ((ray_.flags & kRayTerminateOnFirstHit) != 0 && result_.committed != kNone))
             return {};
-        const auto seen = [&](const auto &list, const Hit &hit) {
-            return std::any_of(list.begin(), list.end(), [&hit](const auto &x) { return names(hit, x); });
-        };
         for (const Hit &h : hits_) {
             if (!h.certain || h.t > limit_ - 1e-3)
                 continue;
             if (h.box && groupOf(h) && !seen(result_.visits, h))
                 return describe("a box was left out", h);
             if (!h.box && asks(h) && !seen(result_.candidates, h))
-                return describe("a missing candidate", h);
+                return opacityFault(scene_, ray_, h, "none");
             if (h.box && asks(h) && ray_.generate > 0 && double{ray_.generate} < limit_ - 1e-3 &&
                 !seen(result_.candidates, h))
                 return describe("a reported hit was left out", h);

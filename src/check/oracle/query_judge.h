@@ -3,19 +3,44 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check::oracle
 {
 
-// Which candidate or hit a fault is about, in parentheses: "a missing candidate (instance 0, ...)".
+// Which candidate or hit a fault is about: "instance 0, geometry 1, primitive 5".
+template <class T>
+std::string numbersOf(const T &x)
+{
+    return "instance " + std::to_string(x.instance) + ", geometry " + std::to_string(x.geometry) + ", primitive " +
+           std::to_string(x.primitive);
+}
+// The same in parentheses, with the custom index.
 template <class T>
 std::string inWords(const T &x)
 {
-    return " (instance " + std::to_string(x.instance) + ", geometry " + std::to_string(x.geometry) + ", primitive " +
-           std::to_string(x.primitive) + ", custom index " + std::to_string(x.customIndex) + ")";
+    return " (" + numbersOf(x) + ", custom index " + std::to_string(x.customIndex) + ")";
+}
+
+inline constexpr std::string_view kOpacityCause = "wrong opacity of a triangle";
+// The fault that a triangle is opaque, non-opaque or ignored otherwise than expected: what is expected of it and why,
+// and what the device reported of it instead.
+std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, const std::string &reported);
+// Whether the ray ignores the triangle for another reason than its opacity.
+bool culledByFacing(const Scene &scene, const Ray &ray, const Hit &hit);
+// The same where the device reported something that must not be: with another cause if the ray does not meet that
+// triangle at all.
+template <class T>
+std::string opacityFault(const Scene &scene, const Ray &ray, const T &named, const std::string &reported)
+{
+    if (const std::optional<Hit> hit = hitOf(scene, ray, named.instance, named.geometry, named.primitive);
+        hit && hit->customIndex == named.customIndex && !culledByFacing(scene, ray, *hit))
+        return opacityFault(scene, ray, *hit, reported);
+    return "a hit of something that the ray does not meet" + inWords(named) + ": the device reported " + reported;
 }
 
 // A fault without what varies from case to case, which is in parentheses or on further lines.
@@ -33,6 +58,6 @@ inline bool cameAgain(const Hit &hit, const std::vector<Candidate> &candidates)
 }
 
 // What is wrong with the result of a ray whose hits, by allHits, are not unsure; empty: nothing.
-std::string queryFault(const Ray &ray, const std::vector<Hit> &hits, const Result &result);
+std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const Result &result);
 
 } // namespace vellum::check::oracle

@@ -40,8 +40,10 @@ std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
         return {};
     const std::string name = nameOf(finished.id);
     const std::filesystem::path path = path_ / kFailures / (name + ".json");
+    // What is larger is not shrunk: the seed makes it.
+    const std::string &shrunk = finished.outcome.reproducer;
     writeText(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
-                                     finished.outcome.reproducer}));
+                                     shrunk.size() <= kMostReproducerBytes ? shrunk : std::string()}));
     for (const check::OutcomeFile &file : finished.outcome.files)
         writeText(path_ / kFailures / (name + "." + file.extension), file.bytes);
     return utf8Text(path);

@@ -27,6 +27,7 @@ public:
 
 private:
     static constexpr size_t kMostReproducers = 3;
+    static constexpr size_t kMostReproducerBytes = 65000; // of a case
 
     std::filesystem::path path_;
     std::map<std::string, size_t> written_; // reproducers, by cause

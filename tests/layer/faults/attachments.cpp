@@ -2,6 +2,7 @@
 // Faults in how bottom-level structures use micromaps: VkAccelerationStructureTrianglesOpacityMicromapEXT and -KHR.
 #include "faults/faults.h"
 
+#include <algorithm>
 #include <deque>
 #include <map>
 #include <memory>
@@ -320,6 +321,61 @@ void updateLosesMore(Context &context, Attachment &attachment)
         });
 }
 
+// --- fields with too few bits, and what begins at such a number ---
+
+// The attachment of the geometry with the number that is left.
+template <uint32_t mask>
+void narrowGeometry(Context &context, Attachment &attachment)
+{
+    const auto other =
+        std::ranges::lower_bound(context.attachments, attachment.geometry & mask, {}, &Attachment::geometry);
+    attachment.dropped =
+        other == context.attachments.end() || other->geometry != (attachment.geometry & mask) || other->triangles == 0;
+    if (attachment.dropped || attachment.geometry <= mask)
+        return;
+    attachment.base = other->base;
+    attachment.micromap = other->micromap;
+    attachment.indices = other->indices;
+    if (other->indices.type != VK_INDEX_TYPE_NONE_KHR)
+        replaceIndices(context, attachment, [last = other->triangles - 1](const Indices &given, uint32_t t) {
+            return given.value(std::min(t, last));
+        });
+}
+
+template <uint32_t mask>
+void narrowPrimitive(Context &context, Attachment &attachment)
+{
+    if (attachment.triangles > mask)
+        replaceIndices(context, attachment, [](const Indices &given, uint32_t t) { return given.value(t & mask); });
+}
+
+template <uint32_t first>
+void lostFrom(Context &context, Attachment &attachment)
+{
+    if (trianglesOf(attachment.micromap) <= first)
+        return;
+    replaceIndices(context, attachment, [base = attachment.base](const Indices &given, uint32_t t) {
+        const uint32_t index = given.value(t);
+        return index < kFirstSpecial && index + base >= first ? kUnknownOpaque : index;
+    });
+}
+
+template <uint32_t mask>
+void narrowBase(Context &, Attachment &attachment)
+{
+    attachment.base &= mask;
+}
+
+template <VkIndexType type, uint32_t sign>
+void signExtended(Context &context, Attachment &attachment)
+{
+    if (attachment.indices.type == type)
+        replaceIndices(context, attachment, [](const Indices &given, uint32_t t) {
+            const uint32_t index = given.raw(t);
+            return (index & sign) != 0 ? index | ~(2 * sign - 1) : index;
+        });
+}
+
 struct Fault {
     const char *name;
     void (*apply)(Context &, Attachment &);
@@ -350,6 +406,17 @@ constexpr Fault kFaults[]{
     {"update-keeps-micromap", updateMicromap},
     {"clone-is-shallow", shallowClone},
     {"compaction-loses-last-triangle", lostTriangle},
+    {"geometry-index-4-bits", narrowGeometry<0xf>},
+    {"geometry-index-8-bits", narrowGeometry<0xff>},
+    {"geometry-index-16-bits", narrowGeometry<0xffff>},
+    {"primitive-index-10-bits", narrowPrimitive<0x3ff>},
+    {"primitive-index-16-bits", narrowPrimitive<0xffff>},
+    {"micromap-triangles-lost-from-1024", lostFrom<1024>},
+    {"micromap-triangles-lost-from-65536", lostFrom<65536>},
+    {"base-8-bits", narrowBase<0xff>},
+    {"base-16-bits", narrowBase<0xffff>},
+    {"index-8-sign-extended", signExtended<VK_INDEX_TYPE_UINT8_EXT, 0x80>},
+    {"index-16-sign-extended", signExtended<VK_INDEX_TYPE_UINT16, 0x8000>},
     {"lossy-copy-loses-more", lostTriangle},
     {"lossy-once-more", updateLosesMore},
 };

@@ -246,6 +246,13 @@ void noteBuilt(uint64_t micromap, uint64_t count, bool isLossy)
         lossy.insert(micromap);
 }
 
+uint64_t trianglesOf(uint64_t micromap)
+{
+    std::lock_guard lock(mutex);
+    const auto found = triangles.find(micromap);
+    return found == triangles.end() ? 0 : found->second;
+}
+
 bool isLossy(uint64_t micromap)
 {
     std::lock_guard lock(mutex);

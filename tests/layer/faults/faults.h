@@ -98,5 +98,7 @@ void forgetBuild(uint64_t micromap);
 void noteBuilt(uint64_t micromap, uint64_t triangles, bool lossy);
 // Whether it was built as lossy, or the one that it is a copy of.
 bool isLossy(uint64_t micromap);
+// How many triangles it was built of.
+uint64_t trianglesOf(uint64_t micromap);
 
 } // namespace faults

@@ -93,6 +93,13 @@ void displaced(std::span<Instance> instances, const Flags *)
         instance.transform.matrix[0][3] += 0.01f;
 }
 
+template <size_t first>
+void noFlagsFrom(std::span<Instance> instances, const Flags *)
+{
+    for (size_t i = first; i < instances.size(); ++i)
+        instances[i].flags = 0;
+}
+
 struct Fault {
     const char *name;
     void (*apply)(std::span<Instance>, const Flags *first); // first: null for builds that are no updates
@@ -105,6 +112,9 @@ constexpr Fault kFaults[]{
     {"mirrored-instance-faces-away", mirroredFacing},
     {"force-opaque-disables-micromaps", forcedOpaqueWithoutMicromaps},
     {"update-keeps-instance-flags", updateKeepsFlags},
+    {"instance-flags-lost-from-64", noFlagsFrom<64>},
+    {"instance-flags-lost-from-256", noFlagsFrom<256>},
+    {"instance-flags-lost-from-65536", noFlagsFrom<65536>},
     {"coarse-arithmetic", rounded},
     {"instances-displaced", displaced},
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "check/case/bytes.h"
 #include "check/case/json.h"
 #include "check/case/validity.h"
 
@@ -16,7 +17,9 @@ constexpr size_t kMostEarlier = 32;
 
 size_t hashOf(const Case &c)
 {
-    return std::hash<std::string>()(toJson(c));
+    Bytes bytes;
+    fields::ofCase(bytes, c);
+    return std::hash<std::string>()(bytes.text());
 }
 
 } // namespace
@@ -51,7 +54,7 @@ bool Attempts::attempt(const Edit &edit)
             earlier_[i] = std::move(earlier_[2 * i]);
         earlier_.resize(kMostEarlier / 2);
     }
-    earlier_.push_back(std::move(best_));
+    earlier_.push_back(toJson(best_));
     best_ = std::move(candidate);
     return true;
 }
@@ -75,7 +78,11 @@ void Attempts::attemptAll(const std::vector<Edit> &edits)
 
 void Attempts::removeStretches(size_t count, const Remove &remove, size_t finest)
 {
+    // Of thousands, single ones are not worth a run each.
+    constexpr size_t kFewEnough = 1024, kMostStretches = 256;
     for (size_t stretch = count; stretch >= finest && stretch > 0; stretch /= 2) {
+        if (count > kFewEnough && count / stretch > kMostStretches)
+            return;
         for (size_t end = count; end > 0 && !exhausted();) {
             const size_t from = end > stretch ? end - stretch : 0;
             if (attempt([&](Case &c) { remove(c, from, end - from); }))
@@ -99,11 +106,12 @@ void Attempts::confirm(Shrunk &result)
     result.failures = failures(best_);
     result.smallest = best_;
     // From the smallest to the first.
-    for (auto c = earlier_.rbegin(); c != earlier_.rend() && result.failures < kConfirmations; ++c) {
-        const uint32_t failed = failures(*c);
+    for (auto text = earlier_.rbegin(); text != earlier_.rend() && result.failures < kConfirmations; ++text) {
+        const Case c = caseFromJson(*text);
+        const uint32_t failed = failures(c);
         if (failed > result.failures) {
             result.failures = failed;
-            result.smallest = *c;
+            result.smallest = c;
         }
     }
 }

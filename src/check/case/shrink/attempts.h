@@ -45,7 +45,7 @@ private:
     Case best_;
     uint32_t runs_ = 0;
     std::unordered_set<size_t> seen_;
-    std::vector<Case> earlier_; // some of those that were the best
+    std::vector<std::string> earlier_; // some of those that were the best, as JSON
 };
 
 } // namespace vellum::check

@@ -6,6 +6,7 @@
 #include "check/case/names.h"
 #include "check/case/shrink/passes.h"
 #include "check/case/shrink/removal.h"
+#include "check/oracle/cpu_trace.h"
 
 namespace vellum::check
 {
@@ -83,45 +84,81 @@ void makeUniform(Attempts &attempts)
     }
 }
 
-// Which of the states of a finer triangle a coarser one gets: those of the same part of each micro-triangle, or the
-// first ones.
-constexpr size_t kFirstStates = 4;
-
-void lowerBy(MicromapTriangle &triangle, uint32_t levels, size_t part)
-{
-    levels = std::min(levels, triangle.level);
-    triangle.level -= levels;
-    std::vector<uint8_t> states(size_t{1} << (2 * triangle.level));
-    for (size_t i = 0; i < states.size(); ++i) {
-        size_t from = i;
-        for (uint32_t l = 0; l < levels && part != kFirstStates; ++l)
-            from = 4 * from + part;
-        states[i] = triangle.states[from];
-    }
-    triangle.states = std::move(states);
-}
-
-void lowerLevels(Attempts &attempts)
-{
-    const auto lower = [&](uint32_t levels, size_t part, bool uniform) {
-        attempts.attemptAll(editsOfShapes(
-            attempts.best(), [&](const MicromapTriangle &t) { return t.level > 0 && isUniform(t) == uniform; },
-            [levels, part](MicromapTriangle &t) { lowerBy(t, levels, part); }));
-    };
-    for (const uint32_t levels : {12u, 4u, 2u, 1u, 1u, 1u})
-        lower(levels, 0, true);
-    for (const uint32_t levels : {12u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u, 1u}) {
-        for (size_t part = 0; part <= kFirstStates; ++part)
-            lower(levels, part, false);
-    }
-}
-
 uint8_t usualState(const MicromapTriangle &triangle)
 {
     std::array<size_t, 4> counts{};
     for (const uint8_t state : triangle.states)
         ++counts[state & 3];
     return static_cast<uint8_t>(std::ranges::max_element(counts) - counts.begin());
+}
+
+// Which state a micro-triangle of a lower level gets: that of a child in the same part (0 to 3), of the micro-triangle
+// with the same number, the first that is not the usual one; or states in turn, of which it gets the n-th first.
+enum Reduction : size_t { kSameNumber = 4, kUnusual, kInTurn, kReductions = kInTurn + 4 };
+
+void lowerTo(MicromapTriangle &triangle, uint32_t level, size_t reduction)
+{
+    if (triangle.level <= level)
+        return;
+    const size_t count = size_t{1} << (2 * level), children = triangle.states.size() / count;
+    const uint8_t usual = usualState(triangle);
+    const uint8_t values = triangle.format == kTwoState ? 2 : 4;
+    std::vector<uint8_t> states(count);
+    for (size_t i = 0; i < count; ++i) {
+        const auto first = triangle.states.begin() + static_cast<ptrdiff_t>(i * children);
+        const auto end = first + static_cast<ptrdiff_t>(children);
+        if (reduction >= kInTurn) {
+            states[i] = static_cast<uint8_t>((i + reduction - kInTurn) % values);
+        } else if (reduction == kUnusual) {
+            const auto found = std::find_if(first, end, [usual](uint8_t state) { return state != usual; });
+            states[i] = found != end ? *found : usual;
+        } else {
+            // The part of the part ... of part number `reduction`.
+            states[i] = reduction == kSameNumber ? triangle.states[i]
+                                                 : first[static_cast<ptrdiff_t>((children - 1) / 3 * reduction)];
+        }
+    }
+    triangle.level = level;
+    triangle.states = std::move(states);
+}
+
+// Rays through all micro-triangles of that level, instead of the one that is left.
+void aimEverywhere(Case &c, uint32_t level)
+{
+    const oracle::Scene scene = sceneAfter(c);
+    const Ray ray = scene.rays[0];
+    const std::optional<oracle::Hit> hit = oracle::nearestTriangle(scene, ray);
+    if (!hit)
+        return;
+    c.scene.rays.clear();
+    for (uint32_t i = 0; i < 1u << (2 * level); ++i)
+        c.scene.rays.push_back(oracle::aimedAt(scene, *hit, ray, microTriangleCentre(i, level)));
+}
+
+void lowerLevels(Attempts &attempts)
+{
+    constexpr uint32_t kMostAimed = 2; // levels with 16 rays at most
+    uint32_t highest = 0;
+    Case copy = attempts.best();
+    for (uint32_t i = 0; i < copy.scene.micromaps.size(); ++i)
+        forEachStates(copy, i, [&](const std::vector<MicromapTriangle> &triangles) {
+            for (const MicromapTriangle &triangle : triangles)
+                highest = std::max(highest, triangle.level);
+        });
+    for (uint32_t level = 0; level < highest; ++level) {
+        for (size_t reduction = 0; reduction < kReductions; ++reduction) {
+            const auto edits = editsOfShapes(
+                attempts.best(), [&](const MicromapTriangle &t) { return t.level > level; },
+                [level, reduction](MicromapTriangle &t) { lowerTo(t, level, reduction); });
+            attempts.attemptAll(edits);
+            if (!edits.empty() && level <= kMostAimed && attempts.best().scene.rays.size() == 1)
+                attempts.attempt([&](Case &c) {
+                    for (const Edit &edit : edits)
+                        edit(c);
+                    aimEverywhere(c, level);
+                });
+        }
+    }
 }
 
 // An edit for each stretch of that many states that has others than the usual one. list: of forEachStates.
@@ -175,24 +212,32 @@ void fillStates(Attempts &attempts)
     }
 }
 
-// An edit for each use that `of` is true for.
+// An edit for each use that `of` is true for; where there are many, for each of some stretches of them.
 std::vector<Edit> editsOfUses(const Case &best, const std::function<bool(const MeshMicromap &)> &of,
                               const EditUse &edit)
 {
-    std::vector<Edit> edits;
+    constexpr size_t kMostEdits = 256;
+    std::vector<size_t> numbers;
     Case copy = best;
     size_t number = 0;
     forEachUse(copy, [&](const MeshMicromap &use) {
-        const size_t n = number++;
         if (of(use))
-            edits.emplace_back([n, edit](Case &c) {
-                size_t k = 0;
-                forEachUse(c, [&](MeshMicromap &found) {
-                    if (k++ == n)
-                        edit(found);
-                });
-            });
+            numbers.push_back(number);
+        ++number;
     });
+    std::vector<Edit> edits;
+    const size_t stretch = numbers.size() / kMostEdits + 1;
+    for (size_t i = 0; i < numbers.size(); i += stretch) {
+        const size_t first = numbers[i], last = numbers[std::min(i + stretch, numbers.size()) - 1];
+        edits.emplace_back([first, last, of, edit](Case &c) {
+            size_t k = 0;
+            forEachUse(c, [&](MeshMicromap &found) {
+                if (k >= first && k <= last && of(found))
+                    edit(found);
+                ++k;
+            });
+        });
+    }
     return edits;
 }
 

@@ -177,14 +177,14 @@ void removeObject(Case &c, uint32_t object)
     eraseFrom(c.scene.objects, object, 1);
 }
 
-void removeMesh(Case &c, uint32_t object, uint32_t mesh)
+void removeMeshes(Case &c, uint32_t object, size_t from, size_t count)
 {
     const auto ofMeshes = [&](const Step &step) { return step.kind == Kind::SetIndices && step.target == object; };
-    eraseSteps(c, [&](const Step &step) { return ofMeshes(step) && step.other == mesh; });
+    eraseSteps(c, [&](const Step &step) { return ofMeshes(step) && step.other - from < count && step.other >= from; });
     for (Step &step : c.steps)
-        if (ofMeshes(step))
-            closeGap(step.other, mesh);
-    eraseFrom(c.scene.objects[object].meshes, mesh, 1);
+        if (ofMeshes(step) && step.other >= from)
+            step.other -= static_cast<uint32_t>(count);
+    eraseFrom(c.scene.objects[object].meshes, from, count);
 }
 
 void removeTriangles(Case &c, uint32_t object, uint32_t mesh, size_t from, size_t count, bool withMicromap)

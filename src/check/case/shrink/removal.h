@@ -26,7 +26,7 @@ void forEachStates(Case &c, uint32_t micromap,
 
 // With its instances and the steps on it.
 void removeObject(Case &c, uint32_t object);
-void removeMesh(Case &c, uint32_t object, uint32_t mesh);
+void removeMeshes(Case &c, uint32_t object, size_t from, size_t count);
 // Or boxes. Without an index buffer, the triangles behind have other micromap triangles from then on, unless
 // `withMicromap`: those of the micromap are removed as well.
 void removeTriangles(Case &c, uint32_t object, uint32_t mesh, size_t from, size_t count, bool withMicromap);

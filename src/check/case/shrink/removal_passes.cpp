@@ -77,7 +77,7 @@ void removeObjects(Attempts &attempts)
                              }));
     for (uint32_t o = 0; o < attempts.best().scene.objects.size(); ++o)
         attempts.removeStretches(attempts.best().scene.objects[o].meshes.size(),
-                                 eachOf([o](Case &c, uint32_t mesh) { removeMesh(c, o, mesh); }));
+                                 [o](Case &c, size_t from, size_t count) { removeMeshes(c, o, from, count); });
 }
 
 void removeTrianglesOfMeshes(Attempts &attempts)
@@ -137,8 +137,13 @@ void removeMicromaps(Attempts &attempts)
     for (uint32_t i = 0; i < attempts.best().scene.micromaps.size(); ++i) {
         attempts.attempt([&](Case &c) {
             const std::vector<uint32_t> unused = unusedTriangles(c, i);
-            for (size_t k = unused.size(); k-- > 0;)
-                removeMicromapTriangles(c, i, unused[k], 1);
+            for (size_t end = unused.size(); end > 0;) { // stretches of them
+                size_t k = end - 1;
+                while (k > 0 && unused[k - 1] + 1 == unused[k])
+                    --k;
+                removeMicromapTriangles(c, i, unused[k], end - k);
+                end = k;
+            }
         });
         attempts.removeStretches(
             attempts.best().scene.micromaps[i].triangles.size(),

@@ -202,11 +202,15 @@ void roundTo(std::span<float> values, float steps)
 // Coordinates with few digits.
 void roundCoordinates(Attempts &attempts)
 {
+    constexpr uint32_t kMostRounded = 64; // triangles of a mesh
     for (const float steps : {1.0f, 10.0f, 100.0f, 1000.0f}) {
         std::vector<Edit> edits;
         const oracle::Scene &scene = attempts.best().scene;
         for (size_t o = 0; o < scene.objects.size(); ++o)
-            for (size_t m = 0; m < scene.objects[o].meshes.size(); ++m)
+            for (size_t m = 0; m < scene.objects[o].meshes.size(); ++m) {
+                // Those of a grid are a few runs, as long as they are not rounded.
+                if (scene.objects[o].meshes[m].triangles() > kMostRounded)
+                    continue;
                 edits.emplace_back([o, m, steps](Case &c) {
                     for (Vec3 &vertex : c.scene.objects[o].meshes[m].vertices) {
                         roundTo(vertex, steps);
@@ -218,6 +222,7 @@ void roundCoordinates(Attempts &attempts)
                         for (float *value : {&box.minX, &box.minY, &box.minZ, &box.maxX, &box.maxY, &box.maxZ})
                             roundTo(std::span(value, 1), steps);
                 });
+            }
         for (size_t i = 0; i < scene.instances.size(); ++i)
             edits.push_back(ofInstance(i, [steps](oracle::Instance &instance) {
                 roundTo(std::span(&instance.transform.matrix[0][0], 12), steps);

@@ -246,6 +246,42 @@ std::string compacted(Gpu &gpu)
     return statesOfMicromap(gpu, target);
 }
 
+// The states of the first and the last of many geometries; those before the last are transparent, the last is opaque.
+template <uint32_t count>
+std::string geometries(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    Geometry geometry{.vertices = triangleRow(1)};
+    geometry.micromap = Attachment{.micromap = micromap.get(), .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}};
+    std::vector<Geometry> all(count, geometry);
+    all.back().vertices = triangleRow(1, {1.5f, 0, 0});
+    all.back().micromap->indices = {1};
+    const Blas blas(gpu, std::move(all));
+    return statesOf(gpu, Tlas(gpu, {instance(blas, {}, 1)}), 2);
+}
+
+// The same of the triangles of a geometry.
+template <uint32_t count>
+std::string triangles(Gpu &gpu)
+{
+    const auto micromap = built(gpu, uniform({0, 1}));
+    Attachment attachment{.indexType = VK_INDEX_TYPE_UINT32, .indices = std::vector<int32_t>(count, 0)};
+    attachment.indices.back() = 1;
+    RowScene scene(gpu, micromap.get(), count, std::move(attachment));
+    return statesAt(gpu, scene.tlas(), std::array{Vec3{0.3f, 0.3f, 1}, Vec3{1.5f * (count - 1) + 0.3f, 0.3f, 1}});
+}
+
+// The same of the triangles of a micromap: by these index type, index and base.
+template <uint32_t count>
+std::string lastOf(Gpu &gpu, VkIndexType type, uint32_t base)
+{
+    MicromapInput input;
+    for (uint32_t i = 0; i < count; ++i)
+        input.add(0, kFourState, std::array{uint8_t{i + 1 == count}});
+    return statesBy(gpu, std::move(input),
+                    {.indexType = type, .indices = {0, static_cast<int32_t>(count - 1 - base)}, .base = base});
+}
+
 } // namespace
 
 std::span<const Case> attachmentCases()
@@ -279,6 +315,21 @@ std::span<const Case> attachmentCases()
         Case{"lossy-once-more", lossyUpdate, "01", "31", Api::Khr},
         Case{"clone-is-shallow", changedOriginal, "0", "1"},
         Case{"compaction-loses-last-triangle", compacted, "0120", "0123"},
+        Case{"geometry-index-4-bits", geometries<17>, "01", "00"},
+        Case{"geometry-index-8-bits", geometries<257>, "01", "00"},
+        Case{"geometry-index-16-bits", geometries<65537>, "01", "00"},
+        Case{"primitive-index-10-bits", triangles<1025>, "01", "00"},
+        Case{"primitive-index-16-bits", triangles<65537>, "01", "00"},
+        Case{"micromap-triangles-lost-from-1024", [](Gpu &gpu) { return lastOf<1025>(gpu, VK_INDEX_TYPE_UINT32, 0); },
+             "01", "03"},
+        Case{"micromap-triangles-lost-from-65536", [](Gpu &gpu) { return lastOf<65537>(gpu, VK_INDEX_TYPE_UINT32, 0); },
+             "01", "03"},
+        Case{"base-8-bits", [](Gpu &gpu) { return lastOf<257>(gpu, VK_INDEX_TYPE_UINT16, 256); }, "11", "00"},
+        Case{"base-16-bits", [](Gpu &gpu) { return lastOf<65537>(gpu, VK_INDEX_TYPE_UINT16, 65536); }, "11", "00"},
+        Case{"index-8-sign-extended", [](Gpu &gpu) { return lastOf<129>(gpu, VK_INDEX_TYPE_UINT8_EXT, 0); }, "01",
+             "03"},
+        Case{"index-16-sign-extended", [](Gpu &gpu) { return lastOf<32769>(gpu, VK_INDEX_TYPE_UINT16, 0); }, "01",
+             "03"},
     };
     return cases;
 }

@@ -111,6 +111,16 @@ std::string nearSide(Gpu &gpu)
     return Tracer(gpu).trace(tlas, std::span(&ray, 1))[0].candidateCount > 0 ? "met" : "missed";
 }
 
+// The states of the last of so many instances, which forces two states; the others are elsewhere.
+template <uint32_t count>
+std::string lastInstance(Gpu &gpu)
+{
+    const States states(gpu);
+    std::vector<Instance> instances(count, states.instance(kFlagTwoState, {0, 9, 0}));
+    instances.back() = states.instance(kFlagTwoState);
+    return statesOf(gpu, Tlas(gpu, instances), 4);
+}
+
 } // namespace
 
 std::span<const Case> instanceCases()
@@ -126,6 +136,9 @@ std::span<const Case> instanceCases()
         Case{"instances-displaced", nearEdge, "1", "0"},
         Case{"boxes-shrunk", nearSide, "met", "missed"},
         Case{"copy-loses-instance-flags", copied, "0101", "0123"},
+        Case{"instance-flags-lost-from-64", lastInstance<65>, "0101", "0123"},
+        Case{"instance-flags-lost-from-256", lastInstance<257>, "0101", "0123"},
+        Case{"instance-flags-lost-from-65536", lastInstance<65537>, "0101", "0123"},
     };
     return cases;
 }

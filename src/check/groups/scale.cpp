@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+// The group about scenes that are large in one respect. What rays aim at are a few elements with high numbers, each
+// unlike the many others, which are all the same: a device that loses a bit of a number takes one for another.
+#include <array>
+#include <set>
+
+#include "check/groups/random_case.h"
+
+namespace vellum::check
+{
+namespace
+{
+
+constexpr float kPitch = 1.5f;           // of triangles in a grid
+constexpr uint32_t kGrid = 256;          // triangles in a row of it
+constexpr Vec3 kAside{-30, -30, 0};      // where no ray is
+constexpr uint32_t kManyMore = 1u << 16; // numbers of more than 16 bits
+constexpr uint32_t kFillers = 4, kPalette = 12;
+
+// More than `least` by up to an eighth, or up to 300.
+uint32_t above(Random &random, uint32_t least)
+{
+    return least + 1 + below(random, std::min(least / 8, 300u));
+}
+
+// Numbers below `count` at which a field of few bits ends, some others, and the last one.
+std::vector<uint32_t> interesting(Random &random, uint32_t count)
+{
+    std::set<uint32_t> numbers{0, count - 1};
+    for (const uint32_t bits : {4u, 6u, 7u, 8u, 10u, 12u, 15u, 16u}) {
+        const uint32_t end = 1u << bits;
+        if (end < count)
+            numbers.insert(
+                {end - 1, end, end + below(random, std::min(end, count - end)), end + below(random, count - end)});
+    }
+    while (numbers.size() < std::min(count, 36u))
+        numbers.insert(below(random, count));
+    return {numbers.begin(), numbers.end()};
+}
+
+// A scene with one object in place, and a micromap: kFillers triangles that have one state each, then others.
+Case paletteCase(Random &random)
+{
+    Case c;
+    c.scene.edge = 4e-4f; // coordinates of up to 400
+    c.scene.objects.resize(1);
+    c.scene.instances = {instanceInPlace(random)};
+    oracle::SceneMicromap &palette = c.scene.micromaps.emplace_back();
+    for (uint8_t state = 0; state < kFillers; ++state)
+        palette.triangles.push_back({.level = 0, .format = kFourState, .states = {state}});
+    while (palette.triangles.size() < kPalette)
+        palette.triangles.push_back(oracle::randomTriangle(random, 2));
+    return c;
+}
+
+// An index into the palette or a special one, with another state than the filler of that number.
+int32_t otherThan(Random &random, uint32_t filler)
+{
+    for (;;) {
+        const auto index = static_cast<int32_t>(below(random, kPalette + 4)) - 4;
+        if (index != static_cast<int32_t>(filler) && index != -1 - static_cast<int32_t>(filler))
+            return index;
+    }
+}
+
+Vec3 placeInGrid(uint32_t number, uint32_t width = kGrid)
+{
+    return {kPitch * static_cast<float>(number % width), kPitch * static_cast<float>(number / width), 0};
+}
+
+// Rays that meet the right-angled triangle there at the centres of micro-triangles of that level.
+void aimAt(Random &random, Case &c, const Vec3 &place, uint32_t level, uint32_t rays)
+{
+    for (uint32_t i = 0; i < rays; ++i) {
+        Ray ray = rayDown(random);
+        const auto [u, v] = microTriangleCentre(below(random, 1u << (2 * level)), level);
+        ray.origin = {place[0] + static_cast<float>(u), place[1] + static_cast<float>(v), 3};
+        c.scene.rays.push_back(ray);
+    }
+}
+
+void maybeByPipeline(Random &random, Case &c, const DeviceLimits &limits)
+{
+    if (limits.pipelines && chance(random, 30))
+        c.trace.method = TracePlan::Method::Pipeline;
+}
+
+Case geometries(Random &random, uint32_t count)
+{
+    Case c = paletteCase(random);
+    const uint32_t filler = below(random, 2); // a state that no ray takes for an unknown one
+    oracle::Mesh plain;
+    plain.opaque = chance(random, 50);
+    appendTriangle(plain.vertices, kAside);
+    plain.micromap = {.micromap = 0, .indexType = VK_INDEX_TYPE_UINT32, .indices = {static_cast<int32_t>(filler)}};
+    std::vector<oracle::Mesh> &meshes = c.scene.objects[0].meshes;
+    meshes.assign(count, plain);
+    uint32_t place = 0;
+    for (const uint32_t number : interesting(random, count)) {
+        oracle::Mesh &mesh = meshes[number];
+        mesh.opaque = chance(random, 50);
+        mesh.vertices.clear();
+        const Vec3 at = placeInGrid(place++, 8);
+        appendTriangle(mesh.vertices, at);
+        if (chance(random, 10))
+            mesh.micromap.reset();
+        else
+            mesh.micromap->indices = {otherThan(random, filler)};
+        aimAt(random, c, at, 2, 3);
+    }
+    return c;
+}
+
+Case triangles(Random &random, const DeviceLimits &limits, uint32_t count)
+{
+    Case c = paletteCase(random);
+    const uint32_t filler = below(random, 2); // a state that no ray takes for an unknown one
+    oracle::Mesh &mesh = c.scene.objects[0].meshes.emplace_back();
+    mesh.opaque = chance(random, 50);
+    for (uint32_t i = 0; i < count; ++i)
+        appendTriangle(mesh.vertices, placeInGrid(i));
+    constexpr std::array types{VK_INDEX_TYPE_UINT32, VK_INDEX_TYPE_UINT16, VK_INDEX_TYPE_UINT8_EXT};
+    mesh.micromap = {.micromap = 0,
+                     .indexType = types[below(random, limits.byteIndices ? 3 : 2)],
+                     .indices = std::vector<int32_t>(count, static_cast<int32_t>(filler))};
+    for (const uint32_t number : interesting(random, count)) {
+        mesh.micromap->indices[number] = otherThan(random, filler);
+        aimAt(random, c, placeInGrid(number), 2, 3);
+    }
+    maybeByPipeline(random, c, limits);
+    return c;
+}
+
+Case instances(Random &random, const DeviceLimits &limits, uint32_t count)
+{
+    Case c = paletteCase(random);
+    oracle::Mesh &mesh = c.scene.objects[0].meshes.emplace_back();
+    mesh.opaque = chance(random, 50);
+    appendTriangle(mesh.vertices, {});
+    // All states.
+    c.scene.micromaps[0].triangles.push_back({.level = 1, .format = kFourState, .states = {0, 1, 2, 3}});
+    mesh.micromap = {.micromap = 0, .indexType = VK_INDEX_TYPE_UINT32, .indices = {kPalette}};
+    oracle::Instance plain = instanceInPlace(random);
+    for (size_t i = 0; i < 3; ++i)
+        plain.transform.matrix[i][3] = kAside[i];
+    c.scene.instances.assign(count, plain);
+    uint32_t place = 0;
+    for (const uint32_t number : interesting(random, count)) {
+        oracle::Instance &instance = c.scene.instances[number];
+        const Vec3 at = placeInGrid(place++, 8);
+        instance.customIndex = below(random, 1u << 24);
+        for (size_t i = 0; i < 3; ++i)
+            instance.transform.matrix[i][3] = at[i];
+        do
+            instance.flags = oracle::randomInstance(random, 1, {}).flags;
+        while (instance.flags == 0);
+        aimAt(random, c, at, 1, 4);
+    }
+    c.build.instancePointers = chance(random, 30);
+    maybeByPipeline(random, c, limits);
+    return c;
+}
+
+// Adds a row of triangles with these triangles of the micromap.
+void addUses(Random &random, Case &c, const std::vector<uint32_t> &numbers, VkIndexType type, uint32_t base)
+{
+    std::vector<oracle::Mesh> &meshes = c.scene.objects[0].meshes;
+    oracle::Mesh &mesh = meshes.emplace_back();
+    mesh.opaque = chance(random, 50);
+    mesh.micromap = {.micromap = 0, .indexType = type, .base = base};
+    for (const uint32_t number : numbers) {
+        Vec3 place = placeInGrid(static_cast<uint32_t>(mesh.micromap->indices.size()));
+        place[1] = kPitch * static_cast<float>(meshes.size());
+        appendTriangle(mesh.vertices, place);
+        mesh.micromap->indices.push_back(static_cast<int32_t>(number - base));
+        aimAt(random, c, place, 2, 4);
+    }
+}
+
+// A micromap of `count` triangles, of which those of these numbers are unlike the others.
+Case micromapCase(Random &random, uint32_t count, const std::vector<uint32_t> &numbers)
+{
+    Case c = paletteCase(random);
+    const auto filler = static_cast<uint8_t>(below(random, 2));
+    std::vector<oracle::MicromapTriangle> &all = c.scene.micromaps[0].triangles;
+    all.assign(count, {.level = 0, .format = kFourState, .states = {filler}});
+    for (const uint32_t number : numbers) {
+        do
+            all[number] = oracle::randomTriangle(random, 2);
+        while (std::ranges::count(all[number].states, filler) > 0);
+    }
+    return c;
+}
+
+Case micromapTriangles(Random &random, const DeviceLimits &limits, uint32_t count)
+{
+    const std::vector<uint32_t> numbers = interesting(random, count);
+    Case c = micromapCase(random, count, numbers);
+    addUses(random, c, numbers, VK_INDEX_TYPE_UINT32, 0);
+    // Bases of more than 8 bits; and of more than 10 or 16, then also without indices.
+    const uint32_t most = count > kManyMore ? kManyMore : 1u << 10;
+    for (const uint32_t base : {257 + below(random, count / 4), most + below(random, count - most)}) {
+        std::vector<uint32_t> rest;
+        for (const uint32_t number : numbers)
+            if (number >= base && number - base <= 0xfffbu - 1)
+                rest.push_back(number);
+        const VkIndexType type = chance(random, 50) ? VK_INDEX_TYPE_UINT16 : VK_INDEX_TYPE_UINT32;
+        addUses(random, c, rest, type, base);
+    }
+    oracle::Mesh &direct = c.scene.objects[0].meshes.back();
+    if (chance(random, 50)) {
+        const uint32_t base = direct.micromap->base;
+        const auto used = static_cast<uint32_t>(direct.vertices.size() / 3);
+        direct.micromap->indexType = VK_INDEX_TYPE_NONE_KHR;
+        direct.micromap->base = std::min(base, count - used);
+        for (uint32_t i = 0; i < used; ++i)
+            direct.micromap->indices[i] = static_cast<int32_t>(i);
+    }
+    maybeByPipeline(random, c, limits);
+    return c;
+}
+
+// Indices whose highest bit is set, and which are not special.
+Case shortIndices(Random &random, const DeviceLimits &limits)
+{
+    constexpr uint32_t kOf16Bits = 0xfffc, kOf8Bits = 0xfc; // that are not special
+    std::set<uint32_t> bytes{0x7f, 0x80, kOf8Bits - 1}, words{0x7fff, 0x8000, kOf16Bits - 1};
+    while (bytes.size() < 12)
+        bytes.insert(0x80 + below(random, kOf8Bits - 0x80));
+    while (words.size() < 24)
+        words.insert(0x8000 + below(random, kOf16Bits - 0x8000));
+    std::vector<uint32_t> numbers(words.begin(), words.end());
+    numbers.insert(numbers.end(), bytes.begin(), bytes.end());
+    Case c = micromapCase(random, above(random, kOf16Bits), numbers);
+    addUses(random, c, {words.begin(), words.end()}, VK_INDEX_TYPE_UINT16, 0);
+    addUses(random, c, {bytes.begin(), bytes.end()},
+            limits.byteIndices ? VK_INDEX_TYPE_UINT8_EXT : VK_INDEX_TYPE_UINT16, 0);
+    maybeByPipeline(random, c, limits);
+    return c;
+}
+
+// A micromap triangle of the highest level, with some micro-triangles that are unlike their neighbours.
+Case highestLevel(Random &random, uint16_t format, uint32_t level)
+{
+    constexpr uint32_t kSingles = 64;
+    Case c{.scene = {.edge = 4e-6f}};
+    c.scene.objects.resize(1);
+    c.scene.instances = {instanceInPlace(random)};
+    oracle::Mesh &mesh = c.scene.objects[0].meshes.emplace_back();
+    mesh.opaque = chance(random, 50);
+    appendTriangle(mesh.vertices, {});
+    mesh.micromap = {.micromap = 0, .indices = {0}};
+    oracle::MicromapTriangle triangle = patchyTriangle(random, level, std::max(level, 3u) - 3);
+    triangle.format = format;
+    const uint8_t values = format == kTwoState ? 2 : 4;
+    if (format == kTwoState)
+        for (uint8_t &state : triangle.states)
+            state &= 1;
+    for (uint32_t i = 0; i < kSingles; ++i) {
+        const uint32_t number = below(random, 1u << (2 * level));
+        triangle.states[number] =
+            static_cast<uint8_t>((triangle.states[number] + 1 + below(random, values - 1u)) % values);
+        const auto [u, v] = microTriangleCentre(number, level);
+        for (uint32_t k = 0; k < 2; ++k) {
+            Ray &ray = c.scene.rays.emplace_back(rayDown(random));
+            ray.origin = {static_cast<float>(u), static_cast<float>(v), 3};
+        }
+        aimAt(random, c, {}, level, 1);
+    }
+    c.scene.micromaps.push_back({.triangles = {std::move(triangle)}});
+    return c;
+}
+
+constexpr std::array<MakeCase, 11> kKinds{
+    [](Random &random, const DeviceLimits &) { return geometries(random, above(random, 1u << 8)); },
+    [](Random &random, const DeviceLimits &limits) { return triangles(random, limits, above(random, 1u << 10)); },
+    [](Random &random, const DeviceLimits &limits) { return instances(random, limits, above(random, 1u << 10)); },
+    [](Random &random, const DeviceLimits &limits) {
+        return micromapTriangles(random, limits, above(random, 1u << 10));
+    },
+    shortIndices,
+    [](Random &random, const DeviceLimits &limits) { return highestLevel(random, kTwoState, limits.maxLevel2); },
+    [](Random &random, const DeviceLimits &limits) { return highestLevel(random, kFourState, limits.maxLevel4); },
+    [](Random &random, const DeviceLimits &) { return geometries(random, above(random, kManyMore)); },
+    [](Random &random, const DeviceLimits &limits) { return triangles(random, limits, above(random, kManyMore)); },
+    [](Random &random, const DeviceLimits &limits) { return instances(random, limits, above(random, kManyMore)); },
+    [](Random &random, const DeviceLimits &limits) {
+        return micromapTriangles(random, limits, above(random, kManyMore));
+    },
+};
+
+Outcome scale(Session &session, std::string_view group, uint64_t seed)
+{
+    return runRandomCase(session, group, seed, kKinds[seed % kKinds.size()]);
+}
+
+constexpr std::array kGroups{
+    Group{"scale",
+          "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
+          "bit set; the highest levels",
+          "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
+          "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
+          "maxOpacity2StateSubdivisionLevel and maxOpacity4StateSubdivisionLevel",
+          44, scale, kKinds.size(), kKinds.size()},
+};
+
+} // namespace
+
+std::span<const Group> scaleGroups()
+{
+    return kGroups;
+}
+
+} // namespace vellum::check
