@@ -190,7 +190,7 @@ void run(const Options &options)
         std::vector<cli::PipelineTiming> results;
         for (const cli::Trace trace : all)
             for (const cli::PipelineTiming &timing :
-                 cli::measurePipelines(devices, scene, trace, options.levels.front(),
+                 cli::measurePipelines(devices, scene, trace, options.levels.front(), [] {},
                                        [&](size_t pairs) { return pairs < options.repetitions; }))
                 results.push_back(timing);
         printCreation(results);

@@ -163,8 +163,8 @@ void expectAllowed(const Scene &scene, const std::vector<R> &results,
 TEST_F(Judge, AllowsOtherCandidatesOfQueries)
 {
     expectAllowed<vt::Result>(scene_, vt::Tracer(gpu()).trace(*built_.scene, scene_.rays, kCapacity),
-                              [](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
-                                  return queryFault(ray, hits, result);
+                              [this](const vt::Ray &ray, const std::vector<Hit> &hits, const vt::Result &result) {
+                                  return queryFault(scene_, ray, hits, result);
                               });
 }
 

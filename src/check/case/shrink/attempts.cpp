@@ -13,7 +13,7 @@ namespace
 {
 
 constexpr uint32_t kConfirmations = 3;
-constexpr size_t kMostEarlier = 32;
+constexpr size_t kMostEarlierBytes = size_t{1} << 26;
 
 size_t hashOf(const Case &c)
 {
@@ -48,13 +48,18 @@ bool Attempts::attempt(const Edit &edit)
     ++runs_;
     if (!stillFails_(candidate))
         return false;
-    // Every second one is forgotten when there are too many.
-    if (earlier_.size() == kMostEarlier) {
-        for (size_t i = 1; i < kMostEarlier / 2; ++i)
-            earlier_[i] = std::move(earlier_[2 * i]);
-        earlier_.resize(kMostEarlier / 2);
+    // Every second one is forgotten when they are too large.
+    if (earlierBytes_ > kMostEarlierBytes) {
+        earlierBytes_ = 0;
+        for (size_t i = 0; 2 * i < earlier_.size(); ++i) {
+            if (i != 0)
+                earlier_[i] = std::move(earlier_[2 * i]);
+            earlierBytes_ += earlier_[i].size();
+        }
+        earlier_.resize((earlier_.size() + 1) / 2);
     }
     earlier_.push_back(toJson(best_));
+    earlierBytes_ += earlier_.back().size();
     best_ = std::move(candidate);
     return true;
 }
@@ -105,14 +110,26 @@ void Attempts::confirm(Shrunk &result)
     result.confirmations = kConfirmations;
     result.failures = failures(best_);
     result.smallest = best_;
-    // From the smallest to the first.
-    for (auto text = earlier_.rbegin(); text != earlier_.rend() && result.failures < kConfirmations; ++text) {
-        const Case c = caseFromJson(*text);
+    const auto failsAlways = [&](size_t earlier) {
+        const Case c = caseFromJson(earlier_[earlier]);
         const uint32_t failed = failures(c);
-        if (failed > result.failures) {
+        if (failed > result.failures || failed == kConfirmations) {
             result.failures = failed;
             result.smallest = c;
         }
+        return failed == kConfirmations;
+    };
+    if (result.failures == kConfirmations)
+        return;
+    // From the smallest towards the first in growing steps, and back between the last two of these.
+    size_t wrong = earlier_.size(), right = wrong;
+    for (size_t step = 1; wrong > 0 && right == earlier_.size(); step *= 2) {
+        const size_t at = wrong - std::min(step, wrong);
+        (failsAlways(at) ? right : wrong) = at;
+    }
+    while (right + 1 < wrong) {
+        const size_t middle = (right + wrong) / 2;
+        (failsAlways(middle) ? right : wrong) = middle;
     }
 }
 
