@@ -316,8 +316,8 @@ TEST(ShrinkingScale, KeepsTheNumbersThatMatter)
     const oracle::Mesh mesh{.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
     c.steps.clear();
     c.trace = {};
-    c.scene.objects = {{.meshes = std::vector<oracle::Mesh>(3000, mesh)}};
-    c.scene.objects[0].meshes[2900].opaque = true;
+    c.scene.objects = {{.meshes = std::vector<oracle::Mesh>(1200, mesh)}};
+    c.scene.objects[0].meshes[1190].opaque = true;
     for (oracle::Instance &instance : c.scene.instances)
         instance.object = 0;
     const auto fails = [](uint32_t first) {
@@ -329,9 +329,9 @@ TEST(ShrinkingScale, KeepsTheNumbersThatMatter)
     };
     const Shrunk few = shrink(c, fails(256), kPlenty);
     EXPECT_EQ(few.smallest.scene.objects[0].meshes.size(), 257u);
-    const Shrunk many = shrink(c, fails(2048), kPlenty);
-    EXPECT_LT(many.smallest.scene.objects[0].meshes.size(), 3000u);
-    EXPECT_GE(many.smallest.scene.objects[0].meshes.size(), 2049u);
+    const Shrunk many = shrink(c, fails(1100), kPlenty);
+    EXPECT_LT(many.smallest.scene.objects[0].meshes.size(), 1200u);
+    EXPECT_GE(many.smallest.scene.objects[0].meshes.size(), 1101u);
     EXPECT_LT(many.runs, 2500u);
     EXPECT_LT(toJson(many.smallest).size(), 2000u);
 }
