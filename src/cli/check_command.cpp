@@ -154,6 +154,7 @@ int printGroups(bool asJson)
         beginReport(json, "check --groups");
         json.list("groups", check::groups(), [&](const check::Group &group) {
             json.beginObject().member("group", group.name).member("cases", group.cases);
+            json.member("quick", group.quickCases());
             json.member("summary", group.summary).member("sentences", group.sentences).end();
         });
         fmt::print("{}\n", json.end().text());
