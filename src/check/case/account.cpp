@@ -266,6 +266,10 @@ private:
             line("     Builds, copies and queries are within conditional rendering whose predicate is false.");
         if (case_.build.spareInstances > 0)
             line("     ppMaxPrimitiveCounts allows for {} more.", case_.build.spareInstances);
+        if (case_.build.skippedInstances > 0)
+            line("     primitiveOffset skips {} before them.", case_.build.skippedInstances);
+        if (case_.build.otherTop)
+            line("     The same command builds another top level, of the same instances in reverse order without flags.");
     }
     void writeInstances(const std::vector<oracle::Instance> &instances)
     {

@@ -353,36 +353,46 @@ void BuiltCase::buildTop()
 {
     auto tlas = std::make_unique<Tlas>(gpu_);
     prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
-    const Structure *const structure = tlas.get();
-    const StructureBuilds build(gpu_, std::span(&structure, 1), isIndirect(case_));
-    execute("top level built", {tlas->range(), tlas->scratchRange()},
-            [&](VkCommandBuffer commands) { build.record(commands); });
+    std::vector<const Structure *> structures{tlas.get()};
+    Writes writes{tlas->range(), tlas->scratchRange()};
+    Tlas other(gpu_);
+    if (case_.build.otherTop) {
+        std::vector<VkAccelerationStructureInstanceKHR> reversed = instances(true);
+        std::ranges::reverse(reversed);
+        other.prepare(reversed);
+        structures.push_back(&other);
+        writes.insert(writes.end(), {other.range(), other.scratchRange()});
+    }
+    const StructureBuilds build(gpu_, structures, isIndirect(case_));
+    execute("top level built", writes, [&](VkCommandBuffer commands) { build.record(commands); });
     tlas->forgetInput();
     top_ = std::move(tlas);
 }
 
 void BuiltCase::prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const
 {
-    std::vector<const Structure *> objects;
-    for (const Bottom &bottom : bottoms_)
-        objects.push_back(bottom.structure.get());
     tlas.usePointers(case_.build.geometryPointers);
-    tlas.prepare(oracle::instancesOf(scene_, objects), topFlags(), mode,
-                 case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array, 0,
-                 isIndirect(case_) ? case_.build.spareInstances : 0);
+    tlas.prepare(instances(), topFlags(), mode,
+                 case_.build.instancePointers ? Arrangement::Pointers : Arrangement::Array,
+                 case_.build.skippedInstances, isIndirect(case_) ? case_.build.spareInstances : 0);
 }
 
-std::unique_ptr<Tlas> BuiltCase::plainTop() const
+std::vector<VkAccelerationStructureInstanceKHR> BuiltCase::instances(bool plain) const
 {
     oracle::Scene scene = scene_;
     for (oracle::Instance &instance : scene.instances) {
-        instance.flags = 0;
-        instance.mask = 0xff;
+        instance.flags = plain ? 0 : instance.flags;
+        instance.mask = plain ? 0xff : instance.mask;
     }
     std::vector<const Structure *> objects;
     for (const Bottom &bottom : bottoms_)
         objects.push_back(bottom.structure.get());
-    return std::make_unique<Tlas>(gpu_, oracle::instancesOf(scene, objects));
+    return oracle::instancesOf(scene, objects);
+}
+
+std::unique_ptr<Tlas> BuiltCase::plainTop() const
+{
+    return std::make_unique<Tlas>(gpu_, instances(true));
 }
 
 void BuiltCase::updateTop(bool outOfPlace)

@@ -56,6 +56,8 @@ private:
     void apply(const Step &step);
     void applyToObject(const Step &step);
     void applyToTop(const Step &step);
+    // plain: without flags, for all rays.
+    [[nodiscard]] std::vector<VkAccelerationStructureInstanceKHR> instances(bool plain = false) const;
     void prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const;
     void updateTop(bool outOfPlace);
     void prepareAll();

@@ -38,6 +38,8 @@ struct BuildPlan {
     // Indirect builds allow that many triangles and instances more than they build: ppMaxPrimitiveCounts.
     uint32_t spareTriangles = 0;
     uint32_t spareInstances = 0;
+    uint32_t skippedInstances = 0; // garbage before the first instance, which primitiveOffset skips
+    bool otherTop = false;         // the command that builds the top level builds another one of other instances as well
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps

@@ -137,6 +137,8 @@ void ofBuild(Archive &archive, T &build)
     archive.value("conditional", build.conditional, standard.conditional);
     archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);
     archive.value("spareInstances", build.spareInstances, standard.spareInstances);
+    archive.value("skippedInstances", build.skippedInstances, standard.skippedInstances);
+    archive.value("otherTop", build.otherTop, standard.otherTop);
 }
 
 template <class Archive, class T>

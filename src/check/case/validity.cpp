@@ -580,6 +580,8 @@ void checkPlans(const Case &c)
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");
     rule(c.build.spareTriangles <= 1000, "build.spareTriangles", "{} is too large", c.build.spareTriangles);
     rule(c.build.spareInstances <= 1000, "build.spareInstances", "{} is too large", c.build.spareInstances);
+    rule(c.build.skippedInstances <= 1000, "build.skippedInstances", "{} is too large", c.build.skippedInstances);
+    rule(!c.build.single || !c.build.otherTop, "build.otherTop", "is in a command buffer with all builds");
 }
 
 void check(const Case &c)

@@ -94,7 +94,10 @@ StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAcceleration
     info.mode = static_cast<VkBuildAccelerationStructureModeKHR>(ext.mode);
     info.dstAccelerationStructure = target;
     info.geometryCount = 1;
-    info.pGeometries = &geometry;
+    if (ext.ppUsageCounts != nullptr)
+        info.ppGeometries = &geometryPointer;
+    else
+        info.pGeometries = &geometry;
     info.scratchData = ext.scratchData;
 }
 

@@ -47,7 +47,7 @@ createMicromap(const Device &gpu, VkBuffer buffer, VkDeviceAddress address, VkDe
                VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
 void destroyMicromap(const Device &gpu, MicromapHandle micromap);
 
-// A build as VK_KHR_opacity_micromap puts it. Points into itself.
+// A build as VK_KHR_opacity_micromap puts it; where usage counts come by pointers, so does the geometry. Points into itself.
 struct StructureBuild {
     StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAccelerationStructureKHR target);
     StructureBuild(const StructureBuild &) = delete;
@@ -56,6 +56,7 @@ struct StructureBuild {
     std::vector<const VkMicromapUsageKHR *> usagePointers;
     VkAccelerationStructureGeometryMicromapDataKHR data{};
     VkAccelerationStructureGeometryKHR geometry{};
+    const VkAccelerationStructureGeometryKHR *geometryPointer = &geometry;
     VkAccelerationStructureBuildGeometryInfoKHR info{};
 };
 

@@ -86,6 +86,8 @@ Case builds(Random &random, const DeviceLimits &limits)
         c.build.spareInstances = below(random, 4);
     }
     c.build.instancePointers = chance(random, 50);
+    c.build.skippedInstances = chance(random, 40) ? 1 + below(random, 5) : 0;
+    c.build.otherTop = chance(random, 40);
     return c;
 }
 

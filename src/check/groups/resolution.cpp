@@ -95,6 +95,7 @@ Case levels(Random &random, const DeviceLimits &limits)
     use.micromap = 0;
     for (uint32_t i = 0; i < triangles; ++i)
         use.indices.push_back(static_cast<int32_t>(i));
+    varyBuilds(random, c.scene, limits);
     return c;
 }
 
@@ -120,6 +121,7 @@ Case indices(Random &random, const DeviceLimits &limits)
                 index = index >= 0 && chance(random, 40) ? static_cast<int32_t>(0xfc + below(random, 4)) : index;
         }
     }
+    varyBuilds(random, c.scene, limits);
     if (limits.pipelines && chance(random, 25))
         c.trace.method = TracePlan::Method::Pipeline;
     return c;

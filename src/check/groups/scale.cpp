@@ -157,6 +157,9 @@ Case instances(Random &random, const DeviceLimits &limits, uint32_t count)
         aimAt(random, c, at, 1, 4);
     }
     c.build.instancePointers = chance(random, 30);
+    constexpr std::array kinds{Step::Kind::CloneTop, Step::Kind::CompactTop, Step::Kind::ReloadTop};
+    if (chance(random, 50))
+        addSteps(random, c, kinds, 1, limits);
     maybeByPipeline(random, c, limits);
     return c;
 }

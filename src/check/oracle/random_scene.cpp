@@ -37,6 +37,15 @@ SceneMicromap randomMicromap(Random &random, uint32_t triangles, const Limits &l
     SceneMicromap micromap;
     for (uint32_t i = 0; i < triangles; ++i)
         micromap.triangles.push_back(randomTriangle(random, limits.maxLevel));
+    // A triangle has the first states of another of a higher level: both may have the same dataOffset.
+    if (chance(random, 30)) {
+        const MicromapTriangle &fine = micromap.triangles[below(random, triangles)];
+        MicromapTriangle &coarse = micromap.triangles[below(random, triangles)];
+        if (coarse.level < fine.level)
+            coarse = {.level = coarse.level,
+                      .format = fine.format,
+                      .states = {fine.states.begin(), fine.states.begin() + std::ssize(coarse.states)}};
+    }
     constexpr std::array<uint32_t, 3> flags{0, VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT,
                                             VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT};
     micromap.flags = flags[below(random, flags.size())];
@@ -175,6 +184,26 @@ void addPatch(Random &random, std::vector<Vec3> &vertices, uint32_t triangles)
     }
 }
 
+// Of a solid, which has more triangles than corners: an octahedron that is turned and stretched.
+void addSolid(Random &random, std::vector<Vec3> &vertices, uint32_t triangles)
+{
+    const VkTransformMatrixKHR turn = randomTransform(random);
+    std::array<Vec3, 6> points{}; // on the axes
+    for (size_t p = 0; p < 6; ++p) {
+        const float size = (p % 2 == 0 ? 1.0f : -1.0f) * between(random, 0.7f, 1.2f);
+        for (size_t k = 0; k < 3; ++k)
+            points[p][k] = turn.matrix[k][p / 2] * size;
+    }
+    const uint32_t first = below(random, 8);
+    for (uint32_t i = 0; i < std::min(triangles, 8u); ++i) {
+        const uint32_t octant = (first + i) % 8;
+        for (uint32_t axis = 0; axis < 3; ++axis)
+            vertices.push_back(points[2 * axis + (octant >> axis & 1)]);
+    }
+    if (triangles > 8)
+        addSoup(random, vertices, triangles - 8, false);
+}
+
 // Some triangles become degenerate, or inactive where the format has NaN.
 void spoil(Random &random, std::vector<Vec3> &vertices, const MeshLayout &layout)
 {
@@ -204,8 +233,10 @@ std::vector<Vec3> randomVertices(Random &random, uint32_t triangles, const MeshL
     const VertexFormat format = vertexFormat(layout.vertexFormat);
     std::vector<Vec3> vertices;
     // A flat soup would hide what is met: most of its hits are equally far.
-    if (format.components == 2 || (layout.isIndexed() && chance(random, 50)))
+    if (format.components == 2 || (layout.isIndexed() && chance(random, 40)))
         addPatch(random, vertices, triangles);
+    else if (layout.isIndexed() && chance(random, 40))
+        addSolid(random, vertices, triangles);
     else
         addSoup(random, vertices, triangles, layout.isIndexed());
     for (Vec3 &vertex : vertices) {
@@ -323,7 +354,8 @@ MeshMicromap randomUse(Random &random, const Scene &scene, uint32_t triangles, c
     }
     if (!direct && chance(random, 25)) {
         const uint32_t size = use.indexType == VK_INDEX_TYPE_UINT32 ? 4 : use.indexType == VK_INDEX_TYPE_UINT16 ? 2 : 1;
-        use.stride = size * below(random, 5); // 0: all triangles read the first
+        // 0: all triangles read the first. Indices may be members of larger records.
+        use.stride = size * (chance(random, 30) && triangles < 100 ? below(random, 1200) : below(random, 5));
         use.indexOffset = size * below(random, 4);
     }
     return use;

@@ -150,6 +150,10 @@ void simplifyLayouts(Attempts &attempts)
     });
     attempt([](oracle::Mesh &mesh) { applyTransform(mesh, false); });
     attempt([](oracle::Mesh &mesh) { applyTransform(mesh, true); });
+    attempt([](oracle::Mesh &mesh) { // elsewhere, in a format that has no other values
+        mesh.layout.transform.reset();
+        mesh.layout.transformOffset = 0;
+    });
     attempt([](oracle::Mesh &mesh) {
         mesh.layout.vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
         fitLayout(mesh.layout);
@@ -404,6 +408,8 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.build.conditional = false; },
         [](Case &c) { c.build.spareTriangles = 0; },
         [](Case &c) { c.build.spareInstances = 0; },
+        [](Case &c) { c.build.skippedInstances = 0; },
+        [](Case &c) { c.build.otherTop = false; },
         [](Case &c) { c.trace.method = TracePlan::Method::Query; },
         [](Case &c) { c.trace.stage = VK_SHADER_STAGE_COMPUTE_BIT; },
         [](Case &c) { c.trace.flags = TracePlan::Flags::RunTime; },
