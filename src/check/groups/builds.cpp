@@ -199,16 +199,16 @@ constexpr std::array kGroups{
           "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
           "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
           "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
-          200, runGroup<builds>, 150},
+          200, runGroup<builds>, 200},
     Group{"nearly-equal", "micromap triangles that equal others or differ from them in one bit",
-          "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>, 60},
+          "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>, 100},
     Group{"geometry",
           "vertices of all formats, strides, offsets, indices and transforms; geometries without triangles, degenerate "
           "and inactive triangles; many geometries; ppGeometries; NO_DUPLICATE_ANY_HIT_INVOCATION",
           "VkAccelerationStructureGeometryTrianglesDataKHR; VkAccelerationStructureGeometryAabbsDataKHR; "
           "VkAccelerationStructureBuildRangeInfoKHR; VkGeometryFlagBitsKHR; Inactive Primitives and Instances; "
           "Degenerate Primitives and Instances",
-          300, runGroup<geometry>, 200},
+          300, runGroup<geometry>, 250},
     Group{"one-command-buffer", "builds of all kinds and the rays in one command buffer",
           "Acceleration Structure Build Synchronization: VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, "
           "VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR",

@@ -106,12 +106,12 @@ constexpr std::array kGroups{
     Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
-          200, runGroup<copies>, 100},
+          200, runGroup<copies>, 200},
     Group{"serialization", "serialized and deserialized, into fresh memory and over another content; version data",
           "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
           "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries; "
           "vkGetDeviceAccelerationStructureCompatibilityKHR, vkGetDeviceMicromapCompatibilityEXT",
-          150, runGroup<serialization>, 80},
+          150, runGroup<serialization>, 120},
     Group{"host-copies", "micromaps that are copied, serialized, deserialized and queried on the host, also deferred",
           "vkCopyMicromapEXT, vkCopyMicromapToMemoryEXT, vkCopyMemoryToMicromapEXT, vkWriteMicromapsPropertiesEXT; "
           "Deferred Host Operations; micromapHostCommands",
@@ -122,12 +122,12 @@ constexpr std::array kGroups{
           "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
           "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
           "ALLOW_OPACITY_MICROMAP_DATA_UPDATE; srcAccelerationStructure other than dstAccelerationStructure",
-          200, runGroup<updates>, 120},
+          200, runGroup<updates>, 160},
     Group{"rebuilds", "structures of all kinds that are built again by one command, between others that stay",
           "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
           runGroup<rebuilds>, 80},
     Group{"sequences", "up to ten steps of all kinds, and rays beside a build",
-          "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>, 100},
+          "all sections that the groups copies, serialization and updates name", 250, runGroup<sequences>, 160},
 };
 
 } // namespace

@@ -284,28 +284,28 @@ constexpr std::array kGroups{
           "..._SKIP_TRIANGLES_BIT_KHR, ..._SKIP_AABBS_BIT_KHR, ..._NO_NULL_..._SHADERS_BIT_KHR; "
           "IncomingRayFlagsKHR: \"Setting pipeline flags on the ray tracing pipeline must not cause any corresponding "
           "flags to be set\"",
-          200, runGroup<pipelinePlans>, 6},
+          200, runGroup<pipelinePlans>, 18},
     Group{"pipeline-libraries",
           "pipelines of libraries, nested or not, whose groups name stages of libraries, among shaders that must not run",
           "VkRayTracingPipelineCreateInfoKHR: shaders and groups of pLibraryInfo \"are treated as if they were defined "
           "as additional entries in pStages\" and pGroups",
-          150, runGroup<pipelineLibraries>, 6},
+          150, runGroup<pipelineLibraries>, 14},
     Group{"binding-tables",
           "binding tables with zero records, with and without data, short and long ones, at offsets and with strides; "
           "record offsets of instances beyond 2^8",
           "Shader Binding Table, Indexing Rules; VkStridedDeviceAddressRegionKHR; ShaderRecordBufferKHR; \"A zero shader "
           "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
-          200, runGroup<bindingTables>, 10},
+          200, runGroup<bindingTables>, 20},
     Group{"pipeline-ray-flags",
           "ray flags of traceRayEXT at run time, specialized, literal, computed, and of two instructions",
           "OpTraceRayKHR: Ray Flags, SBT Offset, SBT Stride, Miss Index; IncomingRayFlagsKHR", 150,
-          runGroup<pipelineRayFlags>, 8},
+          runGroup<pipelineRayFlags>, 14},
     Group{"several-pipelines",
           "two or three pipelines with several tables in one command buffer, of which the first is destroyed",
-          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 4},
+          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 8},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
-          120, runGroup<indirectTraces>, 8},
+          120, runGroup<indirectTraces>, 16},
 };
 
 } // namespace

@@ -197,7 +197,7 @@ constexpr std::array kGroups{
           "vkCmdWriteAccelerationStructuresPropertiesKHR, vkCmdWriteMicromapsPropertiesEXT, "
           "vkWriteMicromapsPropertiesEXT, vkGetQueryPoolResults, vkCmdCopyQueryPoolResults, "
           "vkCmdCopyQueryPoolResultsToMemoryKHR, vkCmdResetQueryPool, vkResetQueryPool",
-          250, runGroup<queries>, 80},
+          250, runGroup<queries>, 160},
 };
 
 } // namespace

@@ -267,7 +267,7 @@ constexpr std::array kGroups{
     Group{"levels", "subdivision levels up to the limits of the device, of both formats in one micromap",
           "Opacity Micromap: the curve by which micro-triangles are numbered; maxOpacity2StateSubdivisionLevel and "
           "maxOpacity4StateSubdivisionLevel; VkMicromapTriangleKHR: subdivisionLevel and format of each triangle",
-          150, runGroup<levels>, 50},
+          150, runGroup<levels>, 60},
     Group{"indices", "special and other indices of every type, stride and offset, with a base triangle, null micromaps",
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: \"a triangle in the micromap is fetched at index "
           "reinterpret_cast<indexType>(indexBuffer + indexStride * geomTriangleIndex) + baseTriangle\"; \"If the index "
@@ -292,13 +292,13 @@ constexpr std::array kGroups{
     Group{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
-        200, runGroup<stages>, 12},
+        200, runGroup<stages>, 20},
     Group{"query-objects",
           "ray queries in arrays, as parameters of functions, initialized again or in two places, terminated; in shader "
           "objects",
           "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own; "
           "OpRayQueryTerminateKHR; VK_EXT_shader_object",
-          100, runGroup<queryObjects>, 12},
+          100, runGroup<queryObjects>, 20},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
           runGroup<executionMode>, 20},
