@@ -88,6 +88,10 @@ protected:
         // A scene in which rays meet boxes and several triangles, some of geometries that promise one invocation.
         Random random(setting("VELLUM_ORACLE_SEED", 10));
         scene_ = randomScene(random, {.rays = 400});
+        bool promise = false;
+        for (Object &object : scene_.objects)
+            for (Mesh &mesh : object.meshes)
+                mesh.noDuplicates = std::exchange(promise, !promise);
         built_ = build(gpu(), scene_);
     }
     Scene scene_;

@@ -490,7 +490,7 @@ public:
             run.value("step", step, 0);
             run.finish();
             for (uint32_t i = 0; i < count; ++i)
-                field.push_back(static_cast<T>(std::min<int64_t>(index + int64_t{i} * step, INT32_MAX)));
+                field.push_back(static_cast<T>(std::clamp<int64_t>(index + int64_t{i} * step, INT32_MIN, INT32_MAX)));
         });
     }
     template <class T, class Function>

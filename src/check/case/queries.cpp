@@ -11,15 +11,15 @@ namespace vellum::check
 using Is = QueryState::Is;
 using Kind = QueryCommand::Kind;
 
+namespace
+{
+
 bool hasTargets(Kind kind)
 {
     return kind == Kind::Write || kind == Kind::WriteOnHost;
 }
 
-bool readsResults(Kind kind)
-{
-    return kind == Kind::Read || kind == Kind::Copy;
-}
+} // namespace
 
 bool allAvailable(const QueryStates &states, const QueryCommand &command)
 {

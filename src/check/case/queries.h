@@ -17,9 +17,6 @@ struct QueryState {
 };
 using QueryStates = std::vector<QueryState>; // of a pool
 
-// Whether the command uses targets, and whether it reads results.
-bool hasTargets(QueryCommand::Kind kind);
-bool readsResults(QueryCommand::Kind kind);
 // Whether all queries that the command names are available.
 bool allAvailable(const QueryStates &states, const QueryCommand &command);
 // Carries out the command. Returns what forbids it; empty: nothing.

@@ -40,6 +40,20 @@ std::string missingForQueries(const Device &gpu, const Case &c)
     return exact && !maintenance ? "VK_KHR_ray_tracing_maintenance1 is not supported" : "";
 }
 
+// What the device lacks for a build of a micromap of these flags; empty: nothing.
+std::string missingForMicromap(const Device &gpu, std::span<const oracle::MicromapTriangle> triangles,
+                               VkBuildMicromapFlagsEXT flags)
+{
+    if (triangles.size() > gpu.maxMicromapTriangles())
+        return "more triangles in a micromap than maxMicromapTriangles";
+    for (const oracle::MicromapTriangle &triangle : triangles) {
+        const bool lossy = (flags & kLossy) != 0 && triangle.format == kFourState;
+        if (triangle.level > (lossy ? gpu.maxLossyLevel() : gpu.maxLevel(triangle.format)))
+            return "a subdivision level is above the limit of the device";
+    }
+    return {};
+}
+
 // What the device lacks for the flags of structures; empty: nothing.
 std::string missingForFlags(const Device &gpu, const oracle::Scene &scene)
 {
@@ -77,17 +91,27 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
             return "more geometries or primitives than maxGeometryCount or maxPrimitiveCount";
     }
     for (const oracle::SceneMicromap &micromap : c.scene.micromaps) {
-        if (micromap.triangles.size() > gpu.maxMicromapTriangles())
-            return "more triangles in a micromap than maxMicromapTriangles";
-        const bool lossy = (micromap.flags & kLossy) != 0;
-        if (lossy && !gpu.khr())
+        if ((micromap.flags & kLossy) != 0 && !gpu.khr())
             return "VK_EXT_opacity_micromap has no lossy builds";
-        for (const oracle::MicromapTriangle &triangle : micromap.triangles) {
-            if (triangle.level >
-                (lossy && triangle.format == kFourState ? gpu.maxLossyLevel() : gpu.maxLevel(triangle.format)))
-                return "a subdivision level is above the limit of the device";
-        }
+        if (std::string lacks = missingForMicromap(gpu, micromap.triangles, micromap.flags); !lacks.empty())
+            return lacks;
     }
+    for (const Step &step : c.steps) {
+        if (step.states.empty())
+            continue;
+        if (std::string lacks = missingForMicromap(gpu, step.states, c.scene.micromaps[step.target].flags); !lacks.empty())
+            return lacks;
+    }
+    const auto hasByteIndices = [](const std::optional<oracle::MeshMicromap> &use) {
+        return use && use->indexType == VK_INDEX_TYPE_UINT8_EXT;
+    };
+    const bool byteIndices =
+        std::ranges::any_of(c.steps, hasByteIndices, &Step::micromapUse) ||
+        std::ranges::any_of(c.scene.objects, [&](const oracle::Object &object) {
+            return std::ranges::any_of(object.meshes, hasByteIndices, &oracle::Mesh::micromap);
+        });
+    if (byteIndices && !(gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME)))
+        return "micromap indices of 8 bits are not supported";
     const std::vector<VkFormat> formats = gpu.vertexFormats();
     for (const oracle::Object &object : c.scene.objects)
         for (const oracle::Mesh &mesh : object.meshes)

@@ -25,6 +25,8 @@ constexpr size_t kMostMeshes = size_t{1} << 17;
 // So that no case takes all memory.
 constexpr uint64_t kMostBytes = uint64_t{1} << 28; // of a buffer
 constexpr uint32_t kMostThreads = 64;
+constexpr size_t kMostParts = 16, kMostTables = 8; // of a pipeline
+constexpr size_t kMostSteps = 1000, kMostQueryPlans = 64, kMostQueryCommands = 1000;
 
 struct Broken {
     std::string what;
@@ -467,6 +469,7 @@ constexpr uint32_t kRelayStage = kTracerStageNames.size() - 1, kRelayGroup = kTr
 void checkParts(const PipelinePlan &pipeline, bool relay, const std::string &where)
 {
     const std::vector<PipelinePart> &parts = pipeline.parts;
+    rule(parts.size() <= kMostParts, where, "has {} parts, not at most {}", parts.size(), kMostParts);
     std::vector<uint32_t> users(parts.size()), places(kTracerGroups);
     for (size_t i = 0; i < parts.size(); ++i) {
         const PipelinePart &part = parts[i];
@@ -522,6 +525,8 @@ void checkPipeline(const Case &c, const Scene &after, const PipelinePlan &pipeli
                                        VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR),
          where, "skips triangles and boxes"); // VUID-VkRayTracingPipelineCreateInfoKHR-flags-06546
     checkParts(pipeline, c.trace.from != TracePlan::From::RayGeneration, where);
+    rule(pipeline.otherTables.size() <= kMostTables, where, "has {} other tables, not at most {}",
+         pipeline.otherTables.size(), kMostTables);
     // Also where the scene is not traced by pipelines.
     const bool traced = c.trace.method == TracePlan::Method::Pipeline;
     for (size_t t = 0; t <= pipeline.otherTables.size(); ++t) {
@@ -575,6 +580,11 @@ void checkPlans(const Case &c)
                                  [](const oracle::Object &o) { return o.meshes.size() <= oracle::kMostGeometries; }),
          "trace.method", "an object has more than {} meshes, for which there are no hit records",
          oracle::kMostGeometries);
+    rule(c.steps.size() <= kMostSteps, "steps", "are {}, not at most {}", c.steps.size(), kMostSteps);
+    rule(c.queries.size() <= kMostQueryPlans, "queries", "are {}, not at most {}", c.queries.size(), kMostQueryPlans);
+    for (const QueryPlan &plan : c.queries)
+        rule(plan.commands.size() <= kMostQueryCommands, "queries", "have {} commands, not at most {}",
+             plan.commands.size(), kMostQueryCommands);
     rule(!c.build.single || c.steps.empty(), "build.single", "has steps");
     rule(!c.build.single || c.queries.empty(), "build.single", "has queries");
     rule(!c.build.mixed || c.build.together, "build.mixed", "is not together");

@@ -302,6 +302,12 @@ private:
                 return describe("an any-hit shader ended the ray, and not its hit is committed", hit);
         }
         const bool first = end != nullptr || (ray_.flags & kRayTerminateOnFirstHit) != 0;
+        for (const auto &visit : result_.visits) {
+            const Hit *hit = visit.reported == 1 ? find(visit, true) : nullptr;
+            if (hit != nullptr && accepts(*hit) && !first && generated_.empty() && ray_.generate >= ray_.tMin &&
+                double{ray_.generate} < limit_ - 1e-3)
+                return describe("reportIntersectionEXT rejected a hit that is to be accepted", visit);
+        }
         const auto mayStay = [&](double t) { return first || t < limit_ + 1e-3; };
         for (const Hit &h : hits_)
             silent = silent || (!h.box && accepts(h) && !hasClosestHit(h) && mayStay(h.t));
