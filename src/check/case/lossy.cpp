@@ -113,6 +113,8 @@ LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const oracle::Sce
 
 LossyStates lossyStatesOfTwin(Device &gpu, const Case &c, const oracle::Scene &scene, std::span<const Hits> hits)
 {
+    if (std::ranges::all_of(hits, [](const Hits &ray) { return ray.lossy.empty(); }))
+        return {};
     Case plain{.scene = scene};
     for (uint32_t o = 0; o < scene.objects.size(); ++o)
         plain.scene.objects[o].flags = buildFlagsOf(c, o);
