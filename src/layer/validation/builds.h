@@ -8,6 +8,6 @@ namespace vellum::layer
 {
 
 // The effect of a build of a micromap; `commandBuffer`: null for one on the host.
-void micromapBuilt(DeviceModel &device, VkCommandBuffer commandBuffer, const MicromapBuildInput &build);
+void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const MicromapBuildInput &build);
 
 } // namespace vellum::layer
