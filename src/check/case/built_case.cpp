@@ -119,10 +119,11 @@ void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) cons
     gpu_.vk().CmdEndConditionalRenderingEXT(commands);
 }
 
-void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record)
+void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable)
 {
     Watch watch(gpu_);
-    gpu_.submit([&](VkCommandBuffer commands) { recordUnder(commands, record); });
+    gpu_.submit([&](VkCommandBuffer commands) { recordUnder(commands, record); }, case_.build.secondary,
+                case_.build.twice && repeatable ? 2 : 1);
     watch.expectOnlyChanged(writes, what);
 }
 
@@ -229,7 +230,8 @@ void BuiltCase::buildMicromapsTogether()
     if (case_.build.mixed && gpu_.khr()) {
         describeObjects();
         for (uint32_t o = 0; o < bottoms_.size(); ++o) {
-            if (std::ranges::any_of(scene_.objects[o].meshes, [](const auto &mesh) { return mesh.micromap.has_value(); }))
+            if (std::ranges::any_of(scene_.objects[o].meshes,
+                                    [](const auto &mesh) { return mesh.micromap.has_value(); }))
                 continue;
             const Writes own = prepareNew(o, nullptr);
             writes.insert(writes.end(), own.begin(), own.end());
@@ -395,17 +397,19 @@ std::unique_ptr<Tlas> BuiltCase::plainTop() const
     return std::make_unique<Tlas>(gpu_, instances(true));
 }
 
-void BuiltCase::updateTop(bool outOfPlace)
+void BuiltCase::buildTopAgain(const Step &step)
 {
+    const bool update = step.kind == Kind::UpdateTop;
     std::unique_ptr<Structure> source;
-    if (outOfPlace) {
+    if (step.outOfPlace) {
         auto target = std::make_unique<Tlas>(gpu_);
         target->updateFrom(top_.get());
         source = std::exchange(top_, std::move(target));
     }
     auto &tlas = static_cast<Tlas &>(*top_);
-    prepareTop(tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
-    execute("top level updated", {tlas.range(), tlas.scratchRange()},
+    prepareTop(tlas, update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
+                            : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    execute(update ? "top level updated" : "top level built again", {tlas.range(), tlas.scratchRange()},
             [&](VkCommandBuffer commands) { tlas.record(commands); });
     tlas.forgetInput();
 }

@@ -60,7 +60,7 @@ private:
     // plain: without flags, for all rays.
     [[nodiscard]] std::vector<VkAccelerationStructureInstanceKHR> instances(bool plain = false) const;
     void prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const;
-    void updateTop(bool outOfPlace);
+    void buildTopAgain(const Step &step);
     void prepareAll();
     void recordAll(VkCommandBuffer commands) const;
     void buildMicromap(Micromap &micromap, const Step &step);
@@ -98,7 +98,7 @@ private:
     // Records as the case does everything but rays: within conditional rendering, or not.
     void recordUnder(VkCommandBuffer commands, const Record &record) const;
     // Executes, and reports what else was written to.
-    void execute(const std::string &what, const Writes &writes, const Record &record);
+    void execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable = true);
     void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
     void runQueries();
     [[nodiscard]] VkAccelerationStructureKHR structureOf(const QueryTarget &target) const;

@@ -133,7 +133,8 @@ void BuiltCase::applyToObject(const Step &step)
     case Kind::CompactObject: bottom.structure = copied<Blas>(*bottom.structure, step); return;
     case Kind::ReloadObject: return reloadObject(step);
     case Kind::UpdateObject: return buildObject(step.target, {true, step.outOfPlace});
-    case Kind::RebuildObject: return buildObject(step.target, {});
+    case Kind::RebuildObject:
+    case Kind::ReplaceObject: return buildObject(step.target, {});
     case Kind::RebuildObjects: return rebuildObjects(step);
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
@@ -396,12 +397,14 @@ void BuiltCase::moveObject(Bottom &moved, uint32_t other)
     auto over = std::make_unique<Blas>(gpu_);
     over->useRoomOf(*moved.structure);
     over->prepare(built.geometries, built.flags);
-    execute("cloned and built over", {clone->range(), over->range(), over->scratchRange()},
-            [&](VkCommandBuffer commands) {
-                recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
-                barrier(commands);
-                over->record(commands);
-            });
+    execute(
+        "cloned and built over", {clone->range(), over->range(), over->scratchRange()},
+        [&](VkCommandBuffer commands) {
+            recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
+            barrier(commands);
+            over->record(commands);
+        },
+        false);
     over->forgetInput();
     if (&moved != &built)
         moved.structure = std::move(clone);
@@ -412,8 +415,8 @@ void BuiltCase::applyToTop(const Step &step)
 {
     const Kind kind = step.kind;
     applyTo(scene_, step);
-    if (kind == Kind::UpdateTop)
-        return updateTop(step.outOfPlace);
+    if (kind == Kind::UpdateTop || kind == Kind::RebuildTop)
+        return buildTopAgain(step);
     if (kind == Kind::ReloadTop)
         return reloadTop(step);
     top_ = copied<Tlas>(*top_, step);

@@ -21,6 +21,8 @@ Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind>
     if (chance(random, 30))
         scene.objects = 6;
     Case c{.memory = memories[below(random, 3)], .scene = makeScene(random, scene, limits)};
+    c.build.secondary = chance(random, 20);
+    c.build.twice = chance(random, 20);
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
         micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     addSteps(random, c, kinds, 1 + below(random, most), limits);
@@ -83,8 +85,9 @@ Case rebuilds(Random &random, const DeviceLimits &limits)
     }
     c.steps = {
         {.kind = Kind::RebuildObjects, .target = std::min(parity, static_cast<uint32_t>(c.scene.objects.size()) - 1)}};
-    constexpr std::array kinds{Kind::RebuildObjects, Kind::RebuildObject, Kind::CloneObject, Kind::UpdateObject};
-    addSteps(random, c, kinds, below(random, 3), limits);
+    constexpr std::array kinds{Kind::RebuildObjects, Kind::RebuildObject, Kind::CloneObject, Kind::UpdateObject,
+                               Kind::ReplaceObject,  Kind::SetIndices,    Kind::RebuildTop,  Kind::ReplaceObject};
+    addSteps(random, c, kinds, below(random, 5), limits);
     return c;
 }
 

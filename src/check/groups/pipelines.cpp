@@ -291,6 +291,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
 Case indirectTraces(Random &random, const DeviceLimits &limits)
 {
     Case c = pipelineCase(random, limits, 160);
+    c.trace.secondary = chance(random, 30);
     c.trace.launch = randomLaunch(random, chance(random, 50) ? Launch::Indirect : Launch::Indirect2);
     c.trace.pipeline.parameters = randomParameters(random);
     setRecords(random, c);
