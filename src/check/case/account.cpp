@@ -266,6 +266,10 @@ private:
             line("     All builds and the rays are in one command buffer.");
         if (case_.build.conditional)
             line("     Builds, copies and queries are within conditional rendering whose predicate is false.");
+        if (case_.build.unrelated)
+            line("     Commands that build several objects build an unrelated top level first; that which builds the "
+                 "top "
+                 "level builds an unrelated object first.");
         if (case_.build.secondary)
             line("     Builds, copies and updates are in secondary command buffers.");
         if (case_.build.twice)

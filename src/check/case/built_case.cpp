@@ -239,6 +239,12 @@ void BuiltCase::buildMicromapsTogether()
             others.ranges.push_back(bottoms_[o].structure->ranges());
         }
     }
+    std::vector<const Structure *> structures;
+    const std::unique_ptr<Tlas> unrelated = gpu_.khr() ? unrelatedTop(writes, structures) : nullptr;
+    for (const Structure *structure : structures) {
+        others.infos.insert(others.infos.begin(), structure->buildInfo());
+        others.ranges.insert(others.ranges.begin(), structure->ranges());
+    }
     execute("micromap builds", writes,
             [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, builds, others); });
 }
@@ -318,6 +324,20 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::topFlags() const
     return flags;
 }
 
+std::unique_ptr<Tlas> BuiltCase::unrelatedTop(Writes &writes, std::vector<const Structure *> &structures) const
+{
+    if (!case_.build.unrelated)
+        return nullptr;
+    auto top = std::make_unique<Tlas>(gpu_);
+    VkAccelerationStructureInstanceKHR inactive{};
+    for (size_t i = 0; i < 3; ++i)
+        inactive.transform.matrix[i][i] = 1;
+    top->prepare(std::vector(3, inactive));
+    writes.insert(writes.end(), {top->range(), top->scratchRange()});
+    structures.insert(structures.begin(), top.get());
+    return top;
+}
+
 void BuiltCase::buildObjects()
 {
     const bool indirect = isIndirect(case_);
@@ -335,6 +355,7 @@ void BuiltCase::buildObjects()
             writes.insert(writes.end(), own.begin(), own.end());
             structures.push_back(bottoms_[o].structure.get());
         }
+        const std::unique_ptr<Tlas> unrelated = unrelatedTop(writes, structures);
         const StructureBuilds builds(gpu_, structures, indirect);
         execute("builds", writes, [&](VkCommandBuffer commands) { builds.record(commands); });
     } else {
@@ -357,6 +378,12 @@ void BuiltCase::buildTop()
     prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     std::vector<const Structure *> structures{tlas.get()};
     Writes writes{tlas->range(), tlas->scratchRange()};
+    Blas unrelated(gpu_);
+    if (case_.build.unrelated) {
+        unrelated.prepare(bottoms_[0].geometries, bottoms_[0].flags);
+        structures.insert(structures.begin(), &unrelated);
+        writes.insert(writes.end(), {unrelated.range(), unrelated.scratchRange()});
+    }
     Tlas other(gpu_);
     if (case_.build.otherTop) {
         std::vector<VkAccelerationStructureInstanceKHR> reversed = instances(true);

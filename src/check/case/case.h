@@ -26,7 +26,7 @@ struct BuildPlan {
     BuildCommand structures = BuildCommand::Device;
     bool together = false; // all micromaps by one command, all bottom-level structures by another
     // With `together` and VK_KHR_opacity_micromap: structures without micromaps are built by the command that builds
-    // the micromaps.
+    // the micromaps; and steps that build a micromap build an object that does not use it by the same command.
     bool mixed = false;
     uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
@@ -43,6 +43,9 @@ struct BuildPlan {
     // nothing.
     bool secondary = false;
     bool twice = false;
+    // Commands that build several objects, or micromaps and objects, build an unrelated top level first; that which
+    // builds the top level builds an unrelated object first.
+    bool unrelated = false;
     bool otherTop = false; // the command that builds the top level builds another one of other instances as well
 };
 

@@ -141,6 +141,7 @@ void ofBuild(Archive &archive, T &build)
     archive.value("skippedInstances", build.skippedInstances, standard.skippedInstances);
     archive.value("secondary", build.secondary, standard.secondary);
     archive.value("twice", build.twice, standard.twice);
+    archive.value("unrelated", build.unrelated, standard.unrelated);
     archive.value("otherTop", build.otherTop, standard.otherTop);
 }
 

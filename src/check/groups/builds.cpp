@@ -88,6 +88,7 @@ Case builds(Random &random, const DeviceLimits &limits)
     c.build.instancePointers = chance(random, 50);
     c.build.skippedInstances = chance(random, 40) ? 1 + below(random, 5) : 0;
     c.build.otherTop = chance(random, 40);
+    c.build.unrelated = chance(random, 40);
     c.build.secondary = chance(random, 30);
     c.build.twice = chance(random, 30);
     c.trace.secondary = chance(random, 30);

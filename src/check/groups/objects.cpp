@@ -21,6 +21,9 @@ Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind>
     if (chance(random, 30))
         scene.objects = 6;
     Case c{.memory = memories[below(random, 3)], .scene = makeScene(random, scene, limits)};
+    c.build.together = chance(random, 30);
+    c.build.mixed = c.build.together && limits.api == Api::Khr && chance(random, 60);
+    c.build.unrelated = chance(random, 25);
     c.build.secondary = chance(random, 20);
     c.build.twice = chance(random, 20);
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
@@ -64,7 +67,6 @@ Case sequences(Random &random, const DeviceLimits &limits)
     for (size_t i = 0; i < kinds.size(); ++i)
         kinds[i] = static_cast<Kind>(i);
     Case c = withSteps(random, limits, kinds, 10);
-    c.build.together = chance(random, 30);
     c.build.instancePointers = chance(random, 30);
     c.trace.besideBuild = chance(random, 30);
     return c;
@@ -78,6 +80,7 @@ Case rebuilds(Random &random, const DeviceLimits &limits)
     scene.instances = 12;
     scene.meshes = 1;
     Case c{.memory = chance(random, 50) ? Memory::Packed : Memory::Apart, .scene = makeScene(random, scene, limits)};
+    c.build.unrelated = chance(random, 40);
     const uint32_t parity = below(random, 2);
     for (size_t o = parity; o < c.scene.objects.size(); o += 2) {
         if (chance(random, 60))

@@ -412,6 +412,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.build.spareInstances = 0; },
         [](Case &c) { c.build.skippedInstances = 0; },
         [](Case &c) { c.build.otherTop = false; },
+        [](Case &c) { c.build.unrelated = false; },
         [](Case &c) { c.build.secondary = false; },
         [](Case &c) { c.build.twice = false; },
         [](Case &c) { c.trace.secondary = false; },
