@@ -199,13 +199,15 @@ Case state(Random &random, const DeviceLimits &limits)
 }
 
 constexpr std::array kGroups{
-    Group{"builds",
-          "several micromaps and structures by one command, indirect builds, arrays of pointers, usage counts by "
-          "pointers, of 0, repeated and in any order, strides of triangle arrays, data with gaps and overlaps",
-          "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
-          "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
-          "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
-          200, runGroup<builds>, 200},
+    Group{
+        "builds",
+        "several micromaps and structures of all kinds by one command, in secondary command buffers, submitted twice; "
+        "indirect builds, arrays of pointers, usage counts by pointers, of 0, repeated and in any order, strides of "
+        "triangle arrays, data with gaps and overlaps",
+        "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
+        "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
+        "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
+        200, runGroup<builds>, 200},
     Group{"nearly-equal", "micromap triangles that equal others or differ from them in one bit",
           "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>, 100},
     Group{"geometry",

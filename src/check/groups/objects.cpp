@@ -114,7 +114,9 @@ constexpr std::array kGroups{
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
           200, runGroup<copies>, 200},
-    Group{"serialization", "serialized and deserialized, into fresh memory and over another content; version data",
+    Group{"serialization",
+          "serialized and deserialized, into fresh memory and over another content, with the addresses of copies in "
+          "the data; version data",
           "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
           "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries; "
           "vkGetDeviceAccelerationStructureCompatibilityKHR, vkGetDeviceMicromapCompatibilityEXT",
@@ -123,15 +125,16 @@ constexpr std::array kGroups{
           "vkCopyMicromapEXT, vkCopyMicromapToMemoryEXT, vkCopyMemoryToMicromapEXT, vkWriteMicromapsPropertiesEXT; "
           "Deferred Host Operations; micromapHostCommands",
           120, runGroup<hostCopies>, 120},
-    Group{
-        "updates",
-        "updates in place and to another structure, with other states, other indices and the same data, after copies, "
-        "compaction and deserialization",
-        "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
-        "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
-        "ALLOW_OPACITY_MICROMAP_DATA_UPDATE; srcAccelerationStructure other than dstAccelerationStructure",
-        200, runGroup<updates>, 160},
-    Group{"rebuilds", "structures of all kinds that are built again by one command, between others that stay",
+    Group{"updates",
+          "updates in place and to another structure, with other states, indices, positions and instances and with the "
+          "same data, after copies, compaction and deserialization",
+          "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
+          "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
+          "ALLOW_OPACITY_MICROMAP_DATA_UPDATE; srcAccelerationStructure other than dstAccelerationStructure",
+          200, runGroup<updates>, 160},
+    Group{"rebuilds",
+          "structures that are built again by one command, between others that stay, with other geometries, without "
+          "micromaps, with other instances",
           "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
           runGroup<rebuilds>, 80},
     Group{"sequences", "up to ten steps of all kinds, and rays beside a build",

@@ -308,8 +308,8 @@ Case indirectTraces(Random &random, const DeviceLimits &limits)
 
 constexpr std::array kGroups{
     Group{"pipeline-plans",
-          "ray tracing pipelines with inline modules, stack sizes, recursion and create flags, which skip triangles or "
-          "promise shaders",
+          "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders and create flags, which "
+          "skip triangles or promise shaders; created by deferred operations, with caches, several at once",
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
           "..._SKIP_TRIANGLES_BIT_KHR, ..._SKIP_AABBS_BIT_KHR, ..._NO_NULL_..._SHADERS_BIT_KHR; "
           "IncomingRayFlagsKHR: \"Setting pipeline flags on the ray tracing pipeline must not cause any corresponding "
@@ -323,7 +323,8 @@ constexpr std::array kGroups{
         150, runGroup<pipelineLibraries>, 24},
     Group{
         "binding-tables",
-        "binding tables with zero records, with and without data, short and long ones, at offsets and with strides; "
+        "binding tables with callable records, zero records, with and without data, short and long ones, at offsets "
+        "and with strides; "
         "record offsets of instances beyond 2^8",
         "Shader Binding Table, Indexing Rules; VkStridedDeviceAddressRegionKHR; ShaderRecordBufferKHR; \"A zero shader "
         "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
