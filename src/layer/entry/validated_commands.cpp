@@ -6,16 +6,8 @@
 #include <iterator>
 
 #include "layer/entry/command.h"
-#include "layer/validation/builds.h"
-#include "layer/validation/copies.h"
-#include "layer/validation/host.h"
-#include "layer/validation/queries.h"
-#include "layer/validation/ranges/image_copies.h"
-#include "layer/validation/ranges/ranges.h"
+#include "layer/validation/commands.h"
 #include "layer/validation/rules/implicit_rules.h"
-#include "layer/validation/rules/pipeline_rules.h"
-#include "layer/validation/sync/sync_commands.h"
-#include "layer/validation/traces/trace_commands.h"
 
 namespace vellum::layer
 {
