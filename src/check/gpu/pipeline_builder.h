@@ -70,7 +70,7 @@ private:
     VkPipelineLibraryCreateInfoKHR libraryInfo_{};
     VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
     VkPipelineDynamicStateCreateInfo dynamic_{};
-    newer::PipelineCreateFlags2CreateInfo flags2_{};
+    VkPipelineCreateFlags2CreateInfoKHR flags2_{};
     VkRayTracingPipelineCreateInfoKHR info_{};
 };
 
@@ -103,11 +103,11 @@ struct BindingRecord {
 
 // How the regions of a table lie in their buffer.
 struct TableLayout {
-    uint32_t before = 0;                         // multiples of shaderGroupBaseAlignment before the first region
-    bool reversed = false;                       // callable, hit, miss, ray generation records
-    uint32_t missPadding = 0, hitPadding = 0;    // after each record, in multiples of shaderGroupHandleAlignment
-    bool zeroStride = false;                     // of the hit region, whose first record is that of all hits
-    bool cut = false;                            // miss and hit regions end with the data of their last records
+    uint32_t before = 0;                      // multiples of shaderGroupBaseAlignment before the first region
+    bool reversed = false;                    // callable, hit, miss, ray generation records
+    uint32_t missPadding = 0, hitPadding = 0; // after each record, in multiples of shaderGroupHandleAlignment
+    bool zeroStride = false;                  // of the hit region, whose first record is that of all hits
+    bool cut = false;                         // miss and hit regions end with the data of their last records
     bool operator==(const TableLayout &) const = default;
 };
 

@@ -8,8 +8,8 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/objects.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

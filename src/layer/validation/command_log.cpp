@@ -224,7 +224,7 @@ void cmdBindPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, Vk
 }
 
 void cmdBindShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                    const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
+                    const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders)
 {
     bindTracingShaders(device, commandBuffer, count, stages, shaders);
     layer::cmdBindShaders(device.commands, commandBuffer, count, stages, shaders);
@@ -236,7 +236,7 @@ void cmdPushConstants(DeviceValidation &device, VkCommandBuffer commandBuffer, V
     layer::cmdPushConstants(device.commands, commandBuffer, layout, stages, offset, size, values);
 }
 
-void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const newer::PushConstantsInfo *info)
+void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkPushConstantsInfoKHR *info)
 {
     layer::cmdPushConstants2(device.commands, commandBuffer, info);
 }

@@ -14,8 +14,8 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/traces/trace_checks.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -86,11 +86,10 @@ VkResult beginCommandBuffer(DeviceValidation &, VkCommandBuffer, const VkCommand
 VkResult endCommandBuffer(DeviceValidation &, VkCommandBuffer);
 VkResult resetCommandBuffer(DeviceValidation &, VkCommandBuffer, VkCommandBufferResetFlags);
 void cmdBindPipeline(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
-void cmdBindShaders(DeviceValidation &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
-                    const newer::ShaderEXT *);
+void cmdBindShaders(DeviceValidation &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *, const VkShaderEXT *);
 void cmdPushConstants(DeviceValidation &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
                       const void *);
-void cmdPushConstants2(DeviceValidation &, VkCommandBuffer, const newer::PushConstantsInfo *);
+void cmdPushConstants2(DeviceValidation &, VkCommandBuffer, const VkPushConstantsInfoKHR *);
 void cmdExecuteCommands(DeviceValidation &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
 void cmdBeginConditionalRendering(DeviceValidation &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
 void cmdEndConditionalRendering(DeviceValidation &, VkCommandBuffer);

@@ -17,7 +17,6 @@
 #include "layer/validation/rules/pipeline_rules.h"
 #include "layer/validation/sync/device_sync.h"
 #include "layer/validation/traces/traced_code.h"
-#include "layer/validation/validated_commands.h"
 
 namespace vellum::layer
 {
@@ -46,7 +45,7 @@ struct DeviceValidation {
 
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;
-    NextCommands next{};
+    const DeviceTable &next = driver.next;
     Checks checks{};
     RuleLimits limits{};
     DeviceFacts facts{};

@@ -14,10 +14,10 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/gpu/gpu_records.h"
 #include "layer/validation/ranges/bound_ranges.h"
 #include "layer/validation/traces/captures.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

@@ -10,8 +10,8 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/base/vulkan_newer.h"
 #include "spirv/mode/micromap_mode.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -28,7 +28,7 @@ struct ValidatedPipelines {
 void checkPipelines(DeviceValidation &, uint32_t count, const VkComputePipelineCreateInfo *);
 void checkPipelines(DeviceValidation &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
 void checkPipelines(DeviceValidation &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
-void checkShaders(DeviceValidation &, uint32_t count, const newer::ShaderCreateInfo *);
+void checkShaders(DeviceValidation &, uint32_t count, const VkShaderCreateInfoEXT *);
 void checkModule(DeviceValidation &, const VkShaderModuleCreateInfo &);
 // What is kept of what was created, for pipelines that use it.
 void keepModule(DeviceValidation &, const VkShaderModuleCreateInfo &, VkShaderModule);

@@ -240,13 +240,10 @@ void cmdEndRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
     device.next.CmdEndRendering(commandBuffer);
 }
 
-void cmdEndRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer, const void *info)
+void cmdEndRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderingEndInfoKHR *info)
 {
     endRendering(device, commandBuffer);
-    // Of two extensions, one of which may be enabled without the other.
-    const auto next =
-        device.next.CmdEndRendering2KHR ? device.next.CmdEndRendering2KHR : device.next.CmdEndRendering2EXT;
-    next(commandBuffer, info);
+    device.next.CmdEndRendering2KHR(commandBuffer, info);
 }
 
 void cmdSetEvent(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags stages)

@@ -4,8 +4,8 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/sync/sync_tracker.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -54,7 +54,7 @@ void cmdBeginRenderPass2(DeviceValidation &, VkCommandBuffer, const VkRenderPass
 void cmdEndRenderPass(DeviceValidation &, VkCommandBuffer);
 void cmdBeginRendering(DeviceValidation &, VkCommandBuffer, const VkRenderingInfo *);
 void cmdEndRendering(DeviceValidation &, VkCommandBuffer);
-void cmdEndRendering2(DeviceValidation &, VkCommandBuffer, const void *);
+void cmdEndRendering2(DeviceValidation &, VkCommandBuffer, const VkRenderingEndInfoKHR *);
 void cmdEndRenderPass2(DeviceValidation &, VkCommandBuffer, const VkSubpassEndInfo *);
 void cmdSetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);
 void cmdResetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);

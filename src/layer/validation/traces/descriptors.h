@@ -13,7 +13,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -74,14 +74,14 @@ void updateDescriptorSetWithTemplate(DeviceValidation &, VkDevice, VkDescriptorS
                                      const void *);
 void cmdBindDescriptorSets(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipelineLayout, uint32_t,
                            uint32_t, const VkDescriptorSet *, uint32_t, const uint32_t *);
-void cmdBindDescriptorSets2(DeviceValidation &, VkCommandBuffer, const newer::BindDescriptorSetsInfo *);
+void cmdBindDescriptorSets2(DeviceValidation &, VkCommandBuffer, const VkBindDescriptorSetsInfoKHR *);
 void cmdPushDescriptorSet(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipelineLayout, uint32_t,
                           uint32_t, const VkWriteDescriptorSet *);
-void cmdPushDescriptorSet2(DeviceValidation &, VkCommandBuffer, const newer::PushDescriptorSetInfo *);
+void cmdPushDescriptorSet2(DeviceValidation &, VkCommandBuffer, const VkPushDescriptorSetInfoKHR *);
 void cmdPushDescriptorSetWithTemplate(DeviceValidation &, VkCommandBuffer, VkDescriptorUpdateTemplate, VkPipelineLayout,
                                       uint32_t, const void *);
 void cmdPushDescriptorSetWithTemplate2(DeviceValidation &, VkCommandBuffer,
-                                       const newer::PushDescriptorSetWithTemplateInfo *);
+                                       const VkPushDescriptorSetWithTemplateInfoKHR *);
 
 } // namespace validation
 } // namespace vellum::layer

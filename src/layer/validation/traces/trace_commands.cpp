@@ -57,7 +57,7 @@ void bindTracingPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer
 }
 
 void bindTracingShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                        const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
+                        const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders)
 {
     const auto log = device.gpu.on ? device.logs.get(commandBuffer) : nullptr;
     for (uint32_t i = 0; log && i < count; ++i) {
@@ -103,7 +103,7 @@ void cmdExecuteGeneratedCommandsNV(DeviceValidation &device, VkCommandBuffer com
 }
 
 void cmdExecuteGeneratedCommandsEXT(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBool32 isPreprocessed,
-                                    const newer::GeneratedCommandsInfo *info)
+                                    const VkGeneratedCommandsInfoEXT *info)
 {
     const VkPipelineBindPoint point =
         (info->shaderStages & VK_SHADER_STAGE_COMPUTE_BIT) != 0 ? VK_PIPELINE_BIND_POINT_COMPUTE

@@ -10,7 +10,7 @@ namespace vellum::layer
 void bindTracingPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
                          VkPipeline pipeline);
 void bindTracingShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                        const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders);
+                        const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders);
 // `command` runs what is bound.
 void runTracing(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
                 const char *command);
@@ -22,7 +22,7 @@ struct TracingCommand {
 
 template <auto next>
 struct Traced;
-template <typename... Arguments, void (VKAPI_PTR *NextCommands::*next)(VkCommandBuffer, Arguments...)>
+template <typename... Arguments, void (VKAPI_PTR *DeviceTable::*next)(VkCommandBuffer, Arguments...)>
 struct Traced<next> {
     template <const TracingCommand &command>
     static void call(DeviceValidation &device, VkCommandBuffer commandBuffer, Arguments... arguments)
@@ -35,28 +35,19 @@ struct Traced<next> {
 namespace validation
 {
 
-#define VELLUM_TRACED(name, function, bindPoint)                                                                       \
-    inline constexpr TracingCommand k##name{"vk" #name, VK_PIPELINE_BIND_POINT_##bindPoint};                           \
-    inline constexpr auto function = &Traced<&NextCommands::name>::call<k##name>;
-#define VELLUM_DRAW(name, function) VELLUM_TRACED(name, function, GRAPHICS)
-#define VELLUM_DISPATCH(name, function) VELLUM_TRACED(name, function, COMPUTE)
-#define VELLUM_TRACE(name, function) VELLUM_TRACED(name, function, RAY_TRACING_KHR)
-VELLUM_DRAW_COMMANDS(VELLUM_DRAW)
-#define VELLUM_NEWER_DISPATCH(name, type, function) VELLUM_DISPATCH(name, function)
-VELLUM_DISPATCH_COMMANDS(VELLUM_DISPATCH)
-VELLUM_NEWER_DISPATCH_COMMANDS(VELLUM_NEWER_DISPATCH)
-VELLUM_TRACE_COMMANDS(VELLUM_TRACE)
-VELLUM_TRACED(CmdSubpassShadingHUAWEI, cmdSubpassShading, SUBPASS_SHADING_HUAWEI)
-#undef VELLUM_NEWER_DISPATCH
-#undef VELLUM_TRACE
-#undef VELLUM_DISPATCH
-#undef VELLUM_DRAW
+#define VELLUM_TRACED(bindPoint, command, scope, implementation, function)                                             \
+    inline constexpr TracingCommand k##command{"vk" #command, VK_PIPELINE_BIND_POINT_##bindPoint};                     \
+    inline constexpr auto function = &Traced<&DeviceTable::command>::call<k##command>;
+#define VELLUM_DRAW(...) VELLUM_TRACED(GRAPHICS, __VA_ARGS__)
+#define VELLUM_DISPATCH(...) VELLUM_TRACED(COMPUTE, __VA_ARGS__)
+#define VELLUM_TRACE(...) VELLUM_TRACED(RAY_TRACING_KHR, __VA_ARGS__)
+#define VELLUM_SUBPASS_SHADING(...) VELLUM_TRACED(SUBPASS_SHADING_HUAWEI, __VA_ARGS__)
+#include "layer/base/commands.inc"
 #undef VELLUM_TRACED
 
 // They run what is bound, except with a set of pipelines or shader objects, of which the device chooses.
 void cmdExecuteGeneratedCommandsNV(DeviceValidation &, VkCommandBuffer, VkBool32, const VkGeneratedCommandsInfoNV *);
-void cmdExecuteGeneratedCommandsEXT(DeviceValidation &, VkCommandBuffer, VkBool32,
-                                    const newer::GeneratedCommandsInfo *);
+void cmdExecuteGeneratedCommandsEXT(DeviceValidation &, VkCommandBuffer, VkBool32, const VkGeneratedCommandsInfoEXT *);
 
 } // namespace validation
 } // namespace vellum::layer

@@ -98,7 +98,7 @@ uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFla
 {
     const bool hasBit = (flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0;
     const bool uses = query ? enabled.everyQueryUsesMicromaps() || hasMode : hasBit;
-    uint32_t rules = (flags & newer::kPipelineDisallowOpacityMicromap) != 0 ? kRuleDisallowed : 0;
+    uint32_t rules = (flags & VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM) != 0 ? kRuleDisallowed : 0;
     if (!uses)
         rules |= query ? kRuleMode : kRulePipelineBit;
     else if ((flags & kMixedPromise) != 0)
@@ -213,7 +213,7 @@ private:
     void begin(const void *pNext, VkPipelineCreateFlags flags)
     {
         made_.push_back({.flags = pipelineFlags(pNext, flags),
-                         .binaries = findInChain(pNext, newer::kPipelineBinaryInfo) != nullptr,
+                         .binaries = findInChain(pNext, VK_STRUCTURE_TYPE_PIPELINE_BINARY_INFO_KHR) != nullptr,
                          .sites = {},
                          .code = {},
                          .entry = {}});
@@ -404,19 +404,19 @@ void destroyPipeline(DeviceValidation &device, VkDevice handle, VkPipeline pipel
     device.next.DestroyPipeline(handle, pipeline, allocator);
 }
 
-VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
-                       const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
+                       const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
     checkShaders(device, count, infos);
-    std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
+    std::vector<VkShaderCreateInfoEXT> own(infos, infos + count);
     std::vector<std::shared_ptr<TracingCode>> codes(count);
     std::vector<decltype(DeviceTraces::shaders)::Entry> entries(count);
     std::deque<std::vector<uint32_t>> words;
     constexpr auto kPromise =
         static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
     for (uint32_t i = 0; i < count; ++i) {
-        newer::ShaderCreateInfo &info = own[i];
-        if (info.codeType != newer::kShaderCodeTypeSpirv)
+        VkShaderCreateInfoEXT &info = own[i];
+        if (info.codeType != VK_SHADER_CODE_TYPE_SPIRV_EXT)
             continue;
         const VkFlags64 flags = (info.flags & kPromise) != 0 ? kMixedPromise : 0;
         const auto *code = static_cast<const uint32_t *>(info.pCode);
@@ -442,7 +442,7 @@ VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count
     return result;
 }
 
-void destroyShader(DeviceValidation &device, VkDevice handle, newer::ShaderEXT shader,
+void destroyShader(DeviceValidation &device, VkDevice handle, VkShaderEXT shader,
                    const VkAllocationCallbacks *allocator)
 {
     device.traces.shaders.take(shader);
@@ -450,8 +450,7 @@ void destroyShader(DeviceValidation &device, VkDevice handle, newer::ShaderEXT s
 }
 
 // A shader with marks writes to an address of this process, so no other process may get its code.
-VkResult getShaderBinaryData(DeviceValidation &device, VkDevice handle, newer::ShaderEXT shader, size_t *bytes,
-                             void *data)
+VkResult getShaderBinaryData(DeviceValidation &device, VkDevice handle, VkShaderEXT shader, size_t *bytes, void *data)
 {
     if (!device.traces.shaders.get(shader))
         return device.next.GetShaderBinaryDataEXT(handle, shader, bytes, data);

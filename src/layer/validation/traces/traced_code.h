@@ -11,9 +11,9 @@
 
 #include "layer/base/handle_map.h"
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/memory/device_buffers.h"
 #include "layer/validation/traces/trace_checks.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -33,7 +33,7 @@ struct DeviceTraces {
     StructuresByReference byReference{};
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
-    HandleMap<newer::ShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
+    HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
     HandleMap<uint64_t, bool> marked{};           // hashes of code with marks
     HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
 };
@@ -55,10 +55,10 @@ VkResult createRayTracingPipelines(DeviceValidation &, VkDevice, VkDeferredOpera
                                    const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
                                    VkPipeline *);
 void destroyPipeline(DeviceValidation &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
-VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
-                       const VkAllocationCallbacks *, newer::ShaderEXT *);
-VkResult getShaderBinaryData(DeviceValidation &, VkDevice, newer::ShaderEXT, size_t *, void *);
-void destroyShader(DeviceValidation &, VkDevice, newer::ShaderEXT, const VkAllocationCallbacks *);
+VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const VkShaderCreateInfoEXT *,
+                       const VkAllocationCallbacks *, VkShaderEXT *);
+VkResult getShaderBinaryData(DeviceValidation &, VkDevice, VkShaderEXT, size_t *, void *);
+void destroyShader(DeviceValidation &, VkDevice, VkShaderEXT, const VkAllocationCallbacks *);
 
 } // namespace validation
 } // namespace vellum::layer

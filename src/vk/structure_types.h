@@ -1,0 +1,1968 @@
+// SPDX-License-Identifier: Apache-2.0
+// Written by src/vk/registry.py from Vulkan's registry 1.4.360.
+// The sType of each structure that the headers declare.
+#pragma once
+
+#include "vk/newer.h"
+
+template <typename T>
+struct StructureType;
+// clang-format off
+#define VELLUM_TYPE(name, number) \
+    template <> struct StructureType<name> { static constexpr auto value = static_cast<VkStructureType>(number); };
+VELLUM_TYPE(VkApplicationInfo, 0)
+VELLUM_TYPE(VkInstanceCreateInfo, 1)
+VELLUM_TYPE(VkDeviceQueueCreateInfo, 2)
+VELLUM_TYPE(VkDeviceCreateInfo, 3)
+VELLUM_TYPE(VkSubmitInfo, 4)
+VELLUM_TYPE(VkMemoryAllocateInfo, 5)
+VELLUM_TYPE(VkMappedMemoryRange, 6)
+VELLUM_TYPE(VkBindSparseInfo, 7)
+VELLUM_TYPE(VkFenceCreateInfo, 8)
+VELLUM_TYPE(VkSemaphoreCreateInfo, 9)
+VELLUM_TYPE(VkEventCreateInfo, 10)
+VELLUM_TYPE(VkQueryPoolCreateInfo, 11)
+VELLUM_TYPE(VkBufferCreateInfo, 12)
+VELLUM_TYPE(VkBufferViewCreateInfo, 13)
+VELLUM_TYPE(VkImageCreateInfo, 14)
+VELLUM_TYPE(VkImageViewCreateInfo, 15)
+VELLUM_TYPE(VkShaderModuleCreateInfo, 16)
+VELLUM_TYPE(VkPipelineCacheCreateInfo, 17)
+VELLUM_TYPE(VkPipelineShaderStageCreateInfo, 18)
+VELLUM_TYPE(VkPipelineVertexInputStateCreateInfo, 19)
+VELLUM_TYPE(VkPipelineInputAssemblyStateCreateInfo, 20)
+VELLUM_TYPE(VkPipelineTessellationStateCreateInfo, 21)
+VELLUM_TYPE(VkPipelineViewportStateCreateInfo, 22)
+VELLUM_TYPE(VkPipelineRasterizationStateCreateInfo, 23)
+VELLUM_TYPE(VkPipelineMultisampleStateCreateInfo, 24)
+VELLUM_TYPE(VkPipelineDepthStencilStateCreateInfo, 25)
+VELLUM_TYPE(VkPipelineColorBlendStateCreateInfo, 26)
+VELLUM_TYPE(VkPipelineDynamicStateCreateInfo, 27)
+VELLUM_TYPE(VkGraphicsPipelineCreateInfo, 28)
+VELLUM_TYPE(VkComputePipelineCreateInfo, 29)
+VELLUM_TYPE(VkPipelineLayoutCreateInfo, 30)
+VELLUM_TYPE(VkSamplerCreateInfo, 31)
+VELLUM_TYPE(VkDescriptorSetLayoutCreateInfo, 32)
+VELLUM_TYPE(VkDescriptorPoolCreateInfo, 33)
+VELLUM_TYPE(VkDescriptorSetAllocateInfo, 34)
+VELLUM_TYPE(VkWriteDescriptorSet, 35)
+VELLUM_TYPE(VkCopyDescriptorSet, 36)
+VELLUM_TYPE(VkFramebufferCreateInfo, 37)
+VELLUM_TYPE(VkRenderPassCreateInfo, 38)
+VELLUM_TYPE(VkCommandPoolCreateInfo, 39)
+VELLUM_TYPE(VkCommandBufferAllocateInfo, 40)
+VELLUM_TYPE(VkCommandBufferInheritanceInfo, 41)
+VELLUM_TYPE(VkCommandBufferBeginInfo, 42)
+VELLUM_TYPE(VkRenderPassBeginInfo, 43)
+VELLUM_TYPE(VkBufferMemoryBarrier, 44)
+VELLUM_TYPE(VkImageMemoryBarrier, 45)
+VELLUM_TYPE(VkMemoryBarrier, 46)
+VELLUM_TYPE(VkPhysicalDeviceVulkan11Features, 49)
+VELLUM_TYPE(VkPhysicalDeviceVulkan11Properties, 50)
+VELLUM_TYPE(VkPhysicalDeviceVulkan12Features, 51)
+VELLUM_TYPE(VkPhysicalDeviceVulkan12Properties, 52)
+VELLUM_TYPE(VkPhysicalDeviceVulkan13Features, 53)
+VELLUM_TYPE(VkPhysicalDeviceVulkan13Properties, 54)
+VELLUM_TYPE(VkPhysicalDeviceVulkan14Features, 55)
+VELLUM_TYPE(VkRenderingInfo, 1000044000)
+VELLUM_TYPE(VkRenderingAttachmentInfo, 1000044001)
+VELLUM_TYPE(VkPipelineRenderingCreateInfo, 1000044002)
+VELLUM_TYPE(VkPhysicalDeviceDynamicRenderingFeatures, 1000044003)
+VELLUM_TYPE(VkCommandBufferInheritanceRenderingInfo, 1000044004)
+VELLUM_TYPE(VkRenderPassMultiviewCreateInfo, 1000053000)
+VELLUM_TYPE(VkPhysicalDeviceMultiviewFeatures, 1000053001)
+VELLUM_TYPE(VkPhysicalDeviceMultiviewProperties, 1000053002)
+VELLUM_TYPE(VkPhysicalDeviceFeatures2, 1000059000)
+VELLUM_TYPE(VkPhysicalDeviceProperties2, 1000059001)
+VELLUM_TYPE(VkFormatProperties2, 1000059002)
+VELLUM_TYPE(VkImageFormatProperties2, 1000059003)
+VELLUM_TYPE(VkPhysicalDeviceImageFormatInfo2, 1000059004)
+VELLUM_TYPE(VkQueueFamilyProperties2, 1000059005)
+VELLUM_TYPE(VkPhysicalDeviceMemoryProperties2, 1000059006)
+VELLUM_TYPE(VkSparseImageFormatProperties2, 1000059007)
+VELLUM_TYPE(VkPhysicalDeviceSparseImageFormatInfo2, 1000059008)
+VELLUM_TYPE(VkMemoryAllocateFlagsInfo, 1000060000)
+VELLUM_TYPE(VkDeviceGroupRenderPassBeginInfo, 1000060003)
+VELLUM_TYPE(VkDeviceGroupCommandBufferBeginInfo, 1000060004)
+VELLUM_TYPE(VkDeviceGroupSubmitInfo, 1000060005)
+VELLUM_TYPE(VkDeviceGroupBindSparseInfo, 1000060006)
+VELLUM_TYPE(VkBindBufferMemoryDeviceGroupInfo, 1000060013)
+VELLUM_TYPE(VkBindImageMemoryDeviceGroupInfo, 1000060014)
+VELLUM_TYPE(VkPhysicalDeviceShaderDrawParametersFeatures, 1000063000)
+VELLUM_TYPE(VkPhysicalDeviceTextureCompressionASTCHDRFeatures, 1000066000)
+VELLUM_TYPE(VkPhysicalDeviceGroupProperties, 1000070000)
+VELLUM_TYPE(VkDeviceGroupDeviceCreateInfo, 1000070001)
+VELLUM_TYPE(VkPhysicalDeviceExternalImageFormatInfo, 1000071000)
+VELLUM_TYPE(VkExternalImageFormatProperties, 1000071001)
+VELLUM_TYPE(VkPhysicalDeviceExternalBufferInfo, 1000071002)
+VELLUM_TYPE(VkExternalBufferProperties, 1000071003)
+VELLUM_TYPE(VkPhysicalDeviceIDProperties, 1000071004)
+VELLUM_TYPE(VkExternalMemoryBufferCreateInfo, 1000072000)
+VELLUM_TYPE(VkExternalMemoryImageCreateInfo, 1000072001)
+VELLUM_TYPE(VkExportMemoryAllocateInfo, 1000072002)
+VELLUM_TYPE(VkPhysicalDeviceExternalSemaphoreInfo, 1000076000)
+VELLUM_TYPE(VkExternalSemaphoreProperties, 1000076001)
+VELLUM_TYPE(VkExportSemaphoreCreateInfo, 1000077000)
+VELLUM_TYPE(VkPhysicalDeviceShaderFloat16Int8Features, 1000082000)
+VELLUM_TYPE(VkPhysicalDevice16BitStorageFeatures, 1000083000)
+VELLUM_TYPE(VkDescriptorUpdateTemplateCreateInfo, 1000085000)
+VELLUM_TYPE(VkPhysicalDeviceSubgroupProperties, 1000094000)
+VELLUM_TYPE(VkPhysicalDeviceImagelessFramebufferFeatures, 1000108000)
+VELLUM_TYPE(VkFramebufferAttachmentsCreateInfo, 1000108001)
+VELLUM_TYPE(VkFramebufferAttachmentImageInfo, 1000108002)
+VELLUM_TYPE(VkRenderPassAttachmentBeginInfo, 1000108003)
+VELLUM_TYPE(VkAttachmentDescription2, 1000109000)
+VELLUM_TYPE(VkAttachmentReference2, 1000109001)
+VELLUM_TYPE(VkSubpassDescription2, 1000109002)
+VELLUM_TYPE(VkSubpassDependency2, 1000109003)
+VELLUM_TYPE(VkRenderPassCreateInfo2, 1000109004)
+VELLUM_TYPE(VkSubpassBeginInfo, 1000109005)
+VELLUM_TYPE(VkSubpassEndInfo, 1000109006)
+VELLUM_TYPE(VkPhysicalDeviceExternalFenceInfo, 1000112000)
+VELLUM_TYPE(VkExternalFenceProperties, 1000112001)
+VELLUM_TYPE(VkExportFenceCreateInfo, 1000113000)
+VELLUM_TYPE(VkPhysicalDevicePointClippingProperties, 1000117000)
+VELLUM_TYPE(VkRenderPassInputAttachmentAspectCreateInfo, 1000117001)
+VELLUM_TYPE(VkImageViewUsageCreateInfo, 1000117002)
+VELLUM_TYPE(VkPipelineTessellationDomainOriginStateCreateInfo, 1000117003)
+VELLUM_TYPE(VkPhysicalDeviceVariablePointersFeatures, 1000120000)
+VELLUM_TYPE(VkMemoryDedicatedRequirements, 1000127000)
+VELLUM_TYPE(VkMemoryDedicatedAllocateInfo, 1000127001)
+VELLUM_TYPE(VkPhysicalDeviceSamplerFilterMinmaxProperties, 1000130000)
+VELLUM_TYPE(VkSamplerReductionModeCreateInfo, 1000130001)
+VELLUM_TYPE(VkPhysicalDeviceInlineUniformBlockFeatures, 1000138000)
+VELLUM_TYPE(VkPhysicalDeviceInlineUniformBlockProperties, 1000138001)
+VELLUM_TYPE(VkWriteDescriptorSetInlineUniformBlock, 1000138002)
+VELLUM_TYPE(VkDescriptorPoolInlineUniformBlockCreateInfo, 1000138003)
+VELLUM_TYPE(VkProtectedSubmitInfo, 1000145000)
+VELLUM_TYPE(VkPhysicalDeviceProtectedMemoryFeatures, 1000145001)
+VELLUM_TYPE(VkPhysicalDeviceProtectedMemoryProperties, 1000145002)
+VELLUM_TYPE(VkDeviceQueueInfo2, 1000145003)
+VELLUM_TYPE(VkBufferMemoryRequirementsInfo2, 1000146000)
+VELLUM_TYPE(VkImageMemoryRequirementsInfo2, 1000146001)
+VELLUM_TYPE(VkImageSparseMemoryRequirementsInfo2, 1000146002)
+VELLUM_TYPE(VkMemoryRequirements2, 1000146003)
+VELLUM_TYPE(VkSparseImageMemoryRequirements2, 1000146004)
+VELLUM_TYPE(VkImageFormatListCreateInfo, 1000147000)
+VELLUM_TYPE(VkSamplerYcbcrConversionCreateInfo, 1000156000)
+VELLUM_TYPE(VkSamplerYcbcrConversionInfo, 1000156001)
+VELLUM_TYPE(VkBindImagePlaneMemoryInfo, 1000156002)
+VELLUM_TYPE(VkImagePlaneMemoryRequirementsInfo, 1000156003)
+VELLUM_TYPE(VkPhysicalDeviceSamplerYcbcrConversionFeatures, 1000156004)
+VELLUM_TYPE(VkSamplerYcbcrConversionImageFormatProperties, 1000156005)
+VELLUM_TYPE(VkBindBufferMemoryInfo, 1000157000)
+VELLUM_TYPE(VkBindImageMemoryInfo, 1000157001)
+VELLUM_TYPE(VkDescriptorSetLayoutBindingFlagsCreateInfo, 1000161000)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorIndexingFeatures, 1000161001)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorIndexingProperties, 1000161002)
+VELLUM_TYPE(VkDescriptorSetVariableDescriptorCountAllocateInfo, 1000161003)
+VELLUM_TYPE(VkDescriptorSetVariableDescriptorCountLayoutSupport, 1000161004)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance3Properties, 1000168000)
+VELLUM_TYPE(VkDescriptorSetLayoutSupport, 1000168001)
+VELLUM_TYPE(VkPhysicalDeviceShaderSubgroupExtendedTypesFeatures, 1000175000)
+VELLUM_TYPE(VkPhysicalDevice8BitStorageFeatures, 1000177000)
+VELLUM_TYPE(VkPhysicalDeviceShaderAtomicInt64Features, 1000180000)
+VELLUM_TYPE(VkPipelineCreationFeedbackCreateInfo, 1000192000)
+VELLUM_TYPE(VkPhysicalDeviceDriverProperties, 1000196000)
+VELLUM_TYPE(VkPhysicalDeviceFloatControlsProperties, 1000197000)
+VELLUM_TYPE(VkPhysicalDeviceDepthStencilResolveProperties, 1000199000)
+VELLUM_TYPE(VkSubpassDescriptionDepthStencilResolve, 1000199001)
+VELLUM_TYPE(VkPhysicalDeviceTimelineSemaphoreFeatures, 1000207000)
+VELLUM_TYPE(VkPhysicalDeviceTimelineSemaphoreProperties, 1000207001)
+VELLUM_TYPE(VkSemaphoreTypeCreateInfo, 1000207002)
+VELLUM_TYPE(VkTimelineSemaphoreSubmitInfo, 1000207003)
+VELLUM_TYPE(VkSemaphoreWaitInfo, 1000207004)
+VELLUM_TYPE(VkSemaphoreSignalInfo, 1000207005)
+VELLUM_TYPE(VkPhysicalDeviceVulkanMemoryModelFeatures, 1000211000)
+VELLUM_TYPE(VkPhysicalDeviceShaderTerminateInvocationFeatures, 1000215000)
+VELLUM_TYPE(VkPhysicalDeviceScalarBlockLayoutFeatures, 1000221000)
+VELLUM_TYPE(VkPhysicalDeviceSubgroupSizeControlProperties, 1000225000)
+VELLUM_TYPE(VkPipelineShaderStageRequiredSubgroupSizeCreateInfo, 1000225001)
+VELLUM_TYPE(VkPhysicalDeviceSubgroupSizeControlFeatures, 1000225002)
+VELLUM_TYPE(VkPhysicalDeviceSeparateDepthStencilLayoutsFeatures, 1000241000)
+VELLUM_TYPE(VkAttachmentReferenceStencilLayout, 1000241001)
+VELLUM_TYPE(VkAttachmentDescriptionStencilLayout, 1000241002)
+VELLUM_TYPE(VkBufferDeviceAddressInfo, 1000244001)
+VELLUM_TYPE(VkPhysicalDeviceToolProperties, 1000245000)
+VELLUM_TYPE(VkImageStencilUsageCreateInfo, 1000246000)
+VELLUM_TYPE(VkPhysicalDeviceUniformBufferStandardLayoutFeatures, 1000253000)
+VELLUM_TYPE(VkPhysicalDeviceBufferDeviceAddressFeatures, 1000257000)
+VELLUM_TYPE(VkBufferOpaqueCaptureAddressCreateInfo, 1000257002)
+VELLUM_TYPE(VkMemoryOpaqueCaptureAddressAllocateInfo, 1000257003)
+VELLUM_TYPE(VkDeviceMemoryOpaqueCaptureAddressInfo, 1000257004)
+VELLUM_TYPE(VkPhysicalDeviceHostQueryResetFeatures, 1000261000)
+VELLUM_TYPE(VkMemoryMapInfoKHR, 1000271000)
+VELLUM_TYPE(VkMemoryUnmapInfoKHR, 1000271001)
+VELLUM_TYPE(VkPhysicalDeviceShaderDemoteToHelperInvocationFeatures, 1000276000)
+VELLUM_TYPE(VkPhysicalDeviceShaderIntegerDotProductFeatures, 1000280000)
+VELLUM_TYPE(VkPhysicalDeviceShaderIntegerDotProductProperties, 1000280001)
+VELLUM_TYPE(VkPhysicalDeviceTexelBufferAlignmentProperties, 1000281001)
+VELLUM_TYPE(VkPhysicalDevicePrivateDataFeatures, 1000295000)
+VELLUM_TYPE(VkDevicePrivateDataCreateInfo, 1000295001)
+VELLUM_TYPE(VkPrivateDataSlotCreateInfo, 1000295002)
+VELLUM_TYPE(VkPhysicalDevicePipelineCreationCacheControlFeatures, 1000297000)
+VELLUM_TYPE(VkPerfHintInfoQCOM, 1000302000)
+VELLUM_TYPE(VkDispatchTileInfoQCOM, 1000309005)
+VELLUM_TYPE(VkMemoryBarrier2, 1000314000)
+VELLUM_TYPE(VkBufferMemoryBarrier2, 1000314001)
+VELLUM_TYPE(VkImageMemoryBarrier2, 1000314002)
+VELLUM_TYPE(VkDependencyInfo, 1000314003)
+VELLUM_TYPE(VkSubmitInfo2, 1000314004)
+VELLUM_TYPE(VkSemaphoreSubmitInfo, 1000314005)
+VELLUM_TYPE(VkCommandBufferSubmitInfo, 1000314006)
+VELLUM_TYPE(VkPhysicalDeviceSynchronization2Features, 1000314007)
+VELLUM_TYPE(VkPhysicalDeviceZeroInitializeWorkgroupMemoryFeatures, 1000325000)
+VELLUM_TYPE(VkPhysicalDeviceImageRobustnessFeatures, 1000335000)
+VELLUM_TYPE(VkCopyBufferInfo2, 1000337000)
+VELLUM_TYPE(VkCopyImageInfo2, 1000337001)
+VELLUM_TYPE(VkCopyBufferToImageInfo2, 1000337002)
+VELLUM_TYPE(VkCopyImageToBufferInfo2, 1000337003)
+VELLUM_TYPE(VkBlitImageInfo2, 1000337004)
+VELLUM_TYPE(VkResolveImageInfo2, 1000337005)
+VELLUM_TYPE(VkBufferCopy2, 1000337006)
+VELLUM_TYPE(VkImageCopy2, 1000337007)
+VELLUM_TYPE(VkImageBlit2, 1000337008)
+VELLUM_TYPE(VkBufferImageCopy2, 1000337009)
+VELLUM_TYPE(VkImageResolve2, 1000337010)
+VELLUM_TYPE(VkFormatProperties3, 1000360000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance4Features, 1000413000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance4Properties, 1000413001)
+VELLUM_TYPE(VkDeviceBufferMemoryRequirements, 1000413002)
+VELLUM_TYPE(VkDeviceImageMemoryRequirements, 1000413003)
+VELLUM_TYPE(VkTensorMemoryBarrierARM, 1000460008)
+VELLUM_TYPE(VkTensorDependencyInfoARM, 1000460013)
+VELLUM_TYPE(VkPipelineCreateFlags2CreateInfoKHR, 1000470005)
+VELLUM_TYPE(VkBufferUsageFlags2CreateInfoKHR, 1000470006)
+VELLUM_TYPE(VkPhysicalDeviceShaderObjectPropertiesEXT, 1000482001)
+VELLUM_TYPE(VkShaderCreateInfoEXT, 1000482002)
+VELLUM_TYPE(VkPhysicalDevicePipelineBinaryFeaturesKHR, 1000483000)
+VELLUM_TYPE(VkPipelineBinaryCreateInfoKHR, 1000483001)
+VELLUM_TYPE(VkPipelineBinaryInfoKHR, 1000483002)
+VELLUM_TYPE(VkPipelineBinaryKeyKHR, 1000483003)
+VELLUM_TYPE(VkPhysicalDevicePipelineBinaryPropertiesKHR, 1000483004)
+VELLUM_TYPE(VkPipelineBinaryDataInfoKHR, 1000483006)
+VELLUM_TYPE(VkPipelineCreateInfoKHR, 1000483007)
+VELLUM_TYPE(VkPipelineBinaryHandlesInfoKHR, 1000483009)
+VELLUM_TYPE(VkLayerSettingsCreateInfoEXT, 1000496000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance6FeaturesKHR, 1000545000)
+VELLUM_TYPE(VkBindMemoryStatusKHR, 1000545002)
+VELLUM_TYPE(VkBindDescriptorSetsInfoKHR, 1000545003)
+VELLUM_TYPE(VkPushConstantsInfoKHR, 1000545004)
+VELLUM_TYPE(VkPushDescriptorSetInfoKHR, 1000545005)
+VELLUM_TYPE(VkPushDescriptorSetWithTemplateInfoKHR, 1000545006)
+VELLUM_TYPE(VkGeneratedCommandsInfoEXT, 1000572004)
+VELLUM_TYPE(VkPhysicalDevicePipelineOpacityMicromapFeaturesARM, 1000596000)
+VELLUM_TYPE(VkRenderingEndInfoKHR, 1000619003)
+#if defined(VK_EXT_host_image_copy) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceHostImageCopyFeaturesEXT, 1000270000)
+VELLUM_TYPE(VkPhysicalDeviceHostImageCopyPropertiesEXT, 1000270001)
+VELLUM_TYPE(VkMemoryToImageCopyEXT, 1000270002)
+VELLUM_TYPE(VkImageToMemoryCopyEXT, 1000270003)
+VELLUM_TYPE(VkCopyImageToMemoryInfoEXT, 1000270004)
+VELLUM_TYPE(VkCopyMemoryToImageInfoEXT, 1000270005)
+VELLUM_TYPE(VkHostImageLayoutTransitionInfoEXT, 1000270006)
+VELLUM_TYPE(VkCopyImageToImageInfoEXT, 1000270007)
+VELLUM_TYPE(VkSubresourceHostMemcpySizeEXT, 1000270008)
+VELLUM_TYPE(VkHostImageCopyDevicePerformanceQueryEXT, 1000270009)
+#endif
+#if defined(VK_EXT_pipeline_protected_access) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDevicePipelineProtectedAccessFeaturesEXT, 1000466000)
+#endif
+#if defined(VK_EXT_pipeline_robustness) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPipelineRobustnessCreateInfoEXT, 1000068000)
+VELLUM_TYPE(VkPhysicalDevicePipelineRobustnessFeaturesEXT, 1000068001)
+VELLUM_TYPE(VkPhysicalDevicePipelineRobustnessPropertiesEXT, 1000068002)
+#endif
+#if defined(VK_KHR_dynamic_rendering_local_read) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceDynamicRenderingLocalReadFeaturesKHR, 1000232000)
+VELLUM_TYPE(VkRenderingAttachmentLocationInfoKHR, 1000232001)
+VELLUM_TYPE(VkRenderingInputAttachmentIndexInfoKHR, 1000232002)
+#endif
+#if defined(VK_KHR_global_priority) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkDeviceQueueGlobalPriorityCreateInfoKHR, 1000174000)
+VELLUM_TYPE(VkPhysicalDeviceGlobalPriorityQueryFeaturesKHR, 1000388000)
+VELLUM_TYPE(VkQueueFamilyGlobalPriorityPropertiesKHR, 1000388001)
+#endif
+#if defined(VK_KHR_index_type_uint8) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceIndexTypeUint8FeaturesKHR, 1000265000)
+#endif
+#if defined(VK_KHR_line_rasterization) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceLineRasterizationFeaturesKHR, 1000259000)
+VELLUM_TYPE(VkPipelineRasterizationLineStateCreateInfoKHR, 1000259001)
+VELLUM_TYPE(VkPhysicalDeviceLineRasterizationPropertiesKHR, 1000259002)
+#endif
+#if defined(VK_KHR_maintenance5) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkSubresourceLayout2KHR, 1000338002)
+VELLUM_TYPE(VkImageSubresource2KHR, 1000338003)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance5FeaturesKHR, 1000470000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance5PropertiesKHR, 1000470001)
+VELLUM_TYPE(VkRenderingAreaInfoKHR, 1000470003)
+VELLUM_TYPE(VkDeviceImageSubresourceInfoKHR, 1000470004)
+#endif
+#if defined(VK_KHR_maintenance6) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance6PropertiesKHR, 1000545001)
+#endif
+#if defined(VK_KHR_push_descriptor) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDevicePushDescriptorPropertiesKHR, 1000080000)
+#endif
+#if defined(VK_KHR_shader_expect_assume) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceShaderExpectAssumeFeaturesKHR, 1000544000)
+#endif
+#if defined(VK_KHR_shader_float_controls2) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceShaderFloatControls2FeaturesKHR, 1000528000)
+#endif
+#if defined(VK_KHR_shader_subgroup_rotate) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPhysicalDeviceShaderSubgroupRotateFeaturesKHR, 1000416000)
+#endif
+#if defined(VK_KHR_vertex_attribute_divisor) && !defined(VK_VERSION_1_4)
+VELLUM_TYPE(VkPipelineVertexInputDivisorStateCreateInfoKHR, 1000190001)
+VELLUM_TYPE(VkPhysicalDeviceVertexAttributeDivisorFeaturesKHR, 1000190002)
+VELLUM_TYPE(VkPhysicalDeviceVertexAttributeDivisorPropertiesKHR, 1000525000)
+#endif
+#ifdef VK_AMD_anti_lag
+VELLUM_TYPE(VkPhysicalDeviceAntiLagFeaturesAMD, 1000476000)
+VELLUM_TYPE(VkAntiLagDataAMD, 1000476001)
+VELLUM_TYPE(VkAntiLagPresentationInfoAMD, 1000476002)
+#endif
+#ifdef VK_AMD_device_coherent_memory
+VELLUM_TYPE(VkPhysicalDeviceCoherentMemoryFeaturesAMD, 1000229000)
+#endif
+#ifdef VK_AMD_display_native_hdr
+VELLUM_TYPE(VkDisplayNativeHdrSurfaceCapabilitiesAMD, 1000213000)
+VELLUM_TYPE(VkSwapchainDisplayNativeHdrCreateInfoAMD, 1000213001)
+#endif
+#ifdef VK_AMD_gpa_interface
+VELLUM_TYPE(VkPhysicalDeviceGpaFeaturesAMD, 1000133000)
+VELLUM_TYPE(VkPhysicalDeviceGpaPropertiesAMD, 1000133001)
+VELLUM_TYPE(VkGpaSampleBeginInfoAMD, 1000133002)
+VELLUM_TYPE(VkGpaSessionCreateInfoAMD, 1000133003)
+VELLUM_TYPE(VkGpaDeviceClockModeInfoAMD, 1000133004)
+VELLUM_TYPE(VkPhysicalDeviceGpaProperties2AMD, 1000133005)
+VELLUM_TYPE(VkGpaDeviceGetClockInfoAMD, 1000133006)
+#endif
+#ifdef VK_AMD_memory_overallocation_behavior
+VELLUM_TYPE(VkDeviceMemoryOverallocationCreateInfoAMD, 1000189000)
+#endif
+#ifdef VK_AMD_mixed_attachment_samples
+VELLUM_TYPE(VkAttachmentSampleCountInfoAMD, 1000044008)
+#endif
+#ifdef VK_AMD_pipeline_compiler_control
+VELLUM_TYPE(VkPipelineCompilerControlCreateInfoAMD, 1000183000)
+#endif
+#ifdef VK_AMD_rasterization_order
+VELLUM_TYPE(VkPipelineRasterizationStateRasterizationOrderAMD, 1000018000)
+#endif
+#ifdef VK_AMD_shader_core_properties
+VELLUM_TYPE(VkPhysicalDeviceShaderCorePropertiesAMD, 1000185000)
+#endif
+#ifdef VK_AMD_shader_core_properties2
+VELLUM_TYPE(VkPhysicalDeviceShaderCoreProperties2AMD, 1000227000)
+#endif
+#ifdef VK_AMD_shader_early_and_late_fragment_tests
+VELLUM_TYPE(VkPhysicalDeviceShaderEarlyAndLateFragmentTestsFeaturesAMD, 1000321000)
+#endif
+#ifdef VK_AMD_texture_gather_bias_lod
+VELLUM_TYPE(VkTextureLODGatherFormatPropertiesAMD, 1000041000)
+#endif
+#ifdef VK_ANDROID_external_format_resolve
+VELLUM_TYPE(VkPhysicalDeviceExternalFormatResolveFeaturesANDROID, 1000468000)
+VELLUM_TYPE(VkPhysicalDeviceExternalFormatResolvePropertiesANDROID, 1000468001)
+VELLUM_TYPE(VkAndroidHardwareBufferFormatResolvePropertiesANDROID, 1000468002)
+#endif
+#ifdef VK_ANDROID_external_memory_android_hardware_buffer
+VELLUM_TYPE(VkAndroidHardwareBufferUsageANDROID, 1000129000)
+VELLUM_TYPE(VkAndroidHardwareBufferPropertiesANDROID, 1000129001)
+VELLUM_TYPE(VkAndroidHardwareBufferFormatPropertiesANDROID, 1000129002)
+VELLUM_TYPE(VkImportAndroidHardwareBufferInfoANDROID, 1000129003)
+VELLUM_TYPE(VkMemoryGetAndroidHardwareBufferInfoANDROID, 1000129004)
+VELLUM_TYPE(VkExternalFormatANDROID, 1000129005)
+VELLUM_TYPE(VkAndroidHardwareBufferFormatProperties2ANDROID, 1000129006)
+#endif
+#ifdef VK_ARM_data_graph
+VELLUM_TYPE(VkDataGraphPipelineCreateInfoARM, 1000507000)
+VELLUM_TYPE(VkDataGraphPipelineSessionCreateInfoARM, 1000507001)
+VELLUM_TYPE(VkDataGraphPipelineResourceInfoARM, 1000507002)
+VELLUM_TYPE(VkDataGraphPipelineConstantARM, 1000507003)
+VELLUM_TYPE(VkDataGraphPipelineSessionMemoryRequirementsInfoARM, 1000507004)
+VELLUM_TYPE(VkBindDataGraphPipelineSessionMemoryInfoARM, 1000507005)
+VELLUM_TYPE(VkPhysicalDeviceDataGraphFeaturesARM, 1000507006)
+VELLUM_TYPE(VkDataGraphPipelineShaderModuleCreateInfoARM, 1000507007)
+VELLUM_TYPE(VkDataGraphPipelinePropertyQueryResultARM, 1000507008)
+VELLUM_TYPE(VkDataGraphPipelineInfoARM, 1000507009)
+VELLUM_TYPE(VkDataGraphPipelineCompilerControlCreateInfoARM, 1000507010)
+VELLUM_TYPE(VkDataGraphPipelineSessionBindPointRequirementsInfoARM, 1000507011)
+VELLUM_TYPE(VkDataGraphPipelineSessionBindPointRequirementARM, 1000507012)
+VELLUM_TYPE(VkDataGraphPipelineIdentifierCreateInfoARM, 1000507013)
+VELLUM_TYPE(VkDataGraphPipelineDispatchInfoARM, 1000507014)
+VELLUM_TYPE(VkDataGraphPipelineConstantTensorSemiStructuredSparsityInfoARM, 1000507015)
+VELLUM_TYPE(VkDataGraphProcessingEngineCreateInfoARM, 1000507016)
+VELLUM_TYPE(VkQueueFamilyDataGraphProcessingEnginePropertiesARM, 1000507017)
+VELLUM_TYPE(VkQueueFamilyDataGraphPropertiesARM, 1000507018)
+VELLUM_TYPE(VkPhysicalDeviceQueueFamilyDataGraphProcessingEngineInfoARM, 1000507019)
+#endif
+#ifdef VK_ARM_data_graph_instruction_set_tosa
+VELLUM_TYPE(VkQueueFamilyDataGraphTOSAPropertiesARM, 1000508000)
+#endif
+#ifdef VK_ARM_data_graph_neural_accelerator_statistics
+VELLUM_TYPE(VkDataGraphPipelineNeuralStatisticsCreateInfoARM, 1000676000)
+VELLUM_TYPE(VkDataGraphPipelineSessionNeuralStatisticsCreateInfoARM, 1000676001)
+VELLUM_TYPE(VkPhysicalDeviceDataGraphNeuralAcceleratorStatisticsFeaturesARM, 1000676002)
+#endif
+#ifdef VK_ARM_data_graph_optical_flow
+VELLUM_TYPE(VkPhysicalDeviceDataGraphOpticalFlowFeaturesARM, 1000631000)
+VELLUM_TYPE(VkQueueFamilyDataGraphOpticalFlowPropertiesARM, 1000631001)
+VELLUM_TYPE(VkDataGraphPipelineOpticalFlowCreateInfoARM, 1000631002)
+VELLUM_TYPE(VkDataGraphOpticalFlowImageFormatInfoARM, 1000631003)
+VELLUM_TYPE(VkDataGraphOpticalFlowImageFormatPropertiesARM, 1000631004)
+VELLUM_TYPE(VkDataGraphPipelineOpticalFlowDispatchInfoARM, 1000631005)
+VELLUM_TYPE(VkDataGraphPipelineResourceInfoImageLayoutARM, 1000631006)
+VELLUM_TYPE(VkDataGraphPipelineSingleNodeCreateInfoARM, 1000631007)
+VELLUM_TYPE(VkDataGraphPipelineSingleNodeConnectionARM, 1000631008)
+#endif
+#ifdef VK_ARM_format_pack
+VELLUM_TYPE(VkPhysicalDeviceFormatPackFeaturesARM, 1000609000)
+#endif
+#ifdef VK_ARM_performance_counters_by_region
+VELLUM_TYPE(VkPhysicalDevicePerformanceCountersByRegionFeaturesARM, 1000605000)
+VELLUM_TYPE(VkPhysicalDevicePerformanceCountersByRegionPropertiesARM, 1000605001)
+VELLUM_TYPE(VkPerformanceCounterARM, 1000605002)
+VELLUM_TYPE(VkPerformanceCounterDescriptionARM, 1000605003)
+VELLUM_TYPE(VkRenderPassPerformanceCountersByRegionBeginInfoARM, 1000605004)
+#endif
+#ifdef VK_ARM_render_pass_striped
+VELLUM_TYPE(VkPhysicalDeviceRenderPassStripedFeaturesARM, 1000424000)
+VELLUM_TYPE(VkPhysicalDeviceRenderPassStripedPropertiesARM, 1000424001)
+VELLUM_TYPE(VkRenderPassStripeBeginInfoARM, 1000424002)
+VELLUM_TYPE(VkRenderPassStripeInfoARM, 1000424003)
+VELLUM_TYPE(VkRenderPassStripeSubmitInfoARM, 1000424004)
+#endif
+#ifdef VK_ARM_scheduling_controls
+VELLUM_TYPE(VkDeviceQueueShaderCoreControlCreateInfoARM, 1000417000)
+VELLUM_TYPE(VkPhysicalDeviceSchedulingControlsFeaturesARM, 1000417001)
+VELLUM_TYPE(VkPhysicalDeviceSchedulingControlsPropertiesARM, 1000417002)
+VELLUM_TYPE(VkDispatchParametersARM, 1000417003)
+VELLUM_TYPE(VkPhysicalDeviceSchedulingControlsDispatchParametersPropertiesARM, 1000417004)
+#endif
+#ifdef VK_ARM_shader_core_builtins
+VELLUM_TYPE(VkPhysicalDeviceShaderCoreBuiltinsFeaturesARM, 1000497000)
+VELLUM_TYPE(VkPhysicalDeviceShaderCoreBuiltinsPropertiesARM, 1000497001)
+#endif
+#ifdef VK_ARM_shader_core_properties
+VELLUM_TYPE(VkPhysicalDeviceShaderCorePropertiesARM, 1000415000)
+#endif
+#ifdef VK_ARM_shader_instrumentation
+VELLUM_TYPE(VkPhysicalDeviceShaderInstrumentationFeaturesARM, 1000607000)
+VELLUM_TYPE(VkPhysicalDeviceShaderInstrumentationPropertiesARM, 1000607001)
+VELLUM_TYPE(VkShaderInstrumentationCreateInfoARM, 1000607002)
+VELLUM_TYPE(VkShaderInstrumentationMetricDescriptionARM, 1000607003)
+#endif
+#ifdef VK_ARM_tensor_controls
+VELLUM_TYPE(VkTensorExplicitTilingFormatPropertiesARM, 1000565000)
+VELLUM_TYPE(VkTensorRollingBackingCreateInfoARM, 1000565001)
+#endif
+#ifdef VK_ARM_tensors
+VELLUM_TYPE(VkTensorCreateInfoARM, 1000460000)
+VELLUM_TYPE(VkBindTensorMemoryInfoARM, 1000460002)
+VELLUM_TYPE(VkWriteDescriptorSetTensorARM, 1000460003)
+VELLUM_TYPE(VkPhysicalDeviceTensorPropertiesARM, 1000460004)
+VELLUM_TYPE(VkTensorFormatPropertiesARM, 1000460005)
+VELLUM_TYPE(VkTensorDescriptionARM, 1000460006)
+VELLUM_TYPE(VkTensorMemoryRequirementsInfoARM, 1000460007)
+VELLUM_TYPE(VkPhysicalDeviceTensorFeaturesARM, 1000460009)
+VELLUM_TYPE(VkDeviceTensorMemoryRequirementsARM, 1000460010)
+VELLUM_TYPE(VkCopyTensorInfoARM, 1000460011)
+VELLUM_TYPE(VkTensorCopyARM, 1000460012)
+VELLUM_TYPE(VkMemoryDedicatedAllocateInfoTensorARM, 1000460014)
+VELLUM_TYPE(VkPhysicalDeviceExternalTensorInfoARM, 1000460015)
+VELLUM_TYPE(VkExternalTensorPropertiesARM, 1000460016)
+VELLUM_TYPE(VkExternalMemoryTensorCreateInfoARM, 1000460017)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorBufferTensorFeaturesARM, 1000460018)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorBufferTensorPropertiesARM, 1000460019)
+VELLUM_TYPE(VkDescriptorGetTensorInfoARM, 1000460020)
+VELLUM_TYPE(VkTensorCaptureDescriptorDataInfoARM, 1000460021)
+VELLUM_TYPE(VkTensorViewCaptureDescriptorDataInfoARM, 1000460022)
+VELLUM_TYPE(VkFrameBoundaryTensorsARM, 1000460023)
+#endif
+#ifdef VK_EXT_4444_formats
+VELLUM_TYPE(VkPhysicalDevice4444FormatsFeaturesEXT, 1000340000)
+#endif
+#ifdef VK_EXT_astc_decode_mode
+VELLUM_TYPE(VkImageViewASTCDecodeModeEXT, 1000067000)
+VELLUM_TYPE(VkPhysicalDeviceASTCDecodeFeaturesEXT, 1000067001)
+#endif
+#ifdef VK_EXT_attachment_feedback_loop_dynamic_state
+VELLUM_TYPE(VkPhysicalDeviceAttachmentFeedbackLoopDynamicStateFeaturesEXT, 1000524000)
+#endif
+#ifdef VK_EXT_attachment_feedback_loop_layout
+VELLUM_TYPE(VkPhysicalDeviceAttachmentFeedbackLoopLayoutFeaturesEXT, 1000339000)
+#endif
+#ifdef VK_EXT_blend_operation_advanced
+VELLUM_TYPE(VkPhysicalDeviceBlendOperationAdvancedFeaturesEXT, 1000148000)
+VELLUM_TYPE(VkPhysicalDeviceBlendOperationAdvancedPropertiesEXT, 1000148001)
+VELLUM_TYPE(VkPipelineColorBlendAdvancedStateCreateInfoEXT, 1000148002)
+#endif
+#ifdef VK_EXT_border_color_swizzle
+VELLUM_TYPE(VkPhysicalDeviceBorderColorSwizzleFeaturesEXT, 1000411000)
+VELLUM_TYPE(VkSamplerBorderColorComponentMappingCreateInfoEXT, 1000411001)
+#endif
+#ifdef VK_EXT_buffer_device_address
+VELLUM_TYPE(VkPhysicalDeviceBufferDeviceAddressFeaturesEXT, 1000244000)
+VELLUM_TYPE(VkBufferDeviceAddressCreateInfoEXT, 1000244002)
+#endif
+#ifdef VK_EXT_color_write_enable
+VELLUM_TYPE(VkPhysicalDeviceColorWriteEnableFeaturesEXT, 1000381000)
+VELLUM_TYPE(VkPipelineColorWriteCreateInfoEXT, 1000381001)
+#endif
+#ifdef VK_EXT_conditional_rendering
+VELLUM_TYPE(VkCommandBufferInheritanceConditionalRenderingInfoEXT, 1000081000)
+VELLUM_TYPE(VkPhysicalDeviceConditionalRenderingFeaturesEXT, 1000081001)
+VELLUM_TYPE(VkConditionalRenderingBeginInfoEXT, 1000081002)
+#endif
+#ifdef VK_EXT_conservative_rasterization
+VELLUM_TYPE(VkPhysicalDeviceConservativeRasterizationPropertiesEXT, 1000101000)
+VELLUM_TYPE(VkPipelineRasterizationConservativeStateCreateInfoEXT, 1000101001)
+#endif
+#ifdef VK_EXT_cooperative_matrix_maintenance1
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixMaintenance1FeaturesEXT, 1000659000)
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixInfo2EXT, 1000659001)
+VELLUM_TYPE(VkCooperativeMatrixProperties2EXT, 1000659002)
+#endif
+#ifdef VK_EXT_custom_border_color
+VELLUM_TYPE(VkSamplerCustomBorderColorCreateInfoEXT, 1000287000)
+VELLUM_TYPE(VkPhysicalDeviceCustomBorderColorPropertiesEXT, 1000287001)
+VELLUM_TYPE(VkPhysicalDeviceCustomBorderColorFeaturesEXT, 1000287002)
+#endif
+#ifdef VK_EXT_custom_resolve
+VELLUM_TYPE(VkPhysicalDeviceCustomResolveFeaturesEXT, 1000628000)
+VELLUM_TYPE(VkBeginCustomResolveInfoEXT, 1000628001)
+VELLUM_TYPE(VkCustomResolveCreateInfoEXT, 1000628002)
+#endif
+#ifdef VK_EXT_debug_marker
+VELLUM_TYPE(VkDebugMarkerObjectNameInfoEXT, 1000022000)
+VELLUM_TYPE(VkDebugMarkerObjectTagInfoEXT, 1000022001)
+VELLUM_TYPE(VkDebugMarkerMarkerInfoEXT, 1000022002)
+#endif
+#ifdef VK_EXT_debug_report
+VELLUM_TYPE(VkDebugReportCallbackCreateInfoEXT, 1000011000)
+#endif
+#ifdef VK_EXT_debug_utils
+VELLUM_TYPE(VkDebugUtilsObjectNameInfoEXT, 1000128000)
+VELLUM_TYPE(VkDebugUtilsObjectTagInfoEXT, 1000128001)
+VELLUM_TYPE(VkDebugUtilsLabelEXT, 1000128002)
+VELLUM_TYPE(VkDebugUtilsMessengerCallbackDataEXT, 1000128003)
+VELLUM_TYPE(VkDebugUtilsMessengerCreateInfoEXT, 1000128004)
+#endif
+#ifdef VK_EXT_depth_bias_control
+VELLUM_TYPE(VkPhysicalDeviceDepthBiasControlFeaturesEXT, 1000283000)
+VELLUM_TYPE(VkDepthBiasInfoEXT, 1000283001)
+VELLUM_TYPE(VkDepthBiasRepresentationInfoEXT, 1000283002)
+#endif
+#ifdef VK_EXT_depth_clamp_control
+VELLUM_TYPE(VkPhysicalDeviceDepthClampControlFeaturesEXT, 1000582000)
+VELLUM_TYPE(VkPipelineViewportDepthClampControlCreateInfoEXT, 1000582001)
+#endif
+#ifdef VK_EXT_depth_clip_control
+VELLUM_TYPE(VkPhysicalDeviceDepthClipControlFeaturesEXT, 1000355000)
+VELLUM_TYPE(VkPipelineViewportDepthClipControlCreateInfoEXT, 1000355001)
+#endif
+#ifdef VK_EXT_depth_clip_enable
+VELLUM_TYPE(VkPhysicalDeviceDepthClipEnableFeaturesEXT, 1000102000)
+VELLUM_TYPE(VkPipelineRasterizationDepthClipStateCreateInfoEXT, 1000102001)
+#endif
+#ifdef VK_EXT_descriptor_buffer
+VELLUM_TYPE(VkPhysicalDeviceDescriptorBufferPropertiesEXT, 1000316000)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorBufferDensityMapPropertiesEXT, 1000316001)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorBufferFeaturesEXT, 1000316002)
+VELLUM_TYPE(VkDescriptorAddressInfoEXT, 1000316003)
+VELLUM_TYPE(VkDescriptorGetInfoEXT, 1000316004)
+VELLUM_TYPE(VkBufferCaptureDescriptorDataInfoEXT, 1000316005)
+VELLUM_TYPE(VkImageCaptureDescriptorDataInfoEXT, 1000316006)
+VELLUM_TYPE(VkImageViewCaptureDescriptorDataInfoEXT, 1000316007)
+VELLUM_TYPE(VkSamplerCaptureDescriptorDataInfoEXT, 1000316008)
+VELLUM_TYPE(VkAccelerationStructureCaptureDescriptorDataInfoEXT, 1000316009)
+VELLUM_TYPE(VkOpaqueCaptureDescriptorDataCreateInfoEXT, 1000316010)
+VELLUM_TYPE(VkDescriptorBufferBindingInfoEXT, 1000316011)
+VELLUM_TYPE(VkDescriptorBufferBindingPushDescriptorBufferHandleEXT, 1000316012)
+#endif
+#ifdef VK_EXT_descriptor_heap
+VELLUM_TYPE(VkTexelBufferDescriptorInfoEXT, 1000135000)
+VELLUM_TYPE(VkImageDescriptorInfoEXT, 1000135001)
+VELLUM_TYPE(VkResourceDescriptorInfoEXT, 1000135002)
+VELLUM_TYPE(VkBindHeapInfoEXT, 1000135003)
+VELLUM_TYPE(VkPushDataInfoEXT, 1000135004)
+VELLUM_TYPE(VkDescriptorSetAndBindingMappingEXT, 1000135005)
+VELLUM_TYPE(VkShaderDescriptorSetAndBindingMappingInfoEXT, 1000135006)
+VELLUM_TYPE(VkOpaqueCaptureDataCreateInfoEXT, 1000135007)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorHeapPropertiesEXT, 1000135008)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorHeapFeaturesEXT, 1000135009)
+VELLUM_TYPE(VkCommandBufferInheritanceDescriptorHeapInfoEXT, 1000135010)
+VELLUM_TYPE(VkSamplerCustomBorderColorIndexCreateInfoEXT, 1000135011)
+VELLUM_TYPE(VkIndirectCommandsLayoutPushDataTokenNV, 1000135012)
+VELLUM_TYPE(VkSubsampledImageFormatPropertiesEXT, 1000135013)
+VELLUM_TYPE(VkPhysicalDeviceDescriptorHeapTensorPropertiesARM, 1000135014)
+VELLUM_TYPE(VkTensorViewCreateInfoARM, 1000460001)
+#endif
+#ifdef VK_EXT_device_address_binding_report
+VELLUM_TYPE(VkPhysicalDeviceAddressBindingReportFeaturesEXT, 1000354000)
+VELLUM_TYPE(VkDeviceAddressBindingCallbackDataEXT, 1000354001)
+#endif
+#ifdef VK_EXT_device_fault
+VELLUM_TYPE(VkPhysicalDeviceFaultFeaturesEXT, 1000341000)
+VELLUM_TYPE(VkDeviceFaultCountsEXT, 1000341001)
+VELLUM_TYPE(VkDeviceFaultInfoEXT, 1000341002)
+#endif
+#ifdef VK_EXT_device_generated_commands
+VELLUM_TYPE(VkPhysicalDeviceDeviceGeneratedCommandsFeaturesEXT, 1000572000)
+VELLUM_TYPE(VkPhysicalDeviceDeviceGeneratedCommandsPropertiesEXT, 1000572001)
+VELLUM_TYPE(VkGeneratedCommandsMemoryRequirementsInfoEXT, 1000572002)
+VELLUM_TYPE(VkIndirectExecutionSetCreateInfoEXT, 1000572003)
+VELLUM_TYPE(VkIndirectCommandsLayoutCreateInfoEXT, 1000572006)
+VELLUM_TYPE(VkIndirectCommandsLayoutTokenEXT, 1000572007)
+VELLUM_TYPE(VkWriteIndirectExecutionSetPipelineEXT, 1000572008)
+VELLUM_TYPE(VkWriteIndirectExecutionSetShaderEXT, 1000572009)
+VELLUM_TYPE(VkIndirectExecutionSetPipelineInfoEXT, 1000572010)
+VELLUM_TYPE(VkIndirectExecutionSetShaderInfoEXT, 1000572011)
+VELLUM_TYPE(VkIndirectExecutionSetShaderLayoutInfoEXT, 1000572012)
+VELLUM_TYPE(VkGeneratedCommandsPipelineInfoEXT, 1000572013)
+VELLUM_TYPE(VkGeneratedCommandsShaderInfoEXT, 1000572014)
+#endif
+#ifdef VK_EXT_device_memory_report
+VELLUM_TYPE(VkPhysicalDeviceDeviceMemoryReportFeaturesEXT, 1000284000)
+VELLUM_TYPE(VkDeviceDeviceMemoryReportCreateInfoEXT, 1000284001)
+VELLUM_TYPE(VkDeviceMemoryReportCallbackDataEXT, 1000284002)
+#endif
+#ifdef VK_EXT_directfb_surface
+VELLUM_TYPE(VkDirectFBSurfaceCreateInfoEXT, 1000346000)
+#endif
+#ifdef VK_EXT_discard_rectangles
+VELLUM_TYPE(VkPhysicalDeviceDiscardRectanglePropertiesEXT, 1000099000)
+VELLUM_TYPE(VkPipelineDiscardRectangleStateCreateInfoEXT, 1000099001)
+#endif
+#ifdef VK_EXT_display_control
+VELLUM_TYPE(VkDisplayPowerInfoEXT, 1000091000)
+VELLUM_TYPE(VkDeviceEventInfoEXT, 1000091001)
+VELLUM_TYPE(VkDisplayEventInfoEXT, 1000091002)
+VELLUM_TYPE(VkSwapchainCounterCreateInfoEXT, 1000091003)
+#endif
+#ifdef VK_EXT_display_surface_counter
+VELLUM_TYPE(VkSurfaceCapabilities2EXT, 1000090000)
+#endif
+#ifdef VK_EXT_dynamic_rendering_unused_attachments
+VELLUM_TYPE(VkPhysicalDeviceDynamicRenderingUnusedAttachmentsFeaturesEXT, 1000499000)
+#endif
+#ifdef VK_EXT_extended_dynamic_state
+VELLUM_TYPE(VkPhysicalDeviceExtendedDynamicStateFeaturesEXT, 1000267000)
+#endif
+#ifdef VK_EXT_extended_dynamic_state2
+VELLUM_TYPE(VkPhysicalDeviceExtendedDynamicState2FeaturesEXT, 1000377000)
+#endif
+#ifdef VK_EXT_extended_dynamic_state3
+VELLUM_TYPE(VkPhysicalDeviceExtendedDynamicState3FeaturesEXT, 1000455000)
+VELLUM_TYPE(VkPhysicalDeviceExtendedDynamicState3PropertiesEXT, 1000455001)
+#endif
+#ifdef VK_EXT_external_memory_acquire_unmodified
+VELLUM_TYPE(VkExternalMemoryAcquireUnmodifiedEXT, 1000453000)
+#endif
+#ifdef VK_EXT_external_memory_host
+VELLUM_TYPE(VkImportMemoryHostPointerInfoEXT, 1000178000)
+VELLUM_TYPE(VkMemoryHostPointerPropertiesEXT, 1000178001)
+VELLUM_TYPE(VkPhysicalDeviceExternalMemoryHostPropertiesEXT, 1000178002)
+#endif
+#ifdef VK_EXT_external_memory_metal
+VELLUM_TYPE(VkImportMemoryMetalHandleInfoEXT, 1000602000)
+VELLUM_TYPE(VkMemoryMetalHandlePropertiesEXT, 1000602001)
+VELLUM_TYPE(VkMemoryGetMetalHandleInfoEXT, 1000602002)
+#endif
+#ifdef VK_EXT_filter_cubic
+VELLUM_TYPE(VkPhysicalDeviceImageViewImageFormatInfoEXT, 1000170000)
+VELLUM_TYPE(VkFilterCubicImageViewImageFormatPropertiesEXT, 1000170001)
+#endif
+#ifdef VK_EXT_fragment_density_map
+VELLUM_TYPE(VkRenderingFragmentDensityMapAttachmentInfoEXT, 1000044007)
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMapFeaturesEXT, 1000218000)
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMapPropertiesEXT, 1000218001)
+VELLUM_TYPE(VkRenderPassFragmentDensityMapCreateInfoEXT, 1000218002)
+#endif
+#ifdef VK_EXT_fragment_density_map2
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMap2FeaturesEXT, 1000332000)
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMap2PropertiesEXT, 1000332001)
+#endif
+#ifdef VK_EXT_fragment_density_map_offset
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMapOffsetFeaturesEXT, 1000425000)
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMapOffsetPropertiesEXT, 1000425001)
+VELLUM_TYPE(VkRenderPassFragmentDensityMapOffsetEndInfoEXT, 1000425002)
+#endif
+#ifdef VK_EXT_fragment_shader_interlock
+VELLUM_TYPE(VkPhysicalDeviceFragmentShaderInterlockFeaturesEXT, 1000251000)
+#endif
+#ifdef VK_EXT_frame_boundary
+VELLUM_TYPE(VkPhysicalDeviceFrameBoundaryFeaturesEXT, 1000375000)
+VELLUM_TYPE(VkFrameBoundaryEXT, 1000375001)
+#endif
+#ifdef VK_EXT_full_screen_exclusive
+VELLUM_TYPE(VkSurfaceFullScreenExclusiveInfoEXT, 1000255000)
+VELLUM_TYPE(VkSurfaceFullScreenExclusiveWin32InfoEXT, 1000255001)
+VELLUM_TYPE(VkSurfaceCapabilitiesFullScreenExclusiveEXT, 1000255002)
+#endif
+#ifdef VK_EXT_graphics_pipeline_library
+VELLUM_TYPE(VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT, 1000320000)
+VELLUM_TYPE(VkPhysicalDeviceGraphicsPipelineLibraryPropertiesEXT, 1000320001)
+VELLUM_TYPE(VkGraphicsPipelineLibraryCreateInfoEXT, 1000320002)
+#endif
+#ifdef VK_EXT_hdr_metadata
+VELLUM_TYPE(VkHdrMetadataEXT, 1000105000)
+#endif
+#ifdef VK_EXT_headless_surface
+VELLUM_TYPE(VkHeadlessSurfaceCreateInfoEXT, 1000256000)
+#endif
+#ifdef VK_EXT_image_2d_view_of_3d
+VELLUM_TYPE(VkPhysicalDeviceImage2DViewOf3DFeaturesEXT, 1000393000)
+#endif
+#ifdef VK_EXT_image_compression_control
+VELLUM_TYPE(VkPhysicalDeviceImageCompressionControlFeaturesEXT, 1000338000)
+VELLUM_TYPE(VkImageCompressionControlEXT, 1000338001)
+VELLUM_TYPE(VkImageCompressionPropertiesEXT, 1000338004)
+#endif
+#ifdef VK_EXT_image_compression_control_swapchain
+VELLUM_TYPE(VkPhysicalDeviceImageCompressionControlSwapchainFeaturesEXT, 1000437000)
+#endif
+#ifdef VK_EXT_image_drm_format_modifier
+VELLUM_TYPE(VkDrmFormatModifierPropertiesListEXT, 1000158000)
+VELLUM_TYPE(VkPhysicalDeviceImageDrmFormatModifierInfoEXT, 1000158002)
+VELLUM_TYPE(VkImageDrmFormatModifierListCreateInfoEXT, 1000158003)
+VELLUM_TYPE(VkImageDrmFormatModifierExplicitCreateInfoEXT, 1000158004)
+VELLUM_TYPE(VkImageDrmFormatModifierPropertiesEXT, 1000158005)
+VELLUM_TYPE(VkDrmFormatModifierPropertiesList2EXT, 1000158006)
+#endif
+#ifdef VK_EXT_image_sliced_view_of_3d
+VELLUM_TYPE(VkPhysicalDeviceImageSlicedViewOf3DFeaturesEXT, 1000418000)
+VELLUM_TYPE(VkImageViewSlicedCreateInfoEXT, 1000418001)
+#endif
+#ifdef VK_EXT_image_tiling_control
+VELLUM_TYPE(VkPhysicalDeviceImageTilingControlFeaturesEXT, 1000687000)
+VELLUM_TYPE(VkImageTilingControlCreateInfoEXT, 1000687001)
+#endif
+#ifdef VK_EXT_image_view_min_lod
+VELLUM_TYPE(VkPhysicalDeviceImageViewMinLodFeaturesEXT, 1000391000)
+VELLUM_TYPE(VkImageViewMinLodCreateInfoEXT, 1000391001)
+#endif
+#ifdef VK_EXT_legacy_dithering
+VELLUM_TYPE(VkPhysicalDeviceLegacyDitheringFeaturesEXT, 1000465000)
+#endif
+#ifdef VK_EXT_legacy_vertex_attributes
+VELLUM_TYPE(VkPhysicalDeviceLegacyVertexAttributesFeaturesEXT, 1000495000)
+VELLUM_TYPE(VkPhysicalDeviceLegacyVertexAttributesPropertiesEXT, 1000495001)
+#endif
+#ifdef VK_EXT_map_memory_placed
+VELLUM_TYPE(VkPhysicalDeviceMapMemoryPlacedFeaturesEXT, 1000272000)
+VELLUM_TYPE(VkPhysicalDeviceMapMemoryPlacedPropertiesEXT, 1000272001)
+VELLUM_TYPE(VkMemoryMapPlacedInfoEXT, 1000272002)
+#endif
+#ifdef VK_EXT_memory_budget
+VELLUM_TYPE(VkPhysicalDeviceMemoryBudgetPropertiesEXT, 1000237000)
+#endif
+#ifdef VK_EXT_memory_decompression
+VELLUM_TYPE(VkPhysicalDeviceMemoryDecompressionFeaturesEXT, 1000427000)
+VELLUM_TYPE(VkPhysicalDeviceMemoryDecompressionPropertiesEXT, 1000427001)
+VELLUM_TYPE(VkDecompressMemoryInfoEXT, 1000550002)
+#endif
+#ifdef VK_EXT_memory_priority
+VELLUM_TYPE(VkPhysicalDeviceMemoryPriorityFeaturesEXT, 1000238000)
+VELLUM_TYPE(VkMemoryPriorityAllocateInfoEXT, 1000238001)
+#endif
+#ifdef VK_EXT_mesh_shader
+VELLUM_TYPE(VkPhysicalDeviceMeshShaderFeaturesEXT, 1000328000)
+VELLUM_TYPE(VkPhysicalDeviceMeshShaderPropertiesEXT, 1000328001)
+#endif
+#ifdef VK_EXT_metal_objects
+VELLUM_TYPE(VkExportMetalObjectCreateInfoEXT, 1000311000)
+VELLUM_TYPE(VkExportMetalObjectsInfoEXT, 1000311001)
+VELLUM_TYPE(VkExportMetalDeviceInfoEXT, 1000311002)
+VELLUM_TYPE(VkExportMetalCommandQueueInfoEXT, 1000311003)
+VELLUM_TYPE(VkExportMetalBufferInfoEXT, 1000311004)
+VELLUM_TYPE(VkImportMetalBufferInfoEXT, 1000311005)
+VELLUM_TYPE(VkExportMetalTextureInfoEXT, 1000311006)
+VELLUM_TYPE(VkImportMetalTextureInfoEXT, 1000311007)
+VELLUM_TYPE(VkExportMetalIOSurfaceInfoEXT, 1000311008)
+VELLUM_TYPE(VkImportMetalIOSurfaceInfoEXT, 1000311009)
+VELLUM_TYPE(VkExportMetalSharedEventInfoEXT, 1000311010)
+VELLUM_TYPE(VkImportMetalSharedEventInfoEXT, 1000311011)
+#endif
+#ifdef VK_EXT_metal_surface
+VELLUM_TYPE(VkMetalSurfaceCreateInfoEXT, 1000217000)
+#endif
+#ifdef VK_EXT_multi_draw
+VELLUM_TYPE(VkPhysicalDeviceMultiDrawFeaturesEXT, 1000392000)
+VELLUM_TYPE(VkPhysicalDeviceMultiDrawPropertiesEXT, 1000392001)
+#endif
+#ifdef VK_EXT_multisampled_render_to_single_sampled
+VELLUM_TYPE(VkPhysicalDeviceMultisampledRenderToSingleSampledFeaturesEXT, 1000376000)
+VELLUM_TYPE(VkSubpassResolvePerformanceQueryEXT, 1000376001)
+VELLUM_TYPE(VkMultisampledRenderToSingleSampledInfoEXT, 1000376002)
+#endif
+#ifdef VK_EXT_multisampled_render_to_swapchain
+VELLUM_TYPE(VkPhysicalDeviceMultisampledRenderToSwapchainFeaturesEXT, 1000616000)
+VELLUM_TYPE(VkSwapchainFlagsSurfaceCapabilitiesEXT, 1000616001)
+#endif
+#ifdef VK_EXT_mutable_descriptor_type
+VELLUM_TYPE(VkPhysicalDeviceMutableDescriptorTypeFeaturesEXT, 1000351000)
+VELLUM_TYPE(VkMutableDescriptorTypeCreateInfoEXT, 1000351002)
+#endif
+#ifdef VK_EXT_nested_command_buffer
+VELLUM_TYPE(VkPhysicalDeviceNestedCommandBufferFeaturesEXT, 1000451000)
+VELLUM_TYPE(VkPhysicalDeviceNestedCommandBufferPropertiesEXT, 1000451001)
+#endif
+#ifdef VK_EXT_non_seamless_cube_map
+VELLUM_TYPE(VkPhysicalDeviceNonSeamlessCubeMapFeaturesEXT, 1000422000)
+#endif
+#ifdef VK_EXT_opacity_micromap
+VELLUM_TYPE(VkMicromapBuildInfoEXT, 1000396000)
+VELLUM_TYPE(VkMicromapVersionInfoEXT, 1000396001)
+VELLUM_TYPE(VkCopyMicromapInfoEXT, 1000396002)
+VELLUM_TYPE(VkCopyMicromapToMemoryInfoEXT, 1000396003)
+VELLUM_TYPE(VkCopyMemoryToMicromapInfoEXT, 1000396004)
+VELLUM_TYPE(VkPhysicalDeviceOpacityMicromapFeaturesEXT, 1000396005)
+VELLUM_TYPE(VkPhysicalDeviceOpacityMicromapPropertiesEXT, 1000396006)
+VELLUM_TYPE(VkMicromapCreateInfoEXT, 1000396007)
+VELLUM_TYPE(VkMicromapBuildSizesInfoEXT, 1000396008)
+VELLUM_TYPE(VkAccelerationStructureTrianglesOpacityMicromapEXT, 1000396009)
+#endif
+#ifdef VK_EXT_pageable_device_local_memory
+VELLUM_TYPE(VkPhysicalDevicePageableDeviceLocalMemoryFeaturesEXT, 1000412000)
+#endif
+#ifdef VK_EXT_pci_bus_info
+VELLUM_TYPE(VkPhysicalDevicePCIBusInfoPropertiesEXT, 1000212000)
+#endif
+#ifdef VK_EXT_physical_device_drm
+VELLUM_TYPE(VkPhysicalDeviceDrmPropertiesEXT, 1000353000)
+#endif
+#ifdef VK_EXT_pipeline_library_group_handles
+VELLUM_TYPE(VkPhysicalDevicePipelineLibraryGroupHandlesFeaturesEXT, 1000498000)
+#endif
+#ifdef VK_EXT_pipeline_properties
+VELLUM_TYPE(VkPipelinePropertiesIdentifierEXT, 1000372000)
+VELLUM_TYPE(VkPhysicalDevicePipelinePropertiesFeaturesEXT, 1000372001)
+#endif
+#ifdef VK_EXT_present_timing
+VELLUM_TYPE(VkPhysicalDevicePresentTimingFeaturesEXT, 1000208000)
+VELLUM_TYPE(VkSwapchainTimingPropertiesEXT, 1000208001)
+VELLUM_TYPE(VkSwapchainTimeDomainPropertiesEXT, 1000208002)
+VELLUM_TYPE(VkPresentTimingsInfoEXT, 1000208003)
+VELLUM_TYPE(VkPresentTimingInfoEXT, 1000208004)
+VELLUM_TYPE(VkPastPresentationTimingInfoEXT, 1000208005)
+VELLUM_TYPE(VkPastPresentationTimingPropertiesEXT, 1000208006)
+VELLUM_TYPE(VkPastPresentationTimingEXT, 1000208007)
+VELLUM_TYPE(VkPresentTimingSurfaceCapabilitiesEXT, 1000208008)
+VELLUM_TYPE(VkSwapchainCalibratedTimestampInfoEXT, 1000208009)
+#endif
+#ifdef VK_EXT_primitive_restart_index
+VELLUM_TYPE(VkPhysicalDevicePrimitiveRestartIndexFeaturesEXT, 1000678000)
+#endif
+#ifdef VK_EXT_primitive_topology_list_restart
+VELLUM_TYPE(VkPhysicalDevicePrimitiveTopologyListRestartFeaturesEXT, 1000356000)
+#endif
+#ifdef VK_EXT_primitives_generated_query
+VELLUM_TYPE(VkPhysicalDevicePrimitivesGeneratedQueryFeaturesEXT, 1000382000)
+#endif
+#ifdef VK_EXT_provoking_vertex
+VELLUM_TYPE(VkPhysicalDeviceProvokingVertexFeaturesEXT, 1000254000)
+VELLUM_TYPE(VkPipelineRasterizationProvokingVertexStateCreateInfoEXT, 1000254001)
+VELLUM_TYPE(VkPhysicalDeviceProvokingVertexPropertiesEXT, 1000254002)
+#endif
+#ifdef VK_EXT_rasterization_order_attachment_access
+VELLUM_TYPE(VkPhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT, 1000342000)
+#endif
+#ifdef VK_EXT_ray_tracing_invocation_reorder
+VELLUM_TYPE(VkPhysicalDeviceRayTracingInvocationReorderFeaturesEXT, 1000581000)
+VELLUM_TYPE(VkPhysicalDeviceRayTracingInvocationReorderPropertiesEXT, 1000581001)
+#endif
+#ifdef VK_EXT_rgba10x6_formats
+VELLUM_TYPE(VkPhysicalDeviceRGBA10X6FormatsFeaturesEXT, 1000344000)
+#endif
+#ifdef VK_EXT_sample_locations
+VELLUM_TYPE(VkSampleLocationsInfoEXT, 1000143000)
+VELLUM_TYPE(VkRenderPassSampleLocationsBeginInfoEXT, 1000143001)
+VELLUM_TYPE(VkPipelineSampleLocationsStateCreateInfoEXT, 1000143002)
+VELLUM_TYPE(VkPhysicalDeviceSampleLocationsPropertiesEXT, 1000143003)
+VELLUM_TYPE(VkMultisamplePropertiesEXT, 1000143004)
+#endif
+#ifdef VK_EXT_shader_64bit_indexing
+VELLUM_TYPE(VkPhysicalDeviceShader64BitIndexingFeaturesEXT, 1000627000)
+#endif
+#ifdef VK_EXT_shader_atomic_float
+VELLUM_TYPE(VkPhysicalDeviceShaderAtomicFloatFeaturesEXT, 1000260000)
+#endif
+#ifdef VK_EXT_shader_atomic_float2
+VELLUM_TYPE(VkPhysicalDeviceShaderAtomicFloat2FeaturesEXT, 1000273000)
+#endif
+#ifdef VK_EXT_shader_float8
+VELLUM_TYPE(VkPhysicalDeviceShaderFloat8FeaturesEXT, 1000567000)
+#endif
+#ifdef VK_EXT_shader_image_atomic_int64
+VELLUM_TYPE(VkPhysicalDeviceShaderImageAtomicInt64FeaturesEXT, 1000234000)
+#endif
+#ifdef VK_EXT_shader_long_vector
+VELLUM_TYPE(VkPhysicalDeviceShaderLongVectorFeaturesEXT, 1000635000)
+VELLUM_TYPE(VkPhysicalDeviceShaderLongVectorPropertiesEXT, 1000635001)
+#endif
+#ifdef VK_EXT_shader_module_identifier
+VELLUM_TYPE(VkPhysicalDeviceShaderModuleIdentifierFeaturesEXT, 1000462000)
+VELLUM_TYPE(VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT, 1000462001)
+VELLUM_TYPE(VkPipelineShaderStageModuleIdentifierCreateInfoEXT, 1000462002)
+VELLUM_TYPE(VkShaderModuleIdentifierEXT, 1000462003)
+#endif
+#ifdef VK_EXT_shader_object
+VELLUM_TYPE(VkPhysicalDeviceShaderObjectFeaturesEXT, 1000482000)
+#endif
+#ifdef VK_EXT_shader_ocp_microscaling_types
+VELLUM_TYPE(VkPhysicalDeviceShaderOCPMicroscalingTypesFeaturesEXT, 1000672000)
+#endif
+#ifdef VK_EXT_shader_replicated_composites
+VELLUM_TYPE(VkPhysicalDeviceShaderReplicatedCompositesFeaturesEXT, 1000564000)
+#endif
+#ifdef VK_EXT_shader_split_barrier
+VELLUM_TYPE(VkPhysicalDeviceShaderSplitBarrierFeaturesEXT, 1000305000)
+VELLUM_TYPE(VkPhysicalDeviceShaderSplitBarrierPropertiesEXT, 1000305001)
+#endif
+#ifdef VK_EXT_shader_subgroup_partitioned
+VELLUM_TYPE(VkPhysicalDeviceShaderSubgroupPartitionedFeaturesEXT, 1000662000)
+#endif
+#ifdef VK_EXT_shader_tile_image
+VELLUM_TYPE(VkPhysicalDeviceShaderTileImageFeaturesEXT, 1000395000)
+VELLUM_TYPE(VkPhysicalDeviceShaderTileImagePropertiesEXT, 1000395001)
+#endif
+#ifdef VK_EXT_shader_uniform_buffer_unsized_array
+VELLUM_TYPE(VkPhysicalDeviceShaderUniformBufferUnsizedArrayFeaturesEXT, 1000642000)
+#endif
+#ifdef VK_EXT_subpass_merge_feedback
+VELLUM_TYPE(VkPhysicalDeviceSubpassMergeFeedbackFeaturesEXT, 1000458000)
+VELLUM_TYPE(VkRenderPassCreationControlEXT, 1000458001)
+VELLUM_TYPE(VkRenderPassCreationFeedbackCreateInfoEXT, 1000458002)
+VELLUM_TYPE(VkRenderPassSubpassFeedbackCreateInfoEXT, 1000458003)
+#endif
+#ifdef VK_EXT_texel_buffer_alignment
+VELLUM_TYPE(VkPhysicalDeviceTexelBufferAlignmentFeaturesEXT, 1000281000)
+#endif
+#ifdef VK_EXT_texture_compression_astc_3d
+VELLUM_TYPE(VkPhysicalDeviceTextureCompressionASTC3DFeaturesEXT, 1000288000)
+#endif
+#ifdef VK_EXT_transform_feedback
+VELLUM_TYPE(VkPhysicalDeviceTransformFeedbackFeaturesEXT, 1000028000)
+VELLUM_TYPE(VkPhysicalDeviceTransformFeedbackPropertiesEXT, 1000028001)
+VELLUM_TYPE(VkPipelineRasterizationStateStreamCreateInfoEXT, 1000028002)
+#endif
+#ifdef VK_EXT_validation_cache
+VELLUM_TYPE(VkValidationCacheCreateInfoEXT, 1000160000)
+VELLUM_TYPE(VkShaderModuleValidationCacheCreateInfoEXT, 1000160001)
+#endif
+#ifdef VK_EXT_validation_features
+VELLUM_TYPE(VkValidationFeaturesEXT, 1000247000)
+#endif
+#ifdef VK_EXT_validation_flags
+VELLUM_TYPE(VkValidationFlagsEXT, 1000061000)
+#endif
+#ifdef VK_EXT_vertex_attribute_divisor
+VELLUM_TYPE(VkPhysicalDeviceVertexAttributeDivisorPropertiesEXT, 1000190000)
+#endif
+#ifdef VK_EXT_vertex_attribute_robustness
+VELLUM_TYPE(VkPhysicalDeviceVertexAttributeRobustnessFeaturesEXT, 1000608000)
+#endif
+#ifdef VK_EXT_vertex_input_dynamic_state
+VELLUM_TYPE(VkPhysicalDeviceVertexInputDynamicStateFeaturesEXT, 1000352000)
+VELLUM_TYPE(VkVertexInputBindingDescription2EXT, 1000352001)
+VELLUM_TYPE(VkVertexInputAttributeDescription2EXT, 1000352002)
+#endif
+#ifdef VK_EXT_ycbcr_2plane_444_formats
+VELLUM_TYPE(VkPhysicalDeviceYcbcr2Plane444FormatsFeaturesEXT, 1000330000)
+#endif
+#ifdef VK_EXT_ycbcr_image_arrays
+VELLUM_TYPE(VkPhysicalDeviceYcbcrImageArraysFeaturesEXT, 1000252000)
+#endif
+#ifdef VK_EXT_zero_initialize_device_memory
+VELLUM_TYPE(VkPhysicalDeviceZeroInitializeDeviceMemoryFeaturesEXT, 1000620000)
+#endif
+#ifdef VK_FUCHSIA_buffer_collection
+VELLUM_TYPE(VkBufferCollectionCreateInfoFUCHSIA, 1000366000)
+VELLUM_TYPE(VkImportMemoryBufferCollectionFUCHSIA, 1000366001)
+VELLUM_TYPE(VkBufferCollectionImageCreateInfoFUCHSIA, 1000366002)
+VELLUM_TYPE(VkBufferCollectionPropertiesFUCHSIA, 1000366003)
+VELLUM_TYPE(VkBufferConstraintsInfoFUCHSIA, 1000366004)
+VELLUM_TYPE(VkBufferCollectionBufferCreateInfoFUCHSIA, 1000366005)
+VELLUM_TYPE(VkImageConstraintsInfoFUCHSIA, 1000366006)
+VELLUM_TYPE(VkImageFormatConstraintsInfoFUCHSIA, 1000366007)
+VELLUM_TYPE(VkSysmemColorSpaceFUCHSIA, 1000366008)
+VELLUM_TYPE(VkBufferCollectionConstraintsInfoFUCHSIA, 1000366009)
+#endif
+#ifdef VK_FUCHSIA_external_memory
+VELLUM_TYPE(VkImportMemoryZirconHandleInfoFUCHSIA, 1000364000)
+VELLUM_TYPE(VkMemoryZirconHandlePropertiesFUCHSIA, 1000364001)
+VELLUM_TYPE(VkMemoryGetZirconHandleInfoFUCHSIA, 1000364002)
+#endif
+#ifdef VK_FUCHSIA_external_semaphore
+VELLUM_TYPE(VkImportSemaphoreZirconHandleInfoFUCHSIA, 1000365000)
+VELLUM_TYPE(VkSemaphoreGetZirconHandleInfoFUCHSIA, 1000365001)
+#endif
+#ifdef VK_FUCHSIA_imagepipe_surface
+VELLUM_TYPE(VkImagePipeSurfaceCreateInfoFUCHSIA, 1000214000)
+#endif
+#ifdef VK_GGP_frame_token
+VELLUM_TYPE(VkPresentFrameTokenGGP, 1000191000)
+#endif
+#ifdef VK_GGP_stream_descriptor_surface
+VELLUM_TYPE(VkStreamDescriptorSurfaceCreateInfoGGP, 1000049000)
+#endif
+#ifdef VK_GOOGLE_display_timing
+VELLUM_TYPE(VkPresentTimesInfoGOOGLE, 1000092000)
+#endif
+#ifdef VK_HUAWEI_cluster_culling_shader
+VELLUM_TYPE(VkPhysicalDeviceClusterCullingShaderFeaturesHUAWEI, 1000404000)
+VELLUM_TYPE(VkPhysicalDeviceClusterCullingShaderPropertiesHUAWEI, 1000404001)
+VELLUM_TYPE(VkPhysicalDeviceClusterCullingShaderVrsFeaturesHUAWEI, 1000404002)
+#endif
+#ifdef VK_HUAWEI_hdr_vivid
+VELLUM_TYPE(VkPhysicalDeviceHdrVividFeaturesHUAWEI, 1000590000)
+VELLUM_TYPE(VkHdrVividDynamicMetadataHUAWEI, 1000590001)
+#endif
+#ifdef VK_HUAWEI_invocation_mask
+VELLUM_TYPE(VkPhysicalDeviceInvocationMaskFeaturesHUAWEI, 1000370000)
+#endif
+#ifdef VK_HUAWEI_subpass_shading
+VELLUM_TYPE(VkSubpassShadingPipelineCreateInfoHUAWEI, 1000369000)
+VELLUM_TYPE(VkPhysicalDeviceSubpassShadingFeaturesHUAWEI, 1000369001)
+VELLUM_TYPE(VkPhysicalDeviceSubpassShadingPropertiesHUAWEI, 1000369002)
+#endif
+#ifdef VK_IMG_relaxed_line_rasterization
+VELLUM_TYPE(VkPhysicalDeviceRelaxedLineRasterizationFeaturesIMG, 1000110000)
+#endif
+#ifdef VK_INTEL_performance_query
+VELLUM_TYPE(VkQueryPoolPerformanceQueryCreateInfoINTEL, 1000210000)
+VELLUM_TYPE(VkInitializePerformanceApiInfoINTEL, 1000210001)
+VELLUM_TYPE(VkPerformanceMarkerInfoINTEL, 1000210002)
+VELLUM_TYPE(VkPerformanceStreamMarkerInfoINTEL, 1000210003)
+VELLUM_TYPE(VkPerformanceOverrideInfoINTEL, 1000210004)
+VELLUM_TYPE(VkPerformanceConfigurationAcquireInfoINTEL, 1000210005)
+#endif
+#ifdef VK_INTEL_shader_integer_functions2
+VELLUM_TYPE(VkPhysicalDeviceShaderIntegerFunctions2FeaturesINTEL, 1000209000)
+#endif
+#ifdef VK_KHR_acceleration_structure
+VELLUM_TYPE(VkAccelerationStructureBuildGeometryInfoKHR, 1000150000)
+VELLUM_TYPE(VkAccelerationStructureDeviceAddressInfoKHR, 1000150002)
+VELLUM_TYPE(VkAccelerationStructureGeometryAabbsDataKHR, 1000150003)
+VELLUM_TYPE(VkAccelerationStructureGeometryInstancesDataKHR, 1000150004)
+VELLUM_TYPE(VkAccelerationStructureGeometryTrianglesDataKHR, 1000150005)
+VELLUM_TYPE(VkAccelerationStructureGeometryKHR, 1000150006)
+VELLUM_TYPE(VkWriteDescriptorSetAccelerationStructureKHR, 1000150007)
+VELLUM_TYPE(VkAccelerationStructureVersionInfoKHR, 1000150009)
+VELLUM_TYPE(VkCopyAccelerationStructureInfoKHR, 1000150010)
+VELLUM_TYPE(VkCopyAccelerationStructureToMemoryInfoKHR, 1000150011)
+VELLUM_TYPE(VkCopyMemoryToAccelerationStructureInfoKHR, 1000150012)
+VELLUM_TYPE(VkPhysicalDeviceAccelerationStructureFeaturesKHR, 1000150013)
+VELLUM_TYPE(VkPhysicalDeviceAccelerationStructurePropertiesKHR, 1000150014)
+VELLUM_TYPE(VkAccelerationStructureCreateInfoKHR, 1000150017)
+VELLUM_TYPE(VkAccelerationStructureBuildSizesInfoKHR, 1000150020)
+#endif
+#ifdef VK_KHR_android_surface
+VELLUM_TYPE(VkAndroidSurfaceCreateInfoKHR, 1000008000)
+#endif
+#ifdef VK_KHR_calibrated_timestamps
+VELLUM_TYPE(VkCalibratedTimestampInfoKHR, 1000184000)
+#endif
+#ifdef VK_KHR_compute_shader_derivatives
+VELLUM_TYPE(VkPhysicalDeviceComputeShaderDerivativesFeaturesKHR, 1000201000)
+VELLUM_TYPE(VkPhysicalDeviceComputeShaderDerivativesPropertiesKHR, 1000511000)
+#endif
+#ifdef VK_KHR_cooperative_matrix
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixFeaturesKHR, 1000506000)
+VELLUM_TYPE(VkCooperativeMatrixPropertiesKHR, 1000506001)
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixPropertiesKHR, 1000506002)
+#endif
+#ifdef VK_KHR_copy_memory_indirect
+VELLUM_TYPE(VkPhysicalDeviceCopyMemoryIndirectPropertiesKHR, 1000426001)
+VELLUM_TYPE(VkPhysicalDeviceCopyMemoryIndirectFeaturesKHR, 1000549000)
+VELLUM_TYPE(VkCopyMemoryIndirectInfoKHR, 1000549002)
+VELLUM_TYPE(VkCopyMemoryToImageIndirectInfoKHR, 1000549003)
+#endif
+#ifdef VK_KHR_depth_clamp_zero_one
+VELLUM_TYPE(VkPhysicalDeviceDepthClampZeroOneFeaturesKHR, 1000421000)
+#endif
+#ifdef VK_KHR_device_address_commands
+VELLUM_TYPE(VkDeviceMemoryCopyKHR, 1000318000)
+VELLUM_TYPE(VkCopyDeviceMemoryInfoKHR, 1000318001)
+VELLUM_TYPE(VkDeviceMemoryImageCopyKHR, 1000318002)
+VELLUM_TYPE(VkCopyDeviceMemoryImageInfoKHR, 1000318003)
+VELLUM_TYPE(VkMemoryRangeBarriersInfoKHR, 1000318004)
+VELLUM_TYPE(VkMemoryRangeBarrierKHR, 1000318005)
+VELLUM_TYPE(VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR, 1000318006)
+VELLUM_TYPE(VkBindIndexBuffer3InfoKHR, 1000318007)
+VELLUM_TYPE(VkBindVertexBuffer3InfoKHR, 1000318008)
+VELLUM_TYPE(VkDrawIndirect2InfoKHR, 1000318009)
+VELLUM_TYPE(VkDrawIndirectCount2InfoKHR, 1000318010)
+VELLUM_TYPE(VkDispatchIndirect2InfoKHR, 1000318011)
+VELLUM_TYPE(VkConditionalRenderingBeginInfo2EXT, 1000318012)
+VELLUM_TYPE(VkBindTransformFeedbackBuffer2InfoEXT, 1000318013)
+VELLUM_TYPE(VkMemoryMarkerInfoAMD, 1000318014)
+VELLUM_TYPE(VkAccelerationStructureCreateInfo2KHR, 1000318015)
+#endif
+#ifdef VK_KHR_device_fault
+VELLUM_TYPE(VkPhysicalDeviceFaultFeaturesKHR, 1000573000)
+VELLUM_TYPE(VkPhysicalDeviceFaultPropertiesKHR, 1000573001)
+VELLUM_TYPE(VkDeviceFaultInfoKHR, 1000573002)
+VELLUM_TYPE(VkDeviceFaultDebugInfoKHR, 1000573003)
+#endif
+#ifdef VK_KHR_display
+VELLUM_TYPE(VkDisplayModeCreateInfoKHR, 1000002000)
+VELLUM_TYPE(VkDisplaySurfaceCreateInfoKHR, 1000002001)
+#endif
+#ifdef VK_KHR_display_swapchain
+VELLUM_TYPE(VkDisplayPresentInfoKHR, 1000003000)
+#endif
+#ifdef VK_KHR_extended_flags
+VELLUM_TYPE(VkFormatProperties4KHR, 1000668000)
+VELLUM_TYPE(VkImageCreateFlags2CreateInfoKHR, 1000668001)
+VELLUM_TYPE(VkImageUsageFlags2CreateInfoKHR, 1000668002)
+VELLUM_TYPE(VkImageViewUsage2CreateInfoKHR, 1000668003)
+VELLUM_TYPE(VkPhysicalDeviceExtendedFlagsFeaturesKHR, 1000668004)
+VELLUM_TYPE(VkImageStencilUsage2CreateInfoKHR, 1000668005)
+VELLUM_TYPE(VkSharedPresentSurfaceCapabilities2KHR, 1000668006)
+#endif
+#ifdef VK_KHR_external_fence_fd
+VELLUM_TYPE(VkImportFenceFdInfoKHR, 1000115000)
+VELLUM_TYPE(VkFenceGetFdInfoKHR, 1000115001)
+#endif
+#ifdef VK_KHR_external_fence_win32
+VELLUM_TYPE(VkImportFenceWin32HandleInfoKHR, 1000114000)
+VELLUM_TYPE(VkExportFenceWin32HandleInfoKHR, 1000114001)
+VELLUM_TYPE(VkFenceGetWin32HandleInfoKHR, 1000114002)
+#endif
+#ifdef VK_KHR_external_memory_fd
+VELLUM_TYPE(VkImportMemoryFdInfoKHR, 1000074000)
+VELLUM_TYPE(VkMemoryFdPropertiesKHR, 1000074001)
+VELLUM_TYPE(VkMemoryGetFdInfoKHR, 1000074002)
+#endif
+#ifdef VK_KHR_external_memory_win32
+VELLUM_TYPE(VkImportMemoryWin32HandleInfoKHR, 1000073000)
+VELLUM_TYPE(VkExportMemoryWin32HandleInfoKHR, 1000073001)
+VELLUM_TYPE(VkMemoryWin32HandlePropertiesKHR, 1000073002)
+VELLUM_TYPE(VkMemoryGetWin32HandleInfoKHR, 1000073003)
+#endif
+#ifdef VK_KHR_external_semaphore_fd
+VELLUM_TYPE(VkImportSemaphoreFdInfoKHR, 1000079000)
+VELLUM_TYPE(VkSemaphoreGetFdInfoKHR, 1000079001)
+#endif
+#ifdef VK_KHR_external_semaphore_win32
+VELLUM_TYPE(VkImportSemaphoreWin32HandleInfoKHR, 1000078000)
+VELLUM_TYPE(VkExportSemaphoreWin32HandleInfoKHR, 1000078001)
+VELLUM_TYPE(VkD3D12FenceSubmitInfoKHR, 1000078002)
+VELLUM_TYPE(VkSemaphoreGetWin32HandleInfoKHR, 1000078003)
+#endif
+#ifdef VK_KHR_fragment_shader_barycentric
+VELLUM_TYPE(VkPhysicalDeviceFragmentShaderBarycentricFeaturesKHR, 1000203000)
+VELLUM_TYPE(VkPhysicalDeviceFragmentShaderBarycentricPropertiesKHR, 1000322000)
+#endif
+#ifdef VK_KHR_fragment_shading_rate
+VELLUM_TYPE(VkRenderingFragmentShadingRateAttachmentInfoKHR, 1000044006)
+VELLUM_TYPE(VkFragmentShadingRateAttachmentInfoKHR, 1000226000)
+VELLUM_TYPE(VkPipelineFragmentShadingRateStateCreateInfoKHR, 1000226001)
+VELLUM_TYPE(VkPhysicalDeviceFragmentShadingRatePropertiesKHR, 1000226002)
+VELLUM_TYPE(VkPhysicalDeviceFragmentShadingRateFeaturesKHR, 1000226003)
+VELLUM_TYPE(VkPhysicalDeviceFragmentShadingRateKHR, 1000226004)
+#endif
+#ifdef VK_KHR_get_display_properties2
+VELLUM_TYPE(VkDisplayProperties2KHR, 1000121000)
+VELLUM_TYPE(VkDisplayPlaneProperties2KHR, 1000121001)
+VELLUM_TYPE(VkDisplayModeProperties2KHR, 1000121002)
+VELLUM_TYPE(VkDisplayPlaneInfo2KHR, 1000121003)
+VELLUM_TYPE(VkDisplayPlaneCapabilities2KHR, 1000121004)
+#endif
+#ifdef VK_KHR_get_surface_capabilities2
+VELLUM_TYPE(VkPhysicalDeviceSurfaceInfo2KHR, 1000119000)
+VELLUM_TYPE(VkSurfaceCapabilities2KHR, 1000119001)
+VELLUM_TYPE(VkSurfaceFormat2KHR, 1000119002)
+#endif
+#ifdef VK_KHR_incremental_present
+VELLUM_TYPE(VkPresentRegionsKHR, 1000084000)
+#endif
+#ifdef VK_KHR_internally_synchronized_queues
+VELLUM_TYPE(VkPhysicalDeviceInternallySynchronizedQueuesFeaturesKHR, 1000504000)
+#endif
+#ifdef VK_KHR_maintenance10
+VELLUM_TYPE(VkPhysicalDeviceMaintenance10FeaturesKHR, 1000630000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance10PropertiesKHR, 1000630001)
+VELLUM_TYPE(VkRenderingAttachmentFlagsInfoKHR, 1000630002)
+VELLUM_TYPE(VkResolveImageModeInfoKHR, 1000630004)
+#endif
+#ifdef VK_KHR_maintenance11
+VELLUM_TYPE(VkPhysicalDeviceMaintenance11FeaturesKHR, 1000657000)
+VELLUM_TYPE(VkQueueFamilyOptimalImageTransferGranularityPropertiesKHR, 1000657001)
+#endif
+#ifdef VK_KHR_maintenance6
+VELLUM_TYPE(VkSetDescriptorBufferOffsetsInfoEXT, 1000545007)
+VELLUM_TYPE(VkBindDescriptorBufferEmbeddedSamplersInfoEXT, 1000545008)
+#endif
+#ifdef VK_KHR_maintenance7
+VELLUM_TYPE(VkPhysicalDeviceMaintenance7FeaturesKHR, 1000562000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance7PropertiesKHR, 1000562001)
+VELLUM_TYPE(VkPhysicalDeviceLayeredApiPropertiesListKHR, 1000562002)
+VELLUM_TYPE(VkPhysicalDeviceLayeredApiPropertiesKHR, 1000562003)
+VELLUM_TYPE(VkPhysicalDeviceLayeredApiVulkanPropertiesKHR, 1000562004)
+#endif
+#ifdef VK_KHR_maintenance8
+VELLUM_TYPE(VkPhysicalDeviceMaintenance8FeaturesKHR, 1000574000)
+VELLUM_TYPE(VkMemoryBarrierAccessFlags3KHR, 1000574002)
+#endif
+#ifdef VK_KHR_maintenance9
+VELLUM_TYPE(VkPhysicalDeviceMaintenance9FeaturesKHR, 1000584000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance9PropertiesKHR, 1000584001)
+VELLUM_TYPE(VkQueueFamilyOwnershipTransferPropertiesKHR, 1000584002)
+#endif
+#ifdef VK_KHR_opacity_micromap
+VELLUM_TYPE(VkPhysicalDeviceOpacityMicromapFeaturesKHR, 1000623000)
+VELLUM_TYPE(VkPhysicalDeviceOpacityMicromapPropertiesKHR, 1000623001)
+VELLUM_TYPE(VkAccelerationStructureGeometryMicromapDataKHR, 1000623002)
+VELLUM_TYPE(VkAccelerationStructureTrianglesOpacityMicromapKHR, 1000623003)
+#endif
+#ifdef VK_KHR_performance_query
+VELLUM_TYPE(VkPhysicalDevicePerformanceQueryFeaturesKHR, 1000116000)
+VELLUM_TYPE(VkPhysicalDevicePerformanceQueryPropertiesKHR, 1000116001)
+VELLUM_TYPE(VkQueryPoolPerformanceCreateInfoKHR, 1000116002)
+VELLUM_TYPE(VkPerformanceQuerySubmitInfoKHR, 1000116003)
+VELLUM_TYPE(VkAcquireProfilingLockInfoKHR, 1000116004)
+VELLUM_TYPE(VkPerformanceCounterKHR, 1000116005)
+VELLUM_TYPE(VkPerformanceCounterDescriptionKHR, 1000116006)
+#endif
+#ifdef VK_KHR_pipeline_binary
+VELLUM_TYPE(VkReleaseCapturedPipelineDataInfoKHR, 1000483005)
+VELLUM_TYPE(VkDevicePipelineBinaryInternalCacheControlKHR, 1000483008)
+#endif
+#ifdef VK_KHR_pipeline_executable_properties
+VELLUM_TYPE(VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR, 1000269000)
+VELLUM_TYPE(VkPipelineInfoKHR, 1000269001)
+VELLUM_TYPE(VkPipelineExecutablePropertiesKHR, 1000269002)
+VELLUM_TYPE(VkPipelineExecutableInfoKHR, 1000269003)
+VELLUM_TYPE(VkPipelineExecutableStatisticKHR, 1000269004)
+VELLUM_TYPE(VkPipelineExecutableInternalRepresentationKHR, 1000269005)
+#endif
+#ifdef VK_KHR_pipeline_library
+VELLUM_TYPE(VkPipelineLibraryCreateInfoKHR, 1000290000)
+#endif
+#ifdef VK_KHR_present_id
+VELLUM_TYPE(VkPresentIdKHR, 1000294000)
+VELLUM_TYPE(VkPhysicalDevicePresentIdFeaturesKHR, 1000294001)
+#endif
+#ifdef VK_KHR_present_id2
+VELLUM_TYPE(VkSurfaceCapabilitiesPresentId2KHR, 1000479000)
+VELLUM_TYPE(VkPresentId2KHR, 1000479001)
+VELLUM_TYPE(VkPhysicalDevicePresentId2FeaturesKHR, 1000479002)
+#endif
+#ifdef VK_KHR_present_mode_fifo_latest_ready
+VELLUM_TYPE(VkPhysicalDevicePresentModeFifoLatestReadyFeaturesKHR, 1000361000)
+#endif
+#ifdef VK_KHR_present_wait
+VELLUM_TYPE(VkPhysicalDevicePresentWaitFeaturesKHR, 1000248000)
+#endif
+#ifdef VK_KHR_present_wait2
+VELLUM_TYPE(VkSurfaceCapabilitiesPresentWait2KHR, 1000480000)
+VELLUM_TYPE(VkPhysicalDevicePresentWait2FeaturesKHR, 1000480001)
+VELLUM_TYPE(VkPresentWait2InfoKHR, 1000480002)
+#endif
+#ifdef VK_KHR_ray_query
+VELLUM_TYPE(VkPhysicalDeviceRayQueryFeaturesKHR, 1000348013)
+#endif
+#ifdef VK_KHR_ray_tracing_maintenance1
+VELLUM_TYPE(VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR, 1000386000)
+#endif
+#ifdef VK_KHR_ray_tracing_pipeline
+VELLUM_TYPE(VkRayTracingPipelineCreateInfoKHR, 1000150015)
+VELLUM_TYPE(VkRayTracingShaderGroupCreateInfoKHR, 1000150016)
+VELLUM_TYPE(VkRayTracingPipelineInterfaceCreateInfoKHR, 1000150018)
+VELLUM_TYPE(VkPhysicalDeviceRayTracingPipelineFeaturesKHR, 1000347000)
+VELLUM_TYPE(VkPhysicalDeviceRayTracingPipelinePropertiesKHR, 1000347001)
+#endif
+#ifdef VK_KHR_ray_tracing_position_fetch
+VELLUM_TYPE(VkPhysicalDeviceRayTracingPositionFetchFeaturesKHR, 1000481000)
+#endif
+#ifdef VK_KHR_robustness2
+VELLUM_TYPE(VkPhysicalDeviceRobustness2FeaturesKHR, 1000286000)
+VELLUM_TYPE(VkPhysicalDeviceRobustness2PropertiesKHR, 1000286001)
+#endif
+#ifdef VK_KHR_shader_abort
+VELLUM_TYPE(VkPhysicalDeviceShaderAbortFeaturesKHR, 1000233000)
+VELLUM_TYPE(VkDeviceFaultShaderAbortMessageInfoKHR, 1000233001)
+VELLUM_TYPE(VkPhysicalDeviceShaderAbortPropertiesKHR, 1000233002)
+#endif
+#ifdef VK_KHR_shader_bfloat16
+VELLUM_TYPE(VkPhysicalDeviceShaderBfloat16FeaturesKHR, 1000141000)
+#endif
+#ifdef VK_KHR_shader_clock
+VELLUM_TYPE(VkPhysicalDeviceShaderClockFeaturesKHR, 1000181000)
+#endif
+#ifdef VK_KHR_shader_constant_data
+VELLUM_TYPE(VkPhysicalDeviceShaderConstantDataFeaturesKHR, 1000231000)
+#endif
+#ifdef VK_KHR_shader_fma
+VELLUM_TYPE(VkPhysicalDeviceShaderFmaFeaturesKHR, 1000579000)
+#endif
+#ifdef VK_KHR_shader_maximal_reconvergence
+VELLUM_TYPE(VkPhysicalDeviceShaderMaximalReconvergenceFeaturesKHR, 1000434000)
+#endif
+#ifdef VK_KHR_shader_quad_control
+VELLUM_TYPE(VkPhysicalDeviceShaderQuadControlFeaturesKHR, 1000235000)
+#endif
+#ifdef VK_KHR_shader_relaxed_extended_instruction
+VELLUM_TYPE(VkPhysicalDeviceShaderRelaxedExtendedInstructionFeaturesKHR, 1000558000)
+#endif
+#ifdef VK_KHR_shader_subgroup_uniform_control_flow
+VELLUM_TYPE(VkPhysicalDeviceShaderSubgroupUniformControlFlowFeaturesKHR, 1000323000)
+#endif
+#ifdef VK_KHR_shader_untyped_pointers
+VELLUM_TYPE(VkPhysicalDeviceShaderUntypedPointersFeaturesKHR, 1000387000)
+#endif
+#ifdef VK_KHR_shared_presentable_image
+VELLUM_TYPE(VkSharedPresentSurfaceCapabilitiesKHR, 1000111000)
+#endif
+#ifdef VK_KHR_surface_maintenance1
+VELLUM_TYPE(VkSurfacePresentModeKHR, 1000274000)
+VELLUM_TYPE(VkSurfacePresentScalingCapabilitiesKHR, 1000274001)
+VELLUM_TYPE(VkSurfacePresentModeCompatibilityKHR, 1000274002)
+#endif
+#ifdef VK_KHR_surface_protected_capabilities
+VELLUM_TYPE(VkSurfaceProtectedCapabilitiesKHR, 1000239000)
+#endif
+#ifdef VK_KHR_swapchain
+VELLUM_TYPE(VkSwapchainCreateInfoKHR, 1000001000)
+VELLUM_TYPE(VkPresentInfoKHR, 1000001001)
+VELLUM_TYPE(VkDeviceGroupPresentCapabilitiesKHR, 1000060007)
+VELLUM_TYPE(VkImageSwapchainCreateInfoKHR, 1000060008)
+VELLUM_TYPE(VkBindImageMemorySwapchainInfoKHR, 1000060009)
+VELLUM_TYPE(VkAcquireNextImageInfoKHR, 1000060010)
+VELLUM_TYPE(VkDeviceGroupPresentInfoKHR, 1000060011)
+VELLUM_TYPE(VkDeviceGroupSwapchainCreateInfoKHR, 1000060012)
+#endif
+#ifdef VK_KHR_swapchain_maintenance1
+VELLUM_TYPE(VkPhysicalDeviceSwapchainMaintenance1FeaturesKHR, 1000275000)
+VELLUM_TYPE(VkSwapchainPresentFenceInfoKHR, 1000275001)
+VELLUM_TYPE(VkSwapchainPresentModesCreateInfoKHR, 1000275002)
+VELLUM_TYPE(VkSwapchainPresentModeInfoKHR, 1000275003)
+VELLUM_TYPE(VkSwapchainPresentScalingCreateInfoKHR, 1000275004)
+VELLUM_TYPE(VkReleaseSwapchainImagesInfoKHR, 1000275005)
+#endif
+#ifdef VK_KHR_unified_image_layouts
+VELLUM_TYPE(VkPhysicalDeviceUnifiedImageLayoutsFeaturesKHR, 1000527000)
+VELLUM_TYPE(VkAttachmentFeedbackLoopInfoEXT, 1000527001)
+#endif
+#ifdef VK_KHR_video_decode_av1
+VELLUM_TYPE(VkVideoDecodeAV1CapabilitiesKHR, 1000512000)
+VELLUM_TYPE(VkVideoDecodeAV1PictureInfoKHR, 1000512001)
+VELLUM_TYPE(VkVideoDecodeAV1ProfileInfoKHR, 1000512003)
+VELLUM_TYPE(VkVideoDecodeAV1SessionParametersCreateInfoKHR, 1000512004)
+VELLUM_TYPE(VkVideoDecodeAV1DpbSlotInfoKHR, 1000512005)
+#endif
+#ifdef VK_KHR_video_decode_h264
+VELLUM_TYPE(VkVideoDecodeH264CapabilitiesKHR, 1000040000)
+VELLUM_TYPE(VkVideoDecodeH264PictureInfoKHR, 1000040001)
+VELLUM_TYPE(VkVideoDecodeH264ProfileInfoKHR, 1000040003)
+VELLUM_TYPE(VkVideoDecodeH264SessionParametersCreateInfoKHR, 1000040004)
+VELLUM_TYPE(VkVideoDecodeH264SessionParametersAddInfoKHR, 1000040005)
+VELLUM_TYPE(VkVideoDecodeH264DpbSlotInfoKHR, 1000040006)
+#endif
+#ifdef VK_KHR_video_decode_h265
+VELLUM_TYPE(VkVideoDecodeH265CapabilitiesKHR, 1000187000)
+VELLUM_TYPE(VkVideoDecodeH265SessionParametersCreateInfoKHR, 1000187001)
+VELLUM_TYPE(VkVideoDecodeH265SessionParametersAddInfoKHR, 1000187002)
+VELLUM_TYPE(VkVideoDecodeH265ProfileInfoKHR, 1000187003)
+VELLUM_TYPE(VkVideoDecodeH265PictureInfoKHR, 1000187004)
+VELLUM_TYPE(VkVideoDecodeH265DpbSlotInfoKHR, 1000187005)
+#endif
+#ifdef VK_KHR_video_decode_queue
+VELLUM_TYPE(VkVideoDecodeInfoKHR, 1000024000)
+VELLUM_TYPE(VkVideoDecodeCapabilitiesKHR, 1000024001)
+VELLUM_TYPE(VkVideoDecodeUsageInfoKHR, 1000024002)
+#endif
+#ifdef VK_KHR_video_decode_vp9
+VELLUM_TYPE(VkPhysicalDeviceVideoDecodeVP9FeaturesKHR, 1000514000)
+VELLUM_TYPE(VkVideoDecodeVP9CapabilitiesKHR, 1000514001)
+VELLUM_TYPE(VkVideoDecodeVP9PictureInfoKHR, 1000514002)
+VELLUM_TYPE(VkVideoDecodeVP9ProfileInfoKHR, 1000514003)
+#endif
+#ifdef VK_KHR_video_encode_av1
+VELLUM_TYPE(VkVideoEncodeAV1CapabilitiesKHR, 1000513000)
+VELLUM_TYPE(VkVideoEncodeAV1SessionParametersCreateInfoKHR, 1000513001)
+VELLUM_TYPE(VkVideoEncodeAV1PictureInfoKHR, 1000513002)
+VELLUM_TYPE(VkVideoEncodeAV1DpbSlotInfoKHR, 1000513003)
+VELLUM_TYPE(VkPhysicalDeviceVideoEncodeAV1FeaturesKHR, 1000513004)
+VELLUM_TYPE(VkVideoEncodeAV1ProfileInfoKHR, 1000513005)
+VELLUM_TYPE(VkVideoEncodeAV1RateControlInfoKHR, 1000513006)
+VELLUM_TYPE(VkVideoEncodeAV1RateControlLayerInfoKHR, 1000513007)
+VELLUM_TYPE(VkVideoEncodeAV1QualityLevelPropertiesKHR, 1000513008)
+VELLUM_TYPE(VkVideoEncodeAV1SessionCreateInfoKHR, 1000513009)
+VELLUM_TYPE(VkVideoEncodeAV1GopRemainingFrameInfoKHR, 1000513010)
+#endif
+#ifdef VK_KHR_video_encode_feedback2
+VELLUM_TYPE(VkPhysicalDeviceVideoEncodeFeedback2FeaturesKHR, 1000598000)
+VELLUM_TYPE(VkVideoEncodeFeedback2CapabilitiesKHR, 1000598001)
+VELLUM_TYPE(VkQueryPoolVideoEncodePerPartitionFeedbackCreateInfoKHR, 1000598002)
+#endif
+#ifdef VK_KHR_video_encode_h264
+VELLUM_TYPE(VkVideoEncodeH264CapabilitiesKHR, 1000038000)
+VELLUM_TYPE(VkVideoEncodeH264SessionParametersCreateInfoKHR, 1000038001)
+VELLUM_TYPE(VkVideoEncodeH264SessionParametersAddInfoKHR, 1000038002)
+VELLUM_TYPE(VkVideoEncodeH264PictureInfoKHR, 1000038003)
+VELLUM_TYPE(VkVideoEncodeH264DpbSlotInfoKHR, 1000038004)
+VELLUM_TYPE(VkVideoEncodeH264NaluSliceInfoKHR, 1000038005)
+VELLUM_TYPE(VkVideoEncodeH264GopRemainingFrameInfoKHR, 1000038006)
+VELLUM_TYPE(VkVideoEncodeH264ProfileInfoKHR, 1000038007)
+VELLUM_TYPE(VkVideoEncodeH264RateControlInfoKHR, 1000038008)
+VELLUM_TYPE(VkVideoEncodeH264RateControlLayerInfoKHR, 1000038009)
+VELLUM_TYPE(VkVideoEncodeH264SessionCreateInfoKHR, 1000038010)
+VELLUM_TYPE(VkVideoEncodeH264QualityLevelPropertiesKHR, 1000038011)
+VELLUM_TYPE(VkVideoEncodeH264SessionParametersGetInfoKHR, 1000038012)
+VELLUM_TYPE(VkVideoEncodeH264SessionParametersFeedbackInfoKHR, 1000038013)
+#endif
+#ifdef VK_KHR_video_encode_h265
+VELLUM_TYPE(VkVideoEncodeH265CapabilitiesKHR, 1000039000)
+VELLUM_TYPE(VkVideoEncodeH265SessionParametersCreateInfoKHR, 1000039001)
+VELLUM_TYPE(VkVideoEncodeH265SessionParametersAddInfoKHR, 1000039002)
+VELLUM_TYPE(VkVideoEncodeH265PictureInfoKHR, 1000039003)
+VELLUM_TYPE(VkVideoEncodeH265DpbSlotInfoKHR, 1000039004)
+VELLUM_TYPE(VkVideoEncodeH265NaluSliceSegmentInfoKHR, 1000039005)
+VELLUM_TYPE(VkVideoEncodeH265GopRemainingFrameInfoKHR, 1000039006)
+VELLUM_TYPE(VkVideoEncodeH265ProfileInfoKHR, 1000039007)
+VELLUM_TYPE(VkVideoEncodeH265RateControlInfoKHR, 1000039009)
+VELLUM_TYPE(VkVideoEncodeH265RateControlLayerInfoKHR, 1000039010)
+VELLUM_TYPE(VkVideoEncodeH265SessionCreateInfoKHR, 1000039011)
+VELLUM_TYPE(VkVideoEncodeH265QualityLevelPropertiesKHR, 1000039012)
+VELLUM_TYPE(VkVideoEncodeH265SessionParametersGetInfoKHR, 1000039013)
+VELLUM_TYPE(VkVideoEncodeH265SessionParametersFeedbackInfoKHR, 1000039014)
+#endif
+#ifdef VK_KHR_video_encode_intra_refresh
+VELLUM_TYPE(VkVideoEncodeIntraRefreshCapabilitiesKHR, 1000552000)
+VELLUM_TYPE(VkVideoEncodeSessionIntraRefreshCreateInfoKHR, 1000552001)
+VELLUM_TYPE(VkVideoEncodeIntraRefreshInfoKHR, 1000552002)
+VELLUM_TYPE(VkVideoReferenceIntraRefreshInfoKHR, 1000552003)
+VELLUM_TYPE(VkPhysicalDeviceVideoEncodeIntraRefreshFeaturesKHR, 1000552004)
+#endif
+#ifdef VK_KHR_video_encode_quantization_map
+VELLUM_TYPE(VkVideoEncodeQuantizationMapCapabilitiesKHR, 1000553000)
+VELLUM_TYPE(VkVideoFormatQuantizationMapPropertiesKHR, 1000553001)
+VELLUM_TYPE(VkVideoEncodeQuantizationMapInfoKHR, 1000553002)
+VELLUM_TYPE(VkVideoEncodeH264QuantizationMapCapabilitiesKHR, 1000553003)
+VELLUM_TYPE(VkVideoEncodeH265QuantizationMapCapabilitiesKHR, 1000553004)
+VELLUM_TYPE(VkVideoEncodeQuantizationMapSessionParametersCreateInfoKHR, 1000553005)
+VELLUM_TYPE(VkVideoFormatH265QuantizationMapPropertiesKHR, 1000553006)
+VELLUM_TYPE(VkVideoEncodeAV1QuantizationMapCapabilitiesKHR, 1000553007)
+VELLUM_TYPE(VkVideoFormatAV1QuantizationMapPropertiesKHR, 1000553008)
+VELLUM_TYPE(VkPhysicalDeviceVideoEncodeQuantizationMapFeaturesKHR, 1000553009)
+#endif
+#ifdef VK_KHR_video_encode_queue
+VELLUM_TYPE(VkVideoEncodeInfoKHR, 1000299000)
+VELLUM_TYPE(VkVideoEncodeRateControlInfoKHR, 1000299001)
+VELLUM_TYPE(VkVideoEncodeRateControlLayerInfoKHR, 1000299002)
+VELLUM_TYPE(VkVideoEncodeCapabilitiesKHR, 1000299003)
+VELLUM_TYPE(VkVideoEncodeUsageInfoKHR, 1000299004)
+VELLUM_TYPE(VkQueryPoolVideoEncodeFeedbackCreateInfoKHR, 1000299005)
+VELLUM_TYPE(VkPhysicalDeviceVideoEncodeQualityLevelInfoKHR, 1000299006)
+VELLUM_TYPE(VkVideoEncodeQualityLevelPropertiesKHR, 1000299007)
+VELLUM_TYPE(VkVideoEncodeQualityLevelInfoKHR, 1000299008)
+VELLUM_TYPE(VkVideoEncodeSessionParametersGetInfoKHR, 1000299009)
+VELLUM_TYPE(VkVideoEncodeSessionParametersFeedbackInfoKHR, 1000299010)
+#endif
+#ifdef VK_KHR_video_maintenance1
+VELLUM_TYPE(VkPhysicalDeviceVideoMaintenance1FeaturesKHR, 1000515000)
+VELLUM_TYPE(VkVideoInlineQueryInfoKHR, 1000515001)
+#endif
+#ifdef VK_KHR_video_maintenance2
+VELLUM_TYPE(VkPhysicalDeviceVideoMaintenance2FeaturesKHR, 1000586000)
+VELLUM_TYPE(VkVideoDecodeH264InlineSessionParametersInfoKHR, 1000586001)
+VELLUM_TYPE(VkVideoDecodeH265InlineSessionParametersInfoKHR, 1000586002)
+VELLUM_TYPE(VkVideoDecodeAV1InlineSessionParametersInfoKHR, 1000586003)
+#endif
+#ifdef VK_KHR_video_queue
+VELLUM_TYPE(VkVideoProfileInfoKHR, 1000023000)
+VELLUM_TYPE(VkVideoCapabilitiesKHR, 1000023001)
+VELLUM_TYPE(VkVideoPictureResourceInfoKHR, 1000023002)
+VELLUM_TYPE(VkVideoSessionMemoryRequirementsKHR, 1000023003)
+VELLUM_TYPE(VkBindVideoSessionMemoryInfoKHR, 1000023004)
+VELLUM_TYPE(VkVideoSessionCreateInfoKHR, 1000023005)
+VELLUM_TYPE(VkVideoSessionParametersCreateInfoKHR, 1000023006)
+VELLUM_TYPE(VkVideoSessionParametersUpdateInfoKHR, 1000023007)
+VELLUM_TYPE(VkVideoBeginCodingInfoKHR, 1000023008)
+VELLUM_TYPE(VkVideoEndCodingInfoKHR, 1000023009)
+VELLUM_TYPE(VkVideoCodingControlInfoKHR, 1000023010)
+VELLUM_TYPE(VkVideoReferenceSlotInfoKHR, 1000023011)
+VELLUM_TYPE(VkQueueFamilyVideoPropertiesKHR, 1000023012)
+VELLUM_TYPE(VkVideoProfileListInfoKHR, 1000023013)
+VELLUM_TYPE(VkPhysicalDeviceVideoFormatInfoKHR, 1000023014)
+VELLUM_TYPE(VkVideoFormatPropertiesKHR, 1000023015)
+VELLUM_TYPE(VkQueueFamilyQueryResultStatusPropertiesKHR, 1000023016)
+#endif
+#ifdef VK_KHR_wayland_surface
+VELLUM_TYPE(VkWaylandSurfaceCreateInfoKHR, 1000006000)
+#endif
+#ifdef VK_KHR_win32_keyed_mutex
+VELLUM_TYPE(VkWin32KeyedMutexAcquireReleaseInfoKHR, 1000075000)
+#endif
+#ifdef VK_KHR_win32_surface
+VELLUM_TYPE(VkWin32SurfaceCreateInfoKHR, 1000009000)
+#endif
+#ifdef VK_KHR_workgroup_memory_explicit_layout
+VELLUM_TYPE(VkPhysicalDeviceWorkgroupMemoryExplicitLayoutFeaturesKHR, 1000336000)
+#endif
+#ifdef VK_KHR_xcb_surface
+VELLUM_TYPE(VkXcbSurfaceCreateInfoKHR, 1000005000)
+#endif
+#ifdef VK_KHR_xlib_surface
+VELLUM_TYPE(VkXlibSurfaceCreateInfoKHR, 1000004000)
+#endif
+#ifdef VK_LUNARG_direct_driver_loading
+VELLUM_TYPE(VkDirectDriverLoadingInfoLUNARG, 1000459000)
+VELLUM_TYPE(VkDirectDriverLoadingListLUNARG, 1000459001)
+#endif
+#ifdef VK_MESA_image_alignment_control
+VELLUM_TYPE(VkPhysicalDeviceImageAlignmentControlFeaturesMESA, 1000575000)
+VELLUM_TYPE(VkPhysicalDeviceImageAlignmentControlPropertiesMESA, 1000575001)
+VELLUM_TYPE(VkImageAlignmentControlCreateInfoMESA, 1000575002)
+#endif
+#ifdef VK_MSFT_layered_driver
+VELLUM_TYPE(VkPhysicalDeviceLayeredDriverPropertiesMSFT, 1000530000)
+#endif
+#ifdef VK_MVK_ios_surface
+VELLUM_TYPE(VkIOSSurfaceCreateInfoMVK, 1000122000)
+#endif
+#ifdef VK_MVK_macos_surface
+VELLUM_TYPE(VkMacOSSurfaceCreateInfoMVK, 1000123000)
+#endif
+#ifdef VK_NN_vi_surface
+VELLUM_TYPE(VkViSurfaceCreateInfoNN, 1000062000)
+#endif
+#ifdef VK_NVX_binary_import
+VELLUM_TYPE(VkCuModuleCreateInfoNVX, 1000029000)
+VELLUM_TYPE(VkCuFunctionCreateInfoNVX, 1000029001)
+VELLUM_TYPE(VkCuLaunchInfoNVX, 1000029002)
+VELLUM_TYPE(VkCuModuleTexturingModeCreateInfoNVX, 1000029004)
+#endif
+#ifdef VK_NVX_image_view_handle
+VELLUM_TYPE(VkImageViewHandleInfoNVX, 1000030000)
+VELLUM_TYPE(VkImageViewAddressPropertiesNVX, 1000030001)
+#endif
+#ifdef VK_NVX_multiview_per_view_attributes
+VELLUM_TYPE(VkMultiviewPerViewAttributesInfoNVX, 1000044009)
+VELLUM_TYPE(VkPhysicalDeviceMultiviewPerViewAttributesPropertiesNVX, 1000097000)
+#endif
+#ifdef VK_NV_clip_space_w_scaling
+VELLUM_TYPE(VkPipelineViewportWScalingStateCreateInfoNV, 1000087000)
+#endif
+#ifdef VK_NV_cluster_acceleration_structure
+VELLUM_TYPE(VkPhysicalDeviceClusterAccelerationStructureFeaturesNV, 1000569000)
+VELLUM_TYPE(VkPhysicalDeviceClusterAccelerationStructurePropertiesNV, 1000569001)
+VELLUM_TYPE(VkClusterAccelerationStructureClustersBottomLevelInputNV, 1000569002)
+VELLUM_TYPE(VkClusterAccelerationStructureTriangleClusterInputNV, 1000569003)
+VELLUM_TYPE(VkClusterAccelerationStructureMoveObjectsInputNV, 1000569004)
+VELLUM_TYPE(VkClusterAccelerationStructureInputInfoNV, 1000569005)
+VELLUM_TYPE(VkClusterAccelerationStructureCommandsInfoNV, 1000569006)
+VELLUM_TYPE(VkRayTracingPipelineClusterAccelerationStructureCreateInfoNV, 1000569007)
+#endif
+#ifdef VK_NV_command_buffer_inheritance
+VELLUM_TYPE(VkPhysicalDeviceCommandBufferInheritanceFeaturesNV, 1000559000)
+#endif
+#ifdef VK_NV_compute_occupancy_priority
+VELLUM_TYPE(VkComputeOccupancyPriorityParametersNV, 1000645000)
+VELLUM_TYPE(VkPhysicalDeviceComputeOccupancyPriorityFeaturesNV, 1000645001)
+#endif
+#ifdef VK_NV_cooperative_matrix
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixFeaturesNV, 1000249000)
+VELLUM_TYPE(VkCooperativeMatrixPropertiesNV, 1000249001)
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixPropertiesNV, 1000249002)
+#endif
+#ifdef VK_NV_cooperative_matrix2
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrix2FeaturesNV, 1000593000)
+VELLUM_TYPE(VkCooperativeMatrixFlexibleDimensionsPropertiesNV, 1000593001)
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrix2PropertiesNV, 1000593002)
+#endif
+#ifdef VK_NV_cooperative_matrix_decode_vector
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixDecodeVectorFeaturesNV, 1000689000)
+#endif
+#ifdef VK_NV_cooperative_vector
+VELLUM_TYPE(VkPhysicalDeviceCooperativeVectorFeaturesNV, 1000491000)
+VELLUM_TYPE(VkPhysicalDeviceCooperativeVectorPropertiesNV, 1000491001)
+VELLUM_TYPE(VkCooperativeVectorPropertiesNV, 1000491002)
+VELLUM_TYPE(VkConvertCooperativeVectorMatrixInfoNV, 1000491004)
+#endif
+#ifdef VK_NV_copy_memory_indirect
+VELLUM_TYPE(VkPhysicalDeviceCopyMemoryIndirectFeaturesNV, 1000426000)
+#endif
+#ifdef VK_NV_corner_sampled_image
+VELLUM_TYPE(VkPhysicalDeviceCornerSampledImageFeaturesNV, 1000050000)
+#endif
+#ifdef VK_NV_coverage_reduction_mode
+VELLUM_TYPE(VkPhysicalDeviceCoverageReductionModeFeaturesNV, 1000250000)
+VELLUM_TYPE(VkPipelineCoverageReductionStateCreateInfoNV, 1000250001)
+VELLUM_TYPE(VkFramebufferMixedSamplesCombinationNV, 1000250002)
+#endif
+#ifdef VK_NV_dedicated_allocation
+VELLUM_TYPE(VkDedicatedAllocationImageCreateInfoNV, 1000026000)
+VELLUM_TYPE(VkDedicatedAllocationBufferCreateInfoNV, 1000026001)
+VELLUM_TYPE(VkDedicatedAllocationMemoryAllocateInfoNV, 1000026002)
+#endif
+#ifdef VK_NV_dedicated_allocation_image_aliasing
+VELLUM_TYPE(VkPhysicalDeviceDedicatedAllocationImageAliasingFeaturesNV, 1000240000)
+#endif
+#ifdef VK_NV_descriptor_pool_overallocation
+VELLUM_TYPE(VkPhysicalDeviceDescriptorPoolOverallocationFeaturesNV, 1000546000)
+#endif
+#ifdef VK_NV_device_diagnostic_checkpoints
+VELLUM_TYPE(VkCheckpointDataNV, 1000206000)
+VELLUM_TYPE(VkQueueFamilyCheckpointPropertiesNV, 1000206001)
+VELLUM_TYPE(VkQueueFamilyCheckpointProperties2NV, 1000314008)
+VELLUM_TYPE(VkCheckpointData2NV, 1000314009)
+#endif
+#ifdef VK_NV_device_diagnostics_config
+VELLUM_TYPE(VkPhysicalDeviceDiagnosticsConfigFeaturesNV, 1000300000)
+VELLUM_TYPE(VkDeviceDiagnosticsConfigCreateInfoNV, 1000300001)
+#endif
+#ifdef VK_NV_device_generated_commands
+VELLUM_TYPE(VkPhysicalDeviceDeviceGeneratedCommandsPropertiesNV, 1000277000)
+VELLUM_TYPE(VkGraphicsShaderGroupCreateInfoNV, 1000277001)
+VELLUM_TYPE(VkGraphicsPipelineShaderGroupsCreateInfoNV, 1000277002)
+VELLUM_TYPE(VkIndirectCommandsLayoutTokenNV, 1000277003)
+VELLUM_TYPE(VkIndirectCommandsLayoutCreateInfoNV, 1000277004)
+VELLUM_TYPE(VkGeneratedCommandsInfoNV, 1000277005)
+VELLUM_TYPE(VkGeneratedCommandsMemoryRequirementsInfoNV, 1000277006)
+VELLUM_TYPE(VkPhysicalDeviceDeviceGeneratedCommandsFeaturesNV, 1000277007)
+#endif
+#ifdef VK_NV_device_generated_commands_compute
+VELLUM_TYPE(VkPhysicalDeviceDeviceGeneratedCommandsComputeFeaturesNV, 1000428000)
+VELLUM_TYPE(VkComputePipelineIndirectBufferInfoNV, 1000428001)
+VELLUM_TYPE(VkPipelineIndirectDeviceAddressInfoNV, 1000428002)
+#endif
+#ifdef VK_NV_display_stereo
+VELLUM_TYPE(VkDisplaySurfaceStereoCreateInfoNV, 1000551000)
+VELLUM_TYPE(VkDisplayModeStereoPropertiesNV, 1000551001)
+#endif
+#ifdef VK_NV_extended_sparse_address_space
+VELLUM_TYPE(VkPhysicalDeviceExtendedSparseAddressSpaceFeaturesNV, 1000492000)
+VELLUM_TYPE(VkPhysicalDeviceExtendedSparseAddressSpacePropertiesNV, 1000492001)
+#endif
+#ifdef VK_NV_external_compute_queue
+VELLUM_TYPE(VkExternalComputeQueueDeviceCreateInfoNV, 1000556000)
+VELLUM_TYPE(VkExternalComputeQueueCreateInfoNV, 1000556001)
+VELLUM_TYPE(VkExternalComputeQueueDataParamsNV, 1000556002)
+VELLUM_TYPE(VkPhysicalDeviceExternalComputeQueuePropertiesNV, 1000556003)
+#endif
+#ifdef VK_NV_external_memory
+VELLUM_TYPE(VkExternalMemoryImageCreateInfoNV, 1000056000)
+VELLUM_TYPE(VkExportMemoryAllocateInfoNV, 1000056001)
+#endif
+#ifdef VK_NV_external_memory_rdma
+VELLUM_TYPE(VkMemoryGetRemoteAddressInfoNV, 1000371000)
+VELLUM_TYPE(VkPhysicalDeviceExternalMemoryRDMAFeaturesNV, 1000371001)
+#endif
+#ifdef VK_NV_external_memory_win32
+VELLUM_TYPE(VkImportMemoryWin32HandleInfoNV, 1000057000)
+VELLUM_TYPE(VkExportMemoryWin32HandleInfoNV, 1000057001)
+#endif
+#ifdef VK_NV_fragment_coverage_to_color
+VELLUM_TYPE(VkPipelineCoverageToColorStateCreateInfoNV, 1000149000)
+#endif
+#ifdef VK_NV_fragment_shading_rate_enums
+VELLUM_TYPE(VkPhysicalDeviceFragmentShadingRateEnumsPropertiesNV, 1000326000)
+VELLUM_TYPE(VkPhysicalDeviceFragmentShadingRateEnumsFeaturesNV, 1000326001)
+VELLUM_TYPE(VkPipelineFragmentShadingRateEnumStateCreateInfoNV, 1000326002)
+#endif
+#ifdef VK_NV_framebuffer_mixed_samples
+VELLUM_TYPE(VkPipelineCoverageModulationStateCreateInfoNV, 1000152000)
+#endif
+#ifdef VK_NV_inherited_viewport_scissor
+VELLUM_TYPE(VkPhysicalDeviceInheritedViewportScissorFeaturesNV, 1000278000)
+VELLUM_TYPE(VkCommandBufferInheritanceViewportScissorInfoNV, 1000278001)
+#endif
+#ifdef VK_NV_linear_color_attachment
+VELLUM_TYPE(VkPhysicalDeviceLinearColorAttachmentFeaturesNV, 1000430000)
+#endif
+#ifdef VK_NV_low_latency
+VELLUM_TYPE(VkQueryLowLatencySupportNV, 1000310000)
+#endif
+#ifdef VK_NV_low_latency2
+VELLUM_TYPE(VkLatencySleepModeInfoNV, 1000505000)
+VELLUM_TYPE(VkLatencySleepInfoNV, 1000505001)
+VELLUM_TYPE(VkSetLatencyMarkerInfoNV, 1000505002)
+VELLUM_TYPE(VkGetLatencyMarkerInfoNV, 1000505003)
+VELLUM_TYPE(VkLatencyTimingsFrameReportNV, 1000505004)
+VELLUM_TYPE(VkLatencySubmissionPresentIdNV, 1000505005)
+VELLUM_TYPE(VkOutOfBandQueueTypeInfoNV, 1000505006)
+VELLUM_TYPE(VkSwapchainLatencyCreateInfoNV, 1000505007)
+VELLUM_TYPE(VkLatencySurfaceCapabilitiesNV, 1000505008)
+#endif
+#ifdef VK_NV_mesh_shader
+VELLUM_TYPE(VkPhysicalDeviceMeshShaderFeaturesNV, 1000202000)
+VELLUM_TYPE(VkPhysicalDeviceMeshShaderPropertiesNV, 1000202001)
+#endif
+#ifdef VK_NV_optical_flow
+VELLUM_TYPE(VkPhysicalDeviceOpticalFlowFeaturesNV, 1000464000)
+VELLUM_TYPE(VkPhysicalDeviceOpticalFlowPropertiesNV, 1000464001)
+VELLUM_TYPE(VkOpticalFlowImageFormatInfoNV, 1000464002)
+VELLUM_TYPE(VkOpticalFlowImageFormatPropertiesNV, 1000464003)
+VELLUM_TYPE(VkOpticalFlowSessionCreateInfoNV, 1000464004)
+VELLUM_TYPE(VkOpticalFlowExecuteInfoNV, 1000464005)
+VELLUM_TYPE(VkOpticalFlowSessionCreatePrivateDataInfoNV, 1000464010)
+#endif
+#ifdef VK_NV_partitioned_acceleration_structure
+VELLUM_TYPE(VkPhysicalDevicePartitionedAccelerationStructureFeaturesNV, 1000570000)
+VELLUM_TYPE(VkPhysicalDevicePartitionedAccelerationStructurePropertiesNV, 1000570001)
+VELLUM_TYPE(VkWriteDescriptorSetPartitionedAccelerationStructureNV, 1000570002)
+VELLUM_TYPE(VkPartitionedAccelerationStructureInstancesInputNV, 1000570003)
+VELLUM_TYPE(VkBuildPartitionedAccelerationStructureInfoNV, 1000570004)
+VELLUM_TYPE(VkPartitionedAccelerationStructureFlagsNV, 1000570005)
+#endif
+#ifdef VK_NV_per_stage_descriptor_set
+VELLUM_TYPE(VkPhysicalDevicePerStageDescriptorSetFeaturesNV, 1000516000)
+#endif
+#ifdef VK_NV_present_barrier
+VELLUM_TYPE(VkPhysicalDevicePresentBarrierFeaturesNV, 1000292000)
+VELLUM_TYPE(VkSurfaceCapabilitiesPresentBarrierNV, 1000292001)
+VELLUM_TYPE(VkSwapchainPresentBarrierCreateInfoNV, 1000292002)
+#endif
+#ifdef VK_NV_present_metering
+VELLUM_TYPE(VkSetPresentConfigNV, 1000613000)
+VELLUM_TYPE(VkPhysicalDevicePresentMeteringFeaturesNV, 1000613001)
+#endif
+#ifdef VK_NV_push_constant_bank
+VELLUM_TYPE(VkPushConstantBankInfoNV, 1000580000)
+VELLUM_TYPE(VkPhysicalDevicePushConstantBankFeaturesNV, 1000580001)
+VELLUM_TYPE(VkPhysicalDevicePushConstantBankPropertiesNV, 1000580002)
+#endif
+#ifdef VK_NV_raw_access_chains
+VELLUM_TYPE(VkPhysicalDeviceRawAccessChainsFeaturesNV, 1000555000)
+#endif
+#ifdef VK_NV_ray_tracing
+VELLUM_TYPE(VkRayTracingPipelineCreateInfoNV, 1000165000)
+VELLUM_TYPE(VkAccelerationStructureCreateInfoNV, 1000165001)
+VELLUM_TYPE(VkGeometryNV, 1000165003)
+VELLUM_TYPE(VkGeometryTrianglesNV, 1000165004)
+VELLUM_TYPE(VkGeometryAABBNV, 1000165005)
+VELLUM_TYPE(VkBindAccelerationStructureMemoryInfoNV, 1000165006)
+VELLUM_TYPE(VkWriteDescriptorSetAccelerationStructureNV, 1000165007)
+VELLUM_TYPE(VkAccelerationStructureMemoryRequirementsInfoNV, 1000165008)
+VELLUM_TYPE(VkPhysicalDeviceRayTracingPropertiesNV, 1000165009)
+VELLUM_TYPE(VkRayTracingShaderGroupCreateInfoNV, 1000165011)
+VELLUM_TYPE(VkAccelerationStructureInfoNV, 1000165012)
+#endif
+#ifdef VK_NV_ray_tracing_invocation_reorder
+VELLUM_TYPE(VkPhysicalDeviceRayTracingInvocationReorderFeaturesNV, 1000490000)
+VELLUM_TYPE(VkPhysicalDeviceRayTracingInvocationReorderPropertiesNV, 1000490001)
+#endif
+#ifdef VK_NV_ray_tracing_linear_swept_spheres
+VELLUM_TYPE(VkPhysicalDeviceRayTracingLinearSweptSpheresFeaturesNV, 1000429008)
+VELLUM_TYPE(VkAccelerationStructureGeometryLinearSweptSpheresDataNV, 1000429009)
+VELLUM_TYPE(VkAccelerationStructureGeometrySpheresDataNV, 1000429010)
+#endif
+#ifdef VK_NV_ray_tracing_motion_blur
+VELLUM_TYPE(VkAccelerationStructureGeometryMotionTrianglesDataNV, 1000327000)
+VELLUM_TYPE(VkPhysicalDeviceRayTracingMotionBlurFeaturesNV, 1000327001)
+VELLUM_TYPE(VkAccelerationStructureMotionInfoNV, 1000327002)
+#endif
+#ifdef VK_NV_ray_tracing_validation
+VELLUM_TYPE(VkPhysicalDeviceRayTracingValidationFeaturesNV, 1000568000)
+#endif
+#ifdef VK_NV_representative_fragment_test
+VELLUM_TYPE(VkPhysicalDeviceRepresentativeFragmentTestFeaturesNV, 1000166000)
+VELLUM_TYPE(VkPipelineRepresentativeFragmentTestStateCreateInfoNV, 1000166001)
+#endif
+#ifdef VK_NV_scissor_exclusive
+VELLUM_TYPE(VkPipelineViewportExclusiveScissorStateCreateInfoNV, 1000205000)
+VELLUM_TYPE(VkPhysicalDeviceExclusiveScissorFeaturesNV, 1000205002)
+#endif
+#ifdef VK_NV_shader_atomic_float16_vector
+VELLUM_TYPE(VkPhysicalDeviceShaderAtomicFloat16VectorFeaturesNV, 1000563000)
+#endif
+#ifdef VK_NV_shader_image_footprint
+VELLUM_TYPE(VkPhysicalDeviceShaderImageFootprintFeaturesNV, 1000204000)
+#endif
+#ifdef VK_NV_shader_sm_builtins
+VELLUM_TYPE(VkPhysicalDeviceShaderSMBuiltinsFeaturesNV, 1000154000)
+VELLUM_TYPE(VkPhysicalDeviceShaderSMBuiltinsPropertiesNV, 1000154001)
+#endif
+#ifdef VK_NV_shading_rate_image
+VELLUM_TYPE(VkPipelineViewportShadingRateImageStateCreateInfoNV, 1000164000)
+VELLUM_TYPE(VkPhysicalDeviceShadingRateImageFeaturesNV, 1000164001)
+VELLUM_TYPE(VkPhysicalDeviceShadingRateImagePropertiesNV, 1000164002)
+VELLUM_TYPE(VkPipelineViewportCoarseSampleOrderStateCreateInfoNV, 1000164005)
+#endif
+#ifdef VK_NV_viewport_swizzle
+VELLUM_TYPE(VkPipelineViewportSwizzleStateCreateInfoNV, 1000098000)
+#endif
+#ifdef VK_NV_win32_keyed_mutex
+VELLUM_TYPE(VkWin32KeyedMutexAcquireReleaseInfoNV, 1000058000)
+#endif
+#ifdef VK_OHOS_external_memory
+VELLUM_TYPE(VkNativeBufferUsageOHOS, 1000452000)
+VELLUM_TYPE(VkNativeBufferPropertiesOHOS, 1000452001)
+VELLUM_TYPE(VkNativeBufferFormatPropertiesOHOS, 1000452002)
+VELLUM_TYPE(VkImportNativeBufferInfoOHOS, 1000452003)
+VELLUM_TYPE(VkMemoryGetNativeBufferInfoOHOS, 1000452004)
+VELLUM_TYPE(VkExternalFormatOHOS, 1000452005)
+#endif
+#ifdef VK_OHOS_surface
+VELLUM_TYPE(VkSurfaceCreateInfoOHOS, 1000685000)
+#endif
+#ifdef VK_QCOM_cooperative_matrix_conversion
+VELLUM_TYPE(VkPhysicalDeviceCooperativeMatrixConversionFeaturesQCOM, 1000172000)
+#endif
+#ifdef VK_QCOM_data_graph_model
+VELLUM_TYPE(VkPhysicalDeviceDataGraphModelFeaturesQCOM, 1000629000)
+VELLUM_TYPE(VkDataGraphPipelineBuiltinModelCreateInfoQCOM, 1000629001)
+#endif
+#ifdef VK_QCOM_elapsed_timer_query
+VELLUM_TYPE(VkPhysicalDeviceElapsedTimerQueryFeaturesQCOM, 1000173000)
+#endif
+#ifdef VK_QCOM_filter_cubic_clamp
+VELLUM_TYPE(VkPhysicalDeviceCubicClampFeaturesQCOM, 1000521000)
+#endif
+#ifdef VK_QCOM_filter_cubic_weights
+VELLUM_TYPE(VkSamplerCubicWeightsCreateInfoQCOM, 1000519000)
+VELLUM_TYPE(VkPhysicalDeviceCubicWeightsFeaturesQCOM, 1000519001)
+VELLUM_TYPE(VkBlitImageCubicWeightsInfoQCOM, 1000519002)
+#endif
+#ifdef VK_QCOM_image_processing
+VELLUM_TYPE(VkPhysicalDeviceImageProcessingFeaturesQCOM, 1000440000)
+VELLUM_TYPE(VkPhysicalDeviceImageProcessingPropertiesQCOM, 1000440001)
+VELLUM_TYPE(VkImageViewSampleWeightCreateInfoQCOM, 1000440002)
+#endif
+#ifdef VK_QCOM_image_processing2
+VELLUM_TYPE(VkPhysicalDeviceImageProcessing2FeaturesQCOM, 1000518000)
+VELLUM_TYPE(VkPhysicalDeviceImageProcessing2PropertiesQCOM, 1000518001)
+VELLUM_TYPE(VkSamplerBlockMatchWindowCreateInfoQCOM, 1000518002)
+#endif
+#ifdef VK_QCOM_image_processing3
+VELLUM_TYPE(VkPhysicalDeviceImageProcessing3FeaturesQCOM, 1000303000)
+#endif
+#ifdef VK_QCOM_multiview_per_view_render_areas
+VELLUM_TYPE(VkPhysicalDeviceMultiviewPerViewRenderAreasFeaturesQCOM, 1000510000)
+VELLUM_TYPE(VkMultiviewPerViewRenderAreasRenderPassBeginInfoQCOM, 1000510001)
+#endif
+#ifdef VK_QCOM_multiview_per_view_viewports
+VELLUM_TYPE(VkPhysicalDeviceMultiviewPerViewViewportsFeaturesQCOM, 1000488000)
+#endif
+#ifdef VK_QCOM_queue_perf_hint
+VELLUM_TYPE(VkPhysicalDeviceQueuePerfHintFeaturesQCOM, 1000302001)
+VELLUM_TYPE(VkPhysicalDeviceQueuePerfHintPropertiesQCOM, 1000302002)
+#endif
+#ifdef VK_QCOM_render_pass_transform
+VELLUM_TYPE(VkCommandBufferInheritanceRenderPassTransformInfoQCOM, 1000282000)
+VELLUM_TYPE(VkRenderPassTransformBeginInfoQCOM, 1000282001)
+#endif
+#ifdef VK_QCOM_rotated_copy_commands
+VELLUM_TYPE(VkCopyCommandTransformInfoQCOM, 1000333000)
+#endif
+#ifdef VK_QCOM_shader_multiple_wait_queues
+VELLUM_TYPE(VkPhysicalDeviceShaderMultipleWaitQueuesFeaturesQCOM, 1000304000)
+VELLUM_TYPE(VkPhysicalDeviceShaderMultipleWaitQueuesPropertiesQCOM, 1000304001)
+#endif
+#ifdef VK_QCOM_tile_memory_heap
+VELLUM_TYPE(VkPhysicalDeviceTileMemoryHeapFeaturesQCOM, 1000547000)
+VELLUM_TYPE(VkPhysicalDeviceTileMemoryHeapPropertiesQCOM, 1000547001)
+VELLUM_TYPE(VkTileMemoryRequirementsQCOM, 1000547002)
+VELLUM_TYPE(VkTileMemoryBindInfoQCOM, 1000547003)
+VELLUM_TYPE(VkTileMemorySizeInfoQCOM, 1000547004)
+#endif
+#ifdef VK_QCOM_tile_properties
+VELLUM_TYPE(VkPhysicalDeviceTilePropertiesFeaturesQCOM, 1000484000)
+VELLUM_TYPE(VkTilePropertiesQCOM, 1000484001)
+#endif
+#ifdef VK_QCOM_tile_shading
+VELLUM_TYPE(VkPhysicalDeviceTileShadingFeaturesQCOM, 1000309000)
+VELLUM_TYPE(VkPhysicalDeviceTileShadingPropertiesQCOM, 1000309001)
+VELLUM_TYPE(VkRenderPassTileShadingCreateInfoQCOM, 1000309002)
+VELLUM_TYPE(VkPerTileBeginInfoQCOM, 1000309003)
+VELLUM_TYPE(VkPerTileEndInfoQCOM, 1000309004)
+#endif
+#ifdef VK_QCOM_ycbcr_degamma
+VELLUM_TYPE(VkPhysicalDeviceYcbcrDegammaFeaturesQCOM, 1000520000)
+VELLUM_TYPE(VkSamplerYcbcrConversionYcbcrDegammaCreateInfoQCOM, 1000520001)
+#endif
+#ifdef VK_QNX_external_memory_screen_buffer
+VELLUM_TYPE(VkScreenBufferPropertiesQNX, 1000529000)
+VELLUM_TYPE(VkScreenBufferFormatPropertiesQNX, 1000529001)
+VELLUM_TYPE(VkImportScreenBufferInfoQNX, 1000529002)
+VELLUM_TYPE(VkExternalFormatQNX, 1000529003)
+VELLUM_TYPE(VkPhysicalDeviceExternalMemoryScreenBufferFeaturesQNX, 1000529004)
+#endif
+#ifdef VK_QNX_screen_surface
+VELLUM_TYPE(VkScreenSurfaceCreateInfoQNX, 1000378000)
+#endif
+#ifdef VK_SEC_amigo_profiling
+VELLUM_TYPE(VkPhysicalDeviceAmigoProfilingFeaturesSEC, 1000485000)
+VELLUM_TYPE(VkAmigoProfilingSubmitInfoSEC, 1000485001)
+#endif
+#ifdef VK_SEC_pipeline_cache_incremental_mode
+VELLUM_TYPE(VkPhysicalDevicePipelineCacheIncrementalModeFeaturesSEC, 1000637000)
+#endif
+#ifdef VK_SEC_throttle_hint
+VELLUM_TYPE(VkPhysicalDeviceThrottleHintFeaturesSEC, 1000674000)
+VELLUM_TYPE(VkThrottleHintSubmitInfoSEC, 1000674001)
+#endif
+#ifdef VK_SEC_ubm_surface
+VELLUM_TYPE(VkUbmSurfaceCreateInfoSEC, 1000664000)
+#endif
+#ifdef VK_VALVE_descriptor_set_host_mapping
+VELLUM_TYPE(VkPhysicalDeviceDescriptorSetHostMappingFeaturesVALVE, 1000420000)
+VELLUM_TYPE(VkDescriptorSetBindingReferenceVALVE, 1000420001)
+VELLUM_TYPE(VkDescriptorSetLayoutHostMappingInfoVALVE, 1000420002)
+#endif
+#ifdef VK_VALVE_fragment_density_map_layered
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMapLayeredFeaturesVALVE, 1000611000)
+VELLUM_TYPE(VkPhysicalDeviceFragmentDensityMapLayeredPropertiesVALVE, 1000611001)
+VELLUM_TYPE(VkPipelineFragmentDensityMapLayeredCreateInfoVALVE, 1000611002)
+#endif
+#ifdef VK_VALVE_shader_mixed_float_dot_product
+VELLUM_TYPE(VkPhysicalDeviceShaderMixedFloatDotProductFeaturesVALVE, 1000673000)
+#endif
+#ifdef VK_VALVE_video_encode_rgb_conversion
+VELLUM_TYPE(VkPhysicalDeviceVideoEncodeRgbConversionFeaturesVALVE, 1000390000)
+VELLUM_TYPE(VkVideoEncodeRgbConversionCapabilitiesVALVE, 1000390001)
+VELLUM_TYPE(VkVideoEncodeProfileRgbConversionInfoVALVE, 1000390002)
+VELLUM_TYPE(VkVideoEncodeSessionRgbConversionCreateInfoVALVE, 1000390003)
+#endif
+#ifdef VK_VERSION_1_4
+VELLUM_TYPE(VkPhysicalDeviceVulkan14Properties, 56)
+VELLUM_TYPE(VkPipelineRobustnessCreateInfo, 1000068000)
+VELLUM_TYPE(VkPhysicalDevicePipelineRobustnessFeatures, 1000068001)
+VELLUM_TYPE(VkPhysicalDevicePipelineRobustnessProperties, 1000068002)
+VELLUM_TYPE(VkPhysicalDevicePushDescriptorProperties, 1000080000)
+VELLUM_TYPE(VkDeviceQueueGlobalPriorityCreateInfo, 1000174000)
+VELLUM_TYPE(VkPipelineVertexInputDivisorStateCreateInfo, 1000190001)
+VELLUM_TYPE(VkPhysicalDeviceVertexAttributeDivisorFeatures, 1000190002)
+VELLUM_TYPE(VkPhysicalDeviceDynamicRenderingLocalReadFeatures, 1000232000)
+VELLUM_TYPE(VkRenderingAttachmentLocationInfo, 1000232001)
+VELLUM_TYPE(VkRenderingInputAttachmentIndexInfo, 1000232002)
+VELLUM_TYPE(VkPhysicalDeviceLineRasterizationFeatures, 1000259000)
+VELLUM_TYPE(VkPipelineRasterizationLineStateCreateInfo, 1000259001)
+VELLUM_TYPE(VkPhysicalDeviceLineRasterizationProperties, 1000259002)
+VELLUM_TYPE(VkPhysicalDeviceIndexTypeUint8Features, 1000265000)
+VELLUM_TYPE(VkPhysicalDeviceHostImageCopyFeatures, 1000270000)
+VELLUM_TYPE(VkPhysicalDeviceHostImageCopyProperties, 1000270001)
+VELLUM_TYPE(VkMemoryToImageCopy, 1000270002)
+VELLUM_TYPE(VkImageToMemoryCopy, 1000270003)
+VELLUM_TYPE(VkCopyImageToMemoryInfo, 1000270004)
+VELLUM_TYPE(VkCopyMemoryToImageInfo, 1000270005)
+VELLUM_TYPE(VkHostImageLayoutTransitionInfo, 1000270006)
+VELLUM_TYPE(VkCopyImageToImageInfo, 1000270007)
+VELLUM_TYPE(VkSubresourceHostMemcpySize, 1000270008)
+VELLUM_TYPE(VkHostImageCopyDevicePerformanceQuery, 1000270009)
+VELLUM_TYPE(VkSubresourceLayout2, 1000338002)
+VELLUM_TYPE(VkImageSubresource2, 1000338003)
+VELLUM_TYPE(VkPhysicalDeviceGlobalPriorityQueryFeatures, 1000388000)
+VELLUM_TYPE(VkQueueFamilyGlobalPriorityProperties, 1000388001)
+VELLUM_TYPE(VkPhysicalDeviceShaderSubgroupRotateFeatures, 1000416000)
+VELLUM_TYPE(VkPhysicalDevicePipelineProtectedAccessFeatures, 1000466000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance5Features, 1000470000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance5Properties, 1000470001)
+VELLUM_TYPE(VkRenderingAreaInfo, 1000470003)
+VELLUM_TYPE(VkDeviceImageSubresourceInfo, 1000470004)
+VELLUM_TYPE(VkPhysicalDeviceVertexAttributeDivisorProperties, 1000525000)
+VELLUM_TYPE(VkPhysicalDeviceShaderFloatControls2Features, 1000528000)
+VELLUM_TYPE(VkPhysicalDeviceShaderExpectAssumeFeatures, 1000544000)
+VELLUM_TYPE(VkPhysicalDeviceMaintenance6Properties, 1000545001)
+#endif
+#undef VELLUM_TYPE
+// clang-format on
