@@ -72,6 +72,14 @@ class RunCts(unittest.TestCase):
                                                          "a.Crash.1": "Crash", "a.Hang.1": "Timeout"})
         self.assertIn('a.Pass.1,Pass,"a (detail), with a comma"', (self.out / "details.csv").read_text(encoding="utf-8"))
 
+    def test_resume(self):
+        cases = ["a.Pass.1", "a.Fail.1", "a.NotSupported.1", "a.Flaky.1"]
+        self.run_cts(cases=cases[:3])
+        result = self.run_cts("--resume", cases=cases)
+        self.assertEqual(self.statuses(), {"a.Pass.1": "Pass", "a.Fail.1": "Fail", "a.NotSupported.1": "Skip", "a.Flaky.1": "Flake"})
+        ran = "".join(path.read_text(encoding="utf-8") for path in self.out.glob("chunk*.txt")).split()
+        self.assertEqual(sorted(ran), ["a.Fail.1", "a.Flaky.1"], result.stdout)
+
     def test_failures_are_the_next_baseline(self):
         cases = ["a.Pass.1", "a.Fail.1", "a.Crash.1"]
         self.assertEqual(self.run_cts(cases=cases).returncode, 1)

@@ -10,7 +10,24 @@ import tempfile
 import unittest
 
 TEST_MATRIX = pathlib.Path(__file__).resolve().parents[2] / "scripts" / "test-matrix"
-PASSES = "echo '100% tests passed, 0 tests failed out of 3'; echo ' 2/3 Test #2: unit.B .....***Skipped   0.1 sec'"
+# scripts/test with arguments for ctest: it lists the tests, or runs those of -I by their positions and writes them into a file.
+CTEST = f"#!{sys.executable}" + '''
+import sys, time
+results = {"unit.A": "   Passed", "unit.B": "***Skipped", "unit.C": "   Passed"}
+RESULTS
+if "-N" in sys.argv:
+    print("".join(f"  Test #{number + 7}: {name}\\n" for number, name in enumerate(results)))
+    sys.exit()
+chosen = [int(number) - 1 for number in sys.argv[sys.argv.index("-I") + 1].split(",")[3:]]
+with open("build/ran", "a", encoding="utf-8") as ran:
+    print([list(results)[number] for number in chosen], file=ran)
+for number in chosen:
+    name, result = list(results.items())[number]
+    if result == "hangs":
+        time.sleep(1000)
+    print(f" {number + 1}/3 Test #{number + 7}: {name} .....{result}    0.1 sec", flush=True)
+sys.exit(8 if any("Failed" in result or "Exception" in result for result in results.values()) else 0)
+'''
 # vkd3d-proton's tests: `values` are what the checks of two tests meet, which differ if a variable is set.
 VKD3D = f"#!{sys.executable}" + '''
 import os, sys
@@ -38,7 +55,7 @@ class TestMatrix(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
         self.checkout = self.folder / "checkout"
         (self.checkout / "bench/results").mkdir(parents=True)
-        self.script("scripts/test", PASSES)
+        self.ctest("")
         self.script("scripts/build", "true")
         shutil.copy(TEST_MATRIX, self.checkout / "scripts")
         self.git("init", "-q")
@@ -59,6 +76,14 @@ class TestMatrix(unittest.TestCase):
         path.write_text(text if text.startswith("#!") else f"#!/bin/sh\n{text}\n", encoding="utf-8")
         path.chmod(0o755)
         return path
+
+    def ctest(self, results):
+        self.script("scripts/test", CTEST.replace("RESULTS", results))
+
+    def ran(self):
+        lines = (self.checkout / "build/ran").read_text(encoding="utf-8").splitlines()
+        (self.checkout / "build/ran").unlink()
+        return lines
 
     def matrix(self, *words):
         return subprocess.run([sys.executable, self.checkout / "scripts/test-matrix", *words], stdout=subprocess.PIPE,
@@ -102,15 +127,57 @@ class TestMatrix(unittest.TestCase):
         path.write_text(f"{text}| `{part}` | a | b | {commit} | 2026-01-01 | 1 |\n", encoding="utf-8")
 
     def test_failures_and_nothing(self):
-        for text, result in (
-                ("echo '33% tests passed, 2 tests failed out of 3'; printf 'The following tests FAILED:\\n\\t  1 - unit.A (Failed)\\n"
-                 "\\t  2 - unit.B (SEGFAULT)\\n'; exit 8", "**failed**: 1 of 3 tests passed, 0 skipped; failed: unit.A, unit.B"),
-                (f"{PASSES}; exit 1", "**failed**: 2 of 3 tests passed, 1 skipped; failed: exit status 1"),
-                ("echo '100% tests passed, 0 tests failed out of 0'", "**failed**: 0 of 0 tests passed, 0 skipped: nothing was tested"),
-                ("echo 'No tests were found!!!'", "**failed**: no test ran, exit status 0")):
-            self.script("scripts/test", text)
+        for results, result in (
+                ('results.update({"unit.A": "***Failed  ", "unit.B": "***Exception: SegFault  "})',
+                 "**failed**: 1 of 3 tests passed, 0 skipped; failed: unit.A, unit.B"),
+                ('if "-I" in sys.argv: sys.exit(1)', "**failed**: 0 of 3 tests passed, 0 skipped, 3 not run; failed: exit status 1"),
+                ('results = {"unit.B": "***Skipped"}', "**failed**: 0 of 1 tests passed, 1 skipped: nothing was tested"),
+                ("sys.exit(1)", "**failed**: no test ran, exit status 1")):
+            self.ctest(results)
             self.assertEqual(self.matrix("debug").returncode, 1)
             self.assertEqual(self.row("debug")[2], result)
+
+    def test_goes_on_after_an_interruption(self):
+        self.ctest('import os\nif not os.path.exists("build/fast"): results["unit.C"] = "hangs"')
+        self.commit()
+        self.assertEqual(self.matrix("debug", "--minutes", "0.05").returncode, 0)
+        self.assertEqual(self.row("debug")[2], "1 of 3 tests passed, 1 skipped, 1 not run")
+        self.script("build/fast", "")
+        run = self.matrix("--minutes", "0.5").stdout  # without a name: it is not done
+        self.assertIn("== debug goes on", run)
+        self.assertEqual(self.row("debug")[2], "2 of 3 tests passed, 1 skipped")
+        self.assertEqual(self.ran()[:2], ["['unit.A', 'unit.B', 'unit.C']", "['unit.C']"])
+        self.assertNotIn("== debug", self.matrix("--minutes", "0.5").stdout)
+        self.assertNotIn("goes on", self.matrix("debug").stdout)  # all of it, since it is done
+        self.script("source", "")
+        self.commit()
+        self.assertNotIn("goes on", self.matrix("debug").stdout)
+
+    def test_failures_run_again(self):
+        self.ctest('import os\nif not os.path.exists("build/fast"): results["unit.C"] = "***Failed  "')
+        self.commit()
+        self.assertEqual(self.matrix("debug").returncode, 1)
+        self.script("build/fast", "")
+        self.assertEqual(self.matrix("debug").returncode, 0)
+        self.assertEqual(self.row("debug")[2], "2 of 3 tests passed, 1 skipped; passed when they ran again: unit.C")
+        self.assertEqual(self.ran(), ["['unit.A', 'unit.B', 'unit.C']", "['unit.C']"])
+
+    def test_windows_goes_on_by_program(self):
+        self.script("scripts/test-windows", """test "$1" = --list && { echo a; echo b; exit; }
+echo "$1" >>build/ran
+test "$1" = b && test ! -e build/fast && sleep 100
+echo "== 3 run, 2 passed, 1 skipped, 0 excluded; programs that failed: 0\"""")
+        self.commit()
+        self.matrix("windows", "--minutes", "0.05")
+        self.assertEqual(self.row("windows")[2], "2 of 3 cases passed, 1 skipped, 0 excluded, 1 not run of 2 programs: b")
+        self.script("build/fast", "")
+        self.matrix("windows")
+        self.assertEqual(self.row("windows")[2], "4 of 6 cases passed, 2 skipped, 0 excluded")
+        self.assertEqual(self.ran(), ["a", "b", "b"])
+        self.script("scripts/test-windows", 'test "$1" = --list && echo a && exit; echo "== 3 run, 2 passed, 0 skipped, 0 excluded; '
+                    'programs that failed: 1"; exit 1')
+        self.assertEqual(self.matrix("windows").returncode, 1)
+        self.assertEqual(self.row("windows")[2], "**failed**: 2 of 3 cases passed, 0 skipped, 0 excluded; failed: a")
 
     def test_parts_that_need_a_program(self):
         run = self.matrix("vkd3d")
@@ -127,6 +194,12 @@ class TestMatrix(unittest.TestCase):
             self.script("scripts/run-cts", text)
             self.matrix("--deqp", "/bin/true", "khronos-queries")
             self.assertEqual(self.row("khronos-queries")[2], result)
+
+    def test_khronos_stopped(self):
+        self.script("scripts/run-cts", 'while [ "$1" != --out ]; do shift; done; mkdir -p "$2"; printf "a\nb\nc\n" >"$2/cases.txt"; '
+                    'echo a,Pass,,0.1 >"$2/progress.csv"; sleep 100')
+        self.matrix("--deqp", "/bin/true", "--minutes", "0.05", "khronos-queries")
+        self.assertEqual(self.row("khronos-queries")[2], "1 cases: 1 Pass, 2 not run")
 
     def vkd3d(self, value, geometries="3"):
         self.script("build/vkd3d/tests/d3d12", VKD3D.replace("VALUE", value).replace("GEOMETRIES", geometries))

@@ -41,6 +41,7 @@ def below(*subsystems):
 
 
 LOW = ("base", "memory", "state", "command_buffer")
+CHECKS = ("model", "rules", "gpu") # what the checks of validation may use; these use the ones before them
 SUBSYSTEMS = {
     "layer": below(*LOW) | {
         "micromaps": LOW,
@@ -51,6 +52,12 @@ SUBSYSTEMS = {
         "device_address": LOW + ("micromaps", "structures", "query_pool"),
         "validation": LOW,
         "entry": LOW + ("micromaps", "structures", "query_pool", "pipelines", "khr_over_ext", "device_address", "validation"),
+    },
+    "layer/validation": below(*CHECKS) | {
+        "traces": CHECKS,
+        "sync": CHECKS[:2],
+        "ranges": CHECKS[:2],
+        "": CHECKS + ("traces", "sync", "ranges"),
     },
     "spirv": below("module", "mode", "sites", ""),
     "shaders": {
@@ -73,10 +80,12 @@ def sources(root):
     return sorted(path for path in (root / "src").rglob("*") if path.suffix in SOURCES and path.is_file())
 
 
-def place(path):
-    """Part and subsystem of a path below src/."""
-    part, *rest = path.parts
-    return part, rest[0] if len(rest) > 1 else ""
+def places(path):
+    """Part and subsystem of a path below src/; for a subsystem that has subsystems itself, it and that one as well."""
+    *folders, _ = path.parts
+    parts = ["/".join(folders[:count + 1]) for count in range(len(folders))]
+    return {part: (folders + [""])[count] for count, part in enumerate(parts, 1)
+            if count == 1 or part in SUBSYSTEMS}
 
 
 def included(root, path, name):
@@ -92,8 +101,7 @@ def included(root, path, name):
 
 
 def finding_of_include(here, there):
-    part, subsystem = place(here)
-    other, other_subsystem = place(there)
+    part, other = here.parts[0], there.parts[0]
     if part != other:
         if part in PARTS and other not in PARTS[part]:
             return f"src/{part} does not use src/{other}"
@@ -101,9 +109,11 @@ def finding_of_include(here, there):
         if only and there.relative_to(other).as_posix() not in only:
             return f"src/{part} uses nothing of src/{other} but {', '.join(only)}"
         return None
-    subsystems = SUBSYSTEMS.get(part, {})
-    if subsystem in subsystems and other_subsystem != subsystem and other_subsystem not in subsystems[subsystem]:
-        return f"{subsystem or 'the top'} does not use {other_subsystem or 'the top'}"
+    others = places(there)
+    for part, subsystem in places(here).items():
+        allowed, other = SUBSYSTEMS.get(part, {}).get(subsystem), others.get(part)
+        if allowed is not None and other is not None and other != subsystem and other not in allowed:
+            return f"{subsystem or 'the top'} does not use {other or 'the top'}"
     return None
 
 
@@ -112,11 +122,11 @@ def check(root):
     found = []
     for path in sources(root):
         here = path.relative_to(root / "src")
-        part, subsystem = place(here)
-        if part not in PARTS:
+        if here.parts[0] not in PARTS:
             found.append(f"src/{here}: in no part that {pathlib.Path(__file__).name} knows")
-        elif part in SUBSYSTEMS and subsystem not in SUBSYSTEMS[part]:
-            found.append(f"src/{here}: in no subsystem of src/{part} that {pathlib.Path(__file__).name} knows")
+        for part, subsystem in places(here).items():
+            if part in SUBSYSTEMS and subsystem not in SUBSYSTEMS[part]:
+                found.append(f"src/{here}: in no subsystem of src/{part} that {pathlib.Path(__file__).name} knows")
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             if match := INCLUDE.match(line):
                 there = included(root, path, match[1])

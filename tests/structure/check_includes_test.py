@@ -85,6 +85,17 @@ class CheckIncludes(unittest.TestCase):
     def test_up_to_the_top(self):
         self.expect_finding({"src/cli/base/up.h": '#include "cli/options.h"\n'}, "base does not use the top")
 
+    def test_edge_inside_a_subsystem(self):
+        checks = {"src/layer/validation/sync/order.h": '#include "layer/validation/model/log.h"\n',
+                  "src/layer/validation/model/log.h": '#include "layer/memory/memory.h"\n',
+                  "src/layer/validation/commands.h": '#include "layer/validation/sync/order.h"\n'}
+        self.assertEqual(run(SOUND | checks)[0], 0)
+        self.expect_finding(checks | {"src/layer/validation/sync/up.h": '#include "layer/validation/commands.h"\n'},
+                            "sync does not use the top")
+        self.expect_finding(checks | {"src/layer/validation/model/up.h": '#include "layer/validation/sync/order.h"\n'},
+                            "model does not use sync")
+        self.expect_finding({"src/layer/validation/attic/lost.cpp": ""}, "in no subsystem of src/layer/validation")
+
     def test_no_subsystem(self):
         self.expect_finding({"src/layer/lost.cpp": ""}, "src/layer/lost.cpp: in no subsystem")
         self.expect_finding({"src/layer/attic/lost.cpp": ""}, "src/layer/attic/lost.cpp: in no subsystem")

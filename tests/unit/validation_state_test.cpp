@@ -15,12 +15,9 @@
 #endif
 
 #include "allocations.h"
-#include "layer/validation/builds.h"
-#include "layer/validation/device_validation.h"
-#include "layer/validation/queries.h"
+#include "layer/validation/commands.h"
 #include "layer/validation/ranges/ranges.h"
-#include "layer/validation/sync/sync_commands.h"
-#include "layer/validation/traces/trace_commands.h"
+#include "layer/validation/traces/traced_code.h"
 #include "memory_device.h"
 
 namespace
@@ -466,7 +463,7 @@ protected:
     ImageRows()
     {
         device.next.CmdCopyImageToMemoryKHR = [](VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *) {};
-        device.images.set(image_,
+        device.objects.images.set(image_,
                           std::make_shared<const ValidatedImage>(ValidatedImage{VK_FORMAT_R8_UNORM, 0, UINT32_MAX}));
         addBuffer(kMemory, kBytes);
     }
@@ -537,7 +534,7 @@ class Creations : public ValidationState
 protected:
     Creations()
     {
-        device.gpu.on = true;
+        device.checks.gpu = true;
         device.next.CreateBuffer = create<VkBuffer>;
         device.next.AllocateMemory = create<VkDeviceMemory>;
         device.next.CreateImage = create<VkImage>;

@@ -19,16 +19,7 @@
 #include "layer/pipelines/shaders.h"
 #include "layer/state/object_names.h"
 #include "layer/structures/structure_commands.h"
-#include "layer/validation/builds.h"
-#include "layer/validation/copies.h"
-#include "layer/validation/host.h"
-#include "layer/validation/queries.h"
-#include "layer/validation/ranges/image_copies.h"
-#include "layer/validation/ranges/ranges.h"
-#include "layer/validation/rules/implicit_rules.h"
-#include "layer/validation/rules/pipeline_rules.h"
-#include "layer/validation/sync/sync_commands.h"
-#include "layer/validation/traces/trace_commands.h"
+#include "layer/validation/commands.h"
 
 namespace vellum::layer
 {

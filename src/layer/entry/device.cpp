@@ -348,7 +348,6 @@ try {
         createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
     if (!validation)
         return;
-    validation->traces.storingStages = storingStages(info_);
     validation->facts = factsOf(added.driver, info_);
     added.validation = std::move(validation);
     if (!added.driver.providesMicromaps())

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/copies.h"
 
+#include "layer/validation/commands.h"
 #include "layer/validation/rules/implicit_rules.h"
-#include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
 {
@@ -92,9 +92,9 @@ void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, co
     if (device.checks.core)
         checkMicromapCopy(check, *info, source, target);
     if (info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT)
-        checkCompactedSize(check, source, target);
+        checkCompactedSize(device.gpu, check, source, target);
     copied(check, source, target);
-    sync::recordCopy(device, commandBuffer, name, source, target);
+    sync::recordCopy(device.sync, commandBuffer, name, source, target);
     device.next.CmdCopyMicromapEXT(commandBuffer, info);
 }
 
@@ -116,8 +116,8 @@ void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
                                "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537");
     }
-    checkSerializedSize(check, source, info->dst.deviceAddress);
-    sync::recordSerialization(device, commandBuffer, name, source, info->dst.deviceAddress);
+    checkSerializedSize(device.gpu, check, source, info->dst.deviceAddress);
+    sync::recordSerialization(device.sync, commandBuffer, name, source, info->dst.deviceAddress);
     device.next.CmdCopyMicromapToMemoryEXT(commandBuffer, info);
 }
 
@@ -138,8 +138,8 @@ void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBu
                                "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
                                "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544");
     }
-    deserialized(check, target, checkSerializedData(check, info->src.deviceAddress, target));
-    sync::recordDeserialization(device, commandBuffer, name, info->src.deviceAddress, target);
+    deserialized(check, target, checkSerializedData(device.gpu, check, info->src.deviceAddress, target));
+    sync::recordDeserialization(device.sync, commandBuffer, name, info->src.deviceAddress, target);
     device.next.CmdCopyMemoryToMicromapEXT(commandBuffer, info);
 }
 
@@ -155,10 +155,10 @@ void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer comm
     if (device.checks.core)
         checkStructureCopy(check, *info, source, target);
     if (info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
-        checkCompactedSize(check, source, target);
-    checkDeserializedMicromaps(check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11634");
+        checkCompactedSize(device.gpu, check, source, target);
+    checkDeserializedMicromaps(device.gpu, check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11634");
     copied(check, source, target);
-    sync::recordCopy(device, commandBuffer, name, source, target);
+    sync::recordCopy(device.sync, commandBuffer, name, source, target);
     device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
 }
 
@@ -180,9 +180,9 @@ void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
     }
-    checkSerializedSize(check, source, info->dst.deviceAddress);
-    checkDeserializedMicromaps(check, source, "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582");
-    sync::recordSerialization(device, commandBuffer, name, source, info->dst.deviceAddress);
+    checkSerializedSize(device.gpu, check, source, info->dst.deviceAddress);
+    checkDeserializedMicromaps(device.gpu, check, source, "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582");
+    sync::recordSerialization(device.sync, commandBuffer, name, source, info->dst.deviceAddress);
     device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
 }
 
@@ -203,9 +203,9 @@ void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuf
                                "VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
                                "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
     }
-    deserialized(check, target, checkSerializedData(check, info->src.deviceAddress, target));
+    deserialized(check, target, checkSerializedData(device.gpu, check, info->src.deviceAddress, target));
     device.traces.deserializes = true;
-    sync::recordDeserialization(device, commandBuffer, name, info->src.deviceAddress, target);
+    sync::recordDeserialization(device.sync, commandBuffer, name, info->src.deviceAddress, target);
     device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
 }
 

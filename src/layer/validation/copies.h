@@ -4,7 +4,6 @@
 
 #include <memory>
 
-#include "layer/validation/objects.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
@@ -18,17 +17,4 @@ void copied(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &s
 void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &target,
                   std::shared_ptr<SerializedHeader> header);
 
-namespace validation
-{
-
-void cmdCopyMicromap(DeviceValidation &, VkCommandBuffer, const VkCopyMicromapInfoEXT *);
-void cmdCopyMicromapToMemory(DeviceValidation &, VkCommandBuffer, const VkCopyMicromapToMemoryInfoEXT *);
-void cmdCopyMemoryToMicromap(DeviceValidation &, VkCommandBuffer, const VkCopyMemoryToMicromapInfoEXT *);
-void cmdCopyAccelerationStructure(DeviceValidation &, VkCommandBuffer, const VkCopyAccelerationStructureInfoKHR *);
-void cmdCopyAccelerationStructureToMemory(DeviceValidation &, VkCommandBuffer,
-                                          const VkCopyAccelerationStructureToMemoryInfoKHR *);
-void cmdCopyMemoryToAccelerationStructure(DeviceValidation &, VkCommandBuffer,
-                                          const VkCopyMemoryToAccelerationStructureInfoKHR *);
-
-} // namespace validation
 } // namespace vellum::layer

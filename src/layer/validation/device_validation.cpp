@@ -1,23 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/device_validation.h"
 
-#include <cinttypes>
-#include <cstdio>
-
 namespace vellum::layer
 {
 
-void DeviceValidation::fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object)
+DeviceValidation::~DeviceValidation()
 {
-    driver.report().fault(vuid, place + ": " + text, object.type, object.handle);
-}
-
-std::string DeviceValidation::nameOf(ObjectHandle object) const
-{
-    char handle[24];
-    std::snprintf(handle, sizeof handle, "0x%" PRIx64, object.handle);
-    const std::string name = driver.report().nameOf(object.handle);
-    return name.empty() ? handle : "\"" + name + "\" (" + handle + ")";
+    reportCompleted(*this, true);
+    logs.clear(); // they hold marks of `traces`
 }
 
 std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleLimits &limits,
@@ -30,6 +20,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     device->driver.ownAddressCommands = false;
     device->driver.next.load(driver.handle, implementation);
     device->checks = driver.settings->validate;
+    device->emulated = driver.emulated();
     device->limits = limits;
     GpuContext &gpu = device->buffers.gpu;
     gpu.device = driver.handle;
@@ -39,7 +30,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     device->buffers.onAddress = [](VkBuffer) {};
     VkResult result = device->commands.injected.create(gpu, driver.pushBytes);
     if (result == VK_SUCCESS) {
-        device->gpu.create(*device, driver);
+        device->gpu.create(driver);
         return device;
     }
     driver.report().error("VELLUM-device-tables", "no memory for validation, which is therefore off");

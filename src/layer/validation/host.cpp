@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/host.h"
-
+// The host commands of VK_EXT_opacity_micromap, and those of acceleration structures that read or write micromaps.
+#include "layer/validation/builds.h"
 #include "layer/validation/copies.h"
 #include "layer/validation/rules/build_rules.h"
 #include "layer/validation/rules/implicit_rules.h"
@@ -78,7 +78,7 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
             });
         });
         if (structure->record)
-            device.gpu.records.set(*structure->record, {});
+            device.records.set(*structure->record, {});
     }
     return result;
 }
@@ -98,7 +98,7 @@ VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOpe
         }
     }
     for (uint32_t i = 0; i < count; ++i)
-        checkHostBuild(device, i, micromapBuildOf(device, infos[i]));
+        checkHostBuild(device.gpu, i, micromapBuildOf(device, infos[i]));
     const VkResult result = device.next.BuildMicromapsEXT(handle, operation, count, infos);
     for (uint32_t i = 0; succeeded(result) && i < count; ++i)
         remember([&] { micromapBuilt(device, VK_NULL_HANDLE, micromapBuildOf(device, infos[i])); });
@@ -215,7 +215,7 @@ VkResult copyAccelerationStructure(DeviceValidation &device, VkDevice handle, Vk
     const Structure source = device.objects.structures.get(info->src);
     if (device.checks.core)
         checkConstructed(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11586");
-    checkDeserializedMicromaps(check, source, "VUID-vkCopyAccelerationStructureKHR-src-11587");
+    checkDeserializedMicromaps(device.gpu, check, source, "VUID-vkCopyAccelerationStructureKHR-src-11587");
     const VkResult result = device.next.CopyAccelerationStructureKHR(handle, operation, info);
     if (succeeded(result))
         remember([&] { copied(check, source, device.objects.structures.get(info->dst)); });

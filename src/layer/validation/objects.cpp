@@ -1,21 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/objects.h"
-
-#include <algorithm>
-
+// Queues, memory, buffers, images, acceleration structures and micromaps.
 #include "layer/base/pnext.h"
-#include "layer/validation/device_validation.h"
+#include "layer/validation/commands.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/rules/creation_rules.h"
-#include "layer/validation/sync/sync_commands.h"
 
-namespace vellum::layer
+namespace vellum::layer::validation
 {
 namespace
 {
-
-// Addresses of structures that may hold micromaps, which are remembered after the structures.
-constexpr size_t kMostAddresses = size_t{1} << 20;
 
 VkFlags64 usageOf(const VkBufferCreateInfo &info)
 {
@@ -58,7 +51,7 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
     structure->number = ++device.numbers;
     structure->type = type;
     structure->createFlags = flags;
-    structure->record = device.gpu.records.take();
+    structure->record = device.records.take();
     structure->buffer = device.objects.buffers.get(buffer);
     structure->offset = offset;
     structure->size = size;
@@ -73,98 +66,12 @@ void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStruc
 {
     if (structure->referenceAddress.exchange(address) == address)
         return;
-    device.traces.byReference.add(address, structure);
+    device.objects.byReference.add(address, structure);
     if (structure->record)
-        device.gpu.records.setReference(address, *structure->record);
+        device.records.setReference(address, *structure->record);
 }
 
 } // namespace
-
-void setContents(DeviceValidation &device, ValidatedStructure &structure,
-                 std::shared_ptr<const StructureContents> contents)
-{
-    structure.contents = std::move(contents);
-    structure.since = structure.built = ++device.numbers;
-}
-
-void StructuresByAddress::add(VkDeviceAddress address, const std::shared_ptr<ValidatedStructure> &structure)
-{
-    if (structures_.size() >= sweepAt_) {
-        std::erase_if(structures_, [](const auto &known) { return known.second.expired(); });
-        sweepAt_ = std::max<size_t>(64, 2 * structures_.size());
-    }
-    structures_.emplace(address, structure);
-}
-
-void StructuresByReference::add(VkDeviceAddress reference, const std::shared_ptr<ValidatedStructure> &structure)
-{
-    const std::lock_guard lock(mutex_);
-    structures_.add(reference, structure);
-}
-
-std::shared_ptr<ValidatedStructure> StructuresByReference::at(VkDeviceAddress reference) const
-{
-    const std::lock_guard lock(mutex_);
-    std::shared_ptr<ValidatedStructure> last;
-    structures_.visit(reference, [&](const auto &structure) { last = structure; });
-    return last;
-}
-
-void StructuresByMemory::add(const std::shared_ptr<ValidatedStructure> &structure)
-{
-    if (!structure->isMicromap() && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-        return;
-    const std::lock_guard lock(mutex_);
-    structures_.add(structure->memoryAddress, structure);
-    isFull_ = isFull_ || addresses_.size() == kMostAddresses;
-    if (!isFull_)
-        addresses_.insert(structure->memoryAddress);
-}
-
-std::vector<std::shared_ptr<ValidatedStructure>> StructuresByMemory::at(VkDeviceAddress address) const
-{
-    const std::lock_guard lock(mutex_);
-    std::vector<std::shared_ptr<ValidatedStructure>> found;
-    structures_.visit(address, [&](const auto &structure) {
-        if (!structure->destroyed &&
-            (structure->isMicromap() || !structure->contents ||
-             structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
-             structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR))
-            found.push_back(structure);
-    });
-    return found;
-}
-
-bool StructuresByMemory::everAt(VkDeviceAddress address) const
-{
-    const std::lock_guard lock(mutex_);
-    return isFull_ || addresses_.contains(address);
-}
-
-bool StructuresByMemory::isComplete() const
-{
-    const std::lock_guard lock(mutex_);
-    bool complete = true;
-    structures_.visit(0, [&](const auto &) { complete = false; });
-    return complete;
-}
-
-std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type)
-{
-    auto contents = std::make_shared<StructureContents>();
-    contents->type = type;
-    contents->deserialized = true;
-    return contents;
-}
-
-std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceValidation &device, VkDeviceAddress address)
-{
-    const AddressMap::Location location = device.buffers.addresses.find(address);
-    return location.buffer ? device.objects.buffers.get(location.buffer) : nullptr;
-}
-
-namespace validation
-{
 
 void getDeviceQueue(DeviceValidation &device, VkDevice handle, uint32_t family, uint32_t index, VkQueue *queue)
 {
@@ -192,7 +99,7 @@ void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory
                 const VkAllocationCallbacks *allocator)
 {
     device.objects.memories.take(memory);
-    sync::checkFree(device, memory);
+    sync::checkFree(device.sync, memory);
     device.next.FreeMemory(handle, memory, allocator);
 }
 
@@ -219,7 +126,7 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
 void destroyBuffer(DeviceValidation &device, VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks *allocator)
 {
     device.buffers.addresses.remove(buffer);
-    sync::checkDestruction(device, device.objects.buffers.get(buffer).get());
+    sync::checkDestruction(device.sync, device.objects.buffers.get(buffer).get());
     if (const auto known = device.objects.buffers.take(buffer))
         known->destroyed = true;
     device.next.DestroyBuffer(handle, buffer, allocator);
@@ -278,7 +185,7 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
     const Place command("vkCreateAccelerationStructure2KHR");
     if (device.checks.core) {
         checkCreation(device, *info);
-        checkCreation(device, command, *info);
+        ranges::checkCreation(device, command, *info);
     }
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
@@ -300,12 +207,12 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
     const auto known = device.objects.structures.take(structure);
     if (device.checks.core)
         checkDestruction(device, known.get(), allocator != nullptr);
-    sync::checkDestruction(device, "vkDestroyAccelerationStructureKHR",
+    sync::checkDestruction(device.sync, "vkDestroyAccelerationStructureKHR",
                            "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", known.get());
     if (known)
         known->destroyed = true;
     if (known && known->record)
-        device.gpu.records.removeReference(*known->record);
+        device.records.removeReference(*known->record);
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 
@@ -341,11 +248,29 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
         checkMicromapDestruction(device);
         checkDestruction(device, known.get(), allocator != nullptr);
     }
-    sync::checkDestruction(device, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441", known.get());
+    sync::checkDestruction(device.sync, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441",
+                           known.get());
     if (known)
         known->destroyed = true;
     device.next.DestroyMicromapEXT(handle, micromap, allocator);
 }
 
-} // namespace validation
-} // namespace vellum::layer
+VkResult createImage(DeviceValidation &device, VkDevice handle, const VkImageCreateInfo *info,
+                     const VkAllocationCallbacks *allocator, VkImage *image)
+{
+    const VkResult result = device.next.CreateImage(handle, info, allocator, image);
+    if (result == VK_SUCCESS)
+        remember([&] {
+            device.objects.images.set(*image, std::make_shared<const ValidatedImage>(
+                                                  ValidatedImage{info->format, info->flags, info->arrayLayers}));
+        });
+    return result;
+}
+
+void destroyImage(DeviceValidation &device, VkDevice handle, VkImage image, const VkAllocationCallbacks *allocator)
+{
+    device.objects.images.take(image);
+    device.next.DestroyImage(handle, image, allocator);
+}
+
+} // namespace vellum::layer::validation

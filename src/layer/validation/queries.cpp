@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/queries.h"
-
+// Queries of the sizes of micromaps and acceleration structures.
 #include <algorithm>
 #include <initializer_list>
 
+#include "layer/validation/commands.h"
 #include "layer/validation/rules/implicit_rules.h"
-#include "layer/validation/sync/sync_accesses.h"
 
 namespace vellum::layer
 {
@@ -118,7 +117,7 @@ void writeProperties(const RuleCheck &command, const char *array,
                      const std::vector<std::shared_ptr<ValidatedStructure>> &structures, VkQueryType type,
                      std::initializer_list<VkQueryType> types, VkQueryPool handle, uint32_t first, const QueryIds &ids)
 {
-    const DeviceValidation &device = command.device();
+    const DeviceModel &device = command.device();
     const Pool pool = device.objects.queryPools.get(handle);
     const auto count = static_cast<uint32_t>(structures.size());
     if (device.checks.core) {
@@ -210,7 +209,7 @@ void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer comma
     writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pMicromaps", known, type,
                     {VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT}, pool,
                     first, kExtIds);
-    sync::recordQuery(device, commandBuffer, name, "pMicromaps", known);
+    sync::recordQuery(device.sync, commandBuffer, name, "pMicromaps", known);
     device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, pool, first);
 }
 
@@ -228,7 +227,7 @@ void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkComman
                      VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
                      VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR, kBottomLevelPointers},
                     pool, first, kKhrIds);
-    sync::recordQuery(device, commandBuffer, name, "pAccelerationStructures", known);
+    sync::recordQuery(device.sync, commandBuffer, name, "pAccelerationStructures", known);
     device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, pool, first);
 }
 

@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
-
-#include "layer/validation/device_validation.h"
+#include <utility>
 
 namespace vellum::layer
 {
@@ -68,9 +67,9 @@ bool declared(const VkMicromapUsageEXT &usage)
 
 } // namespace
 
-void GpuChecks::create(const DeviceValidation &device, const Driver &driver)
+void GpuChecks::create(const Driver &driver)
 {
-    if (!device.checks.gpu)
+    if (!std::exchange(device.checks.gpu, false))
         return;
     if (!driver.enabled.bufferAddresses && !driver.providesMicromaps()) {
         driver.report().warning("VELLUM-validation-gpu",
@@ -78,18 +77,26 @@ void GpuChecks::create(const DeviceValidation &device, const Driver &driver)
         return;
     }
     limits = limitsOf(driver);
-    emulated = driver.emulated();
-    if (log.create(device.buffers.gpu) == VK_SUCCESS && records.create(device.buffers.gpu) == VK_SUCCESS)
-        on = true;
+    if (log.create(device.buffers.gpu) == VK_SUCCESS && device.records.create(device.buffers.gpu) == VK_SUCCESS)
+        device.checks.gpu = true;
     else
         driver.report().error("VELLUM-validation-gpu", "no memory for the check of data on the GPU, which is off");
+}
+
+void GpuChecks::report(bool idle)
+{
+    if (idle)
+        log.drainIdle(*this);
+    else
+        log.drain(*this);
+    pending.report(device);
 }
 
 FindingPush GpuBuildChecks::findingOf(uint32_t i, uint32_t geometry, ObjectHandle object, bool khr) const
 {
     const bool structure = object.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR;
-    return {device_.gpu.log.address(), object.handle, (khr ? kFindingKhr : 0) | (structure ? kFindingStructure : 0),
-            siteOf(command_, i),       geometry,      0};
+    return {gpu_.log.address(),  object.handle, (khr ? kFindingKhr : 0) | (structure ? kFindingStructure : 0),
+            siteOf(command_, i), geometry,      0};
 }
 
 void GpuBuildChecks::newRecord(const std::shared_ptr<ValidatedStructure> &target, RecordWords words)
@@ -100,7 +107,7 @@ void GpuBuildChecks::newRecord(const std::shared_ptr<ValidatedStructure> &target
 
 void GpuBuildChecks::add(uint32_t i, const MicromapBuildInput &build)
 {
-    if (!device_.gpu.on)
+    if (!device_.checks.gpu)
         return;
     const uint64_t count = build.triangleCount();
     newRecord(build.target, {kRecordMicromap, build.flags, static_cast<uint32_t>(count)});
@@ -134,13 +141,13 @@ void GpuBuildChecks::add(uint32_t i, const MicromapBuildInput &build)
     push.count = static_cast<uint32_t>(count);
     push.dataBytes =
         static_cast<uint32_t>(std::min<VkDeviceSize>(addresses.bytesFrom(build.data.deviceAddress), UINT32_MAX));
-    push.limits = limitsWord(device_.gpu.limits, build, khr);
+    push.limits = limitsWord(gpu_.limits, build, khr);
 }
 
 void GpuBuildChecks::add(uint32_t i, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                          const GeometryCounts &counts)
 {
-    if (!device_.gpu.on)
+    if (!device_.checks.gpu)
         return;
     const bool top = info.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
     newRecord(device_.objects.structures.get(info.dstAccelerationStructure),
@@ -170,7 +177,7 @@ void GpuBuildChecks::addIndices(uint32_t i, uint32_t g, const AttachmentInput &a
                 : attachment.indexType != VK_INDEX_TYPE_NONE_KHR || push.attached == 0)
         return;
     push.finding = findingOf(i, g, attachment.handle, attachment.khr);
-    push.record = device_.gpu.records.addressOf(attachment.micromap ? attachment.micromap->record.get() : nullptr);
+    push.record = device_.records.addressOf(attachment.micromap ? attachment.micromap->record.get() : nullptr);
     push.range = counts.range(g);
     push.triangleCount = counts.primitives(g);
     push.baseTriangle = attachment.baseTriangle;
@@ -196,8 +203,8 @@ void GpuBuildChecks::addInstances(uint32_t i, uint32_t g, const VkAccelerationSt
         return;
     push.finding = findingOf(i, g, info.dstAccelerationStructure, false);
     push.instances = begin;
-    push.records = device_.gpu.records.address();
-    push.references = device_.gpu.records.references();
+    push.records = device_.records.address();
+    push.references = device_.records.references();
     push.range = counts.range(g);
     push.count = std::min(counts.primitives(g), device_.buffers.addresses.elementsFrom(begin, bytes, bytes));
     push.feature = device_.driver.enabled.anyFeature();
@@ -215,7 +222,7 @@ void GpuBuildChecks::record()
     InjectedWork work(device_.commands, commandBuffer_);
     work.barrier();
     for (const NewRecord &record : records_)
-        device_.gpu.records.set(device_.driver.next, commandBuffer_, *record.target->record, record.words);
+        device_.records.set(device_.driver.next, commandBuffer_, *record.target->record, record.words);
     if (dispatches)
         dispatch(work);
     work.barrier(true);
@@ -248,13 +255,13 @@ void GpuBuildChecks::dispatch(InjectedWork &work)
     }
 }
 
-void checkHostBuild(DeviceValidation &device, uint32_t i, const MicromapBuildInput &build)
+void checkHostBuild(GpuChecks &gpu, uint32_t i, const MicromapBuildInput &build)
 {
     const auto count = static_cast<uint32_t>(build.triangleCount());
-    if (!device.gpu.on || !build.target)
+    if (!gpu.device.checks.gpu || !build.target)
         return;
     if (build.target->record)
-        device.gpu.records.set(*build.target->record, {kRecordMicromap, build.flags, count});
+        gpu.device.records.set(*build.target->record, {kRecordMicromap, build.flags, count});
     const auto *triangles = static_cast<const char *>(build.triangles.hostAddress);
     if (!triangles || !build.data.hostAddress)
         return;
@@ -269,11 +276,11 @@ void checkHostBuild(DeviceValidation &device, uint32_t i, const MicromapBuildInp
         VkMicromapTriangleEXT t;
         std::memcpy(&t, triangles + finding.element * build.triangleStride, sizeof t);
         finding.what = findingOfTriangle(t.dataOffset, t.subdivisionLevel, t.format,
-                                         limitsWord(device.gpu.limits, build, false), UINT32_MAX);
+                                         limitsWord(gpu.limits, build, false), UINT32_MAX);
         finding.value0 = t.dataOffset;
         finding.value1 = t.subdivisionLevel | uint32_t{t.format} << 16;
         if (finding.what != 0) {
-            reportFinding(device, finding);
+            reportFinding(gpu, finding);
             wrong = true;
         } else {
             ++found[usageKind(t.subdivisionLevel, t.format)];
@@ -287,22 +294,22 @@ void checkHostBuild(DeviceValidation &device, uint32_t i, const MicromapBuildInp
     finding.element = kind / 2 | (kind % 2 + 1) << 16;
     finding.value0 = declaredCounts[kind];
     finding.value1 = found[kind];
-    reportFinding(device, finding);
+    reportFinding(gpu, finding);
 }
 
-void copyRecord(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                const std::shared_ptr<ValidatedStructure> &from, const std::shared_ptr<ValidatedStructure> &to)
+void copyRecord(DeviceModel &device, VkCommandBuffer commandBuffer, const std::shared_ptr<ValidatedStructure> &from,
+                const std::shared_ptr<ValidatedStructure> &to)
 {
     if (!to || !to->record)
         return;
     const StructureRecords::Owner *source = from ? from->record.get() : nullptr;
     if (!commandBuffer) {
-        device.gpu.records.copy(source, *to->record);
+        device.records.copy(source, *to->record);
         return;
     }
     InjectedWork work(device.commands, commandBuffer);
     work.barrier();
-    device.gpu.records.copy(device.driver.next, commandBuffer, source, *to->record);
+    device.records.copy(device.driver.next, commandBuffer, source, *to->record);
     work.barrier();
 }
 

@@ -11,15 +11,13 @@
 #include "core/push.h"
 #include "layer/base/driver.h"
 #include "layer/command_buffer/injected_work.h"
-#include "layer/validation/builds.h"
 #include "layer/validation/gpu/gpu_log.h"
-#include "layer/validation/gpu/gpu_records.h"
 #include "layer/validation/gpu/serialized_data.h"
+#include "layer/validation/model/device_model.h"
+#include "layer/validation/rules/build_input.h"
 
 namespace vellum::layer
 {
-
-struct DeviceValidation;
 
 // The greatest subdivision levels of micromap triangles.
 struct LevelLimits {
@@ -29,16 +27,16 @@ struct LevelLimits {
 };
 
 struct GpuChecks {
-    bool on = false;
-    bool emulated = false; // emulation reports some of the rules itself
-    GpuLog log;
-    PendingChecks pending;
-    StructureRecords records;
-    LevelLimits limits;
+    DeviceModel &device;
+    GpuLog log{};
+    PendingChecks pending{};
+    LevelLimits limits{};
 
     // `driver`: the device as the implementation of micromaps knows it. Reports why the check is off if it cannot be
     // made.
-    void create(const DeviceValidation &device, const Driver &driver);
+    void create(const Driver &driver);
+    // Reports findings, and checks that waited for the device. `idle`: the device executes nothing.
+    void report(bool idle);
 };
 
 // The primitives of a build: direct, or with ranges on the device.
@@ -59,8 +57,8 @@ struct GeometryCounts {
 class GpuBuildChecks
 {
 public:
-    GpuBuildChecks(DeviceValidation &device, VkCommandBuffer commandBuffer, SiteCommand command)
-        : device_(device), commandBuffer_(commandBuffer), command_(command)
+    GpuBuildChecks(GpuChecks &gpu, VkCommandBuffer commandBuffer, SiteCommand command)
+        : gpu_(gpu), device_(gpu.device), commandBuffer_(commandBuffer), command_(command)
     {
     }
     // Element `i` of the infos.
@@ -84,7 +82,8 @@ private:
     void dispatch(InjectedWork &work);
     void newRecord(const std::shared_ptr<ValidatedStructure> &target, RecordWords words);
 
-    DeviceValidation &device_;
+    GpuChecks &gpu_;
+    DeviceModel &device_;
     VkCommandBuffer commandBuffer_;
     SiteCommand command_;
     std::vector<NewRecord> records_;
@@ -94,11 +93,11 @@ private:
 };
 
 // Checks the input of builds of micromaps by the host.
-void checkHostBuild(DeviceValidation &device, uint32_t i, const MicromapBuildInput &build);
+void checkHostBuild(GpuChecks &gpu, uint32_t i, const MicromapBuildInput &build);
 
 // A copy gives `to` what `from` holds; null: unknown contents, such as serialized data. `commandBuffer`: null for
 // copies by the host.
-void copyRecord(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                const std::shared_ptr<ValidatedStructure> &from, const std::shared_ptr<ValidatedStructure> &to);
+void copyRecord(DeviceModel &device, VkCommandBuffer commandBuffer, const std::shared_ptr<ValidatedStructure> &from,
+                const std::shared_ptr<ValidatedStructure> &to);
 
 } // namespace vellum::layer

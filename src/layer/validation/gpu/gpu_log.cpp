@@ -8,8 +8,7 @@
 #include <string>
 
 #include "core/findings.h"
-#include "layer/validation/device_validation.h"
-#include "layer/validation/sync/sync_commands.h"
+#include "layer/validation/gpu/gpu_checks.h"
 
 namespace vellum::layer
 {
@@ -38,10 +37,10 @@ std::string kindOf(uint32_t levelAndFormat)
     return (levelAndFormat >> 16) == 1 ? "2-state" : "4-state";
 }
 
-Rule levelRule(const DeviceValidation &device, bool khr, uint32_t levelAndFormat)
+Rule levelRule(const GpuChecks &gpu, bool khr, uint32_t levelAndFormat)
 {
     const bool two = (levelAndFormat >> 16) == 1;
-    const uint32_t limit = two ? device.gpu.limits.twoState : device.gpu.limits.fourState;
+    const uint32_t limit = two ? gpu.limits.twoState : gpu.limits.fourState;
     const char *vuid = two   ? (khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11556"
                                     : "VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11659")
                        : khr ? "VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11566"
@@ -51,7 +50,7 @@ Rule levelRule(const DeviceValidation &device, bool khr, uint32_t levelAndFormat
 }
 
 // The findings about the input of a micromap build.
-Rule micromapRule(const DeviceValidation &device, const Finding &f, bool khr)
+Rule micromapRule(const GpuChecks &gpu, const Finding &f, bool khr)
 {
     const std::string level = number(f.value1 & 0xffff);
     switch (f.what & kFindingMask) {
@@ -59,11 +58,10 @@ Rule micromapRule(const DeviceValidation &device, const Finding &f, bool khr)
         return {khr ? "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11555"
                     : "VUID-VkMicromapBuildInfoEXT-format-11657",
                 "format " + number(f.value1 >> 16) + " is neither 2-state nor 4-state"};
-    case kFindingLevel: return levelRule(device, khr, f.value1);
+    case kFindingLevel: return levelRule(gpu, khr, f.value1);
     case kFindingLossyLevel:
         return {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11567",
-                "subdivision level " + level + " is above " + number(device.gpu.limits.lossy) +
-                    ", the limit of lossy builds"};
+                "subdivision level " + level + " is above " + number(gpu.limits.lossy) + ", the limit of lossy builds"};
     case kFindingLossyFormat:
         return {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11713",
                 "its format is 2-state; that of lossy builds is 4-state"};
@@ -105,7 +103,7 @@ Rule geometryRule(const Finding &f, bool khr, const std::string &micromap)
     }
 }
 
-Rule instanceRule(const DeviceValidation &device, const Finding &f)
+Rule instanceRule(const GpuChecks &gpu, const Finding &f)
 {
     if ((f.what & kFindingMask) == kFindingFeature)
         return {"VUID-VkAccelerationStructureInstanceKHR-micromap-11580",
@@ -115,7 +113,7 @@ Rule instanceRule(const DeviceValidation &device, const Finding &f)
     const bool indirect = f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
     const char *command = indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10607"
                                    : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607";
-    return {device.driver.enabled.khr ? "VUID-VkAccelerationStructureInstanceKHR-flags-11581" : command,
+    return {gpu.device.driver.enabled.khr ? "VUID-VkAccelerationStructureInstanceKHR-flags-11581" : command,
             std::string("flags has DISABLE_OPACITY_MICROMAPS, but the structure at ") + reference +
                 " was built without ALLOW_DISABLE_OPACITY_MICROMAPS"};
 }
@@ -131,7 +129,7 @@ std::string placeOf(const Finding &f)
 
 } // namespace
 
-void reportFinding(DeviceValidation &device, const Finding &f)
+void reportFinding(GpuChecks &gpu, const Finding &f)
 {
     const bool khr = (f.what & kFindingKhr) != 0;
     const ObjectHandle object((f.what & kFindingStructure) != 0 ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR
@@ -143,16 +141,16 @@ void reportFinding(DeviceValidation &device, const Finding &f)
     if (what == kFindingCounts) {
         rule = countsRule(f);
     } else if (what < kFindingCounts) {
-        rule = micromapRule(device, f, khr);
+        rule = micromapRule(gpu, f, khr);
         rule.text = triangle + rule.text;
     } else if (what < kFindingDisable) {
-        rule = geometryRule(f, khr, device.nameOf(object));
+        rule = geometryRule(f, khr, gpu.device.nameOf(object));
         rule.text = triangle + rule.text;
     } else {
-        rule = instanceRule(device, f);
+        rule = instanceRule(gpu, f);
         rule.text = "instance " + number(f.element) + ": " + rule.text;
     }
-    device.fault(placeOf(f), rule.vuid, rule.text, object);
+    gpu.device.fault(placeOf(f), rule.vuid, rule.text, object);
 }
 
 VkResult GpuLog::create(const GpuContext &context)
@@ -185,12 +183,12 @@ std::optional<Finding> GpuLog::take()
     return finding;
 }
 
-void GpuLog::drain(DeviceValidation &device)
+void GpuLog::drain(GpuChecks &gpu)
 {
     if (!hasNew())
         return;
     while (const auto finding = take())
-        reportFinding(device, *finding);
+        reportFinding(gpu, *finding);
     bool overflows = false;
     {
         std::lock_guard lock(mutex_);
@@ -198,14 +196,14 @@ void GpuLog::drain(DeviceValidation &device)
         reportedOverflow_ |= overflows;
     }
     if (overflows)
-        device.driver.report().error("VELLUM-validation-log",
-                                     "there are more findings than the " + std::to_string(kLogCapacity) +
-                                         " reported; further ones are reported after vkDeviceWaitIdle");
+        gpu.device.driver.report().error("VELLUM-validation-log",
+                                         "there are more findings than the " + std::to_string(kLogCapacity) +
+                                             " reported; further ones are reported after vkDeviceWaitIdle");
 }
 
-void GpuLog::drainIdle(DeviceValidation &device)
+void GpuLog::drainIdle(GpuChecks &gpu)
 {
-    drain(device);
+    drain(gpu);
     std::lock_guard lock(mutex_);
     if (reported_ == 0)
         return;
@@ -215,75 +213,4 @@ void GpuLog::drainIdle(DeviceValidation &device)
     reportedOverflow_ = false;
 }
 
-void reportCompleted(DeviceValidation &device, bool idle)
-{
-    if (idle)
-        device.gpu.log.drainIdle(device);
-    else
-        device.gpu.log.drain(device);
-    device.gpu.pending.report(device);
-    device.traces.marks.report(device, idle);
-}
-
-namespace validation
-{
-
-VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
-{
-    const VkResult result = device.next.QueueWaitIdle(queue);
-    if (result == VK_SUCCESS)
-        device.sync.tracker.queueIdle(uint64_t(queue));
-    reportCompleted(device, false);
-    return result;
-}
-
-VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
-{
-    const VkResult result = device.next.DeviceWaitIdle(handle);
-    if (result == VK_SUCCESS)
-        device.sync.tracker.allIdle();
-    reportCompleted(device, result == VK_SUCCESS);
-    return result;
-}
-
-VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count, const VkFence *fences, VkBool32 all,
-                       uint64_t timeout)
-{
-    const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
-    if (result == VK_SUCCESS)
-        sync::fencesComplete(device, handle, count, fences, all == VK_TRUE || count == 1);
-    reportCompleted(device, false);
-    return result;
-}
-
-VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence)
-{
-    const VkResult result = device.next.GetFenceStatus(handle, fence);
-    if (result == VK_SUCCESS)
-        sync::fencesComplete(device, handle, 1, &fence, true);
-    reportCompleted(device, false);
-    return result;
-}
-
-VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
-{
-    const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
-    if (result == VK_SUCCESS)
-        sync::semaphoresReached(device, handle, *info);
-    reportCompleted(device, false);
-    return result;
-}
-
-VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore, uint64_t *value)
-{
-    const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
-    if (device.checks.sync && result == VK_SUCCESS) {
-        device.logs.settle();
-        device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
-    }
-    reportCompleted(device, false);
-    return result;
-}
-
-} // namespace validation
 } // namespace vellum::layer

@@ -14,7 +14,7 @@
 namespace vellum::layer
 {
 
-struct DeviceValidation;
+struct GpuChecks;
 
 // Commands with findings, as the log numbers them.
 enum class SiteCommand : uint32_t { BuildMicromaps, BuildStructures, BuildStructuresIndirect, BuildMicromapsOnHost };
@@ -28,7 +28,7 @@ constexpr uint32_t siteOf(SiteCommand command, uint32_t info)
 {
     return static_cast<uint32_t>(command) << 24 | (info & 0xffffff);
 }
-void reportFinding(DeviceValidation &device, const Finding &finding);
+void reportFinding(GpuChecks &gpu, const Finding &finding);
 
 class GpuLog
 {
@@ -37,10 +37,10 @@ public:
     // For push constants.
     [[nodiscard]] VkDeviceAddress address() const { return log_.address(); }
     // Reports the findings since the last call.
-    void drain(DeviceValidation &device);
+    void drain(GpuChecks &gpu);
     // Reports them and clears the log. The device must be idle until the call returns: in vkDeviceWaitIdle all queues
     // are externally synchronized.
-    void drainIdle(DeviceValidation &device);
+    void drainIdle(GpuChecks &gpu);
 
 private:
     // Whether the log has grown. Takes no lock, because every poll of a fence calls it.
@@ -55,19 +55,4 @@ private:
     bool reportedOverflow_ = false;
 };
 
-// Reports everything that is certain now: findings, checks that wait for the device, marks of shaders. `idle`: the
-// device executes nothing.
-void reportCompleted(DeviceValidation &device, bool idle);
-
-namespace validation
-{
-
-VkResult queueWaitIdle(DeviceValidation &, VkQueue);
-VkResult deviceWaitIdle(DeviceValidation &, VkDevice);
-VkResult waitForFences(DeviceValidation &, VkDevice, uint32_t, const VkFence *, VkBool32, uint64_t);
-VkResult getFenceStatus(DeviceValidation &, VkDevice, VkFence);
-VkResult waitSemaphores(DeviceValidation &, VkDevice, const VkSemaphoreWaitInfo *, uint64_t);
-VkResult getSemaphoreCounterValue(DeviceValidation &, VkDevice, VkSemaphore, uint64_t *);
-
-} // namespace validation
 } // namespace vellum::layer

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "layer/validation/device_validation.h"
+#include "layer/validation/gpu/gpu_checks.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
@@ -51,7 +51,7 @@ void eachBlock(Words words, Visit visit)
 
 // A command whose data or sizes are known.
 struct Command {
-    DeviceValidation &device;
+    DeviceModel &device;
     const std::string &place;
     const ValidatedStructure &structure;
     bool onHost = false; // at once
@@ -69,7 +69,7 @@ struct Command {
     {
         if (onHost)
             CommandReports::cover(id);
-        else if (device.gpu.emulated)
+        else if (device.emulated)
             device.driver.covered->add(id);
     }
 };
@@ -93,7 +93,7 @@ bool isExt(const ValidatedStructure &structure)
     return structure.handle.type == VK_OBJECT_TYPE_MICROMAP_EXT;
 }
 
-bool isCompatible(const DeviceValidation &device, Words words, bool ext)
+bool isCompatible(const DeviceModel &device, Words words, bool ext)
 {
     const auto *version = reinterpret_cast<const uint8_t *>(words.data());
     VkAccelerationStructureCompatibilityKHR result = VK_ACCELERATION_STRUCTURE_COMPATIBILITY_COMPATIBLE_KHR;
@@ -110,7 +110,7 @@ bool isCompatible(const DeviceValidation &device, Words words, bool ext)
 
 void reportBlocks(const Command &command, Words words)
 {
-    DeviceValidation &device = command.device;
+    DeviceModel &device = command.device;
     uint32_t block = 0;
     eachBlock(words, [&](uint32_t type, Words addresses) {
         const std::string where = "block " + std::to_string(block++) + " of the header at src ";
@@ -138,9 +138,9 @@ void reportBlocks(const Command &command, Words words)
 
 // Whether the data has sizes and blocks after the version. In that of micromaps the specification defines the version
 // only; emulation writes the sizes all the same. What a generic structure gets is not known.
-bool hasSizes(const DeviceValidation &device, VkAccelerationStructureTypeKHR type)
+bool hasSizes(const DeviceModel &device, VkAccelerationStructureTypeKHR type)
 {
-    return device.gpu.emulated || type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||
+    return device.emulated || type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR ||
            type == VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR;
 }
 
@@ -183,8 +183,8 @@ void reportHeader(const Command &command, Words words, VkDeviceSize readable)
 class SizeQuery
 {
 public:
-    SizeQuery(DeviceValidation &device, VkQueryType type)
-        : device_(device), type_(type), capture_(Capture::make(device.traces.memory, kResultWords, kResultWords))
+    SizeQuery(DeviceModel &device, VkQueryType type)
+        : device_(device), type_(type), capture_(Capture::make(device.captureMemory, kResultWords, kResultWords))
     {
         VkQueryPoolCreateInfo info{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO};
         info.queryType = type;
@@ -232,28 +232,28 @@ private:
     static constexpr size_t kAvailable = 2; // after the size
     static constexpr size_t kResultWords = 4;
 
-    DeviceValidation &device_;
+    DeviceModel &device_;
     VkQueryType type_;
     std::shared_ptr<Capture> capture_;
     VkQueryPool pool_ = VK_NULL_HANDLE;
 };
 
 // Adds a check when the command is executed for the first time.
-void addWhenExecuted(const RuleCheck &check, PendingChecks::Check pending)
+void addWhenExecuted(GpuChecks &gpu, const RuleCheck &check, PendingChecks::Check pending)
 {
-    check.whenExecuted([&device = check.device(), pending = std::move(pending)]() mutable {
+    check.whenExecuted([&gpu, pending = std::move(pending)]() mutable {
         if (pending)
-            device.gpu.pending.add(std::exchange(pending, nullptr));
+            gpu.pending.add(std::exchange(pending, nullptr));
     });
 }
 
 // The size of `source` is at most `most`.
-void checkSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, VkQueryType type,
-               const char *vuid, VkDeviceSize most, const std::string &text)
+void checkSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+               VkQueryType type, const char *vuid, VkDeviceSize most, const std::string &text)
 {
-    DeviceValidation &device = check.device();
+    DeviceModel &device = check.device();
     const CommandState *state = device.commands.states.get(check.commandBuffer());
-    if (!device.gpu.on || !source || !source->buffer || !source->buffer->memory || !state ||
+    if (!device.checks.gpu || !source || !source->buffer || !source->buffer->memory || !state ||
         state->inheritsConditionalRendering)
         return;
     auto query = std::make_shared<SizeQuery>(device, type);
@@ -261,13 +261,15 @@ void checkSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure>
         return;
     query->record(check.commandBuffer(), *source);
     check.whenExecuted([query] {}); // it lives as long as the commands, which may be submitted again
-    addWhenExecuted(check, [&device, query = std::move(query), place = check.place().text(), vuid, most, text, source] {
-        const auto size = query->result();
-        if (size && *size > most)
-            Command{device, place, *source}.fault(
-                vuid, text + "; src " + device.nameOf(source->handle) + " needs " + std::to_string(*size), kCopySize);
-        return size.has_value();
-    });
+    addWhenExecuted(
+        gpu, check, [&device, query = std::move(query), place = check.place().text(), vuid, most, text, source] {
+            const auto size = query->result();
+            if (size && *size > most)
+                Command{device, place, *source}.fault(
+                    vuid, text + "; src " + device.nameOf(source->handle) + " needs " + std::to_string(*size),
+                    kCopySize);
+            return size.has_value();
+        });
 }
 
 } // namespace
@@ -300,7 +302,7 @@ void PendingChecks::add(Check check)
     any_ = true;
 }
 
-void PendingChecks::report(DeviceValidation &device)
+void PendingChecks::report(DeviceModel &device)
 {
     if (!any_)
         return;
@@ -311,25 +313,18 @@ void PendingChecks::report(DeviceValidation &device)
     any_ = !checks_.empty();
 }
 
-void PendingChecks::clear()
-{
-    const std::lock_guard lock(mutex_);
-    checks_.clear();
-    any_ = false;
-}
-
-std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, VkDeviceAddress data,
+std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const RuleCheck &check, VkDeviceAddress data,
                                                       const std::shared_ptr<ValidatedStructure> &target)
 {
-    DeviceValidation &device = check.device();
+    DeviceModel &device = check.device();
     const VkDeviceSize readable = device.buffers.addresses.bytesFrom(data);
     const CommandState *state = device.commands.states.get(check.commandBuffer());
-    if (!device.gpu.on || !target || !state || state->inheritsConditionalRendering || readable == UINT64_MAX ||
+    if (!device.checks.gpu || !target || !state || state->inheritsConditionalRendering || readable == UINT64_MAX ||
         readable < kHeaderWords * 4 || data % 4 != 0)
         return nullptr;
     const auto count = static_cast<uint32_t>(std::min<VkDeviceSize>(readable / 4, kMostWords));
     auto capture =
-        Capture::make(device.traces.memory, shared::kDeserializedWordsAt + count, shared::kDeserializedWordsAt);
+        Capture::make(device.captureMemory, shared::kDeserializedWordsAt + count, shared::kDeserializedWordsAt);
     if (!capture)
         return nullptr;
     const shared::DeserializedWordsPush push{.source = data, .target = capture->address(), .count = count, .unused = 0};
@@ -341,7 +336,7 @@ std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, Vk
     }
     auto header = std::make_shared<SerializedHeader>(std::move(capture), count);
     check.whenExecuted([&device, header] { header->number = ++device.numbers; });
-    addWhenExecuted(check, [&device, header, place = check.place().text(), readable, target] {
+    addWhenExecuted(gpu, check, [&device, header, place = check.place().text(), readable, target] {
         if (header->state() == SerializedHeader::State::Read)
             reportHeader({device, place, *target}, header->words(), readable);
         return header->state() != SerializedHeader::State::NotRead;
@@ -352,8 +347,8 @@ std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, Vk
 std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, const void *data,
                                                       const ValidatedStructure *target)
 {
-    DeviceValidation &device = check.device();
-    if (!device.gpu.on || !target || !data)
+    DeviceModel &device = check.device();
+    if (!device.checks.gpu || !target || !data)
         return nullptr;
     std::vector<uint32_t> words(kHeaderWords);
     std::memcpy(words.data(), data, kVersionBytes);
@@ -373,14 +368,14 @@ std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, co
     return header;
 }
 
-void checkSerializedSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+void checkSerializedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                          VkDeviceAddress target)
 {
     const VkDeviceSize most = check.device().buffers.addresses.bytesFrom(target);
     if (!source || most == UINT64_MAX)
         return;
     const bool ext = isExt(*source);
-    checkSize(check, source,
+    checkSize(gpu, check, source,
               ext ? VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT
                   : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
               ext ? "VUID-VkCopyMicromapToMemoryInfoEXT-dst-07541"
@@ -388,20 +383,20 @@ void checkSerializedSize(const RuleCheck &check, const std::shared_ptr<Validated
               most, "the buffer has " + std::to_string(most) + " bytes at dst");
 }
 
-void checkCompactedSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                         const std::shared_ptr<ValidatedStructure> &target)
 {
     if (!target)
         return;
     const bool ext = isExt(*target);
-    checkSize(check, source,
+    checkSize(gpu, check, source,
               ext ? VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
               ext ? kCopySize : "VUID-VkCopyAccelerationStructureInfoKHR-mode-12419", target->size,
               "dst " + check.device().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
                   " bytes");
 }
 
-std::string wrongMicromapOf(const DeviceValidation &device, const StructureContents &contents, uint64_t number)
+std::string wrongMicromapOf(const DeviceModel &device, const StructureContents &contents, uint64_t number)
 {
     const SerializedHeader &header = *contents.header;
     // Micromaps that were built before the structure was deserialized may be those of its original build.
@@ -424,26 +419,26 @@ std::string wrongMicromapOf(const DeviceValidation &device, const StructureConte
     return {};
 }
 
-void checkDeserializedMicromaps(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
-                                const char *vuid)
+void checkDeserializedMicromaps(GpuChecks &gpu, const RuleCheck &check,
+                                const std::shared_ptr<ValidatedStructure> &source, const char *vuid)
 {
     if (!source)
         return;
-    DeviceValidation &device = check.device();
-    device.logs.add(
-        check.commandBuffer(), [&device, place = check.place().text(), source, vuid](const Submission &submission) {
-            const auto contents = source->contents;
-            if (!contents || !contents->header || !submission.ordered)
-                return;
-            device.gpu.pending.add([&device, place, source, vuid, contents, number = device.numbers.load()] {
-                if (contents->header->state() == SerializedHeader::State::NotRead)
-                    return false;
-                if (contents->header->state() == SerializedHeader::State::Read)
-                    if (const std::string wrong = wrongMicromapOf(device, *contents, number); !wrong.empty())
-                        device.fault(place, vuid, wrong, source->handle);
-                return true;
-            });
+    DeviceModel &device = check.device();
+    device.logs.add(check.commandBuffer(), [&device, &gpu, place = check.place().text(), source,
+                                            vuid](const Submission &submission) {
+        const auto contents = source->contents;
+        if (!contents || !contents->header || !submission.ordered)
+            return;
+        gpu.pending.add([&device, place, source, vuid, contents, number = device.numbers.load()] {
+            if (contents->header->state() == SerializedHeader::State::NotRead)
+                return false;
+            if (contents->header->state() == SerializedHeader::State::Read)
+                if (const std::string wrong = wrongMicromapOf(device, *contents, number); !wrong.empty())
+                    device.fault(place, vuid, wrong, source->handle);
+            return true;
         });
+    });
 }
 
 } // namespace vellum::layer

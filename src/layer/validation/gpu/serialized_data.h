@@ -13,14 +13,13 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/validation/traces/captures.h"
+#include "layer/validation/model/contents.h"
 
 namespace vellum::layer
 {
 
-struct DeviceValidation;
-struct ValidatedStructure;
-struct StructureContents;
+struct DeviceModel;
+struct GpuChecks;
 class RuleCheck;
 
 // The words at the beginning of serialized data that was deserialized.
@@ -38,7 +37,7 @@ public:
     // The addresses of micromaps in the blocks of the header, as far as there are words.
     [[nodiscard]] std::vector<VkDeviceAddress> micromaps() const;
 
-    uint64_t number = 0; // DeviceValidation::numbers when the data was deserialized
+    uint64_t number = 0; // DeviceModel::numbers when the data was deserialized
 
 private:
     std::vector<uint32_t> own_;
@@ -52,9 +51,7 @@ class PendingChecks
 public:
     using Check = std::function<bool()>; // returns whether it is done
     void add(Check check);
-    void report(DeviceValidation &device);
-    // Drops those that are left, which hold objects of the device.
-    void clear();
+    void report(DeviceModel &device);
 
 private:
     std::atomic<bool> any_ = false; // read without the mutex
@@ -63,24 +60,24 @@ private:
 };
 
 // Checks data that is deserialized, before the command is recorded. Returns its header; null if it is not known.
-std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, VkDeviceAddress data,
+std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const RuleCheck &check, VkDeviceAddress data,
                                                       const std::shared_ptr<ValidatedStructure> &target);
 // The same for data in host memory, before it is deserialized.
 std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, const void *data,
                                                       const ValidatedStructure *target);
 
 // Serialization needs no more memory than there is at `target`. Before the command is recorded.
-void checkSerializedSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+void checkSerializedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                          VkDeviceAddress target);
 // A compacted structure fits `target`. Before the command is recorded.
-void checkCompactedSize(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
+void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                         const std::shared_ptr<ValidatedStructure> &target);
 
 // What is wrong with the micromaps of a structure that was deserialized, at the time of a number; empty: nothing is
 // known to be wrong. CommandLogs::submissions is held, and the header is read.
-std::string wrongMicromapOf(const DeviceValidation &device, const StructureContents &contents, uint64_t number);
+std::string wrongMicromapOf(const DeviceModel &device, const StructureContents &contents, uint64_t number);
 // The micromaps of a structure that was deserialized are deserialized as well when the command is executed.
-void checkDeserializedMicromaps(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
-                                const char *vuid);
+void checkDeserializedMicromaps(GpuChecks &gpu, const RuleCheck &check,
+                                const std::shared_ptr<ValidatedStructure> &source, const char *vuid);
 
 } // namespace vellum::layer

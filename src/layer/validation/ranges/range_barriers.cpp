@@ -2,11 +2,9 @@
 // Barriers of address ranges, and stages and accesses of micromap builds in all barriers, events, submissions and
 // timestamps.
 #include "layer/base/pnext.h"
-#include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
-#include "layer/validation/sync/sync_commands.h"
 
-namespace vellum::layer::validation
+namespace vellum::layer::ranges
 {
 namespace
 {
@@ -63,15 +61,7 @@ constexpr BarrierRules kRangeBarrier{
      "VUID-VkMemoryRangeBarrierKHR-dstAccessMask-07457", "VUID-VkMemoryRangeBarrierKHR-dstAccessMask-07458",
      "VUID-VkMemoryRangeBarrierKHR-dstStageMask-11541"}};
 
-void checkStage(DeviceValidation &device, const Place &place, VkPipelineStageFlags2 stages, const char *rule,
-                ObjectHandle object = {})
-{
-    if ((stages & kMicromapBuild) != 0 && !device.driver.enabled.extFeature)
-        device.fault(place, rule,
-                     "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled", object);
-}
-
-void checkScope(DeviceValidation &device, const Place &barrier, VkPipelineStageFlags2 stages, VkAccessFlags2 accesses,
+void checkScope(DeviceModel &device, const Place &barrier, VkPipelineStageFlags2 stages, VkAccessFlags2 accesses,
                 const ScopeRules &rules, VkCommandBuffer commandBuffer)
 {
     const Place member = barrier.member(rules.accesses);
@@ -90,20 +80,20 @@ void checkScope(DeviceValidation &device, const Place &barrier, VkPipelineStageF
 }
 
 template <typename Barrier>
-void checkScopes(DeviceValidation &device, const Place &place, const Barrier &barrier, const BarrierRules &rules,
+void checkScopes(DeviceModel &device, const Place &place, const Barrier &barrier, const BarrierRules &rules,
                  VkCommandBuffer commandBuffer)
 {
     checkScope(device, place, barrier.srcStageMask, barrier.srcAccessMask, rules.source, commandBuffer);
     checkScope(device, place, barrier.dstStageMask, barrier.dstAccessMask, rules.target, commandBuffer);
 }
 
-bool isFamily(const DeviceValidation &device, uint32_t family)
+bool isFamily(const DeviceModel &device, uint32_t family)
 {
     return family < device.facts.queueFamilies.size() || family == VK_QUEUE_FAMILY_EXTERNAL ||
            family == VK_QUEUE_FAMILY_FOREIGN_EXT;
 }
 
-void checkRangeBarrier(DeviceValidation &device, const Place &place, const VkMemoryRangeBarrierKHR &barrier,
+void checkRangeBarrier(DeviceModel &device, const Place &place, const VkMemoryRangeBarrierKHR &barrier,
                        VkCommandBuffer commandBuffer)
 {
     checkScopes(device, place, barrier, kRangeBarrier, commandBuffer);
@@ -131,7 +121,15 @@ void checkRangeBarrier(DeviceValidation &device, const Place &place, const VkMem
 
 } // namespace
 
-void checkDependency(DeviceValidation &device, const Place &place, const VkDependencyInfo &info,
+void checkStage(DeviceModel &device, const Place &place, VkPipelineStageFlags2 stages, const char *rule,
+                ObjectHandle object)
+{
+    if ((stages & kMicromapBuild) != 0 && !device.driver.enabled.extFeature)
+        device.fault(place, rule,
+                     "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled", object);
+}
+
+void checkDependency(DeviceModel &device, const Place &place, const VkDependencyInfo &info,
                      VkCommandBuffer commandBuffer)
 {
     for (uint32_t i = 0; i < info.memoryBarrierCount; ++i)
@@ -150,7 +148,7 @@ void checkDependency(DeviceValidation &device, const Place &place, const VkDepen
                           commandBuffer);
 }
 
-void checkSubmission(DeviceValidation &device, const Place &submit, const VkSubmitInfo2 &info)
+void checkSubmission(DeviceModel &device, const Place &submit, const VkSubmitInfo2 &info)
 {
     const auto check = [&](const char *array, uint32_t count, const VkSemaphoreSubmitInfo *semaphores) {
         for (uint32_t i = 0; i < count; ++i) {
@@ -163,61 +161,4 @@ void checkSubmission(DeviceValidation &device, const Place &submit, const VkSubm
     check("pSignalSemaphoreInfos", info.signalSemaphoreInfoCount, info.pSignalSemaphoreInfos);
 }
 
-void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
-{
-    const Place command("vkCmdPipelineBarrier2");
-    if (device.checks.core)
-        checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
-    sync::recordBarriers(device, commandBuffer, *info);
-    device.next.CmdPipelineBarrier2(commandBuffer, info);
-}
-
-void cmdSetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
-{
-    const Place command("vkCmdSetEvent2");
-    if (device.checks.core)
-        checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
-    sync::recordSet(device, commandBuffer, event);
-    device.next.CmdSetEvent2(commandBuffer, event, info);
-}
-
-void cmdWaitEvents2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
-                    const VkDependencyInfo *infos)
-{
-    const Place command("vkCmdWaitEvents2");
-    for (uint32_t i = 0; device.checks.core && i < count; ++i)
-        checkDependency(device, command.element("pDependencyInfos", i), infos[i], commandBuffer);
-    sync::recordWait(device, commandBuffer, count, events, infos);
-    device.next.CmdWaitEvents2(commandBuffer, count, events, infos);
-}
-
-void cmdResetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event,
-                    VkPipelineStageFlags2 stages)
-{
-    const Place command("vkCmdResetEvent2");
-    if (device.checks.core)
-        checkStage(device, command.member("stageMask"), stages, "VUID-vkCmdResetEvent2-stageMask-11541", commandBuffer);
-    sync::recordReset(device, commandBuffer, event);
-    device.next.CmdResetEvent2(commandBuffer, event, stages);
-}
-
-void cmdWriteTimestamp2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
-                        VkQueryPool pool, uint32_t query)
-{
-    const Place command("vkCmdWriteTimestamp2");
-    if (device.checks.core)
-        checkStage(device, command.member("stage"), stage, "VUID-vkCmdWriteTimestamp2-stage-11541", commandBuffer);
-    device.next.CmdWriteTimestamp2(commandBuffer, stage, pool, query);
-}
-
-void cmdWriteBufferMarker2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
-                           VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
-{
-    const Place command("vkCmdWriteBufferMarker2AMD");
-    if (device.checks.core)
-        checkStage(device, command.member("stage"), stage, "VUID-vkCmdWriteBufferMarker2AMD-stage-11541",
-                   commandBuffer);
-    device.next.CmdWriteBufferMarker2AMD(commandBuffer, stage, buffer, offset, marker);
-}
-
-} // namespace vellum::layer::validation
+} // namespace vellum::layer::ranges

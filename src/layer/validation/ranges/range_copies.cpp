@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <bit>
 
-#include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
-#include "layer/validation/sync/sync_accesses.h"
 
-namespace vellum::layer::validation
+namespace vellum::layer::ranges
 {
 namespace
 {
@@ -24,7 +22,7 @@ struct MemoryRange {
     }
 };
 
-MemoryRange memoryOf(const DeviceValidation &device, const VkDeviceAddressRangeKHR &range)
+MemoryRange memoryOf(const DeviceModel &device, const VkDeviceAddressRangeKHR &range)
 {
     MemoryRange result{VK_NULL_HANDLE, range.address, range.address + range.size};
     const auto buffer = bufferAt(device, range.address);
@@ -37,7 +35,7 @@ MemoryRange memoryOf(const DeviceValidation &device, const VkDeviceAddressRangeK
 }
 
 // Of each source, the first range of the command that it overlaps.
-void checkOverlap(const DeviceValidation &device, const RangeCheck &ranges, const Place &info,
+void checkOverlap(const DeviceModel &device, const RangeCheck &ranges, const Place &info,
                   const VkCopyDeviceMemoryInfoKHR &copy)
 {
     struct Part {
@@ -68,7 +66,9 @@ void checkOverlap(const DeviceValidation &device, const RangeCheck &ranges, cons
     }
 }
 
-void checkCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &copy)
+} // namespace
+
+void checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &copy)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdCopyMemoryKHR");
@@ -94,7 +94,7 @@ void checkCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const Vk
     checkOverlap(device, ranges, info, copy);
 }
 
-void checkUpdate(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
+void checkUpdate(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
                  VkAddressCommandFlagsKHR flags, VkDeviceSize size)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -116,7 +116,7 @@ void checkUpdate(DeviceValidation &device, VkCommandBuffer commandBuffer, const 
                            "VUID-vkCmdUpdateMemoryKHR-commandBuffer-13011");
 }
 
-void checkFill(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
+void checkFill(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
                VkAddressCommandFlagsKHR flags)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -133,7 +133,7 @@ void checkFill(DeviceValidation &device, VkCommandBuffer commandBuffer, const Vk
                            "VUID-vkCmdFillMemoryKHR-commandBuffer-13004");
 }
 
-void checkQueryResults(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+void checkQueryResults(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                        VkQueryResultFlags results)
 {
@@ -160,7 +160,7 @@ void checkQueryResults(DeviceValidation &device, VkCommandBuffer commandBuffer, 
                      "PROTECTED; query results are not written to protected memory");
 }
 
-void checkMarker(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD &marker)
+void checkMarker(DeviceModel &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD &marker)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdWriteMarkerToMemoryAMD");
@@ -193,48 +193,4 @@ void checkMarker(DeviceValidation &device, VkCommandBuffer commandBuffer, const 
                          device.nameOf(buffer->handle) + ", which is " + (flag ? "not protected" : "protected"));
 }
 
-} // namespace
-
-void cmdCopyMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
-{
-    if (device.checks.core)
-        checkCopy(device, commandBuffer, *info);
-    sync::recordCopy(device, commandBuffer, *info);
-    device.next.CmdCopyMemoryKHR(commandBuffer, info);
-}
-
-void cmdUpdateMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
-                     VkAddressCommandFlagsKHR flags, VkDeviceSize size, const void *data)
-{
-    if (device.checks.core)
-        checkUpdate(device, commandBuffer, *range, flags, size);
-    sync::recordWrite(device, commandBuffer, "vkCmdUpdateMemoryKHR", *range);
-    device.next.CmdUpdateMemoryKHR(commandBuffer, range, flags, size, data);
-}
-
-void cmdFillMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
-                   VkAddressCommandFlagsKHR flags, uint32_t data)
-{
-    if (device.checks.core)
-        checkFill(device, commandBuffer, *range, flags);
-    sync::recordWrite(device, commandBuffer, "vkCmdFillMemoryKHR", *range);
-    device.next.CmdFillMemoryKHR(commandBuffer, range, flags, data);
-}
-
-void cmdCopyQueryPoolResultsToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, VkQueryPool pool,
-                                     uint32_t first, uint32_t count, const VkStridedDeviceAddressRangeKHR *range,
-                                     VkAddressCommandFlagsKHR flags, VkQueryResultFlags results)
-{
-    if (device.checks.core && count > 0)
-        checkQueryResults(device, commandBuffer, count, *range, flags, results);
-    device.next.CmdCopyQueryPoolResultsToMemoryKHR(commandBuffer, pool, first, count, range, flags, results);
-}
-
-void cmdWriteMarkerToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
-{
-    if (device.checks.core)
-        checkMarker(device, commandBuffer, *info);
-    device.next.CmdWriteMarkerToMemoryAMD(commandBuffer, info);
-}
-
-} // namespace vellum::layer::validation
+} // namespace vellum::layer::ranges

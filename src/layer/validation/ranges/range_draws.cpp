@@ -1,20 +1,145 @@
 // SPDX-License-Identifier: Apache-2.0
-// Index and vertex buffers, indirect draws and dispatches, conditional rendering.
+// Index and vertex buffers, indirect draws and dispatches, conditional rendering, transform feedback.
 #include <algorithm>
 
-#include "layer/validation/builds.h"
-#include "layer/validation/device_validation.h"
 #include "layer/validation/ranges/ranges.h"
-#include "layer/validation/traces/trace_commands.h"
+#include "layer/validation/rules/build_input.h"
 
-namespace vellum::layer::validation
+namespace vellum::layer::ranges
 {
 namespace
 {
 
 constexpr auto kUint8 = static_cast<VkIndexType>(1000265000); // VK_INDEX_TYPE_UINT8_KHR
 
-void checkIndexBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR &buffer)
+void checkVertexBuffer(const DeviceModel &device, const RangeCheck &ranges, const Place &info,
+                       const VkBindVertexBuffer3InfoKHR &buffer)
+{
+    const VkStridedDeviceAddressRangeKHR &range = buffer.addressRange;
+    const Place member = info.member("addressRange");
+    if (buffer.setStride && range.stride > device.facts.maxVertexInputBindingStride)
+        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-setStride-13126",
+                     "stride " + std::to_string(range.stride) + "; maxVertexInputBindingStride is " +
+                         std::to_string(device.facts.maxVertexInputBindingStride));
+    if (!buffer.setStride && range.stride != 0)
+        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-setStride-13127",
+                     "stride " + std::to_string(range.stride) + "; without setStride it must be 0");
+    if (range.size == 0 && range.address != 0)
+        return ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-addressRange-13075",
+                            "address " + textOf({range.address, 0}) + "; of size 0, the address must be 0");
+    if (range.size == 0 && !device.facts.nullDescriptor)
+        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-size-13072",
+                     "size 0, without the feature nullDescriptor");
+    ranges.check(info, range, buffer.addressFlags, flag_rules::kVertexBuffer,
+                 {.usage = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
+                  .usageRule = "VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074"});
+}
+
+// A kind of indirect draw. Mesh tasks have no rules about strides and sizes.
+struct Draw {
+    const char *command;
+    VkDeviceSize bytes; // of the commands that the device reads for each draw
+    const char *protectedRule;
+    const char *sizeRule = nullptr;
+    const char *noStrideRule = nullptr;
+    const char *smallStrideRule = nullptr;
+    const char *unalignedStrideRule = nullptr;
+    const char *featureRule = nullptr; // drawIndirectCount
+};
+
+// By DrawKind.
+constexpr Draw kDraws[] = {
+    {.command = "vkCmdDrawIndirect2KHR",
+     .bytes = sizeof(VkDrawIndirectCommand),
+     .protectedRule = "VUID-vkCmdDrawIndirect2KHR-commandBuffer-13057",
+     .sizeRule = "VUID-vkCmdDrawIndirect2KHR-pInfo-13110",
+     .noStrideRule = "VUID-vkCmdDrawIndirect2KHR-pInfo-13111",
+     .smallStrideRule = "VUID-vkCmdDrawIndirect2KHR-pInfo-13112",
+     .unalignedStrideRule = "VUID-vkCmdDrawIndirect2KHR-pInfo-13113"},
+    {.command = "vkCmdDrawIndexedIndirect2KHR",
+     .bytes = sizeof(VkDrawIndexedIndirectCommand),
+     .protectedRule = "VUID-vkCmdDrawIndexedIndirect2KHR-commandBuffer-13059",
+     .sizeRule = "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110",
+     .noStrideRule = "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13111",
+     .smallStrideRule = "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13112",
+     .unalignedStrideRule = "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13113"},
+    {.command = "vkCmdDrawMeshTasksIndirect2EXT",
+     .bytes = sizeof(VkDrawMeshTasksIndirectCommandEXT),
+     .protectedRule = "VUID-vkCmdDrawMeshTasksIndirect2EXT-commandBuffer-13067"},
+};
+constexpr Draw kCountedDraws[] = {
+    {.command = "vkCmdDrawIndirectCount2KHR",
+     .bytes = sizeof(VkDrawIndirectCommand),
+     .protectedRule = "VUID-vkCmdDrawIndirectCount2KHR-commandBuffer-13058",
+     .sizeRule = "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110",
+     .noStrideRule = "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13111",
+     .smallStrideRule = "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13112",
+     .unalignedStrideRule = "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13113",
+     .featureRule = "VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119"},
+    {.command = "vkCmdDrawIndexedIndirectCount2KHR",
+     .bytes = sizeof(VkDrawIndexedIndirectCommand),
+     .protectedRule = "VUID-vkCmdDrawIndexedIndirectCount2KHR-commandBuffer-13060",
+     .sizeRule = "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110",
+     .noStrideRule = "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13111",
+     .smallStrideRule = "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13112",
+     .unalignedStrideRule = "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13113",
+     .featureRule = "VUID-vkCmdDrawIndexedIndirectCount2KHR-drawIndirectCount-13120"},
+    {.command = "vkCmdDrawMeshTasksIndirectCount2EXT",
+     .bytes = sizeof(VkDrawMeshTasksIndirectCommandEXT),
+     .protectedRule = "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-commandBuffer-13068",
+     .featureRule = "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-drawIndirectCount-13069"},
+};
+
+void checkUnprotected(const RangeCheck &ranges, const Place &command, const char *rule)
+{
+    if (ranges.isProtected())
+        ranges.fault(command.member("commandBuffer"), rule, "a protected command buffer");
+}
+
+// The rules of the range that holds the commands of `count` draws.
+void checkDraws(const DeviceModel &device, const RangeCheck &ranges, const Place &info, const Draw &draw,
+                const VkStridedDeviceAddressRangeKHR &range, uint32_t count, const char *protectedBufferRule)
+{
+    const Place member = info.member("addressRange");
+    const std::string stride = "stride " + std::to_string(range.stride);
+    const VkDeviceSize room = range.size - std::min(range.size, draw.bytes);
+    if (draw.sizeRule && count > 0 &&
+        (range.size < draw.bytes || (range.stride != 0 && room / range.stride < count - 1)))
+        ranges.fault(member, draw.sizeRule,
+                     std::to_string(range.size) + " bytes, " + stride + "; the command reads " +
+                         std::to_string(draw.bytes) + " bytes for each of " + std::to_string(count) + " draws");
+    if (draw.noStrideRule && count > 1 && range.stride == 0)
+        ranges.fault(member, draw.noStrideRule, stride + ", for " + std::to_string(count) + " draws");
+    if (draw.smallStrideRule && range.stride != 0 && range.stride < draw.bytes)
+        ranges.fault(member, draw.smallStrideRule,
+                     stride + "; the commands of a draw have " + std::to_string(draw.bytes) + " bytes");
+    if (draw.unalignedStrideRule && range.stride % 4 != 0)
+        ranges.fault(member, draw.unalignedStrideRule, stride + " is not a multiple of 4");
+    const auto buffer = bufferAt(device, range.address);
+    if (buffer && (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && !device.facts.protectedNoFault)
+        ranges.fault(member, protectedBufferRule, "buffer " + device.nameOf(buffer->handle) + " is protected");
+}
+
+// A range of size 0 is no counter.
+void checkCounters(DeviceModel &device, VkCommandBuffer commandBuffer, const char *name, uint32_t count,
+                   const VkBindTransformFeedbackBuffer2InfoEXT *infos, const char *sizeRule, const char *usageRule)
+{
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command(name);
+    for (uint32_t i = 0; infos && i < count; ++i) {
+        const Place info = command.element("pCounterInfos", i);
+        const bool isNull = infos[i].addressRange.size == 0;
+        ranges.check(info, infos[i].addressRange, infos[i].addressFlags, flag_rules::kFeedbackBuffer,
+                     {.usage = VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_COUNTER_BUFFER_BIT_EXT,
+                      .usageRule = usageRule,
+                      .least = isNull ? 0 : sizeof(uint32_t),
+                      .leastRule = sizeRule});
+    }
+}
+
+} // namespace
+
+void checkIndexBuffer(DeviceModel &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR &buffer)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdBindIndexBuffer3KHR");
@@ -39,30 +164,7 @@ void checkIndexBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, c
                   .alignmentRule = "VUID-VkBindIndexBuffer3InfoKHR-addressRange-13052"});
 }
 
-void checkVertexBuffer(const DeviceValidation &device, const RangeCheck &ranges, const Place &info,
-                       const VkBindVertexBuffer3InfoKHR &buffer)
-{
-    const VkStridedDeviceAddressRangeKHR &range = buffer.addressRange;
-    const Place member = info.member("addressRange");
-    if (buffer.setStride && range.stride > device.facts.maxVertexInputBindingStride)
-        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-setStride-13126",
-                     "stride " + std::to_string(range.stride) + "; maxVertexInputBindingStride is " +
-                         std::to_string(device.facts.maxVertexInputBindingStride));
-    if (!buffer.setStride && range.stride != 0)
-        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-setStride-13127",
-                     "stride " + std::to_string(range.stride) + "; without setStride it must be 0");
-    if (range.size == 0 && range.address != 0)
-        return ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-addressRange-13075",
-                            "address " + textOf({range.address, 0}) + "; of size 0, the address must be 0");
-    if (range.size == 0 && !device.facts.nullDescriptor)
-        ranges.fault(member, "VUID-VkBindVertexBuffer3InfoKHR-size-13072",
-                     "size 0, without the feature nullDescriptor");
-    ranges.check(info, range, buffer.addressFlags, flag_rules::kVertexBuffer,
-                 {.usage = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
-                  .usageRule = "VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074"});
-}
-
-void checkVertexBuffers(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+void checkVertexBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                         const VkBindVertexBuffer3InfoKHR *buffers)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -79,52 +181,9 @@ void checkVertexBuffers(DeviceValidation &device, VkCommandBuffer commandBuffer,
         checkVertexBuffer(device, ranges, command.element("pBindingInfos", i), buffers[i]);
 }
 
-// A kind of indirect draw. Mesh tasks have no rules about strides and sizes.
-struct Draw {
-    const char *command;
-    VkDeviceSize bytes; // of the commands that the device reads for each draw
-    const char *protectedRule;
-    const char *sizeRule = nullptr;
-    const char *noStrideRule = nullptr;
-    const char *smallStrideRule = nullptr;
-    const char *unalignedStrideRule = nullptr;
-};
-
-void checkUnprotected(const RangeCheck &ranges, const Place &command, const char *rule)
+void checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind, const VkDrawIndirect2InfoKHR &info)
 {
-    if (ranges.isProtected())
-        ranges.fault(command.member("commandBuffer"), rule, "a protected command buffer");
-}
-
-// The rules of the range that holds the commands of `count` draws.
-void checkDraws(const DeviceValidation &device, const RangeCheck &ranges, const Place &info, const Draw &draw,
-                const VkStridedDeviceAddressRangeKHR &range, uint32_t count, const char *protectedBufferRule)
-{
-    const Place member = info.member("addressRange");
-    const std::string stride = "stride " + std::to_string(range.stride);
-    const VkDeviceSize room = range.size - std::min(range.size, draw.bytes);
-    if (draw.sizeRule && count > 0 &&
-        (range.size < draw.bytes || (range.stride != 0 && room / range.stride < count - 1)))
-        ranges.fault(member, draw.sizeRule,
-                     std::to_string(range.size) + " bytes, " + stride + "; the command reads " +
-                         std::to_string(draw.bytes) + " bytes for each of " + std::to_string(count) + " draws");
-    if (draw.noStrideRule && count > 1 && range.stride == 0)
-        ranges.fault(member, draw.noStrideRule, stride + ", for " + std::to_string(count) + " draws");
-    if (draw.smallStrideRule && range.stride != 0 && range.stride < draw.bytes)
-        ranges.fault(member, draw.smallStrideRule,
-                     stride + "; the commands of a draw have " + std::to_string(draw.bytes) + " bytes");
-    if (draw.unalignedStrideRule && range.stride % 4 != 0)
-        ranges.fault(member, draw.unalignedStrideRule, stride + " is not a multiple of 4");
-    const auto buffer = bufferAt(device, range.address);
-    if (buffer && (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && !device.facts.protectedNoFault)
-        ranges.fault(member, protectedBufferRule, "buffer " + device.nameOf(buffer->handle) + " is protected");
-}
-
-void check(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR &info,
-           const Draw &draw)
-{
-    if (!device.checks.core)
-        return;
+    const Draw &draw = kDraws[static_cast<size_t>(kind)];
     const RangeCheck ranges(device, commandBuffer);
     const Place command(draw.command);
     const Place place = command.member("pInfo");
@@ -138,16 +197,15 @@ void check(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDraw
                   .alignmentRule = "VUID-VkDrawIndirect2InfoKHR-addressRange-13109"});
 }
 
-void check(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirectCount2InfoKHR &info,
-           const Draw &draw, const char *featureRule)
+void checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind,
+               const VkDrawIndirectCount2InfoKHR &info)
 {
-    if (!device.checks.core)
-        return;
+    const Draw &draw = kCountedDraws[static_cast<size_t>(kind)];
     const RangeCheck ranges(device, commandBuffer);
     const Place command(draw.command);
     const Place place = command.member("pInfo");
     if (!device.facts.drawIndirectCount)
-        ranges.fault(command, featureRule, "the feature drawIndirectCount is not enabled");
+        ranges.fault(command, draw.featureRule, "the feature drawIndirectCount is not enabled");
     checkUnprotected(ranges, command, draw.protectedRule);
     checkDraws(device, ranges, place, draw, info.addressRange, info.maxDrawCount,
                "VUID-VkDrawIndirectCount2InfoKHR-protectedNoFault-13108");
@@ -165,7 +223,7 @@ void check(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDraw
                   .leastRule = "VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13117"});
 }
 
-void checkDispatch(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDispatchIndirect2InfoKHR &info)
+void checkDispatch(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDispatchIndirect2InfoKHR &info)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdDispatchIndirect2KHR");
@@ -184,8 +242,8 @@ void checkDispatch(DeviceValidation &device, VkCommandBuffer commandBuffer, cons
                   .leastRule = "VUID-vkCmdDispatchIndirect2KHR-pInfo-13050"});
 }
 
-void checkCondition(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                    const VkConditionalRenderingBeginInfo2EXT &info, bool isActive)
+void checkCondition(DeviceModel &device, VkCommandBuffer commandBuffer, const VkConditionalRenderingBeginInfo2EXT &info,
+                    bool isActive)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdBeginConditionalRendering2EXT");
@@ -202,114 +260,52 @@ void checkCondition(DeviceValidation &device, VkCommandBuffer commandBuffer,
                   .leastRule = "VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13066"});
 }
 
-} // namespace
-
-void cmdBindIndexBuffer3(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR *info)
+void checkFeedbackBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
+                          const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    if (device.checks.core)
-        checkIndexBuffer(device, commandBuffer, *info);
-    device.next.CmdBindIndexBuffer3KHR(commandBuffer, info);
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdBindTransformFeedbackBuffers2EXT");
+    const VkDeviceSize most = device.facts.maxTransformFeedbackBufferSize;
+    for (uint32_t i = 0; i < count; ++i) {
+        const Place info = command.element("pBindingInfos", i);
+        if (infos[i].addressRange.size > most)
+            ranges.fault(info.member("addressRange"), "VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13092",
+                         std::to_string(infos[i].addressRange.size) + " bytes; maxTransformFeedbackBufferSize is " +
+                             std::to_string(most));
+        ranges.check(info, infos[i].addressRange, infos[i].addressFlags, flag_rules::kFeedbackBuffer,
+                     {.usage = VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT,
+                      .usageRule = "VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091",
+                      .alignment = 4,
+                      .alignmentRule = "VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13090"});
+    }
 }
 
-void cmdBindVertexBuffers3(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
-                           const VkBindVertexBuffer3InfoKHR *infos)
+void checkByteCount(DeviceModel &device, VkCommandBuffer commandBuffer,
+                    const VkBindTransformFeedbackBuffer2InfoEXT &info)
 {
-    if (device.checks.core)
-        checkVertexBuffers(device, commandBuffer, first, count, infos);
-    device.next.CmdBindVertexBuffers3KHR(commandBuffer, first, count, infos);
+    const RangeCheck ranges(device, commandBuffer);
+    const Place command("vkCmdDrawIndirectByteCount2EXT");
+    ranges.check(command.member("pCounterInfo"), info.addressRange, info.addressFlags, flag_rules::kFeedbackBuffer,
+                 {.usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
+                  .usageRule = "VUID-vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
+                  .alignment = 4,
+                  .alignmentRule = "VUID-vkCmdDrawIndirectByteCount2EXT-pInfo-13062"});
 }
 
-void cmdDrawIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+void checkFeedbackBegin(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
+                        const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    check(device, commandBuffer, *info,
-          {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand), "VUID-vkCmdDrawIndirect2KHR-commandBuffer-13057",
-           "VUID-vkCmdDrawIndirect2KHR-pInfo-13110", "VUID-vkCmdDrawIndirect2KHR-pInfo-13111",
-           "VUID-vkCmdDrawIndirect2KHR-pInfo-13112", "VUID-vkCmdDrawIndirect2KHR-pInfo-13113"});
-    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirect2KHR");
-    device.next.CmdDrawIndirect2KHR(commandBuffer, info);
+    checkCounters(device, commandBuffer, "vkCmdBeginTransformFeedback2EXT", count, infos,
+                  "VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13093",
+                  "VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094");
 }
 
-void cmdDrawIndexedIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                             const VkDrawIndirect2InfoKHR *info)
+void checkFeedbackEnd(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
+                      const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    check(device, commandBuffer, *info,
-          {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand),
-           "VUID-vkCmdDrawIndexedIndirect2KHR-commandBuffer-13059", "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110",
-           "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13111", "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13112",
-           "VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13113"});
-    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirect2KHR");
-    device.next.CmdDrawIndexedIndirect2KHR(commandBuffer, info);
+    checkCounters(device, commandBuffer, "vkCmdEndTransformFeedback2EXT", count, infos,
+                  "VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13095",
+                  "VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13096");
 }
 
-void cmdDrawMeshTasksIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                               const VkDrawIndirect2InfoKHR *info)
-{
-    check(device, commandBuffer, *info,
-          {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
-           "VUID-vkCmdDrawMeshTasksIndirect2EXT-commandBuffer-13067"});
-    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirect2EXT");
-    device.next.CmdDrawMeshTasksIndirect2EXT(commandBuffer, info);
-}
-
-void cmdDrawIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                           const VkDrawIndirectCount2InfoKHR *info)
-{
-    check(device, commandBuffer, *info,
-          {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
-           "VUID-vkCmdDrawIndirectCount2KHR-commandBuffer-13058", "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110",
-           "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13111", "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13112",
-           "VUID-vkCmdDrawIndirectCount2KHR-pInfo-13113"},
-          "VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119");
-    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectCount2KHR");
-    device.next.CmdDrawIndirectCount2KHR(commandBuffer, info);
-}
-
-void cmdDrawIndexedIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                                  const VkDrawIndirectCount2InfoKHR *info)
-{
-    check(device, commandBuffer, *info,
-          {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand),
-           "VUID-vkCmdDrawIndexedIndirectCount2KHR-commandBuffer-13060",
-           "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110", "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13111",
-           "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13112", "VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13113"},
-          "VUID-vkCmdDrawIndexedIndirectCount2KHR-drawIndirectCount-13120");
-    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirectCount2KHR");
-    device.next.CmdDrawIndexedIndirectCount2KHR(commandBuffer, info);
-}
-
-void cmdDrawMeshTasksIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                                    const VkDrawIndirectCount2InfoKHR *info)
-{
-    check(device, commandBuffer, *info,
-          {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
-           "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-commandBuffer-13068"},
-          "VUID-vkCmdDrawMeshTasksIndirectCount2EXT-drawIndirectCount-13069");
-    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirectCount2EXT");
-    device.next.CmdDrawMeshTasksIndirectCount2EXT(commandBuffer, info);
-}
-
-void cmdDispatchIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                          const VkDispatchIndirect2InfoKHR *info)
-{
-    if (device.checks.core)
-        checkDispatch(device, commandBuffer, *info);
-    runTracing(device, commandBuffer, VK_PIPELINE_BIND_POINT_COMPUTE, "vkCmdDispatchIndirect2KHR");
-    device.next.CmdDispatchIndirect2KHR(commandBuffer, info);
-}
-
-void cmdBeginConditionalRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                                   const VkConditionalRenderingBeginInfo2EXT *info)
-{
-    const auto state = device.commands.states.get(commandBuffer);
-    if (device.checks.core)
-        checkCondition(device, commandBuffer, *info, state && state->conditionalRendering);
-    // For injected work, and for the end of conditional rendering.
-    const auto at = device.buffers.addresses.covering(info->addressRange.address, sizeof(uint32_t),
-                                                      VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
-    if (state && at.buffer)
-        state->conditionalRendering = {VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT, nullptr, at.buffer,
-                                       at.offset, info->flags};
-    device.next.CmdBeginConditionalRendering2EXT(commandBuffer, info);
-}
-
-} // namespace vellum::layer::validation
+} // namespace vellum::layer::ranges

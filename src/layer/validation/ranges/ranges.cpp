@@ -5,8 +5,6 @@
 #include <cinttypes>
 #include <cstdio>
 
-#include "layer/validation/device_validation.h"
-
 namespace vellum::layer
 {
 namespace
@@ -178,10 +176,10 @@ void RangeCheck::checkBinding(const Place &place, const VkDeviceAddressRangeKHR 
     });
 }
 
-namespace validation
+namespace ranges
 {
 
-void checkCreation(DeviceValidation &device, const Place &command, const VkAccelerationStructureCreateInfo2KHR &info)
+void checkCreation(DeviceModel &device, const Place &command, const VkAccelerationStructureCreateInfo2KHR &info)
 {
     if (!device.facts.addressCommands)
         device.fault(command, "VUID-vkCreateAccelerationStructure2KHR-deviceAddressCommands-13086",
@@ -190,22 +188,5 @@ void checkCreation(DeviceValidation &device, const Place &command, const VkAccel
         .checkFlags(command.member("pCreateInfo"), info.addressRange, info.addressFlags, flag_rules::kCreation);
 }
 
-VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
-                         VkFence fence)
-{
-    const VkResult result = device.next.QueueBindSparse(queue, count, infos, fence);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
-        for (uint32_t b = 0; b < infos[i].bufferBindCount; ++b) {
-            const VkSparseBufferMemoryBindInfo &info = infos[i].pBufferBinds[b];
-            const auto buffer = device.objects.buffers.get(info.buffer);
-            for (uint32_t k = 0; buffer && k < info.bindCount; ++k) {
-                const VkSparseMemoryBind &bind = info.pBinds[k];
-                buffer->bound.set(bind.resourceOffset, bind.resourceOffset + bind.size, bind.memory != VK_NULL_HANDLE);
-            }
-        }
-    }
-    return result;
-}
-
-} // namespace validation
+} // namespace ranges
 } // namespace vellum::layer

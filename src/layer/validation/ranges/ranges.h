@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Address ranges of VK_KHR_device_address_commands, and the commands that take them.
+// The check of address ranges: those of VK_KHR_device_address_commands, and barriers.
 #pragma once
 
-#include "layer/validation/objects.h"
-#include "layer/validation/place.h"
+#include "layer/validation/model/device_model.h"
 #include "layer/validation/ranges/range_rules.h"
 
 namespace vellum::layer
@@ -23,9 +22,7 @@ struct RangeNeed {
 class RangeCheck
 {
 public:
-    RangeCheck(DeviceValidation &device, VkCommandBuffer commandBuffer) : device_(device), commandBuffer_(commandBuffer)
-    {
-    }
+    RangeCheck(DeviceModel &device, VkCommandBuffer commandBuffer) : device_(device), commandBuffer_(commandBuffer) {}
     // `place`: of the structure or command that has the range.
     void check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                const RangeFlagRules &rules, const RangeNeed &need) const;
@@ -52,68 +49,47 @@ private:
     void checkBinding(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                       const RangeFlagRules &rules) const;
 
-    DeviceValidation &device_;
+    DeviceModel &device_;
     VkCommandBuffer commandBuffer_;
 };
 
 // Such as "0x1000 + 64 bytes".
 std::string textOf(const VkDeviceAddressRangeKHR &range);
 
-namespace validation
+namespace ranges
 {
 
-VkResult queueBindSparse(DeviceValidation &, VkQueue, uint32_t, const VkBindSparseInfo *, VkFence);
+void checkCopy(DeviceModel &, VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR &);
+void checkUpdate(DeviceModel &, VkCommandBuffer, const VkDeviceAddressRangeKHR &, VkAddressCommandFlagsKHR,
+                 VkDeviceSize);
+void checkFill(DeviceModel &, VkCommandBuffer, const VkDeviceAddressRangeKHR &, VkAddressCommandFlagsKHR);
+void checkQueryResults(DeviceModel &, VkCommandBuffer, uint32_t count, const VkStridedDeviceAddressRangeKHR &,
+                       VkAddressCommandFlagsKHR, VkQueryResultFlags);
+void checkMarker(DeviceModel &, VkCommandBuffer, const VkMemoryMarkerInfoAMD &);
+void checkCopyToImage(DeviceModel &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR &);
+void checkCopyFromImage(DeviceModel &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR &);
 
-// range_copies.cpp
-void cmdCopyMemory(DeviceValidation &, VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR *);
-void cmdUpdateMemory(DeviceValidation &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                     VkDeviceSize, const void *);
-void cmdFillMemory(DeviceValidation &, VkCommandBuffer, const VkDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                   uint32_t);
-void cmdCopyQueryPoolResultsToMemory(DeviceValidation &, VkCommandBuffer, VkQueryPool, uint32_t, uint32_t,
-                                     const VkStridedDeviceAddressRangeKHR *, VkAddressCommandFlagsKHR,
-                                     VkQueryResultFlags);
-void cmdWriteMarkerToMemory(DeviceValidation &, VkCommandBuffer, const VkMemoryMarkerInfoAMD *);
-
-// image_copies.cpp
-void cmdCopyMemoryToImage(DeviceValidation &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
-void cmdCopyImageToMemory(DeviceValidation &, VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *);
-
-// range_draws.cpp
-void cmdBindIndexBuffer3(DeviceValidation &, VkCommandBuffer, const VkBindIndexBuffer3InfoKHR *);
-void cmdBindVertexBuffers3(DeviceValidation &, VkCommandBuffer, uint32_t, uint32_t, const VkBindVertexBuffer3InfoKHR *);
-void cmdDrawIndirect2(DeviceValidation &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-void cmdDrawIndexedIndirect2(DeviceValidation &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-void cmdDrawMeshTasksIndirect2(DeviceValidation &, VkCommandBuffer, const VkDrawIndirect2InfoKHR *);
-void cmdDrawIndirectCount2(DeviceValidation &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-void cmdDrawIndexedIndirectCount2(DeviceValidation &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-void cmdDrawMeshTasksIndirectCount2(DeviceValidation &, VkCommandBuffer, const VkDrawIndirectCount2InfoKHR *);
-void cmdDispatchIndirect2(DeviceValidation &, VkCommandBuffer, const VkDispatchIndirect2InfoKHR *);
-void cmdBeginConditionalRendering2(DeviceValidation &, VkCommandBuffer, const VkConditionalRenderingBeginInfo2EXT *);
-
-// range_feedback.cpp
-void cmdBindTransformFeedbackBuffers2(DeviceValidation &, VkCommandBuffer, uint32_t, uint32_t,
-                                      const VkBindTransformFeedbackBuffer2InfoEXT *);
-void cmdBeginTransformFeedback2(DeviceValidation &, VkCommandBuffer, uint32_t, uint32_t,
-                                const VkBindTransformFeedbackBuffer2InfoEXT *);
-void cmdEndTransformFeedback2(DeviceValidation &, VkCommandBuffer, uint32_t, uint32_t,
-                              const VkBindTransformFeedbackBuffer2InfoEXT *);
-void cmdDrawIndirectByteCount2(DeviceValidation &, VkCommandBuffer, uint32_t, uint32_t,
-                               const VkBindTransformFeedbackBuffer2InfoEXT *, uint32_t, uint32_t);
+void checkIndexBuffer(DeviceModel &, VkCommandBuffer, const VkBindIndexBuffer3InfoKHR &);
+void checkVertexBuffers(DeviceModel &, VkCommandBuffer, uint32_t first, uint32_t count,
+                        const VkBindVertexBuffer3InfoKHR *);
+enum class DrawKind { Vertices, Indexed, MeshTasks };
+void checkDraw(DeviceModel &, VkCommandBuffer, DrawKind, const VkDrawIndirect2InfoKHR &);
+void checkDraw(DeviceModel &, VkCommandBuffer, DrawKind, const VkDrawIndirectCount2InfoKHR &);
+void checkDispatch(DeviceModel &, VkCommandBuffer, const VkDispatchIndirect2InfoKHR &);
+void checkCondition(DeviceModel &, VkCommandBuffer, const VkConditionalRenderingBeginInfo2EXT &, bool isActive);
+void checkFeedbackBuffers(DeviceModel &, VkCommandBuffer, uint32_t count,
+                          const VkBindTransformFeedbackBuffer2InfoEXT *);
+void checkFeedbackBegin(DeviceModel &, VkCommandBuffer, uint32_t count, const VkBindTransformFeedbackBuffer2InfoEXT *);
+void checkFeedbackEnd(DeviceModel &, VkCommandBuffer, uint32_t count, const VkBindTransformFeedbackBuffer2InfoEXT *);
+void checkByteCount(DeviceModel &, VkCommandBuffer, const VkBindTransformFeedbackBuffer2InfoEXT &);
 
 // The flags of the range, and the feature. The rules of micromaps and of other members are checked elsewhere.
-void checkCreation(DeviceValidation &, const Place &command, const VkAccelerationStructureCreateInfo2KHR &);
+void checkCreation(DeviceModel &, const Place &command, const VkAccelerationStructureCreateInfo2KHR &);
 
-// range_barriers.cpp
-void checkDependency(DeviceValidation &, const Place &, const VkDependencyInfo &, VkCommandBuffer);
-void checkSubmission(DeviceValidation &, const Place &, const VkSubmitInfo2 &);
-void cmdPipelineBarrier2(DeviceValidation &, VkCommandBuffer, const VkDependencyInfo *);
-void cmdSetEvent2(DeviceValidation &, VkCommandBuffer, VkEvent, const VkDependencyInfo *);
-void cmdWaitEvents2(DeviceValidation &, VkCommandBuffer, uint32_t, const VkEvent *, const VkDependencyInfo *);
-void cmdResetEvent2(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags2);
-void cmdWriteTimestamp2(DeviceValidation &, VkCommandBuffer, VkPipelineStageFlags2, VkQueryPool, uint32_t);
-void cmdWriteBufferMarker2(DeviceValidation &, VkCommandBuffer, VkPipelineStageFlags2, VkBuffer, VkDeviceSize,
-                           uint32_t);
+// Stages and accesses of micromap builds in all barriers, events, submissions and timestamps, and barriers of ranges.
+void checkStage(DeviceModel &, const Place &, VkPipelineStageFlags2, const char *rule, ObjectHandle = {});
+void checkDependency(DeviceModel &, const Place &, const VkDependencyInfo &, VkCommandBuffer);
+void checkSubmission(DeviceModel &, const Place &, const VkSubmitInfo2 &);
 
-} // namespace validation
+} // namespace ranges
 } // namespace vellum::layer

@@ -5,23 +5,23 @@
 #include <span>
 #include <vector>
 
-#include "layer/validation/builds.h"
+#include "layer/validation/rules/build_input.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {
 
 // `commandBuffer`: null for vkBuildMicromapsEXT.
-void checkMicromapBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+void checkMicromapBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
                          const VkMicromapBuildInfoEXT *infos);
-void checkMicromapSizeQuery(DeviceValidation &device, const VkMicromapBuildInfoEXT &info);
+void checkMicromapSizeQuery(DeviceModel &device, const VkMicromapBuildInfoEXT &info);
 
 using StructureBuildInfos = std::span<const VkAccelerationStructureBuildGeometryInfoKHR>;
-void checkStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos,
+void checkStructureBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos,
                           const VkAccelerationStructureBuildRangeInfoKHR *const *ranges);
-void checkIndirectStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos);
-void checkHostStructureBuilds(DeviceValidation &device, StructureBuildInfos infos);
-void checkStructureSizeQuery(DeviceValidation &device, VkAccelerationStructureBuildTypeKHR type,
+void checkIndirectStructureBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos);
+void checkHostStructureBuilds(DeviceModel &device, StructureBuildInfos infos);
+void checkStructureSizeQuery(DeviceModel &device, VkAccelerationStructureBuildTypeKHR type,
                              const VkAccelerationStructureBuildGeometryInfoKHR &info, const uint32_t *most);
 
 // --- Parts of these ---

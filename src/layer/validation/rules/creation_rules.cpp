@@ -42,7 +42,7 @@ void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, Vk
                "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
                "VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR");
     // Of several buffers at the address, the host does not know which one the application means.
-    const DeviceValidation &device = check.device();
+    const DeviceModel &device = check.device();
     const AddressMap::Location only = device.buffers.addresses.onlyCovering(range.address, range.size, 0);
     if (const auto buffer = only.buffer ? device.objects.buffers.get(only.buffer) : nullptr)
         checkBuffer(check, *buffer, createFlags);
@@ -64,7 +64,7 @@ void checkMicromapBuffer(const RuleCheck &check, const VkMicromapCreateInfoEXT &
 
 } // namespace
 
-void checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info)
+void checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info)
 {
     const EnabledFeatures &enabled = device.driver.enabled;
     const Place command("vkCreateMicromapEXT");
@@ -85,7 +85,7 @@ void checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info
         checkMicromapBuffer(check, info, *buffer);
 }
 
-void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfoKHR &info)
+void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info)
 {
     const Place command("vkCreateAccelerationStructureKHR");
     const Place place = command.member("pCreateInfo");
@@ -95,7 +95,7 @@ void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreate
                  "micromaps are created by vkCreateAccelerationStructure2KHR");
 }
 
-void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfo2KHR &info)
+void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info)
 {
     const Place command("vkCreateAccelerationStructure2KHR");
     const Place place = command.member("pCreateInfo");
@@ -121,14 +121,14 @@ void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreate
                   "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11611", "MOTION is not for micromaps");
 }
 
-void checkMicromapDestruction(DeviceValidation &device)
+void checkMicromapDestruction(DeviceModel &device)
 {
     if (!device.driver.enabled.extFeature)
         device.fault(Place("vkDestroyMicromapEXT"), "VUID-vkDestroyMicromapEXT-micromap-11619",
                      "the feature micromap is not enabled");
 }
 
-void checkDestruction(DeviceValidation &device, const ValidatedStructure *structure, bool allocator)
+void checkDestruction(DeviceModel &device, const ValidatedStructure *structure, bool allocator)
 {
     if (!structure)
         return;

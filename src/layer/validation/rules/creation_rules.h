@@ -7,12 +7,12 @@
 namespace vellum::layer
 {
 
-void checkCreation(DeviceValidation &device, const VkMicromapCreateInfoEXT &info);
-void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfoKHR &info);
-void checkCreation(DeviceValidation &device, const VkAccelerationStructureCreateInfo2KHR &info);
+void checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info);
+void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info);
+void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info);
 // Of any handle, VK_NULL_HANDLE included.
-void checkMicromapDestruction(DeviceValidation &device);
+void checkMicromapDestruction(DeviceModel &device);
 // `structure`: null if it is unknown. `allocator`: allocation callbacks are given.
-void checkDestruction(DeviceValidation &device, const ValidatedStructure *structure, bool allocator);
+void checkDestruction(DeviceModel &device, const ValidatedStructure *structure, bool allocator);
 
 } // namespace vellum::layer

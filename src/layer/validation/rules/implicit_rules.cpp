@@ -4,7 +4,7 @@
 namespace vellum::layer
 {
 
-void checkCommand(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, VkQueueFlags queues)
+void checkCommand(DeviceModel &device, VkCommandBuffer commandBuffer, const char *command, VkQueueFlags queues)
 {
     const auto log = device.checks.core ? device.logs.get(commandBuffer) : nullptr;
     if (!log)
@@ -27,7 +27,7 @@ void checkCommand(DeviceValidation &device, VkCommandBuffer commandBuffer, const
     }
 }
 
-void checkCount(DeviceValidation &device, const char *command, const char *member, uint32_t count, const char *vuid)
+void checkCount(DeviceModel &device, const char *command, const char *member, uint32_t count, const char *vuid)
 {
     if (device.checks.core && count == 0) {
         const Place place(command);

@@ -41,10 +41,10 @@ constexpr VkQueueFlags queuesOf(std::string_view command)
     return 0;
 }
 // The state of the command buffer, for a command that is recorded outside of render passes.
-void checkCommand(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, VkQueueFlags queues);
+void checkCommand(DeviceModel &device, VkCommandBuffer commandBuffer, const char *command, VkQueueFlags queues);
 
 // A count that is not 0. `vuid`: of the command.
-void checkCount(DeviceValidation &device, const char *command, const char *member, uint32_t count, const char *vuid);
+void checkCount(DeviceModel &device, const char *command, const char *member, uint32_t count, const char *vuid);
 
 // The sType of a structure, which has no other structures in its chain.
 struct StructureIds {

@@ -170,7 +170,7 @@ BuildMemory checkBuild(const RuleCheck &check, const MicromapBuildInput &build, 
             host ? MemoryRange{} : memoryAt(check.device(), build.scratch.deviceAddress, needs.scratch)};
 }
 
-Needs needsOf(const DeviceValidation &device, const VkMicromapBuildInfoEXT &info, bool host)
+Needs needsOf(const DeviceModel &device, const VkMicromapBuildInfoEXT &info, bool host)
 {
     VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
     device.next.GetMicromapBuildSizesEXT(device.driver.handle,
@@ -271,7 +271,7 @@ void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds
     }
 }
 
-void checkMicromapBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+void checkMicromapBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
                          const VkMicromapBuildInfoEXT *infos)
 {
     const bool host = commandBuffer == VK_NULL_HANDLE;
@@ -295,7 +295,7 @@ void checkMicromapBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer
     checkOverlaps(command, builds, host ? kHost : kDevice);
 }
 
-void checkMicromapSizeQuery(DeviceValidation &device, const VkMicromapBuildInfoEXT &info)
+void checkMicromapSizeQuery(DeviceModel &device, const VkMicromapBuildInfoEXT &info)
 {
     const Place command("vkGetMicromapBuildSizesEXT");
     if (!device.driver.enabled.extFeature)
@@ -321,7 +321,7 @@ bool checkMicromapCounts(const RuleCheck &check, const VkAccelerationStructureBu
 BuildMemory checkMicromapData(const RuleCheck &check, const VkAccelerationStructureBuildGeometryInfoKHR &info,
                               const MicromapBuildInput &build)
 {
-    const DeviceValidation &device = check.device();
+    const DeviceModel &device = check.device();
     if (!checkMicromapCounts(check, info, build) || !build.target)
         return {};
     VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};

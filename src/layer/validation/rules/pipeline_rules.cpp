@@ -7,7 +7,7 @@
 
 #include "core/opacity.h"
 #include "layer/base/pnext.h"
-#include "layer/validation/device_validation.h"
+#include "layer/validation/model/device_model.h"
 #include "spirv/module/opcodes.h"
 #include "spirv/module/scan.h"
 
@@ -76,7 +76,7 @@ bool isTrue(const spirv::MicromapMode &mode, const VkSpecializationInfo *constan
     return mode.initial;
 }
 
-void checkWords(DeviceValidation &device, const Place &place, std::span<const uint32_t> words)
+void checkWords(DeviceModel &device, const Place &place, std::span<const uint32_t> words)
 {
     if (spirv::forcesTwoStatesWithoutCapability(words))
         device.fault(place.member("pCode"), "VUID-RuntimeSpirv-RayTracingOpacityMicromapKHR-11542",
@@ -89,10 +89,9 @@ std::span<const uint32_t> wordsOf(const VkShaderModuleCreateInfo &info)
     return {info.pCode, info.codeSize / sizeof(uint32_t)};
 }
 
-void checkStage(DeviceValidation &device, const Place &place, const VkPipelineShaderStageCreateInfo &stage,
-                VkFlags64 flags)
+void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderStageCreateInfo &stage, VkFlags64 flags)
 {
-    auto entryPoints = device.pipelines.modules.get(stage.module);
+    auto entryPoints = device.objects.pipelines.modules.get(stage.module);
     const auto *module =
         findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
     if (!stage.module && module) {
@@ -112,7 +111,7 @@ void checkStage(DeviceValidation &device, const Place &place, const VkPipelineSh
 }
 
 // Flags of a pipeline that rays of ray tracing pipelines do not meet.
-void checkFlags(DeviceValidation &device, const Place &place, VkFlags64 flags, const char *micromapRule,
+void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const char *micromapRule,
                 const char *mixedRule)
 {
     if ((flags & kMicromaps) != 0)
@@ -124,7 +123,7 @@ void checkFlags(DeviceValidation &device, const Place &place, VkFlags64 flags, c
                      "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
 }
 
-void checkRayTracingFlags(DeviceValidation &device, const Place &place, const VkRayTracingPipelineCreateInfoKHR &info,
+void checkRayTracingFlags(DeviceModel &device, const Place &place, const VkRayTracingPipelineCreateInfoKHR &info,
                           VkFlags64 flags)
 {
     const bool micromaps = (flags & kMicromaps) != 0;
@@ -142,7 +141,7 @@ void checkRayTracingFlags(DeviceValidation &device, const Place &place, const Vk
             std::string("OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, without ") +
                 (micromaps ? "the feature micromap of VK_KHR_opacity_micromap" : "RAY_TRACING_OPACITY_MICROMAP"));
     for (uint32_t i = 0; micromaps && info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
-        const auto library = device.pipelines.libraries.get(info.pLibraryInfo->pLibraries[i]);
+        const auto library = device.objects.pipelines.libraries.get(info.pLibraryInfo->pLibraries[i]);
         if (library && (*library & kMicromaps) == 0) {
             const Place libraries = place.member("pLibraryInfo");
             device.fault(
@@ -155,7 +154,7 @@ void checkRayTracingFlags(DeviceValidation &device, const Place &place, const Vk
 
 } // namespace
 
-void checkPipelines(DeviceValidation &device, uint32_t count, const VkComputePipelineCreateInfo *infos)
+void checkPipelines(DeviceModel &device, uint32_t count, const VkComputePipelineCreateInfo *infos)
 {
     const Place command("vkCreateComputePipelines");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
@@ -167,7 +166,7 @@ void checkPipelines(DeviceValidation &device, uint32_t count, const VkComputePip
     }
 }
 
-void checkPipelines(DeviceValidation &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
+void checkPipelines(DeviceModel &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
 {
     const Place command("vkCreateGraphicsPipelines");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
@@ -187,7 +186,7 @@ void checkPipelines(DeviceValidation &device, uint32_t count, const VkGraphicsPi
     }
 }
 
-void checkPipelines(DeviceValidation &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
+void checkPipelines(DeviceModel &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
 {
     const Place command("vkCreateRayTracingPipelinesKHR");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
@@ -199,7 +198,7 @@ void checkPipelines(DeviceValidation &device, uint32_t count, const VkRayTracing
     }
 }
 
-void checkShaders(DeviceValidation &device, uint32_t count, const VkShaderCreateInfoEXT *infos)
+void checkShaders(DeviceModel &device, uint32_t count, const VkShaderCreateInfoEXT *infos)
 {
     const Place command("vkCreateShadersEXT");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
@@ -214,27 +213,27 @@ void checkShaders(DeviceValidation &device, uint32_t count, const VkShaderCreate
     }
 }
 
-void checkModule(DeviceValidation &device, const VkShaderModuleCreateInfo &info)
+void checkModule(DeviceModel &device, const VkShaderModuleCreateInfo &info)
 {
     const Place command("vkCreateShaderModule");
     if (device.checks.core)
         checkWords(device, command.member("pCreateInfo"), wordsOf(info));
 }
 
-void keepModule(DeviceValidation &device, const VkShaderModuleCreateInfo &info, VkShaderModule module)
+void keepModule(DeviceModel &device, const VkShaderModuleCreateInfo &info, VkShaderModule module)
 {
     if (auto entryPoints = entryPointsOf(wordsOf(info)); !entryPoints.empty())
-        device.pipelines.modules.set(module,
-                                     std::make_shared<const std::vector<spirv::EntryPoint>>(std::move(entryPoints)));
+        device.objects.pipelines.modules.set(
+            module, std::make_shared<const std::vector<spirv::EntryPoint>>(std::move(entryPoints)));
 }
 
-void keepLibraries(DeviceValidation &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
+void keepLibraries(DeviceModel &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos,
                    const VkPipeline *pipelines)
 {
     for (uint32_t i = 0; i < count; ++i) {
         const VkFlags64 flags = flagsOf(infos[i]);
         if (pipelines[i] && (flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
-            device.pipelines.libraries.set(pipelines[i], flags);
+            device.objects.pipelines.libraries.set(pipelines[i], flags);
     }
 }
 

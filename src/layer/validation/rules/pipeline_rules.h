@@ -3,35 +3,23 @@
 // queries.
 #pragma once
 
-#include <memory>
-#include <optional>
-#include <vector>
-
 #include <vulkan/vulkan.h>
 
-#include "layer/base/handle_map.h"
-#include "spirv/mode/micromap_mode.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
 {
 
-struct DeviceValidation;
-
-struct ValidatedPipelines {
-    // Entry points of modules with the execution mode OpacityMicromapIdKHR.
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<spirv::EntryPoint>>> modules;
-    HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // their flags
-};
+struct DeviceModel;
 
 // What is checked when they are created.
-void checkPipelines(DeviceValidation &, uint32_t count, const VkComputePipelineCreateInfo *);
-void checkPipelines(DeviceValidation &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
-void checkPipelines(DeviceValidation &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
-void checkShaders(DeviceValidation &, uint32_t count, const VkShaderCreateInfoEXT *);
-void checkModule(DeviceValidation &, const VkShaderModuleCreateInfo &);
+void checkPipelines(DeviceModel &, uint32_t count, const VkComputePipelineCreateInfo *);
+void checkPipelines(DeviceModel &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
+void checkPipelines(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
+void checkShaders(DeviceModel &, uint32_t count, const VkShaderCreateInfoEXT *);
+void checkModule(DeviceModel &, const VkShaderModuleCreateInfo &);
 // What is kept of what was created, for pipelines that use it.
-void keepModule(DeviceValidation &, const VkShaderModuleCreateInfo &, VkShaderModule);
-void keepLibraries(DeviceValidation &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *, const VkPipeline *);
+void keepModule(DeviceModel &, const VkShaderModuleCreateInfo &, VkShaderModule);
+void keepLibraries(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *, const VkPipeline *);
 
 } // namespace vellum::layer

@@ -37,7 +37,7 @@ MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes)
     return {structure->buffer->memory, begin, begin + std::min(bytes, structure->size)};
 }
 
-MemoryRange memoryAt(const DeviceValidation &device, VkDeviceAddress address, VkDeviceSize bytes)
+MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes)
 {
     const AddressMap::Location location = device.buffers.addresses.find(address);
     const auto buffer = location.buffer ? device.objects.buffers.get(location.buffer) : nullptr;

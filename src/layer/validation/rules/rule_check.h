@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "layer/validation/device_validation.h"
+#include "layer/validation/model/device_model.h"
 
 namespace vellum::layer
 {
@@ -15,13 +15,13 @@ class RuleCheck
 {
 public:
     // `commandBuffer`: null for host commands.
-    RuleCheck(DeviceValidation &device, const Place &place, ObjectHandle object = {},
+    RuleCheck(DeviceModel &device, const Place &place, ObjectHandle object = {},
               VkCommandBuffer commandBuffer = VK_NULL_HANDLE)
         : device_(device), place_(place), object_(object), commandBuffer_(commandBuffer)
     {
     }
 
-    [[nodiscard]] DeviceValidation &device() const { return device_; }
+    [[nodiscard]] DeviceModel &device() const { return device_; }
     // The check of a part, whose place must outlive it.
     [[nodiscard]] RuleCheck at(const Place &place) const { return {device_, place, object_, commandBuffer_}; }
     [[nodiscard]] const Place &place() const { return place_; }
@@ -51,7 +51,7 @@ public:
     void whenExecuted(std::function<void()> effect) const;
 
 private:
-    DeviceValidation &device_;
+    DeviceModel &device_;
     const Place &place_;
     ObjectHandle object_;
     VkCommandBuffer commandBuffer_;
@@ -70,7 +70,7 @@ struct MemoryRange {
 };
 // The first `bytes` bytes of a structure, at most its size.
 MemoryRange memoryOf(const ValidatedStructure *structure, VkDeviceSize bytes);
-MemoryRange memoryAt(const DeviceValidation &device, VkDeviceAddress address, VkDeviceSize bytes);
+MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize bytes);
 
 // --- Rules that several commands have ---
 

@@ -143,7 +143,7 @@ void checkTarget(const RuleCheck &check, const BuildInfo &info)
 }
 
 // The first byte of each: builds of other structures need sizes that depend on their input.
-BuildMemory memoryOfOther(const DeviceValidation &device, const BuildInfo &info)
+BuildMemory memoryOfOther(const DeviceModel &device, const BuildInfo &info)
 {
     const auto target = device.objects.structures.get(info.dstAccelerationStructure);
     return {target ? target->handle : ObjectHandle(), memoryOf(target.get(), 1),
@@ -178,7 +178,7 @@ void checkAttachedTargets(const RuleCheck &command, StructureBuildInfos infos, s
 
 } // namespace
 
-void checkStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos,
+void checkStructureBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos,
                           const RangeInfo *const *ranges)
 {
     const Place place("vkCmdBuildAccelerationStructuresKHR");
@@ -215,7 +215,7 @@ void checkStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffe
                        "VUID-vkCmdBuildAccelerationStructuresKHR-scratchData-03704"});
 }
 
-void checkIndirectStructureBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos)
+void checkIndirectStructureBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, StructureBuildInfos infos)
 {
     const Place place("vkCmdBuildAccelerationStructuresIndirectKHR");
     for (uint32_t i = 0; i < infos.size(); ++i) {
@@ -229,7 +229,7 @@ void checkIndirectStructureBuilds(DeviceValidation &device, VkCommandBuffer comm
     }
 }
 
-void checkHostStructureBuilds(DeviceValidation &device, StructureBuildInfos infos)
+void checkHostStructureBuilds(DeviceModel &device, StructureBuildInfos infos)
 {
     const Place command("vkBuildAccelerationStructuresKHR");
     for (uint32_t i = 0; i < infos.size(); ++i) {
@@ -258,7 +258,7 @@ void checkHostStructureBuilds(DeviceValidation &device, StructureBuildInfos info
     }
 }
 
-void checkStructureSizeQuery(DeviceValidation &device, VkAccelerationStructureBuildTypeKHR type, const BuildInfo &info,
+void checkStructureSizeQuery(DeviceModel &device, VkAccelerationStructureBuildTypeKHR type, const BuildInfo &info,
                              const uint32_t *most)
 {
     const Place command("vkGetAccelerationStructureBuildSizesKHR");

@@ -1,15 +1,149 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/sync/sync_accesses.h"
-
+// What commands access, and messages about accesses that nothing orders.
 #include <algorithm>
 
-#include "layer/validation/builds.h"
-#include "layer/validation/device_validation.h"
-#include "layer/validation/sync/sync_ranges.h"
-#include "layer/validation/sync/sync_report.h"
+#include "layer/validation/rules/build_input.h"
+#include "layer/validation/sync/sync_checks.h"
 
 namespace vellum::layer::sync
 {
+namespace
+{
+
+constexpr VkDeviceSize kStructureAlignment = 256; // of offsets in buffers
+
+Range rangeOf(const ValidatedBuffer *buffer, VkDeviceSize offset, VkDeviceSize size)
+{
+    if (!buffer || !buffer->memory || offset >= buffer->size)
+        return {};
+    const VkDeviceSize begin = buffer->memoryOffset + offset;
+    return {uint64_t(buffer->memory), begin, begin + std::min(size, buffer->size - offset)};
+}
+
+std::string stagesText(VkPipelineStageFlags2 stages)
+{
+    if (stages & VK_PIPELINE_STAGE_2_ACCELERATION_STRUCTURE_BUILD_BIT_KHR)
+        return "ACCELERATION_STRUCTURE_BUILD";
+    if (stages & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT)
+        return "MICROMAP_BUILD";
+    return "COPY";
+}
+
+// The access that a program should name: the last of those that are accepted.
+std::string accessText(const Access &access)
+{
+    const VkAccessFlags2 accesses = access.scope.accesses;
+    if (access.writes) {
+        return accesses & VK_ACCESS_2_ACCELERATION_STRUCTURE_WRITE_BIT_KHR ? "ACCELERATION_STRUCTURE_WRITE"
+               : accesses & VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT             ? "MICROMAP_WRITE"
+                                                                           : "TRANSFER_WRITE";
+    }
+    return accesses & VK_ACCESS_2_SHADER_READ_BIT             ? "SHADER_READ"
+           : accesses & VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT ? "INDIRECT_COMMAND_READ"
+           : accesses & VK_ACCESS_2_MICROMAP_READ_BIT_EXT     ? "MICROMAP_READ"
+           : accesses & VK_ACCESS_2_TRANSFER_READ_BIT         ? "TRANSFER_READ"
+                                                              : "ACCELERATION_STRUCTURE_READ";
+}
+
+const char *whereText(const Hazard &hazard)
+{
+    return hazard.sameBatch ? " in the same batch" : hazard.sameQueue ? " in an earlier batch" : " on another queue";
+}
+
+std::string reasonText(const Hazard &hazard)
+{
+    const std::string stage = stagesText(hazard.later.scope.stages);
+    if (hazard.kind == HazardKind::Ownership)
+        return "the buffer is exclusive, and this queue family has not acquired it";
+    if (!hazard.sameQueue)
+        return "no semaphore orders the two";
+    if (hazard.kind == HazardKind::WriteAfterRead)
+        return "no barrier orders stage " + stagesText(hazard.earlier.scope.stages) + " before stage " + stage;
+    if (!hazard.executionOrdered)
+        return "no barrier makes the write (stage " + stagesText(hazard.earlier.scope.stages) + ", access " +
+               accessText(hazard.earlier) + ") available to stage " + stage + ", access " + accessText(hazard.later);
+    return "a barrier orders the stages, but does not make access " + accessText(hazard.earlier) +
+           " available to stage " + stage + ", access " + accessText(hazard.later);
+}
+
+} // namespace
+
+Location locationOf(const ValidatedStructure *structure)
+{
+    if (!structure)
+        return {};
+    const VkDeviceSize bytes = std::min(structure->size, kStructureAlignment);
+    return {rangeOf(structure->buffer.get(), structure->offset, bytes),
+            structure->buffer && structure->buffer->exclusive, structure->handle};
+}
+
+Location locationAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize size)
+{
+    const AddressMap::Location found = device.buffers.addresses.find(address);
+    const auto buffer = found.buffer ? device.objects.buffers.get(found.buffer) : nullptr;
+    if (!buffer || size == 0)
+        return {};
+    return {rangeOf(buffer.get(), found.offset, size), buffer->exclusive, buffer->handle};
+}
+
+Location locationIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize offset, VkDeviceSize size)
+{
+    const auto buffer = device.objects.buffers.get(handle);
+    constexpr VkFlags64 interesting =
+        VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR |
+        VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR |
+        VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
+    if (!buffer || (buffer->usage & interesting) == 0)
+        return {};
+    return {rangeOf(buffer.get(), offset, size), buffer->exclusive, buffer->handle};
+}
+
+Range rangeIn(const DeviceModel &device, VkBuffer handle, VkDeviceSize offset, VkDeviceSize size)
+{
+    return rangeOf(device.objects.buffers.get(handle).get(), offset, size);
+}
+
+std::string placeOf(const Access &access)
+{
+    const Place command(access.command);
+    return access.array ? command.element(access.array, access.element).text() : command.text();
+}
+
+void report(DeviceModel &device, const Hazard &hazard)
+{
+    const char *id = hazard.kind == HazardKind::ReadAfterWrite    ? "VELLUM-sync-read-after-write"
+                     : hazard.kind == HazardKind::WriteAfterRead  ? "VELLUM-sync-write-after-read"
+                     : hazard.kind == HazardKind::WriteAfterWrite ? "VELLUM-sync-write-after-write"
+                                                                  : "VELLUM-sync-ownership";
+    const Access &later = hazard.later;
+    std::string text = placeOf(later);
+    text += text.find(": ") == std::string::npos ? ": " : " ";
+    text += later.writes ? "writes " : "reads ";
+    text += std::string(later.subject) + " " + device.nameOf(later.object) + " that " + placeOf(hazard.earlier) +
+            (hazard.earlier.writes ? " wrote" : " read");
+    if (hazard.earlier.object.handle != later.object.handle)
+        text += std::string(" as ") + hazard.earlier.subject + " " + device.nameOf(hazard.earlier.object);
+    text += whereText(hazard) + std::string("; ") + reasonText(hazard);
+    device.driver.report().error(id, text, later.object.type, later.object.handle);
+}
+
+void reportDestroyed(DeviceModel &device, const char *command,
+                     const std::vector<std::shared_ptr<ValidatedStructure>> &structures)
+{
+    for (const auto &structure : structures) {
+        const bool buffer = structure->buffer && structure->buffer->destroyed;
+        if (!structure->destroyed && !buffer)
+            continue;
+        device.driver.report().error("VELLUM-sync-destroyed",
+                                     std::string(command) + ": " +
+                                         (structure->isMicromap() ? "micromap " : "structure ") +
+                                         device.nameOf(structure->handle) +
+                                         (structure->destroyed ? " was destroyed" : "'s buffer was destroyed") +
+                                         " before the command buffer was submitted",
+                                     structure->handle.type, structure->handle.handle);
+    }
+}
+
 namespace
 {
 
@@ -34,8 +168,8 @@ constexpr VkDeviceSize kHeader = 2 * VK_UUID_SIZE + 3 * sizeof(uint64_t); // of 
 class Recorder
 {
 public:
-    Recorder(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command)
-        : device_(device), commandBuffer_(commandBuffer), command_(command)
+    Recorder(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command)
+        : sync_(sync), commandBuffer_(commandBuffer), command_(command)
     {
     }
     Recorder(const Recorder &) = delete;
@@ -60,11 +194,11 @@ public:
     {
         if (accesses_.empty() && structures_.empty())
             return;
-        device_.logs.add(commandBuffer_, [&device = device_, command = command_, accesses = std::move(accesses_),
-                                          structures = std::move(structures_)](const Submission &submission) {
-            reportDestroyed(device, command, structures);
-            for (const Hazard &hazard : device.sync.tracker.access(uint64_t(submission.queue), accesses))
-                report(device, hazard);
+        sync_.device.logs.add(commandBuffer_, [&sync = sync_, command = command_, accesses = std::move(accesses_),
+                                               structures = std::move(structures_)](const Submission &submission) {
+            reportDestroyed(sync.device, command, structures);
+            for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
+                report(sync.device, hazard);
         });
     }
 
@@ -80,7 +214,7 @@ private:
             accesses_.push_back(access);
     }
 
-    DeviceValidation &device_;
+    DeviceSync &sync_;
     VkCommandBuffer commandBuffer_;
     const char *command_;
     const char *array_ = nullptr;
@@ -115,47 +249,48 @@ Scope copyScope(const std::shared_ptr<ValidatedStructure> &structure, bool write
     return {kStructureCopy, writes ? kStructureWrite : kStructureRead};
 }
 
-void addMicromapBuild(const DeviceValidation &device, Recorder &recorder, const MicromapBuildInput &build,
+void addMicromapBuild(const DeviceSync &sync, Recorder &recorder, const MicromapBuildInput &build,
                       VkPipelineStageFlags2 stage, VkAccessFlags2 write, VkAccessFlags2 scratchAccess, uint64_t scratch)
 {
     const uint64_t triangles = build.triangleCount();
     if (triangles > 0) {
         const uint64_t bytes = (triangles - 1) * build.triangleStride + sizeof(VkMicromapTriangleEXT);
-        recorder.reads("triangleArray", {stage, kShaderRead}, locationAt(device, build.triangles.deviceAddress, bytes));
+        recorder.reads("triangleArray", {stage, kShaderRead},
+                       locationAt(sync.device, build.triangles.deviceAddress, bytes));
         // Where in it triangles have their data is not known to the host. Offset 0 is used.
-        recorder.reads("data", {stage, kShaderRead}, locationAt(device, build.data.deviceAddress, 1));
+        recorder.reads("data", {stage, kShaderRead}, locationAt(sync.device, build.data.deviceAddress, 1));
     }
-    recorder.writes("scratch memory", {stage, scratchAccess}, locationAt(device, build.scratch.deviceAddress, scratch));
+    recorder.writes("scratch memory", {stage, scratchAccess},
+                    locationAt(sync.device, build.scratch.deviceAddress, scratch));
     writeStructure(recorder, {stage, write}, build.target);
 }
 
-void addAttachment(const DeviceValidation &device, Recorder &recorder,
-                   const VkAccelerationStructureGeometryKHR &geometry,
+void addAttachment(const DeviceSync &sync, Recorder &recorder, const VkAccelerationStructureGeometryKHR &geometry,
                    const VkAccelerationStructureBuildRangeInfoKHR *range)
 {
-    const auto attachment = attachmentOf(device, geometry);
+    const auto attachment = attachmentOf(sync.device, geometry);
     if (!attachment)
         return;
     readStructure(recorder, {kBuild, attachment->khr ? kStructureRead : kMicromapRead}, attachment->micromap);
     const uint32_t bytes = indexBytes(attachment->indexType);
     if (range && range->primitiveCount > 0 && bytes != 0)
         recorder.reads("indexBuffer", {kBuild, kIndexRead},
-                       locationAt(device, attachment->indexBuffer.deviceAddress,
+                       locationAt(sync.device, attachment->indexBuffer.deviceAddress,
                                   (range->primitiveCount - 1) * attachment->indexStride + bytes));
 }
 
-void addInstances(const DeviceValidation &device, Recorder &recorder,
+void addInstances(const DeviceSync &sync, Recorder &recorder,
                   const VkAccelerationStructureGeometryInstancesDataKHR &instances,
                   const VkAccelerationStructureBuildRangeInfoKHR *range)
 {
     if (!range || range->primitiveCount == 0)
         return;
     recorder.reads("instances", {kBuild, kShaderRead},
-                   locationAt(device, instances.data.deviceAddress + range->primitiveOffset,
+                   locationAt(sync.device, instances.data.deviceAddress + range->primitiveOffset,
                               range->primitiveCount * instanceStride(instances)));
 }
 
-void addStructureBuild(const DeviceValidation &device, Recorder &recorder,
+void addStructureBuild(const DeviceSync &sync, Recorder &recorder,
                        const VkAccelerationStructureBuildGeometryInfoKHR &info,
                        const VkAccelerationStructureBuildRangeInfoKHR *ranges)
 {
@@ -163,113 +298,114 @@ void addStructureBuild(const DeviceValidation &device, Recorder &recorder,
         const VkAccelerationStructureGeometryKHR *geometry = geometryOf(info, g);
         if (!geometry)
             break;
-        addAttachment(device, recorder, *geometry, ranges ? &ranges[g] : nullptr);
+        addAttachment(sync, recorder, *geometry, ranges ? &ranges[g] : nullptr);
         if (geometry->geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR)
-            addInstances(device, recorder, geometry->geometry.instances, ranges ? &ranges[g] : nullptr);
+            addInstances(sync, recorder, geometry->geometry.instances, ranges ? &ranges[g] : nullptr);
     }
     const bool update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-    const uint64_t scratch = device.sync.scratch.smallest(ScratchSizes::kindOf(info.type, update));
+    const uint64_t scratch = sync.scratch.smallest(ScratchSizes::kindOf(info.type, update));
     if (update)
-        readStructure(recorder, {kBuild, kStructureRead}, device.objects.structures.get(info.srcAccelerationStructure));
+        readStructure(recorder, {kBuild, kStructureRead},
+                      sync.device.objects.structures.get(info.srcAccelerationStructure));
     recorder.writes("scratch memory", {kBuild, kStructureRead | kStructureWrite},
-                    locationAt(device, info.scratchData.deviceAddress, scratch));
-    writeStructure(recorder, {kBuild, kStructureWrite}, device.objects.structures.get(info.dstAccelerationStructure));
+                    locationAt(sync.device, info.scratchData.deviceAddress, scratch));
+    writeStructure(recorder, {kBuild, kStructureWrite},
+                   sync.device.objects.structures.get(info.dstAccelerationStructure));
 }
 
 } // namespace
 
-void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                  const VkMicromapBuildInfoEXT *infos)
+void recordBuilds(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count, const VkMicromapBuildInfoEXT *infos)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, "vkCmdBuildMicromapsEXT");
+    Recorder recorder(sync, commandBuffer, "vkCmdBuildMicromapsEXT");
     for (uint32_t i = 0; i < count; ++i) {
         recorder.element("pInfos", i);
-        addMicromapBuild(device, recorder, micromapBuildOf(device, infos[i]), kMicromapBuild, kMicromapWrite,
-                         kMicromapRead | kMicromapWrite, device.sync.scratch.smallest(ScratchSizes::kMicromapExt));
+        addMicromapBuild(sync, recorder, micromapBuildOf(sync.device, infos[i]), kMicromapBuild, kMicromapWrite,
+                         kMicromapRead | kMicromapWrite, sync.scratch.smallest(ScratchSizes::kMicromapExt));
     }
     recorder.record();
 }
 
-void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
+void recordBuilds(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
                   const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                   const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     for (uint32_t i = 0; i < count; ++i) {
         recorder.element("pInfos", i);
         if (!buildsMicromap(infos[i]))
-            addStructureBuild(device, recorder, infos[i], ranges ? ranges[i] : nullptr);
-        else if (const auto build = micromapBuildOf(device, infos[i]))
-            addMicromapBuild(device, recorder, *build, kBuild, kStructureWrite, kStructureRead | kStructureWrite,
-                             device.sync.scratch.smallest(ScratchSizes::kindOf(infos[i].type, false)));
+            addStructureBuild(sync, recorder, infos[i], ranges ? ranges[i] : nullptr);
+        else if (const auto build = micromapBuildOf(sync.device, infos[i]))
+            addMicromapBuild(sync, recorder, *build, kBuild, kStructureWrite, kStructureRead | kStructureWrite,
+                             sync.scratch.smallest(ScratchSizes::kindOf(infos[i].type, false)));
     }
     recorder.record();
 }
 
-void recordIndirectRanges(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+void recordIndirectRanges(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count,
                           const VkAccelerationStructureBuildGeometryInfoKHR *infos, const VkDeviceAddress *addresses)
 {
-    if (!device.checks.sync || !addresses)
+    if (!sync.device.checks.sync || !addresses)
         return;
-    Recorder recorder(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR");
+    Recorder recorder(sync, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR");
     for (uint32_t i = 0; i < count; ++i) {
         recorder.element("pIndirectDeviceAddresses", i);
         if (infos[i].geometryCount > 0 && !buildsMicromap(infos[i]))
             recorder.reads("ranges", {kBuild, VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT},
-                           locationAt(device, addresses[i], sizeof(VkAccelerationStructureBuildRangeInfoKHR)));
+                           locationAt(sync.device, addresses[i], sizeof(VkAccelerationStructureBuildRangeInfoKHR)));
     }
     recorder.record();
 }
 
 // ------------------------------------------------------------------------------------------ copies and queries
 
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command,
+void recordCopy(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command,
                 const std::shared_ptr<ValidatedStructure> &source, const std::shared_ptr<ValidatedStructure> &target)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     readStructure(recorder, copyScope(source, false), source);
     writeStructure(recorder, copyScope(target, true), target);
     recorder.record();
 }
 
-void recordSerialization(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command,
+void recordSerialization(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command,
                          const std::shared_ptr<ValidatedStructure> &source, VkDeviceAddress target)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     const Scope scope = copyScope(source, false);
     readStructure(recorder, scope, source);
     recorder.writes("serialized data", {scope.stages, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                    locationAt(device, target, kHeader));
+                    locationAt(sync.device, target, kHeader));
     recorder.record();
 }
 
-void recordDeserialization(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command,
-                           VkDeviceAddress source, const std::shared_ptr<ValidatedStructure> &target)
+void recordDeserialization(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, VkDeviceAddress source,
+                           const std::shared_ptr<ValidatedStructure> &target)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     const Scope scope = copyScope(target, true);
     recorder.reads("serialized data", {scope.stages, VK_ACCESS_2_TRANSFER_READ_BIT},
-                   locationAt(device, source, kHeader));
+                   locationAt(sync.device, source, kHeader));
     writeStructure(recorder, scope, target);
     recorder.record();
 }
 
-void recordQuery(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, const char *array,
+void recordQuery(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, const char *array,
                  const std::vector<std::shared_ptr<ValidatedStructure>> &structures)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     for (uint32_t i = 0; i < structures.size(); ++i) {
         recorder.element(array, i);
         readStructure(recorder, copyScope(structures[i], false), structures[i]);
@@ -279,58 +415,58 @@ void recordQuery(DeviceValidation &device, VkCommandBuffer commandBuffer, const 
 
 // ------------------------------------------------------------------------------------------ transfers
 
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, VkBuffer from,
-                VkBuffer to, const VkBufferCopy &region, uint32_t index)
+void recordCopy(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, VkBuffer from, VkBuffer to,
+                const VkBufferCopy &region, uint32_t index)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     recorder.element("pRegions", index);
     recorder.transfers();
     recorder.reads("buffer", {kTransfer, VK_ACCESS_2_TRANSFER_READ_BIT},
-                   locationIn(device, from, region.srcOffset, region.size));
+                   locationIn(sync.device, from, region.srcOffset, region.size));
     recorder.writes("buffer", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                    locationIn(device, to, region.dstOffset, region.size));
+                    locationIn(sync.device, to, region.dstOffset, region.size));
     recorder.record();
 }
 
-void recordWrite(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, VkBuffer to,
-                 VkDeviceSize offset, VkDeviceSize size)
+void recordWrite(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, VkBuffer to, VkDeviceSize offset,
+                 VkDeviceSize size)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     recorder.transfers();
-    recorder.writes("buffer", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT}, locationIn(device, to, offset, size));
+    recorder.writes("buffer", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT}, locationIn(sync.device, to, offset, size));
     recorder.record();
 }
 
-void recordCopy(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &info)
+void recordCopy(DeviceSync &sync, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &info)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, "vkCmdCopyMemoryKHR");
+    Recorder recorder(sync, commandBuffer, "vkCmdCopyMemoryKHR");
     recorder.transfers();
     for (uint32_t r = 0; r < info.regionCount; ++r) {
         const VkDeviceMemoryCopyKHR &region = info.pRegions[r];
         recorder.element("pRegions", r);
         recorder.reads("memory", {kTransfer, VK_ACCESS_2_TRANSFER_READ_BIT},
-                       locationAt(device, region.srcRange.address, region.srcRange.size));
+                       locationAt(sync.device, region.srcRange.address, region.srcRange.size));
         recorder.writes("memory", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                        locationAt(device, region.dstRange.address, region.dstRange.size));
+                        locationAt(sync.device, region.dstRange.address, region.dstRange.size));
     }
     recorder.record();
 }
 
-void recordWrite(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command,
+void recordWrite(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command,
                  const VkDeviceAddressRangeKHR &range)
 {
-    if (!device.checks.sync)
+    if (!sync.device.checks.sync)
         return;
-    Recorder recorder(device, commandBuffer, command);
+    Recorder recorder(sync, commandBuffer, command);
     recorder.transfers();
     recorder.writes("memory", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                    locationAt(device, range.address, range.size));
+                    locationAt(sync.device, range.address, range.size));
     recorder.record();
 }
 

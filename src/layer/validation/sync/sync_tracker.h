@@ -19,7 +19,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/validation/objects.h"
+#include "layer/validation/model/place.h"
 
 namespace vellum::layer::sync
 {

@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "layer/validation/device_validation.h"
+#include "layer/validation/gpu/serialized_data.h"
+#include "layer/validation/rules/build_input.h"
 
 namespace vellum::layer
 {
@@ -25,7 +26,7 @@ std::optional<uint32_t> rulesBroken(const GeometryContents &geometry)
     return mixed ? std::optional(micromap | (*mixed ? kRuleMixed : 0)) : std::nullopt;
 }
 
-std::optional<BrokenRules> brokenBy(const DeviceValidation &device, const TraceUse &use)
+std::optional<BrokenRules> brokenBy(const DeviceModel &device, const TraceUse &use)
 {
     BrokenRules broken;
     if (!use.contents || !use.contents->instances.memory)
@@ -34,7 +35,7 @@ std::optional<BrokenRules> brokenBy(const DeviceValidation &device, const TraceU
     if (!references)
         return {};
     for (const VkDeviceAddress reference : *references) {
-        const auto structure = reference != 0 ? device.traces.byReference.at(reference) : nullptr;
+        const auto structure = reference != 0 ? device.objects.byReference.at(reference) : nullptr;
         const auto contents = structure ? structure->contents : nullptr;
         if (!contents || structure->since > use.number)
             continue; // unknown, or built again since
@@ -63,13 +64,13 @@ std::optional<BrokenRules> brokenBy(const DeviceValidation &device, const TraceU
     return broken;
 }
 
-std::string structureText(const DeviceValidation &device, const TraceUse &use, const MetGeometry &met)
+std::string structureText(const DeviceModel &device, const TraceUse &use, const MetGeometry &met)
 {
     return "rays are traced in " + device.nameOf(use.structure->handle) + ", which has an instance of " +
            device.nameOf(met.structure->handle);
 }
 
-std::string geometryText(const DeviceValidation &device, const TraceUse &use, const MetGeometry &met)
+std::string geometryText(const DeviceModel &device, const TraceUse &use, const MetGeometry &met)
 {
     return structureText(device, use, met) + "; its geometry " + std::to_string(met.index);
 }
@@ -152,7 +153,7 @@ void TraceMarks::use(uint32_t mark, TraceUse use)
     site.watched = any_ = true;
 }
 
-bool TraceMarks::fold(const DeviceValidation &device, Site &site)
+bool TraceMarks::fold(const DeviceModel &device, Site &site)
 {
     std::erase_if(site.uses, [&](const TraceUse &use) {
         const std::optional<BrokenRules> broken = brokenBy(device, use);
@@ -168,7 +169,7 @@ bool TraceMarks::fold(const DeviceValidation &device, Site &site)
     return site.uses.empty();
 }
 
-void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
+void TraceMarks::reportSite(DeviceModel &device, const Site &site)
 {
     const TraceUse &use = *site.first;
     const BrokenRules &broken = site.byFirst;
@@ -206,7 +207,7 @@ void TraceMarks::reportSite(DeviceValidation &device, const Site &site)
             use.code.type, use.code.handle);
 }
 
-size_t TraceMarks::report(DeviceValidation &device, bool idle)
+size_t TraceMarks::report(DeviceModel &device, bool idle)
 {
     if (!any_ && !idle)
         return 0;
@@ -237,6 +238,165 @@ size_t TraceMarks::report(DeviceValidation &device, bool idle)
     for (const Site &site : found)
         reportSite(device, site);
     return looked;
+}
+
+// --- Commands
+
+namespace
+{
+
+VkPipelineBindPoint pointOf(VkShaderStageFlagBits stage)
+{
+    return stage == VK_SHADER_STAGE_COMPUTE_BIT ? VK_PIPELINE_BIND_POINT_COMPUTE : VK_PIPELINE_BIND_POINT_GRAPHICS;
+}
+
+bool isKnown(VkPipelineBindPoint point)
+{
+    return point == VK_PIPELINE_BIND_POINT_GRAPHICS || point == VK_PIPELINE_BIND_POINT_COMPUTE ||
+           point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR || point == VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI;
+}
+
+// A site of the code that a submitted command runs, with the set that was bound. What structures hold is unknown where
+// the order of submissions is.
+void useSite(DeviceTraces &traces, const TracingSite &site, const StructureSet *set, bool isOrdered, TraceUse use)
+{
+    use.number = ++traces.device.numbers;
+    const auto useStructure = [&](const std::shared_ptr<ValidatedStructure> &structure) {
+        use.contents = structure && isOrdered ? structure->contents : nullptr;
+        use.structure = structure;
+        traces.marks.use(site.mark->index(), use);
+    };
+    const auto structures =
+        set ? traces.device.objects.descriptors.structures(*set, site.binding->binding, site.binding->element)
+            : std::vector<std::shared_ptr<ValidatedStructure>>{};
+    for (const auto &structure : structures)
+        useStructure(structure);
+    if (structures.empty())
+        useStructure(nullptr);
+}
+
+constexpr uint32_t kGroupSize = 64;
+
+CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandBuffer,
+                                   const VkAccelerationStructureGeometryInstancesDataKHR &instances,
+                                   const VkAccelerationStructureBuildRangeInfoKHR &range)
+{
+    const uint32_t count = range.primitiveCount;
+    const VkDeviceAddress source = instances.data.deviceAddress + range.primitiveOffset;
+    const VkDeviceSize bytes = instanceStride(instances);
+    if (count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
+        return {}; // outside their buffer
+    auto memory = Capture::make(device.captureMemory, Capture::kCountWords + size_t{count} * 2, Capture::kCountWords);
+    if (!memory)
+        return {};
+    if (count != 0) {
+        const shared::InstancesContentsPush push{.source = source,
+                                                 .target = memory->address(),
+                                                 .count = count,
+                                                 .pointers = instances.arrayOfPointers ? 1u : 0u};
+        InjectedWork work(device.commands, commandBuffer);
+        work.barrier();
+        work.dispatch(InjectedShader::InstancesContents, push, count, kGroupSize);
+        work.barrier(true);
+    }
+    return {count, std::move(memory)};
+}
+
+CapturedIndices captureIndices(DeviceModel &device, VkCommandBuffer commandBuffer, const AttachmentInput &attachment,
+                               uint32_t count)
+{
+    const uint32_t bytes = indexBytes(attachment.indexType);
+    const VkDeviceAddress source = attachment.indexBuffer.deviceAddress;
+    const auto buffer = bufferAt(device, source);
+    if (bytes == 0 || !attachment.handle.handle || !buffer || count == 0)
+        return {};
+    const VkDeviceSize rest = buffer->address + buffer->size - source;
+    if (VkDeviceSize{count - 1} * attachment.indexStride + bytes > rest)
+        return {}; // outside its buffer, which other rules are about
+    auto memory = Capture::make(device.captureMemory, Capture::kCountWords, Capture::kCountWords);
+    if (!memory)
+        return {};
+    const shared::IndexKindsPush push{.source = source,
+                                      .target = memory->address(),
+                                      .stride = static_cast<uint32_t>(attachment.indexStride),
+                                      .count = count,
+                                      .bytes = bytes,
+                                      .unused = 0};
+    InjectedWork work(device.commands, commandBuffer);
+    work.barrier();
+    work.dispatch(InjectedShader::IndexKinds, push, count, kGroupSize);
+    work.barrier(true);
+    return {count, std::move(memory)};
+}
+
+} // namespace
+
+void bindTracingPipeline(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
+                         VkPipeline pipeline)
+{
+    if (!traces.device.checks.gpu || !isKnown(point))
+        return;
+    const auto log = traces.device.logs.get(commandBuffer);
+    if (!log)
+        return;
+    auto &code = log->traces.at(point).code;
+    code.clear();
+    if (auto bound = traces.pipelines.get(pipeline))
+        code[0] = std::move(bound);
+}
+
+void bindTracingShaders(DeviceTraces &traces, VkCommandBuffer commandBuffer, uint32_t count,
+                        const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders)
+{
+    const auto log = traces.device.checks.gpu ? traces.device.logs.get(commandBuffer) : nullptr;
+    for (uint32_t i = 0; log && i < count; ++i) {
+        auto &code = log->traces.at(pointOf(stages[i])).code;
+        code.erase(0);
+        code.erase(stages[i]);
+        if (auto bound = shaders ? traces.shaders.get(shaders[i]) : nullptr)
+            code[stages[i]] = std::move(bound);
+    }
+}
+
+void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point, const char *command)
+{
+    const auto log = traces.device.checks.gpu && isKnown(point) ? traces.device.logs.get(commandBuffer) : nullptr;
+    if (!log)
+        return;
+    PointBindings &bindings = log->traces.at(point);
+    for (const auto &[stage, code] : bindings.code) {
+        for (const TracingSite &site : code->sites) {
+            const auto bound = bindings.sets.find(site.binding->set);
+            auto set = bound == bindings.sets.end() ? nullptr : bound->second;
+            traces.device.logs.add(commandBuffer,
+                                   [&traces, &site, command, code = code, set](const Submission &submission) {
+                                       useSite(traces, site, set.get(), submission.ordered,
+                                               {.command = command,
+                                                .code = code->handle,
+                                                .shaderObject = code->shaderObject,
+                                                .structure = {},
+                                                .contents = {}});
+                                   });
+        }
+    }
+}
+
+void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer,
+                     const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                     const VkAccelerationStructureBuildRangeInfoKHR *ranges, StructureContents &contents)
+{
+    const CommandState *state = device.commands.states.get(commandBuffer);
+    // In a command buffer that inherits conditional rendering, dispatches may be discarded.
+    if (!device.checks.gpu || !ranges || !state || state->inheritsConditionalRendering)
+        return;
+    for (uint32_t g = 0; g < contents.geometries.size(); ++g) {
+        const VkAccelerationStructureGeometryKHR &geometry = *geometryOf(info, g);
+        if (geometry.geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR)
+            contents.instances = captureInstances(device, commandBuffer, geometry.geometry.instances, ranges[g]);
+        else if (const auto attachment = attachmentOf(device, geometry))
+            contents.geometries[g].indices =
+                captureIndices(device, commandBuffer, *attachment, ranges[g].primitiveCount);
+    }
 }
 
 } // namespace vellum::layer

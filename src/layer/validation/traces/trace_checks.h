@@ -16,14 +16,11 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/memory/gpu_memory.h"
-#include "layer/validation/objects.h"
-#include "layer/validation/traces/descriptors.h"
+#include "layer/validation/model/device_model.h"
 #include "spirv/sites/trace_sites.h"
 
 namespace vellum::layer
 {
-
-struct DeviceValidation;
 
 // Rules that a place of a shader can break, as bits.
 inline constexpr uint32_t kRuleMode = 1;        // 11636: ray queries without the execution mode meet no micromaps
@@ -64,22 +61,6 @@ struct TracingCode {
     std::vector<TracingSite> sites;
 };
 
-// What a command buffer has bound, for one bind point.
-struct PointBindings {
-    std::map<uint32_t, std::shared_ptr<const TracingCode>> code; // by stage; of a pipeline: by 0
-    BoundSets sets;
-};
-struct TraceBindings {
-    PointBindings points[4];
-    PointBindings &at(VkPipelineBindPoint point)
-    {
-        return points[point == VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI ? 3
-                      : point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR      ? 2
-                      : point == VK_PIPELINE_BIND_POINT_COMPUTE              ? 1
-                                                                             : 0];
-    }
-};
-
 // A structure for which a site may have traced rays, in a command that was submitted.
 struct TraceUse {
     const char *command = nullptr;
@@ -87,7 +68,7 @@ struct TraceUse {
     bool shaderObject = false;
     std::shared_ptr<ValidatedStructure> structure;     // null: unknown
     std::shared_ptr<const StructureContents> contents; // at that time; null: unknown
-    uint64_t number = 0;                               // DeviceValidation::numbers at that time
+    uint64_t number = 0;                               // DeviceModel::numbers at that time
 };
 
 // A geometry below a top-level structure.
@@ -112,7 +93,7 @@ public:
     // The use is submitted.
     void use(uint32_t mark, TraceUse use);
     // Reports what is certain now. `idle`: the device executes nothing. Returns the number of sites it has looked at.
-    size_t report(DeviceValidation &device, bool idle);
+    size_t report(DeviceModel &device, bool idle);
 
 private:
     friend TraceMark;
@@ -132,8 +113,8 @@ private:
     // A site that is not watched any more. Its mark is free if it was given back. Returns true, for std::erase_if.
     bool forget(uint32_t index);
     // Considers the uses of which it is known what they break. Returns whether none is left.
-    static bool fold(const DeviceValidation &device, Site &site);
-    static void reportSite(DeviceValidation &device, const Site &site);
+    static bool fold(const DeviceModel &device, Site &site);
+    static void reportSite(DeviceModel &device, const Site &site);
 
     std::atomic<bool> any_ = false; // sites are watched; read without the mutex
     std::mutex mutex_;
@@ -142,5 +123,29 @@ private:
     std::vector<uint32_t> free_;    // marks
     std::vector<uint32_t> watched_; // marks whose sites were used, and of which more can become certain
 };
+
+// The check of what rays meet, a part of the check `gpu`.
+struct DeviceTraces {
+    DeviceModel &device;
+    TraceMarks marks{};
+    std::atomic<bool> deserializes = false;                                            // a structure was deserialized
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
+    HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
+    HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
+    HandleMap<uint64_t, bool> marked{};           // hashes of code with marks
+    HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
+};
+
+void bindTracingPipeline(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
+                         VkPipeline pipeline);
+void bindTracingShaders(DeviceTraces &traces, VkCommandBuffer commandBuffer, uint32_t count,
+                        const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders);
+// `command` runs what is bound. Other bind points than those that the model knows run no traces.
+void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point, const char *command);
+
+// Records what fills the contents of a structure, which a direct build constructs, beside what the host knows.
+void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer,
+                     const VkAccelerationStructureBuildGeometryInfoKHR &info,
+                     const VkAccelerationStructureBuildRangeInfoKHR *ranges, StructureContents &contents);
 
 } // namespace vellum::layer

@@ -6,7 +6,6 @@
 
 #include "core/hash.h"
 #include "layer/base/pipeline_info.h"
-#include "layer/validation/device_validation.h"
 #include "spirv/mode/micromap_mode.h"
 #include "spirv/module/scan.h"
 
@@ -107,10 +106,11 @@ uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFla
 }
 
 // The words of a copy of the shader with marks, and its sites. Empty: no rule can be broken, or it cannot be seen.
-std::vector<uint32_t> withMarks(DeviceValidation &device, const Stage &stage, std::vector<TracingSite> &sites)
+std::vector<uint32_t> withMarks(DeviceTraces &traces, const Stage &stage, std::vector<TracingSite> &sites)
 {
     const auto model = executionModel(stage.stage);
-    if (!device.gpu.on || !model || (device.traces.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
+    if (!traces.device.checks.gpu || !model ||
+        (traces.device.facts.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
         (stage.flags & kUntouched) != 0)
         return {};
     const spirv::StageName name{stage.name, *model};
@@ -121,343 +121,172 @@ std::vector<uint32_t> withMarks(DeviceValidation &device, const Stage &stage, st
     std::vector<TracingSite> marked;
     std::vector<uint32_t> marks;
     for (const spirv::TraceSite &site : found) {
-        const uint32_t rules = rulesOf(device.driver.enabled, site.query, hasMode, stage.flags) |
-                               (device.traces.deserializes ? kRuleDeserialized : 0);
-        const auto mark = rules != 0 && site.binding ? device.traces.marks.add(device.buffers.gpu, rules) : nullptr;
+        const uint32_t rules = rulesOf(traces.device.driver.enabled, site.query, hasMode, stage.flags) |
+                               (traces.deserializes ? kRuleDeserialized : 0);
+        const auto mark = rules != 0 && site.binding ? traces.marks.add(traces.device.buffers.gpu, rules) : nullptr;
         marks.push_back(mark ? mark->index() : UINT32_MAX);
         if (mark)
             marked.push_back({mark, rules, site.binding});
     }
     if (marked.empty())
         return {};
-    std::vector<uint32_t> words = spirv::markTraces(stage.words, name, device.traces.marks.address(), marks);
+    std::vector<uint32_t> words = spirv::markTraces(stage.words, name, traces.marks.address(), marks);
     if (!words.empty())
         sites.insert(sites.end(), marked.begin(), marked.end());
     return words;
 }
 
-// The create infos of a call, with copies of the shaders in place of those that get marks.
-class MarkedPipelines
-{
-public:
-    explicit MarkedPipelines(DeviceValidation &device) : device_(device) {}
-    MarkedPipelines(const MarkedPipelines &) = delete;
-    MarkedPipelines &operator=(const MarkedPipelines &) = delete;
-    ~MarkedPipelines()
-    {
-        for (const VkShaderModule module : modules_)
-            device_.next.DestroyShaderModule(device_.driver.handle, module, nullptr);
-    }
-
-    void change(VkComputePipelineCreateInfo &info)
-    {
-        begin(info.pNext, info.flags);
-        change(info.stage);
-    }
-    void change(VkGraphicsPipelineCreateInfo &info)
-    {
-        begin(info.pNext, info.flags);
-        if (hasShaderStages(info) && info.pStages)
-            change(info.pStages, info.stageCount);
-        addLibraries(findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext,
-                                                                 VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR));
-    }
-    void change(VkRayTracingPipelineCreateInfoKHR &info)
-    {
-        begin(info.pNext, info.flags);
-        change(info.pStages, info.stageCount);
-        addLibraries(info.pLibraryInfo);
-    }
-
-    void coverWarnings() const
-    {
-        if (!modules_.empty() && !anyFirst_)
-            CommandReports::cover("VELLUM-pipeline-without-micromaps");
-    }
-    // Before the pipelines are created: nothing may fail later, since no other shader may get the marks of theirs.
-    void prepare()
-    {
-        for (Made &made : made_) {
-            if (made.sites.empty())
-                continue;
-            made.code = std::make_shared<TracingCode>();
-            made.code->sites = std::move(made.sites);
-            made.entry = device_.traces.pipelines.entry(made.code);
-        }
-    }
-    // The pipelines were created.
-    void set(uint32_t count, const VkPipeline *pipelines)
-    {
-        for (uint32_t i = 0; i < count; ++i) {
-            if (!pipelines[i])
-                continue;
-            Made &made = made_[i];
-            if ((made.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
-                remember([&] { device_.traces.libraries.set(pipelines[i], made.flags); });
-            if (!made.code)
-                continue;
-            made.code->handle = {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(pipelines[i])};
-            device_.traces.pipelines.set(pipelines[i], std::move(made.entry));
-        }
-    }
-
-private:
-    struct Made {
-        VkFlags64 flags = 0;
-        bool binaries = false; // it has no code
-        std::vector<TracingSite> sites;
-        std::shared_ptr<TracingCode> code; // null: without sites
-        decltype(DeviceTraces::pipelines)::Entry entry;
-    };
-
-    void begin(const void *pNext, VkPipelineCreateFlags flags)
-    {
-        made_.push_back({.flags = pipelineFlags(pNext, flags),
-                         .binaries = findInChain(pNext, VK_STRUCTURE_TYPE_PIPELINE_BINARY_INFO_KHR) != nullptr,
-                         .sites = {},
-                         .code = {},
-                         .entry = {}});
-    }
-
-    void change(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
-    {
-        auto &own = stages_.emplace_back(stages, stages + count);
-        for (VkPipelineShaderStageCreateInfo &stage : own)
-            change(stage);
-        stages = own.data();
-    }
-
-    void change(VkPipelineShaderStageCreateInfo &stage)
-    {
-        Made &made = made_.back();
-        const auto *inlined =
-            findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-        const auto known = stage.module ? device_.traces.modules.get(stage.module) : nullptr;
-        if (made.binaries || (!known && (stage.module || !inlined)))
-            return;
-        const std::span<const uint32_t> words =
-            known ? std::span(*known) : std::span(inlined->pCode, inlined->codeSize / 4);
-        const Stage code{stage.stage, words, stage.pName, stage.pSpecializationInfo, made.flags};
-        std::vector<TracingSite> sites;
-        const std::vector<uint32_t> marked = withMarks(device_, code, sites);
-        if (marked.empty())
-            return;
-        // The implementation warns of each code once, and takes the copies for others.
-        const uint64_t hash = Hash::of(words);
-        const bool isFirst = !device_.traces.marked.get(hash);
-        device_.traces.marked.set(hash, true);
-        anyFirst_ = anyFirst_ || isFirst;
-        if (known || !isFirst)
-            CommandReports::cover("VELLUM-queries-without-micromaps");
-        VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
-        info.codeSize = marked.size() * sizeof(uint32_t);
-        info.pCode = marked.data();
-        VkShaderModule &module = modules_.emplace_back(VK_NULL_HANDLE);
-        if (device_.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &module) != VK_SUCCESS)
-            return modules_.pop_back();
-        made.sites.insert(made.sites.end(), sites.begin(), sites.end());
-        stage.module = module;
-        Chain &chain = chains_.emplace_back(stage.pNext);
-        chain.remove(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
-        stage.pNext = chain.head();
-    }
-
-    void addLibraries(const VkPipelineLibraryCreateInfoKHR *libraries)
-    {
-        std::vector<TracingSite> &sites = made_.back().sites;
-        for (uint32_t i = 0; libraries && i < libraries->libraryCount; ++i)
-            if (const auto code = device_.traces.pipelines.get(libraries->pLibraries[i]))
-                sites.insert(sites.end(), code->sites.begin(), code->sites.end());
-    }
-
-    DeviceValidation &device_;
-    std::vector<Made> made_;
-    std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
-    std::deque<Chain> chains_;
-    std::vector<VkShaderModule> modules_;
-    bool anyFirst_ = false; // some code gets marks that had none before
-};
-
-// Creates pipelines by `create(infos)`.
-template <typename Info, typename Create>
-VkResult createPipelines(DeviceValidation &device, uint32_t count, const Info *infos, VkPipeline *pipelines,
-                         Create create)
-{
-    std::vector<Info> own(infos, infos + count);
-    MarkedPipelines marked(device);
-    for (Info &info : own)
-        marked.change(info);
-    marked.prepare();
-    marked.coverWarnings();
-    const VkResult result = create(own.data());
-    marked.set(count, pipelines);
-    return result;
-}
-
-// Each library of a graphics pipeline that makes the promise must make it.
-void checkLibraries(DeviceValidation &device, const Place &place, const VkGraphicsPipelineCreateInfo &info)
-{
-    const auto *libraries =
-        findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR);
-    if (!libraries || (pipelineFlags(info.pNext, info.flags) & kMixedPromise) == 0)
-        return;
-    for (uint32_t i = 0; i < libraries->libraryCount; ++i) {
-        const VkPipeline library = libraries->pLibraries[i];
-        if (const auto flags = device.traces.libraries.get(library); flags != 0 && (flags & kMixedPromise) == 0)
-            device.fault(place.element("pLibraries", i), "VUID-VkGraphicsPipelineCreateInfo-pLibraries-11594",
-                         "the library was created without OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, which the "
-                         "pipeline has",
-                         {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(library)});
-    }
-}
-
 } // namespace
 
-VkShaderStageFlags storingStages(const VkDeviceCreateInfo &info)
+MarkedPipelines::~MarkedPipelines()
 {
-    const auto *features2 =
-        findInChain<VkPhysicalDeviceFeatures2>(info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2);
-    const VkPhysicalDeviceFeatures *features = features2 ? &features2->features : info.pEnabledFeatures;
-    const VkShaderStageFlags vertexStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT |
-                                            VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT | VK_SHADER_STAGE_GEOMETRY_BIT;
-    VkShaderStageFlags stages = ~VkShaderStageFlags{0};
-    if (!features || !features->vertexPipelineStoresAndAtomics)
-        stages &= ~vertexStages;
-    if (!features || !features->fragmentStoresAndAtomics)
-        stages &= ~VkShaderStageFlags{VK_SHADER_STAGE_FRAGMENT_BIT};
-    return stages;
+    for (const VkShaderModule module : modules_)
+        device_.next.DestroyShaderModule(device_.driver.handle, module, nullptr);
 }
 
-namespace validation
+void MarkedPipelines::change(VkComputePipelineCreateInfo &info)
 {
-
-VkResult createShaderModule(DeviceValidation &device, VkDevice handle, const VkShaderModuleCreateInfo *info,
-                            const VkAllocationCallbacks *allocator, VkShaderModule *module)
-{
-    checkModule(device, *info);
-    const VkResult result = device.next.CreateShaderModule(handle, info, allocator, module);
-    if (result != VK_SUCCESS)
-        return result;
-    remember([&] {
-        keepModule(device, *info, *module);
-        const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
-        if ((device.checks.gpu || device.checks.core) && spirv::scan(words).tracesRays)
-            device.traces.modules.set(*module,
-                                      std::make_shared<const std::vector<uint32_t>>(words.begin(), words.end()));
-    });
-    return result;
+    begin(info.pNext, info.flags);
+    change(info.stage);
 }
 
-void destroyShaderModule(DeviceValidation &device, VkDevice handle, VkShaderModule module,
-                         const VkAllocationCallbacks *allocator)
+void MarkedPipelines::change(VkGraphicsPipelineCreateInfo &info)
 {
-    device.traces.modules.take(module);
-    device.pipelines.modules.take(module);
-    device.next.DestroyShaderModule(handle, module, allocator);
+    begin(info.pNext, info.flags);
+    if (hasShaderStages(info) && info.pStages)
+        change(info.pStages, info.stageCount);
+    addLibraries(
+        findInChain<VkPipelineLibraryCreateInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_LIBRARY_CREATE_INFO_KHR));
 }
 
-VkResult createComputePipelines(DeviceValidation &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
-                                const VkComputePipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
-                                VkPipeline *pipelines)
+void MarkedPipelines::change(VkRayTracingPipelineCreateInfoKHR &info)
 {
-    checkPipelines(device, count, infos);
-    return createPipelines(device, count, infos, pipelines, [&](const VkComputePipelineCreateInfo *own) {
-        return device.next.CreateComputePipelines(handle, cache, count, own, allocator, pipelines);
-    });
+    begin(info.pNext, info.flags);
+    change(info.pStages, info.stageCount);
+    addLibraries(info.pLibraryInfo);
 }
 
-VkResult createGraphicsPipelines(DeviceValidation &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
-                                 const VkGraphicsPipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
-                                 VkPipeline *pipelines)
+void MarkedPipelines::coverWarnings() const
 {
-    const Place command("vkCreateGraphicsPipelines");
-    for (uint32_t i = 0; i < count && device.checks.core; ++i)
-        checkLibraries(device, command.element("pCreateInfos", i), infos[i]);
-    checkPipelines(device, count, infos);
-    return createPipelines(device, count, infos, pipelines, [&](const VkGraphicsPipelineCreateInfo *own) {
-        return device.next.CreateGraphicsPipelines(handle, cache, count, own, allocator, pipelines);
-    });
+    if (!modules_.empty() && !anyFirst_)
+        CommandReports::cover("VELLUM-pipeline-without-micromaps");
 }
 
-VkResult createRayTracingPipelines(DeviceValidation &device, VkDevice handle, VkDeferredOperationKHR deferred,
-                                   VkPipelineCache cache, uint32_t count,
-                                   const VkRayTracingPipelineCreateInfoKHR *infos,
-                                   const VkAllocationCallbacks *allocator, VkPipeline *pipelines)
+void MarkedPipelines::prepare()
 {
-    const auto create = [&](const VkRayTracingPipelineCreateInfoKHR *own) {
-        return device.next.CreateRayTracingPipelinesKHR(handle, deferred, cache, count, own, allocator, pipelines);
-    };
-    checkPipelines(device, count, infos);
-    // The create infos of a deferred operation are used, and the handles are written, after this command.
-    const VkResult result = deferred ? create(infos) : createPipelines(device, count, infos, pipelines, create);
-    if (result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR)
-        remember([&] { keepLibraries(device, count, infos, pipelines); });
-    return result;
+    for (Made &made : made_) {
+        if (made.sites.empty())
+            continue;
+        made.code = std::make_shared<TracingCode>();
+        made.code->sites = std::move(made.sites);
+        made.entry = traces_.pipelines.entry(made.code);
+    }
 }
 
-void destroyPipeline(DeviceValidation &device, VkDevice handle, VkPipeline pipeline,
-                     const VkAllocationCallbacks *allocator)
+void MarkedPipelines::set(uint32_t count, const VkPipeline *pipelines)
 {
-    device.traces.pipelines.take(pipeline);
-    device.traces.libraries.take(pipeline);
-    device.pipelines.libraries.take(pipeline);
-    device.next.DestroyPipeline(handle, pipeline, allocator);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!pipelines[i])
+            continue;
+        Made &made = made_[i];
+        if ((made.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
+            remember([&] { traces_.libraries.set(pipelines[i], made.flags); });
+        if (!made.code)
+            continue;
+        made.code->handle = {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(pipelines[i])};
+        traces_.pipelines.set(pipelines[i], std::move(made.entry));
+    }
 }
 
-VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
-                       const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
+void MarkedPipelines::begin(const void *pNext, VkPipelineCreateFlags flags)
 {
-    checkShaders(device, count, infos);
-    std::vector<VkShaderCreateInfoEXT> own(infos, infos + count);
-    std::vector<std::shared_ptr<TracingCode>> codes(count);
-    std::vector<decltype(DeviceTraces::shaders)::Entry> entries(count);
-    std::deque<std::vector<uint32_t>> words;
+    made_.push_back({.flags = pipelineFlags(pNext, flags),
+                     .binaries = findInChain(pNext, VK_STRUCTURE_TYPE_PIPELINE_BINARY_INFO_KHR) != nullptr,
+                     .sites = {},
+                     .code = {},
+                     .entry = {}});
+}
+
+void MarkedPipelines::change(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count)
+{
+    auto &own = stages_.emplace_back(stages, stages + count);
+    for (VkPipelineShaderStageCreateInfo &stage : own)
+        change(stage);
+    stages = own.data();
+}
+
+void MarkedPipelines::change(VkPipelineShaderStageCreateInfo &stage)
+{
+    Made &made = made_.back();
+    const auto *inlined =
+        findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    const auto known = stage.module ? traces_.modules.get(stage.module) : nullptr;
+    if (made.binaries || (!known && (stage.module || !inlined)))
+        return;
+    const std::span<const uint32_t> words =
+        known ? std::span(*known) : std::span(inlined->pCode, inlined->codeSize / 4);
+    const Stage code{stage.stage, words, stage.pName, stage.pSpecializationInfo, made.flags};
+    std::vector<TracingSite> sites;
+    const std::vector<uint32_t> marked = withMarks(traces_, code, sites);
+    if (marked.empty())
+        return;
+    // The implementation warns of each code once, and takes the copies for others.
+    const uint64_t hash = Hash::of(words);
+    const bool isFirst = !traces_.marked.get(hash);
+    traces_.marked.set(hash, true);
+    anyFirst_ = anyFirst_ || isFirst;
+    if (known || !isFirst)
+        CommandReports::cover("VELLUM-queries-without-micromaps");
+    VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+    info.codeSize = marked.size() * sizeof(uint32_t);
+    info.pCode = marked.data();
+    VkShaderModule &module = modules_.emplace_back(VK_NULL_HANDLE);
+    if (device_.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &module) != VK_SUCCESS)
+        return modules_.pop_back();
+    made.sites.insert(made.sites.end(), sites.begin(), sites.end());
+    stage.module = module;
+    Chain &chain = chains_.emplace_back(stage.pNext);
+    chain.remove(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+    stage.pNext = chain.head();
+}
+
+void MarkedPipelines::addLibraries(const VkPipelineLibraryCreateInfoKHR *libraries)
+{
+    std::vector<TracingSite> &sites = made_.back().sites;
+    for (uint32_t i = 0; libraries && i < libraries->libraryCount; ++i)
+        if (const auto code = traces_.pipelines.get(libraries->pLibraries[i]))
+            sites.insert(sites.end(), code->sites.begin(), code->sites.end());
+}
+
+void MarkedShaders::change(VkShaderCreateInfoEXT &info)
+{
     constexpr auto kPromise =
         static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
-    for (uint32_t i = 0; i < count; ++i) {
-        VkShaderCreateInfoEXT &info = own[i];
-        if (info.codeType != VK_SHADER_CODE_TYPE_SPIRV_EXT)
-            continue;
-        const VkFlags64 flags = (info.flags & kPromise) != 0 ? kMixedPromise : 0;
-        const auto *code = static_cast<const uint32_t *>(info.pCode);
-        codes[i] = std::make_shared<TracingCode>();
-        codes[i]->shaderObject = true;
-        auto marked =
-            withMarks(device, {info.stage, {code, info.codeSize / 4}, info.pName, info.pSpecializationInfo, flags},
-                      codes[i]->sites);
-        if (marked.empty())
-            continue;
-        entries[i] = device.traces.shaders.entry(codes[i]);
-        words.push_back(std::move(marked));
-        info.pCode = words.back().data();
-        info.codeSize = words.back().size() * sizeof(uint32_t);
-    }
-    const VkResult result = device.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
-    for (uint32_t i = 0; i < count; ++i) {
-        if (!shaders[i] || entries[i].empty())
-            continue;
-        codes[i]->handle = {static_cast<VkObjectType>(1000482000), reinterpret_cast<uint64_t>(shaders[i])};
-        device.traces.shaders.set(shaders[i], std::move(entries[i]));
-    }
-    return result;
+    auto &code = codes_.emplace_back();
+    auto &entry = entries_.emplace_back();
+    if (info.codeType != VK_SHADER_CODE_TYPE_SPIRV_EXT)
+        return;
+    const VkFlags64 flags = (info.flags & kPromise) != 0 ? kMixedPromise : 0;
+    code = std::make_shared<TracingCode>();
+    code->shaderObject = true;
+    const std::span<const uint32_t> words(static_cast<const uint32_t *>(info.pCode), info.codeSize / 4);
+    auto marked = withMarks(traces_, {info.stage, words, info.pName, info.pSpecializationInfo, flags}, code->sites);
+    if (marked.empty())
+        return;
+    entry = traces_.shaders.entry(code);
+    words_.push_back(std::move(marked));
+    info.pCode = words_.back().data();
+    info.codeSize = words_.back().size() * sizeof(uint32_t);
 }
 
-void destroyShader(DeviceValidation &device, VkDevice handle, VkShaderEXT shader,
-                   const VkAllocationCallbacks *allocator)
+void MarkedShaders::set(uint32_t count, const VkShaderEXT *shaders)
 {
-    device.traces.shaders.take(shader);
-    device.next.DestroyShaderEXT(handle, shader, allocator);
+    for (uint32_t i = 0; i < count; ++i) {
+        if (!shaders[i] || entries_[i].empty())
+            continue;
+        codes_[i]->handle = {static_cast<VkObjectType>(1000482000), reinterpret_cast<uint64_t>(shaders[i])};
+        traces_.shaders.set(shaders[i], std::move(entries_[i]));
+    }
 }
 
-// A shader with marks writes to an address of this process, so no other process may get its code.
-VkResult getShaderBinaryData(DeviceValidation &device, VkDevice handle, VkShaderEXT shader, size_t *bytes, void *data)
-{
-    if (!device.traces.shaders.get(shader))
-        return device.next.GetShaderBinaryDataEXT(handle, shader, bytes, data);
-    device.driver.report().warning("VELLUM-validation-shader-binary",
-                                   "the binary of a shader that validation changed is not available");
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
-}
-
-} // namespace validation
 } // namespace vellum::layer

@@ -3,62 +3,72 @@
 // implementation gets a copy of the shader that sets marks (trace_checks.h).
 #pragma once
 
-#include <atomic>
 #include <deque>
 #include <vector>
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/handle_map.h"
 #include "layer/base/pnext.h"
-#include "layer/memory/device_buffers.h"
 #include "layer/validation/traces/trace_checks.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
 {
 
-struct DeviceTraces {
-    explicit DeviceTraces(DeviceBuffers &buffers)
-        : memory(
-              buffers.gpu, 16, [](const GpuContext &) { return VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT}; },
-              GpuBuffer::Content::Undefined)
-    {
-    }
-    MemoryPool memory; // of captures
-    DescriptorTracker descriptors{};
-    TraceMarks marks{};
-    std::atomic<bool> deserializes = false; // a structure was deserialized
-    VkShaderStageFlags storingStages = 0;   // whose shaders may write to memory
-    StructuresByReference byReference{};
-    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
-    HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
-    HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
-    HandleMap<uint64_t, bool> marked{};           // hashes of code with marks
-    HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
+// The create infos of a call, with copies of the shaders in place of those that get marks.
+class MarkedPipelines
+{
+public:
+    explicit MarkedPipelines(DeviceTraces &traces) : traces_(traces), device_(traces.device) {}
+    MarkedPipelines(const MarkedPipelines &) = delete;
+    MarkedPipelines &operator=(const MarkedPipelines &) = delete;
+    ~MarkedPipelines();
+
+    void change(VkComputePipelineCreateInfo &info);
+    void change(VkGraphicsPipelineCreateInfo &info);
+    void change(VkRayTracingPipelineCreateInfoKHR &info);
+    void coverWarnings() const;
+    // Before the pipelines are created: nothing may fail later, since no other shader may get the marks of theirs.
+    void prepare();
+    // The pipelines were created.
+    void set(uint32_t count, const VkPipeline *pipelines);
+
+private:
+    struct Made {
+        VkFlags64 flags = 0;
+        bool binaries = false; // it has no code
+        std::vector<TracingSite> sites;
+        std::shared_ptr<TracingCode> code; // null: without sites
+        decltype(DeviceTraces::pipelines)::Entry entry;
+    };
+    void begin(const void *pNext, VkPipelineCreateFlags flags);
+    void change(const VkPipelineShaderStageCreateInfo *&stages, uint32_t count);
+    void change(VkPipelineShaderStageCreateInfo &stage);
+    void addLibraries(const VkPipelineLibraryCreateInfoKHR *libraries);
+
+    DeviceTraces &traces_;
+    DeviceModel &device_;
+    std::vector<Made> made_;
+    std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
+    std::deque<Chain> chains_;
+    std::vector<VkShaderModule> modules_;
+    bool anyFirst_ = false; // some code gets marks that had none before
 };
 
-// The stages whose shaders may write to memory, by the features that a device was created with.
-VkShaderStageFlags storingStages(const VkDeviceCreateInfo &info);
-
-namespace validation
+// The same for shader objects.
+class MarkedShaders
 {
+public:
+    explicit MarkedShaders(DeviceTraces &traces) : traces_(traces) {}
+    // Nothing fails after it: shaders with marks have entries.
+    void change(VkShaderCreateInfoEXT &info);
+    void set(uint32_t count, const VkShaderEXT *shaders);
 
-VkResult createShaderModule(DeviceValidation &, VkDevice, const VkShaderModuleCreateInfo *,
-                            const VkAllocationCallbacks *, VkShaderModule *);
-void destroyShaderModule(DeviceValidation &, VkDevice, VkShaderModule, const VkAllocationCallbacks *);
-VkResult createComputePipelines(DeviceValidation &, VkDevice, VkPipelineCache, uint32_t,
-                                const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-VkResult createGraphicsPipelines(DeviceValidation &, VkDevice, VkPipelineCache, uint32_t,
-                                 const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-VkResult createRayTracingPipelines(DeviceValidation &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
-                                   const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
-                                   VkPipeline *);
-void destroyPipeline(DeviceValidation &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
-VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const VkShaderCreateInfoEXT *,
-                       const VkAllocationCallbacks *, VkShaderEXT *);
-VkResult getShaderBinaryData(DeviceValidation &, VkDevice, VkShaderEXT, size_t *, void *);
-void destroyShader(DeviceValidation &, VkDevice, VkShaderEXT, const VkAllocationCallbacks *);
+private:
+    DeviceTraces &traces_;
+    std::vector<std::shared_ptr<TracingCode>> codes_;
+    std::vector<decltype(DeviceTraces::shaders)::Entry> entries_;
+    std::deque<std::vector<uint32_t>> words_;
+};
 
-} // namespace validation
 } // namespace vellum::layer

@@ -14,32 +14,55 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/validation/gpu/gpu_records.h"
-#include "layer/validation/ranges/bound_ranges.h"
-#include "layer/validation/traces/captures.h"
+#include "layer/validation/model/contents.h"
+#include "layer/validation/model/descriptors.h"
+#include "layer/validation/model/structure_records.h"
+#include "spirv/mode/micromap_mode.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
 {
 
-struct DeviceValidation;
-class SerializedHeader;
+struct DeviceModel;
 
-// An object that a message names.
-struct ObjectHandle {
-    ObjectHandle() = default;
-    ObjectHandle(VkObjectType t, uint64_t h) : type(t), handle(h) {}
-    ObjectHandle(VkBuffer buffer) : ObjectHandle(VK_OBJECT_TYPE_BUFFER, uint64_t(buffer)) {}
-    ObjectHandle(VkMicromapEXT micromap) : ObjectHandle(VK_OBJECT_TYPE_MICROMAP_EXT, uint64_t(micromap)) {}
-    ObjectHandle(VkAccelerationStructureKHR structure)
-        : ObjectHandle(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, uint64_t(structure))
+// The parts of a sparse buffer that are bound to memory, in the order of vkQueueBindSparse.
+class BoundRanges
+{
+public:
+    void set(VkDeviceSize begin, VkDeviceSize end, bool bound)
     {
+        const std::lock_guard lock(mutex_);
+        split(begin);
+        split(end);
+        ends_.erase(ends_.lower_bound(begin), ends_.lower_bound(end));
+        if (bound && begin < end)
+            ends_[begin] = end;
     }
-    ObjectHandle(VkCommandBuffer commandBuffer) : ObjectHandle(VK_OBJECT_TYPE_COMMAND_BUFFER, uint64_t(commandBuffer))
+    [[nodiscard]] bool contain(VkDeviceSize begin, VkDeviceSize end) const
     {
+        const std::lock_guard lock(mutex_);
+        while (begin < end) {
+            auto part = ends_.upper_bound(begin);
+            if (part == ends_.begin() || (--part)->second <= begin)
+                return false;
+            begin = part->second;
+        }
+        return true;
     }
-    VkObjectType type = VK_OBJECT_TYPE_UNKNOWN;
-    uint64_t handle = 0;
+
+private:
+    // Makes a part end, and another begin, at `offset` if it is inside of one.
+    void split(VkDeviceSize offset)
+    {
+        auto part = ends_.upper_bound(offset);
+        if (part == ends_.begin() || (--part)->second <= offset || part->first == offset)
+            return;
+        ends_[offset] = part->second;
+        part->second = offset;
+    }
+
+    mutable std::mutex mutex_;
+    std::map<VkDeviceSize, VkDeviceSize> ends_; // of disjoint parts, by their beginnings
 };
 
 struct ValidatedBuffer {
@@ -53,32 +76,6 @@ struct ValidatedBuffer {
     VkDeviceSize memoryOffset = 0;
     VkDeviceAddress address = 0; // 0: without one, or without memory
     BoundRanges bound;           // of a sparse buffer
-};
-
-struct ValidatedStructure;
-
-// A geometry of a structure that was built.
-struct GeometryContents {
-    VkGeometryTypeKHR type = VK_GEOMETRY_TYPE_MAX_ENUM_KHR;
-    VkGeometryFlagsKHR flags = 0;
-    uint32_t primitives = 0;
-    bool hasMicromap = false;                   // there is a structure that attaches one, with a null handle or not
-    bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
-    ObjectHandle micromapHandle;                // 0 for a null handle
-    std::weak_ptr<ValidatedStructure> micromap; // that is attached
-    CapturedIndices indices;                    // into it
-};
-
-// What a build or a copy put into a structure.
-struct StructureContents {
-    VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
-    VkFlags flags = 0; // VkBuildAccelerationStructureFlagsKHR, or for a VkMicromapEXT VkBuildMicromapFlagsEXT
-    std::vector<GeometryContents> geometries;
-    std::vector<VkMicromapUsageEXT> usages;   // of a micromap
-    uint64_t triangles = 0;                   // of a micromap
-    bool deserialized = false;                // the other members are unknown, except the header
-    std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
-    CapturedInstances instances;              // of a top-level structure
 };
 
 // A VkAccelerationStructureKHR or a VkMicromapEXT.
@@ -98,7 +95,7 @@ struct ValidatedStructure {
 
     // The rest changes when commands are executed, as far as the host can know: see CommandLog.
     std::shared_ptr<const StructureContents> contents; // null: not constructed
-    uint64_t since = 0;                                // DeviceValidation::numbers when it got them
+    uint64_t since = 0;                                // DeviceModel::numbers when it got them
     uint64_t built = 0;                                // the same of the structure that they were copied from
     bool destroyed = false;
     bool ownAllocator = false; // it was created with allocation callbacks
@@ -176,13 +173,29 @@ private:
     bool isFull_ = false;                 // more addresses are not known
 };
 
+struct ValidatedImage {
+    VkFormat format = VK_FORMAT_UNDEFINED;
+    VkImageCreateFlags flags = 0;
+    uint32_t arrayLayers = 0;
+};
+
+struct ValidatedPipelines {
+    // Entry points of modules with the execution mode OpacityMicromapIdKHR.
+    HandleMap<VkShaderModule, std::shared_ptr<const std::vector<spirv::EntryPoint>>> modules;
+    HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // their flags
+};
+
 struct ValidatedObjects {
     StructuresByMemory byMemory;
+    StructuresByReference byReference;
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
     HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<ValidatedStructure>> structures;
     HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
+    HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images;
+    ValidatedPipelines pipelines;
+    DescriptorTracker descriptors;
     HandleMap<VkQueue, uint32_t> queueFamilies;
     HandleMap<VkCommandPool, uint32_t> poolFamilies;
     HandleMap<VkCommandPool, bool> protectedPools;
@@ -200,38 +213,10 @@ void remember(Keep keep) noexcept
 }
 
 // Gives a structure new contents. CommandLogs::submissions is held: in steps it is.
-void setContents(DeviceValidation &device, ValidatedStructure &structure,
-                 std::shared_ptr<const StructureContents> contents);
+void setContents(DeviceModel &device, ValidatedStructure &structure, std::shared_ptr<const StructureContents> contents);
 // Those of a structure that was made in a way that does not show them.
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type);
 // The structure at an address, which a buffer range or an instance names; null if there is none or it is unknown.
-std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceValidation &device, VkDeviceAddress address);
+std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address);
 
-namespace validation
-{
-
-void getDeviceQueue(DeviceValidation &, VkDevice, uint32_t, uint32_t, VkQueue *);
-void getDeviceQueue2(DeviceValidation &, VkDevice, const VkDeviceQueueInfo2 *, VkQueue *);
-VkResult allocateMemory(DeviceValidation &, VkDevice, const VkMemoryAllocateInfo *, const VkAllocationCallbacks *,
-                        VkDeviceMemory *);
-void freeMemory(DeviceValidation &, VkDevice, VkDeviceMemory, const VkAllocationCallbacks *);
-VkResult createBuffer(DeviceValidation &, VkDevice, const VkBufferCreateInfo *, const VkAllocationCallbacks *,
-                      VkBuffer *);
-void destroyBuffer(DeviceValidation &, VkDevice, VkBuffer, const VkAllocationCallbacks *);
-VkResult bindBufferMemory(DeviceValidation &, VkDevice, VkBuffer, VkDeviceMemory, VkDeviceSize);
-VkResult bindBufferMemory2(DeviceValidation &, VkDevice, uint32_t, const VkBindBufferMemoryInfo *);
-VkDeviceAddress getBufferDeviceAddress(DeviceValidation &, VkDevice, const VkBufferDeviceAddressInfo *);
-VkResult createAccelerationStructure(DeviceValidation &, VkDevice, const VkAccelerationStructureCreateInfoKHR *,
-                                     const VkAllocationCallbacks *, VkAccelerationStructureKHR *);
-VkResult createAccelerationStructure2(DeviceValidation &, VkDevice, const VkAccelerationStructureCreateInfo2KHR *,
-                                      const VkAllocationCallbacks *, VkAccelerationStructureKHR *);
-void destroyAccelerationStructure(DeviceValidation &, VkDevice, VkAccelerationStructureKHR,
-                                  const VkAllocationCallbacks *);
-VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &, VkDevice,
-                                                      const VkAccelerationStructureDeviceAddressInfoKHR *);
-VkResult createMicromap(DeviceValidation &, VkDevice, const VkMicromapCreateInfoEXT *, const VkAllocationCallbacks *,
-                        VkMicromapEXT *);
-void destroyMicromap(DeviceValidation &, VkDevice, VkMicromapEXT, const VkAllocationCallbacks *);
-
-} // namespace validation
 } // namespace vellum::layer

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/gpu/gpu_records.h"
+#include "layer/validation/model/structure_records.h"
 
 #include <algorithm>
 #include <cstring>

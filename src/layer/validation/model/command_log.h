@@ -5,6 +5,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <unordered_map>
@@ -14,13 +15,29 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/validation/traces/trace_checks.h"
+#include "layer/validation/model/descriptors.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
 {
 
-struct DeviceValidation;
+struct TracingCode;
+
+// What a command buffer has bound, for one bind point.
+struct PointBindings {
+    std::map<uint32_t, std::shared_ptr<const TracingCode>> code; // by stage; of a pipeline: by 0
+    BoundSets sets;
+};
+struct TraceBindings {
+    PointBindings points[4];
+    PointBindings &at(VkPipelineBindPoint point)
+    {
+        return points[point == VK_PIPELINE_BIND_POINT_SUBPASS_SHADING_HUAWEI ? 3
+                      : point == VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR      ? 2
+                      : point == VK_PIPELINE_BIND_POINT_COMPUTE              ? 1
+                                                                             : 0];
+    }
+};
 
 // The submission that carries out the steps of command buffers.
 struct Submission {
@@ -42,6 +59,9 @@ struct CommandLog {
     bool isSuspended = false; // between two such instances
     std::vector<Step> steps;
     TraceBindings traces;
+
+    // Forgets what was recorded.
+    void reset();
 };
 
 class CommandLogs
@@ -52,6 +72,11 @@ public:
     {
         return logs_.get(commandBuffer);
     }
+    void add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandLog> log);
+    void remove(VkCommandPool pool, uint32_t count, const VkCommandBuffer *commandBuffers);
+    void removePool(VkCommandPool pool);
+    void clear();
+    void resetPool(VkCommandPool pool);
     // Adds a step to the log. Its check or effect happens when the command buffer is submitted; without one, that is
     // for host commands, at once.
     void add(VkCommandBuffer commandBuffer, CommandLog::Step step);
@@ -67,34 +92,9 @@ public:
     std::unordered_map<VkQueue, std::vector<std::pair<uint64_t, uint64_t>>> waits;
 
 private:
-    friend struct CommandLogAccess;
     HandleMap<VkCommandBuffer, std::shared_ptr<CommandLog>> logs_;
     std::mutex mutex_; // guards what is below
     std::unordered_map<VkCommandPool, std::unordered_set<VkCommandBuffer>> pools_;
 };
 
-namespace validation
-{
-
-VkResult createCommandPool(DeviceValidation &, VkDevice, const VkCommandPoolCreateInfo *, const VkAllocationCallbacks *,
-                           VkCommandPool *);
-void destroyCommandPool(DeviceValidation &, VkDevice, VkCommandPool, const VkAllocationCallbacks *);
-VkResult resetCommandPool(DeviceValidation &, VkDevice, VkCommandPool, VkCommandPoolResetFlags);
-VkResult allocateCommandBuffers(DeviceValidation &, VkDevice, const VkCommandBufferAllocateInfo *, VkCommandBuffer *);
-void freeCommandBuffers(DeviceValidation &, VkDevice, VkCommandPool, uint32_t, const VkCommandBuffer *);
-VkResult beginCommandBuffer(DeviceValidation &, VkCommandBuffer, const VkCommandBufferBeginInfo *);
-VkResult endCommandBuffer(DeviceValidation &, VkCommandBuffer);
-VkResult resetCommandBuffer(DeviceValidation &, VkCommandBuffer, VkCommandBufferResetFlags);
-void cmdBindPipeline(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
-void cmdBindShaders(DeviceValidation &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *, const VkShaderEXT *);
-void cmdPushConstants(DeviceValidation &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
-                      const void *);
-void cmdPushConstants2(DeviceValidation &, VkCommandBuffer, const VkPushConstantsInfoKHR *);
-void cmdExecuteCommands(DeviceValidation &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
-void cmdBeginConditionalRendering(DeviceValidation &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
-void cmdEndConditionalRendering(DeviceValidation &, VkCommandBuffer);
-VkResult queueSubmit(DeviceValidation &, VkQueue, uint32_t, const VkSubmitInfo *, VkFence);
-VkResult queueSubmit2(DeviceValidation &, VkQueue, uint32_t, const VkSubmitInfo2 *, VkFence);
-
-} // namespace validation
 } // namespace vellum::layer

@@ -1,127 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/traces/descriptors.h"
-
-#include <algorithm>
-#include <cstring>
-
+// Descriptor sets: the acceleration structures in them.
 #include "layer/base/pnext.h"
-#include "layer/validation/device_validation.h"
+#include "layer/validation/commands.h"
 
-namespace vellum::layer
-{
-namespace
-{
-
-constexpr VkDescriptorType kStructure = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
-
-// Sets descriptors from an element of a binding on. Those beyond the size of a binding are of the next one.
-void setStructures(StructureSet &set, uint32_t binding, uint32_t element, const StructurePointers &structures)
-{
-    for (const auto &structure : structures) {
-        auto size = set.sizes.find(binding);
-        while (size != set.sizes.end() && element >= size->second) {
-            element -= size->second;
-            ++size;
-            binding = size == set.sizes.end() ? binding : size->first;
-        }
-        StructurePointers &known = set.structures[binding];
-        if (known.size() <= element)
-            known.resize(element + 1);
-        known[element++] = structure;
-    }
-}
-
-} // namespace
-
-// What only the commands of this file may do with descriptors.
-struct DescriptorAccess {
-    DeviceValidation &device;
-    DescriptorTracker &tracker = device.traces.descriptors;
-    std::lock_guard<std::mutex> lock{tracker.mutex_};
-
-    auto &layouts() const { return tracker.layouts_; }
-    auto &pools() const { return tracker.pools_; }
-    auto &sets() const { return tracker.sets_; }
-    auto &templates() const { return tracker.templates_; }
-
-    [[nodiscard]] std::shared_ptr<StructureSet> set(VkDescriptorSet handle) const
-    {
-        const auto found = sets().find(handle);
-        return found == sets().end() ? nullptr : found->second;
-    }
-    [[nodiscard]] StructureTemplate form(VkDescriptorUpdateTemplate handle) const
-    {
-        const auto found = templates().find(handle);
-        return found == templates().end() ? StructureTemplate{} : found->second;
-    }
-    [[nodiscard]] std::weak_ptr<ValidatedStructure> structure(VkAccelerationStructureKHR handle) const
-    {
-        return handle ? device.objects.structures.get(handle) : nullptr;
-    }
-    void removePool(VkDescriptorPool pool) const
-    {
-        const auto known = pools().find(pool);
-        if (known == pools().end())
-            return;
-        for (const VkDescriptorSet set : known->second)
-            sets().erase(set);
-        pools().erase(known);
-    }
-    void write(StructureSet &set, const VkWriteDescriptorSet &write) const
-    {
-        StructurePointers structures(write.descriptorCount);
-        const auto *given = findInChain<VkWriteDescriptorSetAccelerationStructureKHR>(
-            write.pNext, VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR);
-        if (write.descriptorType == kStructure && given) {
-            for (uint32_t i = 0; i < std::min(write.descriptorCount, given->accelerationStructureCount); ++i)
-                structures[i] = structure(given->pAccelerationStructures[i]);
-        } else if (!set.structures.contains(write.dstBinding)) {
-            return; // descriptors of another type, which replace no structures
-        }
-        setStructures(set, write.dstBinding, write.dstArrayElement, structures);
-    }
-    void write(StructureSet &set, const StructureTemplate &form, const void *data) const
-    {
-        for (const VkDescriptorUpdateTemplateEntry &entry : form.entries) {
-            StructurePointers structures;
-            for (uint32_t i = 0; i < entry.descriptorCount; ++i) {
-                const auto *at = static_cast<const std::byte *>(data) + entry.offset + i * entry.stride;
-                VkAccelerationStructureKHR given;
-                std::memcpy(&given, at, sizeof given); // at any offset
-                structures.push_back(structure(given));
-            }
-            setStructures(set, entry.dstBinding, entry.dstArrayElement, structures);
-        }
-    }
-    void copy(const VkCopyDescriptorSet &copy) const
-    {
-        const auto from = set(copy.srcSet);
-        const auto to = set(copy.dstSet);
-        if (!from || !to || !from->structures.contains(copy.srcBinding))
-            return;
-        const StructurePointers &all = from->structures[copy.srcBinding];
-        StructurePointers structures(copy.descriptorCount);
-        for (uint32_t i = 0; i < copy.descriptorCount && copy.srcArrayElement + i < all.size(); ++i)
-            structures[i] = all[copy.srcArrayElement + i];
-        setStructures(*to, copy.dstBinding, copy.dstArrayElement, structures);
-    }
-};
-
-std::vector<std::shared_ptr<ValidatedStructure>>
-DescriptorTracker::structures(const StructureSet &set, uint32_t binding, std::optional<uint32_t> element) const
-{
-    const std::lock_guard lock(mutex_);
-    std::vector<std::shared_ptr<ValidatedStructure>> result;
-    const auto found = set.structures.find(binding);
-    if (found == set.structures.end() || (element && *element >= found->second.size()))
-        return result;
-    for (uint32_t i = 0; i < found->second.size(); ++i)
-        if (!element || *element == i)
-            result.push_back(found->second[i].lock());
-    return result;
-}
-
-namespace validation
+namespace vellum::layer::validation
 {
 namespace
 {
@@ -133,7 +15,8 @@ void checkWrites(DeviceValidation &device, const char *command, uint32_t count, 
     for (uint32_t w = 0; w < count && device.checks.core; ++w) {
         const auto *given = findInChain<VkWriteDescriptorSetAccelerationStructureKHR>(
             writes[w].pNext, VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR);
-        for (uint32_t i = 0; writes[w].descriptorType == kStructure && given && i < given->accelerationStructureCount;
+        for (uint32_t i = 0; writes[w].descriptorType == VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR && given &&
+                             i < given->accelerationStructureCount;
              ++i) {
             const auto handle = given->pAccelerationStructures[i];
             const auto structure = handle ? device.objects.structures.get(handle) : nullptr;
@@ -181,10 +64,10 @@ VkShaderStageFlags stagesOf(VkPipelineBindPoint point)
 void bindSets(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShaderStageFlags stages, uint32_t first,
               uint32_t count, const VkDescriptorSet *handles)
 {
-    const auto log = device.gpu.on ? device.logs.get(commandBuffer) : nullptr;
+    const auto log = device.checks.gpu ? device.logs.get(commandBuffer) : nullptr;
     if (!log)
         return;
-    const DescriptorAccess access{device};
+    const DescriptorAccess access(device);
     eachPoint(log->traces, stages, [&](BoundSets &sets) {
         for (uint32_t i = 0; i < count; ++i)
             sets[first + i] = handles[i] ? access.set(handles[i]) : nullptr;
@@ -209,9 +92,9 @@ void push(const DescriptorAccess &access, VkCommandBuffer commandBuffer, VkShade
 void pushWrites(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShaderStageFlags stages, uint32_t number,
                 uint32_t count, const VkWriteDescriptorSet *writes)
 {
-    if (!device.gpu.on)
+    if (!device.checks.gpu)
         return;
-    const DescriptorAccess access{device};
+    const DescriptorAccess access(device);
     push(access, commandBuffer, stages, number, [&](StructureSet &set) {
         for (uint32_t i = 0; i < count; ++i)
             access.write(set, writes[i]);
@@ -221,9 +104,9 @@ void pushWrites(DeviceValidation &device, VkCommandBuffer commandBuffer, VkShade
 void pushTemplate(DeviceValidation &device, VkCommandBuffer commandBuffer, VkDescriptorUpdateTemplate handle,
                   uint32_t number, const void *data)
 {
-    if (!device.gpu.on)
+    if (!device.checks.gpu)
         return;
-    const DescriptorAccess access{device};
+    const DescriptorAccess access(device);
     const StructureTemplate form = access.form(handle);
     push(access, commandBuffer, form.stages, number, [&](StructureSet &set) { access.write(set, form, data); });
 }
@@ -238,7 +121,7 @@ VkResult createDescriptorSetLayout(DeviceValidation &device, VkDevice handle,
     if (result != VK_SUCCESS)
         return result;
     remember([&] {
-        const DescriptorAccess access{device};
+        const DescriptorAccess access(device);
         auto &sizes = access.layouts()[*layout];
         sizes.clear();
         for (uint32_t i = 0; i < info->bindingCount; ++i)
@@ -250,21 +133,21 @@ VkResult createDescriptorSetLayout(DeviceValidation &device, VkDevice handle,
 void destroyDescriptorSetLayout(DeviceValidation &device, VkDevice handle, VkDescriptorSetLayout layout,
                                 const VkAllocationCallbacks *allocator)
 {
-    DescriptorAccess{device}.layouts().erase(layout);
+    DescriptorAccess(device).layouts().erase(layout);
     device.next.DestroyDescriptorSetLayout(handle, layout, allocator);
 }
 
 void destroyDescriptorPool(DeviceValidation &device, VkDevice handle, VkDescriptorPool pool,
                            const VkAllocationCallbacks *allocator)
 {
-    DescriptorAccess{device}.removePool(pool);
+    DescriptorAccess(device).removePool(pool);
     device.next.DestroyDescriptorPool(handle, pool, allocator);
 }
 
 VkResult resetDescriptorPool(DeviceValidation &device, VkDevice handle, VkDescriptorPool pool,
                              VkDescriptorPoolResetFlags flags)
 {
-    DescriptorAccess{device}.removePool(pool);
+    DescriptorAccess(device).removePool(pool);
     return device.next.ResetDescriptorPool(handle, pool, flags);
 }
 
@@ -272,10 +155,10 @@ VkResult allocateDescriptorSets(DeviceValidation &device, VkDevice handle, const
                                 VkDescriptorSet *sets)
 {
     const VkResult result = device.next.AllocateDescriptorSets(handle, info, sets);
-    if (result != VK_SUCCESS || !device.gpu.on)
+    if (result != VK_SUCCESS || !device.checks.gpu)
         return result;
     remember([&] {
-        const DescriptorAccess access{device};
+        const DescriptorAccess access(device);
         for (uint32_t i = 0; i < info->descriptorSetCount; ++i) {
             auto set = std::make_shared<StructureSet>();
             set->sizes = access.layouts()[info->pSetLayouts[i]];
@@ -290,7 +173,7 @@ VkResult freeDescriptorSets(DeviceValidation &device, VkDevice handle, VkDescrip
                             const VkDescriptorSet *sets)
 {
     {
-        const DescriptorAccess access{device};
+        const DescriptorAccess access(device);
         const auto known = access.pools().find(pool);
         for (uint32_t i = 0; i < count && known != access.pools().end(); ++i) {
             access.sets().erase(sets[i]);
@@ -304,8 +187,8 @@ void updateDescriptorSets(DeviceValidation &device, VkDevice handle, uint32_t wr
                           const VkWriteDescriptorSet *writes, uint32_t copyCount, const VkCopyDescriptorSet *copies)
 {
     checkWrites(device, "vkUpdateDescriptorSets", writeCount, writes);
-    if (device.gpu.on) {
-        const DescriptorAccess access{device};
+    if (device.checks.gpu) {
+        const DescriptorAccess access(device);
         for (uint32_t i = 0; i < writeCount; ++i)
             if (const auto set = access.set(writes[i].dstSet))
                 access.write(*set, writes[i]);
@@ -323,7 +206,7 @@ VkResult createDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handl
     if (created != VK_SUCCESS)
         return created;
     remember([&] {
-        const DescriptorAccess access{device};
+        const DescriptorAccess access(device);
         StructureTemplate &form = access.templates()[*result];
         form.stages = info->templateType == VK_DESCRIPTOR_UPDATE_TEMPLATE_TYPE_PUSH_DESCRIPTORS_KHR
                           ? stagesOf(info->pipelineBindPoint)
@@ -331,7 +214,9 @@ VkResult createDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handl
         auto &entries = form.entries;
         entries.assign(info->pDescriptorUpdateEntries,
                        info->pDescriptorUpdateEntries + info->descriptorUpdateEntryCount);
-        std::erase_if(entries, [](const auto &entry) { return entry.descriptorType != kStructure; });
+        std::erase_if(entries, [](const auto &entry) {
+            return entry.descriptorType != VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
+        });
     });
     return created;
 }
@@ -339,15 +224,15 @@ VkResult createDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handl
 void destroyDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handle, VkDescriptorUpdateTemplate old,
                                      const VkAllocationCallbacks *allocator)
 {
-    DescriptorAccess{device}.templates().erase(old);
+    DescriptorAccess(device).templates().erase(old);
     device.next.DestroyDescriptorUpdateTemplate(handle, old, allocator);
 }
 
 void updateDescriptorSetWithTemplate(DeviceValidation &device, VkDevice handle, VkDescriptorSet set,
                                      VkDescriptorUpdateTemplate entries, const void *data)
 {
-    if (device.gpu.on) {
-        const DescriptorAccess access{device};
+    if (device.checks.gpu) {
+        const DescriptorAccess access(device);
         if (const auto known = access.set(set))
             access.write(*known, access.form(entries), data);
     }
@@ -400,5 +285,4 @@ void cmdPushDescriptorSetWithTemplate2(DeviceValidation &device, VkCommandBuffer
     device.next.CmdPushDescriptorSetWithTemplate2KHR(commandBuffer, info);
 }
 
-} // namespace validation
-} // namespace vellum::layer
+} // namespace vellum::layer::validation

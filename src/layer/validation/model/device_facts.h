@@ -2,6 +2,7 @@
 // What rules ask about a device: the features that the application enabled on it, and its limits.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -10,6 +11,21 @@ namespace vellum::layer
 {
 
 struct Driver;
+
+// The limits of the micromaps of one extension.
+struct MicromapRuleLimits {
+    uint32_t twoStateLevel = 0;
+    uint32_t fourStateLevel = 0;
+    uint32_t lossyLevel = 0;    // VK_KHR_opacity_micromap
+    uint64_t mostTriangles = 0; // VK_KHR_opacity_micromap
+};
+
+// The limits of a physical device, as the application sees them. 0: unknown.
+struct RuleLimits {
+    MicromapRuleLimits ext{};
+    MicromapRuleLimits khr{};
+    uint32_t scratchAlignment = 0;
+};
 
 struct DeviceFacts {
     // Enabled features, beyond those in EnabledFeatures.
@@ -24,6 +40,7 @@ struct DeviceFacts {
     bool addressMultiDevice = false;
 
     bool isGroup = false; // of several physical devices
+    VkShaderStageFlags storingStages = 0; // whose shaders may write to memory
 
     bool protectedNoFault = false;
     uint32_t maxVertexInputBindings = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/validation/ranges/device_facts.h"
+#include "layer/validation/model/device_facts.h"
 
 #include <cstring>
 
@@ -46,6 +46,22 @@ void readLimits(const Driver &driver, DeviceFacts &facts)
         facts.maxTransformFeedbackBufferSize = feedback.maxTransformFeedbackBufferSize;
 }
 
+// The stages whose shaders may write to memory, by the features that a device was created with.
+VkShaderStageFlags storingStages(const VkDeviceCreateInfo &info)
+{
+    const auto *features2 =
+        findInChain<VkPhysicalDeviceFeatures2>(info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2);
+    const VkPhysicalDeviceFeatures *features = features2 ? &features2->features : info.pEnabledFeatures;
+    const VkShaderStageFlags vertexStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT |
+                                            VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT | VK_SHADER_STAGE_GEOMETRY_BIT;
+    VkShaderStageFlags stages = ~VkShaderStageFlags{0};
+    if (!features || !features->vertexPipelineStoresAndAtomics)
+        stages &= ~vertexStages;
+    if (!features || !features->fragmentStoresAndAtomics)
+        stages &= ~VkShaderStageFlags{VK_SHADER_STAGE_FRAGMENT_BIT};
+    return stages;
+}
+
 } // namespace
 
 DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
@@ -81,6 +97,7 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
     const auto *group =
         findInChain<VkDeviceGroupDeviceCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_DEVICE_CREATE_INFO);
     facts.isGroup = group && group->physicalDeviceCount > 1;
+    facts.storingStages = storingStages(info);
     if (driver.instance->GetPhysicalDeviceProperties2)
         readLimits(driver, facts);
     uint32_t count = 0;

@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+// Command pools and command buffers, what they bind, and what they order: barriers, events and render passes.
+#include "layer/validation/commands.h"
+#include "layer/validation/ranges/ranges.h"
+
+namespace vellum::layer::validation
+{
+namespace
+{
+
+void setRendering(DeviceValidation &device, VkCommandBuffer commandBuffer, bool isRendering)
+{
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isRendering = isRendering;
+}
+
+void endRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    setRendering(device, commandBuffer, false);
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isSuspended = log->suspends;
+}
+
+} // namespace
+
+VkResult createCommandPool(DeviceValidation &device, VkDevice handle, const VkCommandPoolCreateInfo *info,
+                           const VkAllocationCallbacks *allocator, VkCommandPool *pool)
+{
+    const VkResult result = device.next.CreateCommandPool(handle, info, allocator, pool);
+    if (result == VK_SUCCESS)
+        remember([&] {
+            device.objects.poolFamilies.set(*pool, info->queueFamilyIndex);
+            if ((info->flags & VK_COMMAND_POOL_CREATE_PROTECTED_BIT) != 0)
+                device.objects.protectedPools.set(*pool, true);
+        });
+    return result;
+}
+
+void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool,
+                        const VkAllocationCallbacks *allocator)
+{
+    device.logs.removePool(pool);
+    device.objects.poolFamilies.take(pool);
+    device.objects.protectedPools.take(pool);
+    layer::destroyCommandPool(device.commands, handle, pool, allocator);
+}
+
+VkResult resetCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool, VkCommandPoolResetFlags flags)
+{
+    const VkResult result = layer::resetCommandPool(device.commands, handle, pool, flags);
+    if (result == VK_SUCCESS)
+        device.logs.resetPool(pool);
+    return result;
+}
+
+VkResult allocateCommandBuffers(DeviceValidation &device, VkDevice handle, const VkCommandBufferAllocateInfo *info,
+                                VkCommandBuffer *buffers)
+{
+    const VkResult result = layer::allocateCommandBuffers(device.commands, handle, info, buffers);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i)
+        remember([&] {
+            auto log = std::make_shared<CommandLog>();
+            log->pool = info->commandPool;
+            log->family = device.objects.poolFamilies.get(info->commandPool);
+            log->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
+            device.logs.add(buffers[i], std::move(log));
+        });
+    return result;
+}
+
+void freeCommandBuffers(DeviceValidation &device, VkDevice handle, VkCommandPool pool, uint32_t count,
+                        const VkCommandBuffer *buffers)
+{
+    device.logs.remove(pool, count, buffers);
+    layer::freeCommandBuffers(device.commands, handle, pool, count, buffers);
+}
+
+VkResult beginCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                            const VkCommandBufferBeginInfo *info)
+{
+    const VkResult result = layer::beginCommandBuffer(device.commands, commandBuffer, info);
+    const auto log = result == VK_SUCCESS ? device.logs.get(commandBuffer) : nullptr;
+    if (log) { // it is reset implicitly
+        log->reset();
+        log->isRecording = true;
+        log->isRendering = log->secondary && (info->flags & VK_COMMAND_BUFFER_USAGE_RENDER_PASS_CONTINUE_BIT) != 0;
+    }
+    return result;
+}
+
+VkResult endCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isRecording = false;
+    return device.next.EndCommandBuffer(commandBuffer);
+}
+
+VkResult resetCommandBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkCommandBufferResetFlags flags)
+{
+    const VkResult result = layer::resetCommandBuffer(device.commands, commandBuffer, flags);
+    const auto log = result == VK_SUCCESS ? device.logs.get(commandBuffer) : nullptr;
+    if (log)
+        log->reset();
+    return result;
+}
+
+void cmdBindPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
+                     VkPipeline pipeline)
+{
+    bindTracingPipeline(device.traces, commandBuffer, point, pipeline);
+    layer::cmdBindPipeline(device.commands, commandBuffer, point, pipeline);
+}
+
+void cmdBindShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                    const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders)
+{
+    bindTracingShaders(device.traces, commandBuffer, count, stages, shaders);
+    layer::cmdBindShaders(device.commands, commandBuffer, count, stages, shaders);
+}
+
+void cmdPushConstants(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineLayout layout,
+                      VkShaderStageFlags stages, uint32_t offset, uint32_t size, const void *values)
+{
+    layer::cmdPushConstants(device.commands, commandBuffer, layout, stages, offset, size, values);
+}
+
+void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkPushConstantsInfoKHR *info)
+{
+    layer::cmdPushConstants2(device.commands, commandBuffer, info);
+}
+
+void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
+                        const VkCommandBuffer *buffers)
+{
+    for (uint32_t i = 0; i < count; ++i) {
+        device.logs.add(commandBuffer, [log = device.logs.get(buffers[i])](const Submission &submission) {
+            for (size_t s = 0; log && s < log->steps.size(); ++s)
+                log->steps[s](submission);
+        });
+    }
+    if (const auto log = device.logs.get(commandBuffer))
+        log->isSuspended = false; // they may have resumed the render pass instance
+    layer::cmdExecuteCommands(device.commands, commandBuffer, count, buffers);
+}
+
+void cmdBeginConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                  const VkConditionalRenderingBeginInfoEXT *info)
+{
+    layer::cmdBeginConditionalRendering(device.commands, commandBuffer, info);
+}
+
+void cmdEndConditionalRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    layer::cmdEndConditionalRendering(device.commands, commandBuffer);
+}
+
+void cmdPipelineBarrier(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags from,
+                        VkPipelineStageFlags to, VkDependencyFlags flags, uint32_t memoryCount,
+                        const VkMemoryBarrier *memory, uint32_t bufferCount, const VkBufferMemoryBarrier *buffers,
+                        uint32_t imageCount, const VkImageMemoryBarrier *images)
+{
+    sync::recordBarriers(device.sync, commandBuffer,
+                         sync::PipelineBarrier{from, to, memoryCount, memory, bufferCount, buffers});
+    device.next.CmdPipelineBarrier(commandBuffer, from, to, flags, memoryCount, memory, bufferCount, buffers,
+                                   imageCount, images);
+}
+
+void cmdBeginRenderPass(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
+                        VkSubpassContents contents)
+{
+    sync::recordAll(device.sync, commandBuffer);
+    setRendering(device, commandBuffer, true);
+    device.next.CmdBeginRenderPass(commandBuffer, info, contents);
+}
+
+void cmdBeginRenderPass2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
+                         const VkSubpassBeginInfo *subpass)
+{
+    sync::recordAll(device.sync, commandBuffer);
+    setRendering(device, commandBuffer, true);
+    device.next.CmdBeginRenderPass2(commandBuffer, info, subpass);
+}
+
+void cmdEndRenderPass(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    sync::recordAll(device.sync, commandBuffer);
+    setRendering(device, commandBuffer, false);
+    device.next.CmdEndRenderPass(commandBuffer);
+}
+
+void cmdEndRenderPass2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkSubpassEndInfo *info)
+{
+    sync::recordAll(device.sync, commandBuffer);
+    setRendering(device, commandBuffer, false);
+    device.next.CmdEndRenderPass2(commandBuffer, info);
+}
+
+void cmdBeginRendering(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderingInfo *info)
+{
+    setRendering(device, commandBuffer, true);
+    if (const auto log = device.logs.get(commandBuffer)) {
+        log->suspends = (info->flags & VK_RENDERING_SUSPENDING_BIT) != 0;
+        log->isSuspended = false;
+    }
+    device.next.CmdBeginRendering(commandBuffer, info);
+}
+
+void cmdEndRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
+{
+    endRendering(device, commandBuffer);
+    device.next.CmdEndRendering(commandBuffer);
+}
+
+void cmdEndRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderingEndInfoKHR *info)
+{
+    endRendering(device, commandBuffer);
+    device.next.CmdEndRendering2KHR(commandBuffer, info);
+}
+
+void cmdSetEvent(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags stages)
+{
+    sync::recordSet(device.sync, commandBuffer, event);
+    device.next.CmdSetEvent(commandBuffer, event, stages);
+}
+
+void cmdResetEvent(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags stages)
+{
+    sync::recordReset(device.sync, commandBuffer, event);
+    device.next.CmdResetEvent(commandBuffer, event, stages);
+}
+
+void cmdWaitEvents(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
+                   VkPipelineStageFlags from, VkPipelineStageFlags to, uint32_t memoryCount,
+                   const VkMemoryBarrier *memory, uint32_t bufferCount, const VkBufferMemoryBarrier *buffers,
+                   uint32_t imageCount, const VkImageMemoryBarrier *images)
+{
+    sync::recordWait(device.sync, commandBuffer, count, events,
+                     sync::PipelineBarrier{from, to, memoryCount, memory, bufferCount, buffers});
+    device.next.CmdWaitEvents(commandBuffer, count, events, from, to, memoryCount, memory, bufferCount, buffers,
+                              imageCount, images);
+}
+
+void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
+{
+    const Place command("vkCmdPipelineBarrier2");
+    if (device.checks.core)
+        ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    sync::recordBarriers(device.sync, commandBuffer, *info);
+    device.next.CmdPipelineBarrier2(commandBuffer, info);
+}
+
+void cmdSetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
+{
+    const Place command("vkCmdSetEvent2");
+    if (device.checks.core)
+        ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    sync::recordSet(device.sync, commandBuffer, event);
+    device.next.CmdSetEvent2(commandBuffer, event, info);
+}
+
+void cmdWaitEvents2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
+                    const VkDependencyInfo *infos)
+{
+    const Place command("vkCmdWaitEvents2");
+    for (uint32_t i = 0; device.checks.core && i < count; ++i)
+        ranges::checkDependency(device, command.element("pDependencyInfos", i), infos[i], commandBuffer);
+    sync::recordWait(device.sync, commandBuffer, count, events, infos);
+    device.next.CmdWaitEvents2(commandBuffer, count, events, infos);
+}
+
+void cmdResetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event,
+                    VkPipelineStageFlags2 stages)
+{
+    const Place command("vkCmdResetEvent2");
+    if (device.checks.core)
+        ranges::checkStage(device, command.member("stageMask"), stages, "VUID-vkCmdResetEvent2-stageMask-11541",
+                           commandBuffer);
+    sync::recordReset(device.sync, commandBuffer, event);
+    device.next.CmdResetEvent2(commandBuffer, event, stages);
+}
+
+void cmdWriteTimestamp2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                        VkQueryPool pool, uint32_t query)
+{
+    const Place command("vkCmdWriteTimestamp2");
+    if (device.checks.core)
+        ranges::checkStage(device, command.member("stage"), stage, "VUID-vkCmdWriteTimestamp2-stage-11541",
+                           commandBuffer);
+    device.next.CmdWriteTimestamp2(commandBuffer, stage, pool, query);
+}
+
+void cmdWriteBufferMarker2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags2 stage,
+                           VkBuffer buffer, VkDeviceSize offset, uint32_t marker)
+{
+    const Place command("vkCmdWriteBufferMarker2AMD");
+    if (device.checks.core)
+        ranges::checkStage(device, command.member("stage"), stage, "VUID-vkCmdWriteBufferMarker2AMD-stage-11541",
+                           commandBuffer);
+    device.next.CmdWriteBufferMarker2AMD(commandBuffer, stage, buffer, offset, marker);
+}
+
+} // namespace vellum::layer::validation

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+// Copies, fills and updates of buffers and address ranges, and the other commands that take address ranges.
+#include "layer/validation/commands.h"
+#include "layer/validation/ranges/ranges.h"
+
+namespace vellum::layer::validation
+{
+
+void cmdCopyBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBuffer from, VkBuffer to, uint32_t count,
+                   const VkBufferCopy *regions)
+{
+    for (uint32_t r = 0; r < count; ++r)
+        sync::recordCopy(device.sync, commandBuffer, "vkCmdCopyBuffer", from, to, regions[r], r);
+    device.next.CmdCopyBuffer(commandBuffer, from, to, count, regions);
+}
+
+void cmdCopyBuffer2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyBufferInfo2 *info)
+{
+    for (uint32_t r = 0; r < info->regionCount; ++r) {
+        const VkBufferCopy2 &region = info->pRegions[r];
+        sync::recordCopy(device.sync, commandBuffer, "vkCmdCopyBuffer2", info->srcBuffer, info->dstBuffer,
+                         {region.srcOffset, region.dstOffset, region.size}, r);
+    }
+    device.next.CmdCopyBuffer2(commandBuffer, info);
+}
+
+void cmdFillBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBuffer buffer, VkDeviceSize offset,
+                   VkDeviceSize size, uint32_t data)
+{
+    sync::recordWrite(device.sync, commandBuffer, "vkCmdFillBuffer", buffer, offset, size);
+    device.next.CmdFillBuffer(commandBuffer, buffer, offset, size, data);
+}
+
+void cmdUpdateBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBuffer buffer, VkDeviceSize offset,
+                     VkDeviceSize size, const void *data)
+{
+    sync::recordWrite(device.sync, commandBuffer, "vkCmdUpdateBuffer", buffer, offset, size);
+    device.next.CmdUpdateBuffer(commandBuffer, buffer, offset, size, data);
+}
+
+void cmdCopyMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkCopy(device, commandBuffer, *info);
+    sync::recordCopy(device.sync, commandBuffer, *info);
+    device.next.CmdCopyMemoryKHR(commandBuffer, info);
+}
+
+void cmdUpdateMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                     VkAddressCommandFlagsKHR flags, VkDeviceSize size, const void *data)
+{
+    if (device.checks.core)
+        ranges::checkUpdate(device, commandBuffer, *range, flags, size);
+    sync::recordWrite(device.sync, commandBuffer, "vkCmdUpdateMemoryKHR", *range);
+    device.next.CmdUpdateMemoryKHR(commandBuffer, range, flags, size, data);
+}
+
+void cmdFillMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
+                   VkAddressCommandFlagsKHR flags, uint32_t data)
+{
+    if (device.checks.core)
+        ranges::checkFill(device, commandBuffer, *range, flags);
+    sync::recordWrite(device.sync, commandBuffer, "vkCmdFillMemoryKHR", *range);
+    device.next.CmdFillMemoryKHR(commandBuffer, range, flags, data);
+}
+
+void cmdCopyQueryPoolResultsToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, VkQueryPool pool,
+                                     uint32_t first, uint32_t count, const VkStridedDeviceAddressRangeKHR *range,
+                                     VkAddressCommandFlagsKHR flags, VkQueryResultFlags results)
+{
+    if (device.checks.core && count > 0)
+        ranges::checkQueryResults(device, commandBuffer, count, *range, flags, results);
+    device.next.CmdCopyQueryPoolResultsToMemoryKHR(commandBuffer, pool, first, count, range, flags, results);
+}
+
+void cmdWriteMarkerToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
+{
+    if (device.checks.core)
+        ranges::checkMarker(device, commandBuffer, *info);
+    device.next.CmdWriteMarkerToMemoryAMD(commandBuffer, info);
+}
+
+void cmdCopyMemoryToImage(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkCopyToImage(device, commandBuffer, *info);
+    device.next.CmdCopyMemoryToImageKHR(commandBuffer, info);
+}
+
+void cmdCopyImageToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                          const VkCopyDeviceMemoryImageInfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkCopyFromImage(device, commandBuffer, *info);
+    device.next.CmdCopyImageToMemoryKHR(commandBuffer, info);
+}
+
+void cmdBindIndexBuffer3(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkIndexBuffer(device, commandBuffer, *info);
+    device.next.CmdBindIndexBuffer3KHR(commandBuffer, info);
+}
+
+void cmdBindVertexBuffers3(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                           const VkBindVertexBuffer3InfoKHR *infos)
+{
+    if (device.checks.core)
+        ranges::checkVertexBuffers(device, commandBuffer, first, count, infos);
+    device.next.CmdBindVertexBuffers3KHR(commandBuffer, first, count, infos);
+}
+
+void cmdDrawIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirect2KHR");
+    device.next.CmdDrawIndirect2KHR(commandBuffer, info);
+}
+
+void cmdDrawIndexedIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                             const VkDrawIndirect2InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirect2KHR");
+    device.next.CmdDrawIndexedIndirect2KHR(commandBuffer, info);
+}
+
+void cmdDrawMeshTasksIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                               const VkDrawIndirect2InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirect2EXT");
+    device.next.CmdDrawMeshTasksIndirect2EXT(commandBuffer, info);
+}
+
+void cmdDrawIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                           const VkDrawIndirectCount2InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectCount2KHR");
+    device.next.CmdDrawIndirectCount2KHR(commandBuffer, info);
+}
+
+void cmdDrawIndexedIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                  const VkDrawIndirectCount2InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirectCount2KHR");
+    device.next.CmdDrawIndexedIndirectCount2KHR(commandBuffer, info);
+}
+
+void cmdDrawMeshTasksIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                    const VkDrawIndirectCount2InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirectCount2EXT");
+    device.next.CmdDrawMeshTasksIndirectCount2EXT(commandBuffer, info);
+}
+
+void cmdDispatchIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                          const VkDispatchIndirect2InfoKHR *info)
+{
+    if (device.checks.core)
+        ranges::checkDispatch(device, commandBuffer, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_COMPUTE, "vkCmdDispatchIndirect2KHR");
+    device.next.CmdDispatchIndirect2KHR(commandBuffer, info);
+}
+
+void cmdBeginConditionalRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer,
+                                   const VkConditionalRenderingBeginInfo2EXT *info)
+{
+    const auto state = device.commands.states.get(commandBuffer);
+    if (device.checks.core)
+        ranges::checkCondition(device, commandBuffer, *info, state && state->conditionalRendering);
+    // For injected work, and for the end of conditional rendering.
+    const auto at = device.buffers.addresses.covering(info->addressRange.address, sizeof(uint32_t),
+                                                      VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
+    if (state && at.buffer)
+        state->conditionalRendering = {VK_STRUCTURE_TYPE_CONDITIONAL_RENDERING_BEGIN_INFO_EXT, nullptr, at.buffer,
+                                       at.offset, info->flags};
+    device.next.CmdBeginConditionalRendering2EXT(commandBuffer, info);
+}
+
+void cmdBindTransformFeedbackBuffers2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first,
+                                      uint32_t count, const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+{
+    if (device.checks.core)
+        ranges::checkFeedbackBuffers(device, commandBuffer, count, infos);
+    device.next.CmdBindTransformFeedbackBuffers2EXT(commandBuffer, first, count, infos);
+}
+
+void cmdBeginTransformFeedback2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                                const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+{
+    if (device.checks.core)
+        ranges::checkFeedbackBegin(device, commandBuffer, count, infos);
+    device.next.CmdBeginTransformFeedback2EXT(commandBuffer, first, count, infos);
+}
+
+void cmdEndTransformFeedback2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+                              const VkBindTransformFeedbackBuffer2InfoEXT *infos)
+{
+    if (device.checks.core)
+        ranges::checkFeedbackEnd(device, commandBuffer, count, infos);
+    device.next.CmdEndTransformFeedback2EXT(commandBuffer, first, count, infos);
+}
+
+void cmdDrawIndirectByteCount2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t instanceCount,
+                               uint32_t firstInstance, const VkBindTransformFeedbackBuffer2InfoEXT *info,
+                               uint32_t counterOffset, uint32_t vertexStride)
+{
+    if (device.checks.core)
+        ranges::checkByteCount(device, commandBuffer, *info);
+    runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectByteCount2EXT");
+    device.next.CmdDrawIndirectByteCount2EXT(commandBuffer, instanceCount, firstInstance, info, counterOffset,
+                                             vertexStride);
+}
+
+} // namespace vellum::layer::validation

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// What acceleration structures and micromaps hold: what the host knows of the build or copy, and what is known only
+// from data on the GPU, which shaders beside a build write to memory of the host.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "core/push.h"
+#include "layer/memory/memory_pool.h"
+#include "layer/validation/model/place.h"
+#include "vk/newer.h"
+
+namespace vellum::layer
+{
+
+struct ValidatedStructure;
+class SerializedHeader;
+
+// Words that the shaders of a command buffer write.
+class Capture
+{
+public:
+    static constexpr size_t kCountWords = 2; // before what the shaders of builds write
+    // Null without memory. The first `zeros` words are 0; the others are undefined.
+    static std::shared_ptr<Capture> make(MemoryPool &pool, size_t words, size_t zeros)
+    {
+        const MemoryPool::Piece piece = pool.take(words * sizeof(uint32_t));
+        if (piece.address == 0)
+            return nullptr;
+        std::fill_n(piece.words, zeros, 0u);
+        return std::make_shared<Capture>(pool, piece);
+    }
+    Capture(MemoryPool &pool, const MemoryPool::Piece &piece) : pool_(pool), piece_(piece) {}
+    Capture(const Capture &) = delete;
+    Capture &operator=(const Capture &) = delete;
+    ~Capture() { pool_.giveBack(piece_); }
+
+    [[nodiscard]] VkDeviceAddress address() const { return piece_.address; }
+    [[nodiscard]] VkBuffer buffer() const { return piece_.buffer; }
+    [[nodiscard]] VkDeviceSize offset() const { return piece_.offset; } // in the buffer
+    [[nodiscard]] const uint32_t *words() const { return piece_.words; }
+    // The shaders count in the first word what they have written.
+    [[nodiscard]] uint32_t written() const { return __atomic_load_n(piece_.words, __ATOMIC_ACQUIRE); }
+
+private:
+    MemoryPool &pool_;
+    MemoryPool::Piece piece_;
+};
+
+// The references of the instances of a top-level structure.
+struct CapturedInstances {
+    uint32_t count = 0;
+    std::shared_ptr<Capture> memory;
+    // Nothing before the build was executed.
+    [[nodiscard]] std::optional<std::span<const VkDeviceAddress>> references() const
+    {
+        if (!memory || memory->written() < count)
+            return {};
+        return std::span(reinterpret_cast<const VkDeviceAddress *>(memory->words() + Capture::kCountWords), count);
+    }
+};
+
+// The kinds of micromap indices of a geometry.
+struct CapturedIndices {
+    uint32_t count = 0;
+    std::shared_ptr<Capture> memory;
+    // Whether it has special indices and indices of the micromap. Nothing before the build was executed.
+    [[nodiscard]] std::optional<bool> mixed() const
+    {
+        if (!memory || memory->written() < count)
+            return {};
+        return memory->words()[1] == (shared::kIndexKindSpecial | shared::kIndexKindMicromap);
+    }
+};
+
+// A geometry of a structure that was built.
+struct GeometryContents {
+    VkGeometryTypeKHR type = VK_GEOMETRY_TYPE_MAX_ENUM_KHR;
+    VkGeometryFlagsKHR flags = 0;
+    uint32_t primitives = 0;
+    bool hasMicromap = false;                   // there is a structure that attaches one, with a null handle or not
+    bool khr = false;                           // that structure is VK_KHR_opacity_micromap's
+    ObjectHandle micromapHandle;                // 0 for a null handle
+    std::weak_ptr<ValidatedStructure> micromap; // that is attached
+    CapturedIndices indices;                    // into it
+};
+
+// What a build or a copy put into a structure.
+struct StructureContents {
+    VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
+    VkFlags flags = 0; // VkBuildAccelerationStructureFlagsKHR, or for a VkMicromapEXT VkBuildMicromapFlagsEXT
+    std::vector<GeometryContents> geometries;
+    std::vector<VkMicromapUsageEXT> usages;   // of a micromap
+    uint64_t triangles = 0;                   // of a micromap
+    bool deserialized = false;                // the other members are unknown, except the header
+    std::shared_ptr<SerializedHeader> header; // of the data of a structure; null: unknown
+    CapturedInstances instances;              // of a top-level structure
+};
+
+} // namespace vellum::layer

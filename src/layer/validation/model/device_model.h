@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// The device as validation knows it: the implementation's commands, the limits and features that rules are about, the
+// application's objects, and the logs of its command buffers. Checks read it and report to it.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+
+#include "layer/command_buffer/device_command_buffers.h"
+#include "layer/validation/model/command_log.h"
+#include "layer/validation/model/device_facts.h"
+#include "layer/validation/model/objects.h"
+#include "layer/validation/model/place.h"
+
+namespace vellum::layer
+{
+
+struct DeviceModel {
+    // The implementation as a driver: `driver.next` holds its commands.
+    Driver driver;
+    const DeviceTable &next = driver.next;
+    Checks checks{};       // `gpu` only where data on the GPU can be checked
+    bool emulated = false; // the implementation is the layer's emulation, which reports some of the rules itself
+    RuleLimits limits{};
+    DeviceFacts facts{};
+
+    // The subsystems below, once more: for validation's own work on the GPU.
+    DeviceBuffers buffers{driver};
+    DeviceState state{driver, buffers};
+    DeviceCommandBuffers commands{driver, buffers, state};
+    MemoryPool captureMemory{buffers.gpu, 16,
+                             [](const GpuContext &) { return VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT}; },
+                             GpuBuffer::Content::Undefined};
+    StructureRecords records{}; // without the check `gpu` it has none
+
+    ValidatedObjects objects{};
+    CommandLogs logs{};
+    std::atomic<uint64_t> numbers{0}; // of structures
+
+    // Reports the violation of a rule. `vuid`: as the specification names it; for a rule without one, an
+    // id of Vellum. `text`: what was found, what is expected.
+    void fault(const Place &place, const char *vuid, const std::string &text, ObjectHandle object = {})
+    {
+        fault(place.text(), vuid, text, object);
+    }
+    // The same for a place whose text was kept: for faults that show when a command buffer is submitted.
+    void fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object = {});
+    // How messages name an object: its name in quotes, if it has one, and its handle.
+    [[nodiscard]] std::string nameOf(ObjectHandle object) const;
+};
+
+} // namespace vellum::layer

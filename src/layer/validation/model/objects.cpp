@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/model/objects.h"
+
+#include <algorithm>
+
+#include "layer/validation/model/device_model.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// Addresses of structures that may hold micromaps, which are remembered after the structures.
+constexpr size_t kMostAddresses = size_t{1} << 20;
+
+} // namespace
+
+void setContents(DeviceModel &device, ValidatedStructure &structure, std::shared_ptr<const StructureContents> contents)
+{
+    structure.contents = std::move(contents);
+    structure.since = structure.built = ++device.numbers;
+}
+
+void StructuresByAddress::add(VkDeviceAddress address, const std::shared_ptr<ValidatedStructure> &structure)
+{
+    if (structures_.size() >= sweepAt_) {
+        std::erase_if(structures_, [](const auto &known) { return known.second.expired(); });
+        sweepAt_ = std::max<size_t>(64, 2 * structures_.size());
+    }
+    structures_.emplace(address, structure);
+}
+
+void StructuresByReference::add(VkDeviceAddress reference, const std::shared_ptr<ValidatedStructure> &structure)
+{
+    const std::lock_guard lock(mutex_);
+    structures_.add(reference, structure);
+}
+
+std::shared_ptr<ValidatedStructure> StructuresByReference::at(VkDeviceAddress reference) const
+{
+    const std::lock_guard lock(mutex_);
+    std::shared_ptr<ValidatedStructure> last;
+    structures_.visit(reference, [&](const auto &structure) { last = structure; });
+    return last;
+}
+
+void StructuresByMemory::add(const std::shared_ptr<ValidatedStructure> &structure)
+{
+    if (!structure->isMicromap() && structure->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
+        return;
+    const std::lock_guard lock(mutex_);
+    structures_.add(structure->memoryAddress, structure);
+    isFull_ = isFull_ || addresses_.size() == kMostAddresses;
+    if (!isFull_)
+        addresses_.insert(structure->memoryAddress);
+}
+
+std::vector<std::shared_ptr<ValidatedStructure>> StructuresByMemory::at(VkDeviceAddress address) const
+{
+    const std::lock_guard lock(mutex_);
+    std::vector<std::shared_ptr<ValidatedStructure>> found;
+    structures_.visit(address, [&](const auto &structure) {
+        if (!structure->destroyed &&
+            (structure->isMicromap() || !structure->contents ||
+             structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR ||
+             structure->contents->type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR))
+            found.push_back(structure);
+    });
+    return found;
+}
+
+bool StructuresByMemory::everAt(VkDeviceAddress address) const
+{
+    const std::lock_guard lock(mutex_);
+    return isFull_ || addresses_.contains(address);
+}
+
+bool StructuresByMemory::isComplete() const
+{
+    const std::lock_guard lock(mutex_);
+    bool complete = true;
+    structures_.visit(0, [&](const auto &) { complete = false; });
+    return complete;
+}
+
+std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type)
+{
+    auto contents = std::make_shared<StructureContents>();
+    contents->type = type;
+    contents->deserialized = true;
+    return contents;
+}
+
+std::shared_ptr<ValidatedBuffer> bufferAt(const DeviceModel &device, VkDeviceAddress address)
+{
+    const AddressMap::Location location = device.buffers.addresses.find(address);
+    return location.buffer ? device.objects.buffers.get(location.buffer) : nullptr;
+}
+
+} // namespace vellum::layer

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+// Submissions, and commands by which the host learns that work is complete.
+#include "layer/base/pnext.h"
+#include "layer/validation/commands.h"
+#include "layer/validation/ranges/ranges.h"
+
+namespace vellum::layer
+{
+
+void reportCompleted(DeviceValidation &device, bool idle)
+{
+    device.gpu.report(idle);
+    device.traces.marks.report(device, idle);
+}
+
+namespace validation
+{
+namespace
+{
+
+// Whether a timeline semaphore is to reach a value that neither the host nor an earlier submission signals.
+bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
+{
+    const auto signaled = device.logs.signals.find(semaphore);
+    if (signaled != device.logs.signals.end() && signaled->second >= value)
+        return false;
+    uint64_t reached = 0;
+    return device.next.GetSemaphoreCounterValue(device.driver.handle, reinterpret_cast<VkSemaphore>(semaphore),
+                                                &reached) != VK_SUCCESS ||
+           reached < value;
+}
+
+void execute(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer)
+{
+    const auto log = device.logs.get(commandBuffer);
+    if (!log)
+        return;
+    auto &waits = device.logs.waits[queue];
+    std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), waits.empty()};
+    for (const CommandLog::Step &step : log->steps)
+        step(submission);
+}
+
+// `commandBuffers`: gives the command buffer of a number.
+template <typename Submit, typename CommandBuffers>
+void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, uint32_t count,
+                  CommandBuffers commandBuffers)
+{
+    const std::vector<sync::SemaphoreUse> waits = sync::waitsOf(device.sync, batch);
+    for (const sync::SemaphoreUse &use : waits) {
+        if (use.value && isLater(device, use.semaphore, *use.value))
+            device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
+    }
+    sync::beginBatch(device.sync, queue, waits);
+    for (uint32_t c = 0; c < count; ++c)
+        execute(device, queue, commandBuffers(c));
+    const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
+    sync::endBatch(device.sync, queue, signals);
+    for (const sync::SemaphoreUse &use : signals) {
+        if (use.value)
+            device.logs.signals[use.semaphore] = *use.value;
+    }
+}
+
+// Submits work by `next()`. Nothing of it was executed if that fails.
+template <typename Next, typename Execute>
+VkResult submit(DeviceValidation &device, VkQueue queue, VkFence fence, Next next, Execute execute)
+{
+    device.gpu.report(false);
+    const HeldMessages held;
+    const std::lock_guard lock(device.logs.submissions);
+    const VkResult result = next();
+    if (result != VK_SUCCESS)
+        return result;
+    remember([&] {
+        execute();
+        sync::signalFence(device.sync, queue, fence);
+    });
+    return result;
+}
+
+void allIdle(DeviceValidation &device)
+{
+    device.logs.settle();
+    device.sync.tracker.allIdle();
+}
+
+} // namespace
+
+VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo *submits,
+                     VkFence fence)
+{
+    return submit(
+        device, queue, fence, [&] { return device.next.QueueSubmit(queue, count, submits, fence); },
+        [&] {
+            for (uint32_t i = 0; i < count; ++i)
+                executeBatch(device, queue, submits[i], submits[i].commandBufferCount,
+                             [&](uint32_t c) { return submits[i].pCommandBuffers[c]; });
+        });
+}
+
+VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, const VkSubmitInfo2 *submits,
+                      VkFence fence)
+{
+    const Place command("vkQueueSubmit2");
+    for (uint32_t i = 0; i < count && device.checks.core; ++i)
+        ranges::checkSubmission(device, command.element("pSubmits", i), submits[i]);
+    return submit(
+        device, queue, fence, [&] { return device.next.QueueSubmit2(queue, count, submits, fence); },
+        [&] {
+            for (uint32_t i = 0; i < count; ++i)
+                executeBatch(device, queue, submits[i], submits[i].commandBufferInfoCount,
+                             [&](uint32_t c) { return submits[i].pCommandBufferInfos[c].commandBuffer; });
+        });
+}
+
+VkResult queueBindSparse(DeviceValidation &device, VkQueue queue, uint32_t count, const VkBindSparseInfo *infos,
+                         VkFence fence)
+{
+    const VkResult result = device.next.QueueBindSparse(queue, count, infos, fence);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i) {
+        for (uint32_t b = 0; b < infos[i].bufferBindCount; ++b) {
+            const VkSparseBufferMemoryBindInfo &info = infos[i].pBufferBinds[b];
+            const auto buffer = device.objects.buffers.get(info.buffer);
+            for (uint32_t k = 0; buffer && k < info.bindCount; ++k) {
+                const VkSparseMemoryBind &bind = info.pBinds[k];
+                buffer->bound.set(bind.resourceOffset, bind.resourceOffset + bind.size, bind.memory != VK_NULL_HANDLE);
+            }
+        }
+    }
+    return result;
+}
+
+VkResult queueWaitIdle(DeviceValidation &device, VkQueue queue)
+{
+    const VkResult result = device.next.QueueWaitIdle(queue);
+    if (result == VK_SUCCESS)
+        device.sync.tracker.queueIdle(uint64_t(queue));
+    reportCompleted(device, false);
+    return result;
+}
+
+VkResult deviceWaitIdle(DeviceValidation &device, VkDevice handle)
+{
+    const VkResult result = device.next.DeviceWaitIdle(handle);
+    if (result == VK_SUCCESS)
+        device.sync.tracker.allIdle();
+    reportCompleted(device, result == VK_SUCCESS);
+    return result;
+}
+
+VkResult waitForFences(DeviceValidation &device, VkDevice handle, uint32_t count, const VkFence *fences, VkBool32 all,
+                       uint64_t timeout)
+{
+    const VkResult result = device.next.WaitForFences(handle, count, fences, all, timeout);
+    if (result == VK_SUCCESS)
+        sync::fencesComplete(device.sync, handle, count, fences, all == VK_TRUE || count == 1);
+    reportCompleted(device, false);
+    return result;
+}
+
+VkResult getFenceStatus(DeviceValidation &device, VkDevice handle, VkFence fence)
+{
+    const VkResult result = device.next.GetFenceStatus(handle, fence);
+    if (result == VK_SUCCESS)
+        sync::fencesComplete(device.sync, handle, 1, &fence, true);
+    reportCompleted(device, false);
+    return result;
+}
+
+VkResult waitSemaphores(DeviceValidation &device, VkDevice handle, const VkSemaphoreWaitInfo *info, uint64_t timeout)
+{
+    const VkResult result = device.next.WaitSemaphores(handle, info, timeout);
+    if (result == VK_SUCCESS)
+        sync::semaphoresReached(device.sync, handle, *info);
+    reportCompleted(device, false);
+    return result;
+}
+
+VkResult getSemaphoreCounterValue(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore, uint64_t *value)
+{
+    const VkResult result = device.next.GetSemaphoreCounterValue(handle, semaphore, value);
+    if (device.checks.sync && result == VK_SUCCESS) {
+        device.logs.settle();
+        device.sync.tracker.semaphoreReached(uint64_t(semaphore), *value);
+    }
+    reportCompleted(device, false);
+    return result;
+}
+
+VkResult resetFences(DeviceValidation &device, VkDevice handle, uint32_t count, const VkFence *fences)
+{
+    const VkResult result = device.next.ResetFences(handle, count, fences);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i)
+        device.sync.tracker.forgetFence(uint64_t(fences[i]));
+    return result;
+}
+
+void destroyFence(DeviceValidation &device, VkDevice handle, VkFence fence, const VkAllocationCallbacks *allocator)
+{
+    device.sync.tracker.forgetFence(uint64_t(fence));
+    device.next.DestroyFence(handle, fence, allocator);
+}
+
+VkResult createSemaphore(DeviceValidation &device, VkDevice handle, const VkSemaphoreCreateInfo *info,
+                         const VkAllocationCallbacks *allocator, VkSemaphore *semaphore)
+{
+    const VkResult result = device.next.CreateSemaphore(handle, info, allocator, semaphore);
+    const auto *type =
+        findInChain<VkSemaphoreTypeCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO);
+    if (result == VK_SUCCESS && type && type->semaphoreType == VK_SEMAPHORE_TYPE_TIMELINE)
+        remember([&] {
+            device.sync.timelines.set(*semaphore, true);
+            device.sync.tracker.hostSignal(uint64_t(*semaphore), type->initialValue);
+        });
+    return result;
+}
+
+void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore semaphore,
+                      const VkAllocationCallbacks *allocator)
+{
+    device.sync.timelines.take(semaphore);
+    {
+        const std::lock_guard lock(device.logs.submissions);
+        device.logs.signals.erase(uint64_t(semaphore));
+    }
+    device.sync.tracker.forgetSemaphore(uint64_t(semaphore));
+    device.next.DestroySemaphore(handle, semaphore, allocator);
+}
+
+VkResult signalSemaphore(DeviceValidation &device, VkDevice handle, const VkSemaphoreSignalInfo *info)
+{
+    // Known before the driver signals it, as a host wait may end then. CommandLogs::submissions is not held: a
+    // submission may hold it in the driver until this signal.
+    remember([&] { device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value); });
+    const VkResult result = device.next.SignalSemaphore(handle, info);
+    if (result != VK_SUCCESS)
+        device.sync.tracker.undoHostSignal(uint64_t(info->semaphore), info->value);
+    return result;
+}
+
+// Results and events also show that commands are complete; of which queue is not known.
+VkResult getQueryPoolResults(DeviceValidation &device, VkDevice handle, VkQueryPool pool, uint32_t first,
+                             uint32_t count, size_t size, void *data, VkDeviceSize stride, VkQueryResultFlags flags)
+{
+    const VkResult result = device.next.GetQueryPoolResults(handle, pool, first, count, size, data, stride, flags);
+    if (result == VK_SUCCESS)
+        allIdle(device);
+    return result;
+}
+
+VkResult getEventStatus(DeviceValidation &device, VkDevice handle, VkEvent event)
+{
+    const VkResult result = device.next.GetEventStatus(handle, event);
+    if (result == VK_EVENT_SET)
+        allIdle(device);
+    return result;
+}
+
+// Once the host changes or destroys an event, a later wait for it is not ordered after the commands that set it before.
+VkResult setEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    return device.next.SetEvent(handle, event);
+}
+
+VkResult resetEvent(DeviceValidation &device, VkDevice handle, VkEvent event)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    return device.next.ResetEvent(handle, event);
+}
+
+void destroyEvent(DeviceValidation &device, VkDevice handle, VkEvent event, const VkAllocationCallbacks *allocator)
+{
+    device.sync.tracker.resetEvent(uint64_t(event));
+    device.next.DestroyEvent(handle, event, allocator);
+}
+
+} // namespace validation
+} // namespace vellum::layer

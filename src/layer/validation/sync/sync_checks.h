@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+// The check of synchronization (`sync`): commands record their accesses and barriers in the log of their command
+// buffer, and submission gives them to the tracker in the order of execution. Accesses of shaders are unknown. A render
+// pass counts as ordered with everything before and after it.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+#include "layer/base/handle_map.h"
+#include "layer/validation/model/device_model.h"
+#include "layer/validation/sync/sync_tracker.h"
+#include "vk/newer.h"
+
+namespace vellum::layer
+{
+
+// The smallest size of scratch memory that the implementation reported for builds of a kind: what every build of that
+// kind accesses.
+class ScratchSizes
+{
+public:
+    void reported(VkAccelerationStructureBuildTypeKHR where, const VkMicromapBuildSizesInfoEXT &sizes)
+    {
+        reported(where, kMicromapExt, sizes.buildScratchSize);
+    }
+    void reported(VkAccelerationStructureBuildTypeKHR where, VkAccelerationStructureTypeKHR type,
+                  const VkAccelerationStructureBuildSizesInfoKHR &sizes)
+    {
+        reported(where, kindOf(type, false), sizes.buildScratchSize);
+        reported(where, kindOf(type, true), sizes.updateScratchSize);
+    }
+    // 0: none, or unknown.
+    [[nodiscard]] uint64_t smallest(size_t kind) const
+    {
+        const uint64_t size = sizes_[kind].load();
+        return size == 0 ? 0 : size - 1;
+    }
+    static constexpr size_t kMicromapExt = 0;
+    static size_t kindOf(VkAccelerationStructureTypeKHR type, bool update)
+    {
+        const size_t number = type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR      ? 0
+                              : type == VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR ? 1
+                                                                                        : 2;
+        return 1 + 2 * number + (update ? 1 : 0);
+    }
+
+private:
+    void reported(VkAccelerationStructureBuildTypeKHR where, size_t kind, uint64_t size)
+    {
+        uint64_t known = sizes_[kind].load();
+        while (where != VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR && (known == 0 || size < known - 1) &&
+               !sizes_[kind].compare_exchange_weak(known, size + 1)) {
+        }
+    }
+
+    std::array<std::atomic<uint64_t>, 7> sizes_{}; // 1 more; 0: unknown
+};
+
+struct DeviceSync {
+    DeviceModel &device;
+    sync::Tracker tracker{};
+    HandleMap<VkSemaphore, bool> timelines{};
+    ScratchSizes scratch{};
+};
+
+namespace sync
+{
+
+// --- Accesses of commands; nothing is recorded where `sync` is off.
+
+void recordBuilds(DeviceSync &, VkCommandBuffer, uint32_t count, const VkMicromapBuildInfoEXT *infos);
+// `ranges`: null for indirect builds, and without ranges an element is unknown.
+void recordBuilds(DeviceSync &, VkCommandBuffer, const char *command, uint32_t count,
+                  const VkAccelerationStructureBuildGeometryInfoKHR *infos,
+                  const VkAccelerationStructureBuildRangeInfoKHR *const *ranges);
+// The ranges of an indirect build.
+void recordIndirectRanges(DeviceSync &, VkCommandBuffer, uint32_t count,
+                          const VkAccelerationStructureBuildGeometryInfoKHR *infos, const VkDeviceAddress *addresses);
+
+// Copies and queries of structures and micromaps. A null one is unknown.
+void recordCopy(DeviceSync &, VkCommandBuffer, const char *command, const std::shared_ptr<ValidatedStructure> &source,
+                const std::shared_ptr<ValidatedStructure> &target);
+void recordSerialization(DeviceSync &, VkCommandBuffer, const char *command,
+                         const std::shared_ptr<ValidatedStructure> &source, VkDeviceAddress target);
+void recordDeserialization(DeviceSync &, VkCommandBuffer, const char *command, VkDeviceAddress source,
+                           const std::shared_ptr<ValidatedStructure> &target);
+void recordQuery(DeviceSync &, VkCommandBuffer, const char *command, const char *array,
+                 const std::vector<std::shared_ptr<ValidatedStructure>> &structures);
+
+// Transfers.
+void recordCopy(DeviceSync &, VkCommandBuffer, const char *command, VkBuffer from, VkBuffer to,
+                const VkBufferCopy &region, uint32_t index);
+void recordWrite(DeviceSync &, VkCommandBuffer, const char *command, VkBuffer to, VkDeviceSize offset,
+                 VkDeviceSize size);
+void recordCopy(DeviceSync &, VkCommandBuffer, const VkCopyDeviceMemoryInfoKHR &);
+void recordWrite(DeviceSync &, VkCommandBuffer, const char *command, const VkDeviceAddressRangeKHR &range);
+
+// --- Order, between commands and with the host.
+
+// What a batch of a submission waits for and signals.
+std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo &);
+std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo2 &);
+std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo &);
+std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo2 &);
+// Around the steps of its command buffers.
+void beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits);
+void endBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &signals);
+void signalFence(DeviceSync &, VkQueue, VkFence);
+
+// The arguments of vkCmdPipelineBarrier and vkCmdWaitEvents.
+struct PipelineBarrier {
+    VkPipelineStageFlags from, to;
+    uint32_t memoryCount;
+    const VkMemoryBarrier *memory;
+    uint32_t bufferCount;
+    const VkBufferMemoryBarrier *buffers;
+};
+void recordBarriers(DeviceSync &, VkCommandBuffer, const PipelineBarrier &);
+// Subpass dependencies may order anything, and are not followed.
+void recordAll(DeviceSync &, VkCommandBuffer);
+void recordBarriers(DeviceSync &, VkCommandBuffer, const VkDependencyInfo &);
+void recordSet(DeviceSync &, VkCommandBuffer, VkEvent);
+void recordReset(DeviceSync &, VkCommandBuffer, VkEvent);
+void recordWait(DeviceSync &, VkCommandBuffer, uint32_t, const VkEvent *, const PipelineBarrier &);
+void recordWait(DeviceSync &, VkCommandBuffer, uint32_t, const VkEvent *, const VkDependencyInfo *);
+
+// What the host learned by a wait that succeeded. `all`: of all fences, and not of some.
+void fencesComplete(DeviceSync &, VkDevice, uint32_t, const VkFence *, bool all);
+void semaphoresReached(DeviceSync &, VkDevice, const VkSemaphoreWaitInfo &);
+// Before a structure or a buffer is destroyed. `rule`: that commands which refer to it must be complete.
+void checkDestruction(DeviceSync &, const char *command, const char *rule, const ValidatedStructure *);
+void checkDestruction(DeviceSync &, const ValidatedBuffer *);
+void checkFree(DeviceSync &, VkDeviceMemory);
+
+// --- For the files of this folder.
+
+// Memory, and what a message names for it.
+struct Location {
+    Range range; // empty: unknown, or of no interest
+    bool exclusive = false;
+    ObjectHandle object;
+};
+
+// The first bytes of a structure, which nothing but the structure accesses: how much of its size commands access is not
+// known, and sizes may overlap.
+Location locationOf(const ValidatedStructure *structure);
+Location locationAt(const DeviceModel &device, VkDeviceAddress address, VkDeviceSize size);
+// Of buffers that structures or their builds may access; empty for others.
+Location locationIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize size);
+// The same for any buffer.
+Range rangeIn(const DeviceModel &device, VkBuffer buffer, VkDeviceSize offset, VkDeviceSize size);
+
+// Such as "vkCmdBuildMicromapsEXT: pInfos[2]".
+std::string placeOf(const Access &access);
+void report(DeviceModel &device, const Hazard &hazard);
+// Structures that a submitted command refers to.
+void reportDestroyed(DeviceModel &device, const char *command,
+                     const std::vector<std::shared_ptr<ValidatedStructure>> &structures);
+
+} // namespace sync
+} // namespace vellum::layer
