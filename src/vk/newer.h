@@ -137,7 +137,7 @@ using PFN_vkUnmapMemory2KHR = VkResult(VKAPI_PTR *)(VkDevice device, const VkMem
 
 #ifndef VK_EXT_shader_object
 VK_DEFINE_NON_DISPATCHABLE_HANDLE(VkShaderEXT)
-enum VkShaderCodeTypeEXT {
+enum VkShaderCodeTypeEXT : int {
     VK_SHADER_CODE_TYPE_BINARY_EXT = 0,
     VK_SHADER_CODE_TYPE_SPIRV_EXT = 1,
 };
@@ -301,7 +301,7 @@ inline constexpr VkDeviceQueueCreateFlagBits VK_DEVICE_QUEUE_CREATE_INTERNALLY_S
 #endif
 
 #ifndef VK_QCOM_queue_perf_hint
-enum VkPerfHintTypeQCOM {
+enum VkPerfHintTypeQCOM : int {
     VK_PERF_HINT_TYPE_DEFAULT_QCOM = 0,
     VK_PERF_HINT_TYPE_FREQUENCY_MIN_QCOM = 1,
     VK_PERF_HINT_TYPE_FREQUENCY_MAX_QCOM = 2,
@@ -319,7 +319,7 @@ using PFN_vkQueueSetPerfHintQCOM = VkResult(VKAPI_PTR *)(VkQueue queue, const Vk
 
 #ifndef VK_EXT_layer_settings
 #define VK_EXT_LAYER_SETTINGS_EXTENSION_NAME "VK_EXT_layer_settings"
-enum VkLayerSettingTypeEXT {
+enum VkLayerSettingTypeEXT : int {
     VK_LAYER_SETTING_TYPE_BOOL32_EXT = 0,
     VK_LAYER_SETTING_TYPE_INT32_EXT = 1,
     VK_LAYER_SETTING_TYPE_INT64_EXT = 2,

@@ -4,7 +4,6 @@
 
 - structure_sizes.h: the size of every structure with an sType. The layer copies pNext chains of applications that are newer
   than the headers it was built with.
-- structure_types.h: the sType of every structure that the headers at hand declare.
 - command_aliases.h: names of commands before they were promoted.
 - newer.h: declarations that the oldest supported headers (1.3.239) lack, under their own names. NEWER lists them.
 
@@ -53,7 +52,6 @@ NEWER = {
 }
 # The layer does not handle the pipelines of VK_NV_ray_tracing, so this one is a command of its own to it.
 NO_ALIASES = {"vkGetRayTracingShaderGroupHandlesNV"}
-OLDEST = ("VK_VERSION_1_0", "VK_VERSION_1_1", "VK_VERSION_1_2", "VK_VERSION_1_3") # of the versions, in the oldest headers
 WIDTHS = {"void": 1, "char": 1, "float": 4, "double": 8, "int": 4, "size_t": 8, "int8_t": 1, "uint8_t": 1, "int16_t": 2,
           "uint16_t": 2, "int32_t": 4, "uint32_t": 4, "int64_t": 8, "uint64_t": 8}
 # Types of window systems and other interfaces, on 64-bit systems.
@@ -235,34 +233,6 @@ inline constexpr StructureSize kStructureSizes[] = {{
 """
 
 
-def structure_types(registry):
-    aliases = {}  # a structure: its name in an extension
-    for name, node in registry.types.items():
-        if node.get("alias") and name in registry.required:
-            aliases.setdefault(registry.original(name, registry.types), name)
-    always = {registry.original(name, registry.types): name for names in NEWER.values() for name in names.split()
-              if name in registry.types}
-    blocks = {}  # condition: lines
-    for value, name, _ in registry.structures():
-        guard = registry.required[name]
-        condition = "" if name in always or guard in OLDEST else f"#ifdef {guard}"
-        blocks.setdefault(condition, []).append(f"VELLUM_TYPE({always.get(name, name)}, {value})")
-        if condition.startswith("#ifdef VK_VERSION") and name in aliases:
-            condition = f"#if defined({registry.required[aliases[name]]}) && !defined({guard})"
-            blocks.setdefault(condition, []).append(f"VELLUM_TYPE({aliases[name]}, {value})")
-    lines = []
-    for condition, block in sorted(blocks.items()):
-        lines += [condition, *block, "#endif"] if condition else block
-    return head(registry, "The sType of each structure that the headers declare.") + """#include "vk/newer.h"
-
-template <typename T>
-struct StructureType;
-// clang-format off
-#define VELLUM_TYPE(name, number) \\
-    template <> struct StructureType<name> { static constexpr auto value = static_cast<VkStructureType>(number); };
-""" + "\n".join(lines) + "\n#undef VELLUM_TYPE\n// clang-format on\n"
-
-
 def command_aliases(registry):
     rows = "".join(f'    {{"{alias}", "{command}"}},\n' for alias, command in registry.aliases().items())
     return head(registry, "Names of commands before they were promoted to another extension or to Vulkan itself.") + f"""\
@@ -318,7 +288,7 @@ class Declarations:
             values = self.registry.enums[node.get("name")].findall("enum")
             rows = "".join(f"    {v.get('name')} = {self.registry.value(v.get('name'))},\n" for v in values
                            if not v.get("alias"))
-            return f"enum {name} {{\n{rows}}};\n"
+            return f"enum {name} : int {{\n{rows}}};\n"  # drivers return other values, too
         members = "".join(f"    {text_of(m)};\n" for m in node.findall("member") if for_vulkan(m))
         text = self.of(f"struct {name} {{\n{members}}};\n")
         constant = self.registry.s_type(node.get("name"))
@@ -357,7 +327,7 @@ def newer(registry):
 def main():
     registry = Registry(sys.argv[1])
     folder = pathlib.Path(__file__).resolve().parent
-    for name in ("structure_sizes", "structure_types", "command_aliases", "newer"):
+    for name in ("structure_sizes", "command_aliases", "newer"):
         (folder / f"{name}.h").write_text(globals()[name](registry), encoding="utf-8")
 
 

@@ -196,7 +196,7 @@ TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
     set("VELLUM_STRICT", "maybe");
     const VkBool32 yes = VK_TRUE;
     const VkLayerSettingEXT settings[]{{kLayerName, "dump_shaders", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 1, &yes},
-                                       {kLayerName, "validate", 99, 1, &yes}};
+                                       {kLayerName, "validate", static_cast<VkLayerSettingTypeEXT>(99), 1, &yes}};
     const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 2, settings};
     const std::string head = "vellum: VELLUM-setting: ";
     const std::string tail = "; the setting is ignored\n";

@@ -259,7 +259,7 @@ TEST_F(SyncUnvalidated, TensorBarriers)
                                            kMicromapRead,
                                            VK_QUEUE_FAMILY_IGNORED,
                                            VK_QUEUE_FAMILY_IGNORED,
-                                           1};
+                                           VK_NULL_HANDLE};
     const std::array barriers{barrier, barrier};
     const VkTensorDependencyInfoARM several{VK_STRUCTURE_TYPE_TENSOR_DEPENDENCY_INFO_ARM, &barrier, 2, barriers.data()};
     auto info = vkInit<VkDependencyInfo>({.pNext = &several});

@@ -19,7 +19,7 @@ namespace vellum::layer
 struct DeviceModel {
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;
-    const DeviceTable &next = driver.next;
+    DeviceTable &next = driver.next;
     Checks checks{};       // `gpu` only where data on the GPU can be checked
     bool emulated = false; // the implementation is the layer's emulation, which reports some of the rules itself
     RuleLimits limits{};
