@@ -206,6 +206,18 @@ const Break kBreaks[] = {
          c.steps = {stepOf(Step::Kind::CompactTop, 0)};
          c.steps[0].exact = true;
      })},
+    {"has no addresses of structures or micromaps", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::CloneTop, 0)};
+         c.steps[0].relocated = true;
+     })},
+    {"lack sizes for builds on the host", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.scene.micromaps[*use.micromap].onHost = false;
+         c.build.micromaps = BuildCommand::Host;
+     })},
+    {"height and depth are not 1 to 64", kAlwaysPossible([](Case &c) { c.trace.launch.depth = 0; })},
+    {"need a ray generation shader", kAlwaysPossible([](Case &c) {
+         c.trace = {.method = TracePlan::Method::Pipeline, .byAddress = true, .callables = true};
+     })},
     {"is not together", kAlwaysPossible([](Case &c) {
          c.build.together = false;
          c.build.mixed = true;

@@ -226,6 +226,8 @@ private:
             if (micromap.triangleStride != sizeof(VkMicromapTriangleEXT))
                 more += fmt::format(", triangleArrayStride {}", micromap.triangleStride);
             more += describeUsage(micromap.usagePointers, micromap.usage);
+            if (micromap.onHost)
+                more += ", sizes for HOST_OR_DEVICE";
             if (micromap.layout != 0)
                 more += fmt::format(", data of triangles: {}", wordsOf(micromap.layout, kDataNames));
             number("{} builds micromap {}, flags {}{}{}:{}", micromapBuild(), i,
@@ -269,7 +271,8 @@ private:
         if (case_.build.skippedInstances > 0)
             line("     primitiveOffset skips {} before them.", case_.build.skippedInstances);
         if (case_.build.otherTop)
-            line("     The same command builds another top level, of the same instances in reverse order without flags.");
+            line("     The same command builds another top level, of the same instances in reverse order without "
+                 "flags.");
     }
     void writeInstances(const std::vector<oracle::Instance> &instances)
     {
@@ -350,8 +353,11 @@ std::string Account::commandsOf(const Step &step) const
                            t);
     case Kind::ReloadObject:
         return fmt::format("vkCmdCopyAccelerationStructureToMemoryKHR serializes object {}, and "
-                           "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure.",
-                           t);
+                           "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure{}.",
+                           t,
+                           step.relocated ? ", after its micromaps were serialized and deserialized to new ones, whose "
+                                            "addresses are put into the data"
+                                          : "");
     case Kind::UpdateObject:
         return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}.", t, elsewhere);
     case Kind::RebuildObject: return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again.", t);
@@ -387,7 +393,9 @@ std::string Account::commandsOf(const Step &step) const
                            step.micromapUse ? describe(*step.micromapUse) : "no micromap");
     case Kind::CloneTop: return fmt::format("vkCmdCopyAccelerationStructureKHR clones the top level{}.", exact);
     case Kind::CompactTop: return "vkCmdCopyAccelerationStructureKHR compacts the top level.";
-    case Kind::ReloadTop: return "The top level is serialized and deserialized to a new structure.";
+    case Kind::ReloadTop:
+        return fmt::format("The top level is serialized and deserialized to a new structure{}.",
+                           step.relocated ? ", with the addresses of clones of its objects in the data" : "");
     default: {
         return fmt::format("vkCmdBuildAccelerationStructuresKHR updates the top level{}:", elsewhere) +
                describe(step.instances);
@@ -477,7 +485,9 @@ void Account::writeTracePlan()
         case TracePlan::Query::Functions: line("The ray query is a parameter of functions."); break;
         case TracePlan::Query::Again: line("The ray query was initialized before, and is initialized again."); break;
         case TracePlan::Query::Getters: line("The shader also reads origins, directions and transforms."); break;
-        case TracePlan::Query::Sites: line("The ray query is initialized in two places, of which rays take one."); break;
+        case TracePlan::Query::Sites:
+            line("The ray query is initialized in two places, of which rays take one.");
+            break;
         }
         if (trace.shaderObjects)
             line("The shader is a shader object.");
@@ -487,6 +497,10 @@ void Account::writeTracePlan()
         line("A {} shader traces the rays, in recursion.", nameOf(kFromNames, trace.from));
     if (trace.withoutMicromaps)
         line("The pipeline lacks the micromap bit.");
+    if (trace.creation != 0)
+        line("Pipelines are created: {}.", wordsOf(trace.creation, kCreationNames));
+    if (trace.callables)
+        line("The ray generation shader executes a callable shader as well.");
     writePipeline(trace.pipeline);
     for (const PipelinePlan &pipeline : trace.otherPipelines) {
         line("Another pipeline traces the rays afterwards, by the same command buffer:");
@@ -556,8 +570,13 @@ void Account::writeRay()
     if (case_.trace.boundFirst)
         line("What traces was bound before the builds of the same command buffer.");
     writeTracePlan();
-    if (case_.trace.launch != Launch::Direct)
-        line("The command is vkCmdTraceRaysIndirect{}KHR.", case_.trace.launch == Launch::Indirect2 ? "2" : "");
+    if (const LaunchPlan &launch = case_.trace.launch; launch != LaunchPlan())
+        line("The command is vkCmdTraceRays{}KHR, height {}, depth {}{}.",
+             launch.command == Launch::Direct     ? ""
+             : launch.command == Launch::Indirect ? "Indirect"
+                                                  : "Indirect2",
+             launch.height, launch.depth,
+             launch.offset > 0 ? fmt::format(", {} bytes before its parameters", 4 * launch.offset) : "");
     line("origin ({}), direction ({}), t {} to {}, cull mask {:#x}, flags {}; candidates are confirmed: {}.",
          fmt::join(ray.origin, ", "), fmt::join(ray.direction, ", "), ray.tMin, ray.tMax, ray.cullMask,
          namesOf(ray.flags, kRayFlagNames), nameOf(kRuleNames, ray.rule));

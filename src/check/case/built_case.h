@@ -3,6 +3,7 @@
 // arena is compared with what it was before each operation: nothing but what the operation names has changed.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -74,7 +75,8 @@ private:
                                             VkDeviceSize size);
     template <class T>
     [[nodiscard]] std::unique_ptr<T> copied(const Structure &source, const Step &step);
-    void reloadObject(Bottom &bottom);
+    void reloadObject(const Step &step);
+    void reloadTop(const Step &step);
     void buildObject(uint32_t object, BuildMode mode);
     // Returns what is destroyed when the build is done.
     [[nodiscard]] std::unique_ptr<Blas> prepareObject(uint32_t object, BuildMode mode);
@@ -83,9 +85,14 @@ private:
     void moveObject(Bottom &moved, uint32_t built);
     void setStates(Micromap &micromap, const Step &step);
     [[nodiscard]] std::unique_ptr<Micromap> copyOfMicromap(const Micromap &source, const Step &step);
+    [[nodiscard]] Guarded serialized(const Micromap &micromap, const Step &step);
+    void deserialize(const Guarded &data, Micromap &target, const Step &step);
     [[nodiscard]] std::unique_ptr<Micromap> reloadMicromap(std::unique_ptr<Micromap> source, const Step &step);
-    void checkVersion(const uint8_t *data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *));
-    void reload(const Structure &source, Structure &target);
+    void checkSerialized(const Guarded &data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *));
+    [[nodiscard]] Guarded serialized(const Structure &source);
+    using Addresses = std::map<VkDeviceAddress, VkDeviceAddress>; // the old ones, the new ones
+    void replaceAddresses(const Guarded &data, bool top, const Addresses &addresses);
+    void deserialize(const Guarded &data, Structure &target);
 
     void runOnThreads(const Work &work);
     // Records as the case does everything but rays: within conditional rendering, or not.

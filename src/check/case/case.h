@@ -24,7 +24,7 @@ enum class BuildCommand {
 struct BuildPlan {
     BuildCommand micromaps = BuildCommand::Device;
     BuildCommand structures = BuildCommand::Device;
-    bool together = false;         // all micromaps by one command, all bottom-level structures by another
+    bool together = false; // all micromaps by one command, all bottom-level structures by another
     // With `together` and VK_KHR_opacity_micromap: structures without micromaps are built by the command that builds
     // the micromaps.
     bool mixed = false;
@@ -39,7 +39,7 @@ struct BuildPlan {
     uint32_t spareTriangles = 0;
     uint32_t spareInstances = 0;
     uint32_t skippedInstances = 0; // garbage before the first instance, which primitiveOffset skips
-    bool otherTop = false;         // the command that builds the top level builds another one of other instances as well
+    bool otherTop = false; // the command that builds the top level builds another one of other instances as well
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps
@@ -49,7 +49,7 @@ struct Step {
         // On a bottom-level structure. The old one is destroyed afterwards.
         CloneObject,
         CompactObject,
-        ReloadObject, // serialized and deserialized
+        ReloadObject, // serialized and deserialized; `relocated`: the micromaps that it uses as well
         UpdateObject, // with the same data
         RebuildObject,
         MoveObject,     // cloned, and `other` built in its memory by the same submission
@@ -66,7 +66,7 @@ struct Step {
         // On the top level.
         CloneTop,
         CompactTop,
-        ReloadTop,
+        ReloadTop, // `relocated`: refers to clones of its objects, whose originals are destroyed
         UpdateTop, // updated with `instances`
         Count
     };
@@ -77,6 +77,8 @@ struct Step {
     // Updates write a new structure (dstAccelerationStructure is not srcAccelerationStructure), and the old one is
     // destroyed afterwards.
     bool outOfPlace = false;
+    // Serialized and deserialized with other addresses in the data. VK_KHR_opacity_micromap has those of micromaps.
+    bool relocated = false;
     bool exact = false;    // a clone is first made as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports
     bool inPlace = false;  // by the same handle
     bool host = false;     // On a micromap: by host commands
@@ -181,7 +183,10 @@ struct TracePlan {
     From from = From::RayGeneration;
     bool flags2 = false;      // VkPipelineCreateFlags2CreateInfo
     bool unusedStage = false; // a stage that no group uses
-    Launch launch = Launch::Direct;
+    LaunchPlan launch;
+    uint32_t creation = 0; // of all pipelines: bits of PipelineCreation
+    // The ray generation shader executes a callable shader: From::RayGeneration, Flags::RunTime, descriptors, no parts.
+    bool callables = false;
     bool withoutMicromaps = false; // without the micromap bit: sceneRule
 
     bool operator==(const TracePlan &) const = default;
@@ -205,11 +210,11 @@ oracle::Scene sceneAfter(const Case &c);
 struct Verdict {
     std::string cause; // one line without numbers that vary
     std::string detail;
-    uint64_t rays = 0;               // that were compared with the oracle
-    std::optional<uint32_t> ray;     // the first that is wrong
-    std::vector<uint32_t> wrongRays; // all that are wrong
+    uint64_t rays = 0;                 // that were compared with the oracle
+    std::optional<uint32_t> ray;       // the first that is wrong
+    std::vector<uint32_t> wrongRays;   // all that are wrong
     oracle::Substitution substitution; // that lossy builds must have made
-    bool skipped = false;            // the device lacks what the case needs, which `cause` says
+    bool skipped = false;              // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };
 // Runs it. Throws what checkResult throws: VK_ERROR_DEVICE_LOST, for one.

@@ -29,6 +29,7 @@ void ofMicromap(Archive &archive, T &micromap)
     archive.value("usagePointers", micromap.usagePointers, false);
     archive.bits("usage", micromap.usage, kUsageNames);
     archive.bits("layout", micromap.layout, kDataNames);
+    archive.value("onHost", micromap.onHost, false);
     archive.list("triangles", micromap.triangles, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
 }
 
@@ -149,6 +150,7 @@ void ofStep(Archive &archive, T &step)
     archive.value("other", step.other, 0u);
     archive.value("update", step.update, false);
     archive.value("outOfPlace", step.outOfPlace, false);
+    archive.value("relocated", step.relocated, false);
     archive.value("exact", step.exact, false);
     archive.value("inPlace", step.inPlace, false);
     archive.value("host", step.host, false);
@@ -249,7 +251,12 @@ void ofTrace(Archive &archive, T &trace)
     archive.name("from", trace.from, kFromNames, standard.from);
     archive.value("flags2", trace.flags2, standard.flags2);
     archive.value("unusedStage", trace.unusedStage, standard.unusedStage);
-    archive.name("launch", trace.launch, kLaunchNames, standard.launch);
+    archive.name("launch", trace.launch.command, kLaunchNames, standard.launch.command);
+    archive.value("height", trace.launch.height, standard.launch.height);
+    archive.value("depth", trace.launch.depth, standard.launch.depth);
+    archive.value("commandOffset", trace.launch.offset, standard.launch.offset);
+    archive.bits("creation", trace.creation, kCreationNames);
+    archive.value("callables", trace.callables, standard.callables);
     archive.value("withoutMicromaps", trace.withoutMicromaps, standard.withoutMicromaps);
 }
 

@@ -161,9 +161,13 @@ inline constexpr std::array kPipelineFlagNames{
         "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR"},
     Bit{VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR,
         "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR"},
-    Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR,
-        "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR"},
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR, "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR"},
     Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR, "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR"},
+};
+inline constexpr std::array kCreationNames{
+    Bit{kCreateDeferred, "deferred"},
+    Bit{kCreateCached, "cached"},
+    Bit{kCreateSeveral, "several"},
 };
 inline constexpr std::array kLaunchNames{
     Name<Launch>{Launch::Direct, "direct"},

@@ -305,6 +305,8 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     rule(step.update || step.kind == Kind::UpdateObject || step.kind == Kind::UpdateTop || !step.outOfPlace, where,
          "is no update");
     rule(step.kind == Kind::CloneObject || step.kind == Kind::CloneTop || !step.exact, where, "is no clone");
+    rule(step.kind == Kind::ReloadObject || step.kind == Kind::ReloadTop || !step.relocated, where,
+         "has no addresses of structures or micromaps");
     const Target target = targetOf(step.kind);
     rule(target == Target::Micromap || !step.host, where, "has no host command");
     rule(step.host || !step.deferred, where, "only host commands are deferred");
@@ -405,7 +407,7 @@ void checkQueryTarget(const Case &c, const QueryPlan &plan, const QueryTarget &t
     using Property = QueryPlan::Property;
     rule(isNamed(kQueryTargetNames, target.of), where, "no such target");
     const bool micromap = target.of == QueryTarget::Of::Micromap;
-    rule(target.number < (micromap ? c.scene.micromaps.size()
+    rule(target.number < (micromap                               ? c.scene.micromaps.size()
                           : target.of == QueryTarget::Of::Object ? c.scene.objects.size()
                                                                  : 1),
          where, "{} {} does not exist", nameOf(kQueryTargetNames, target.of), target.number);
@@ -550,7 +552,16 @@ void checkTrace(const Case &c)
     rule(isNamed(kModeNames, trace.mode), "trace.mode", "no such mode");
     rule(isNamed(kQueryNames, trace.query), "trace.query", "no such use");
     rule(isNamed(kFromNames, trace.from), "trace.from", "no such stage");
-    rule(isNamed(kLaunchNames, trace.launch), "trace.launch", "no such command");
+    rule(isNamed(kLaunchNames, trace.launch.command), "trace.launch", "no such command");
+    rule(trace.launch.height >= 1 && trace.launch.height <= 64 && trace.launch.depth >= 1 && trace.launch.depth <= 64 &&
+             trace.launch.offset <= 1000,
+         "trace.launch", "height and depth are not 1 to 64, or the offset is too large");
+    rule((trace.creation & ~allOf(kCreationNames)) == 0, "trace.creation", "no such way");
+    rule(!trace.callables ||
+             (trace.from == TracePlan::From::RayGeneration && !trace.byAddress &&
+              trace.flags == TracePlan::Flags::RunTime && trace.pipeline.parts.empty() &&
+              std::ranges::all_of(trace.otherPipelines, [](const PipelinePlan &plan) { return plan.parts.empty(); })),
+         "trace.callables", "need a ray generation shader with flags of run time and a descriptor, and no parts");
     const bool constant = trace.flags == TracePlan::Flags::Specialized || trace.flags == TracePlan::Flags::Literal;
     rule(traced || constant || trace.flags == TracePlan::Flags::RunTime, "trace.flags", "are those of pipelines");
     rule(trace.query == TracePlan::Query::Plain ||
@@ -573,6 +584,10 @@ void checkPlans(const Case &c)
          "build.micromaps", "are built on device or host");
     rule(isNamed(kBuildCommandNames, c.build.structures) && c.build.structures != BuildCommand::Host,
          "build.structures", "are built on the device");
+    // VkMicromapBuildSizesInfoEXT: sizes are for the build type that they were asked for.
+    rule((c.build.micromaps != BuildCommand::Host && std::ranges::none_of(c.steps, &Step::host)) ||
+             std::ranges::all_of(c.scene.micromaps, &oracle::SceneMicromap::onHost),
+         "scene.micromaps", "lack sizes for builds on the host");
     rule(c.build.threads >= 1 && c.build.threads <= kMostThreads, "build.threads", "{} is not 1 to {}", c.build.threads,
          kMostThreads);
     rule(c.trace.method == TracePlan::Method::Query ||

@@ -75,6 +75,24 @@ VulkanError::VulkanError(VkResult result, const char *what)
 {
 }
 
+VkResult deferred(const Device &gpu, const std::function<VkResult(VkDeferredOperationKHR)> &command)
+{
+    VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+    CHECK_VK(gpu.vk().CreateDeferredOperationKHR(gpu.device(), nullptr, &operation));
+    VkResult result = command(operation);
+    if (result == VK_OPERATION_DEFERRED_KHR) {
+        do {
+            result = gpu.vk().DeferredOperationJoinKHR(gpu.device(), operation);
+        } while (result == VK_THREAD_IDLE_KHR);
+        if (result == VK_SUCCESS)
+            result = gpu.vk().GetDeferredOperationResultKHR(gpu.device(), operation);
+    } else if (result == VK_OPERATION_NOT_DEFERRED_KHR) {
+        result = VK_SUCCESS;
+    }
+    gpu.vk().DestroyDeferredOperationKHR(gpu.device(), operation, nullptr);
+    return result;
+}
+
 void checkResult(VkResult result, const char *what)
 {
     if (result != VK_SUCCESS)

@@ -374,6 +374,8 @@ private:
 
 // Throws VulkanError, with what was called, for everything but VK_SUCCESS.
 void checkResult(VkResult result, const char *what);
+// Runs a command as a deferred operation, and joins it. Returns its result.
+VkResult deferred(const Device &gpu, const std::function<VkResult(VkDeferredOperationKHR)> &command);
 #define CHECK_VK(call) ::vellum::check::checkResult((call), #call)
 
 // Everything before it happens before everything after it, and before the host reads.

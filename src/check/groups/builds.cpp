@@ -20,8 +20,8 @@ void aimAt(oracle::Scene &scene, const oracle::Instance &instance, const oracle:
     for (size_t i = 0; i < 3; ++i) {
         double point = double{instance.transform.matrix[i][3]};
         for (size_t k = 0; k < 3; ++k) {
-            const double inObject = corners[0][k] + place[0] * (corners[1][k] - corners[0][k]) +
-                                    place[1] * (corners[2][k] - corners[0][k]);
+            const double inObject =
+                corners[0][k] + place[0] * (corners[1][k] - corners[0][k]) + place[1] * (corners[2][k] - corners[0][k]);
             point += double{instance.transform.matrix[i][k]} * inObject;
         }
         if (!std::isfinite(point)) // of an inactive triangle
@@ -143,6 +143,7 @@ Case hostBuilds(Random &random, const DeviceLimits &limits)
 {
     Case c = builds(random, limits);
     c.build.micromaps = BuildCommand::Host;
+    buildableOnHost(c.scene);
     return c;
 }
 

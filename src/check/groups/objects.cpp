@@ -45,11 +45,11 @@ Case serialization(Random &random, const DeviceLimits &limits)
 Case updates(Random &random, const DeviceLimits &limits)
 {
     // Updates, and between them what an updated structure may have come from
-    constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject,    Kind::UpdateObject,   Kind::SetStates,
-                               Kind::SetStates,     Kind::SetIndices,      Kind::SetIndices,     Kind::UpdateTop,
-                               Kind::UpdateTop,     Kind::RebuildObject,   Kind::RebuildObjects, Kind::CloneObject,
-                               Kind::CompactObject, Kind::ReloadObject,    Kind::CloneMicromap,  Kind::CompactMicromap,
-                               Kind::CloneTop,      Kind::CompactTop,      Kind::ReloadTop};
+    constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject,  Kind::UpdateObject,   Kind::SetStates,
+                               Kind::SetStates,     Kind::SetIndices,    Kind::SetIndices,     Kind::UpdateTop,
+                               Kind::UpdateTop,     Kind::RebuildObject, Kind::RebuildObjects, Kind::CloneObject,
+                               Kind::CompactObject, Kind::ReloadObject,  Kind::CloneMicromap,  Kind::CompactMicromap,
+                               Kind::CloneTop,      Kind::CompactTop,    Kind::ReloadTop};
     Case c = withSteps(random, limits, kinds, 6);
     for (Step &step : c.steps)
         step.update |= targetOf(step.kind) == Target::Micromap && chance(random, 50);
@@ -95,6 +95,7 @@ Case hostCopies(Random &random, const DeviceLimits &limits)
     Case c = withSteps(random, limits, kinds, 4);
     if (chance(random, 50))
         c.build.micromaps = BuildCommand::Host;
+    buildableOnHost(c.scene);
     for (Step &step : c.steps) {
         step.host = chance(random, 75);
         step.deferred = step.host && chance(random, 40);
@@ -116,13 +117,14 @@ constexpr std::array kGroups{
           "vkCopyMicromapEXT, vkCopyMicromapToMemoryEXT, vkCopyMemoryToMicromapEXT, vkWriteMicromapsPropertiesEXT; "
           "Deferred Host Operations; micromapHostCommands",
           120, runGroup<hostCopies>, 120},
-    Group{"updates",
-          "updates in place and to another structure, with other states, other indices and the same data, after copies, "
-          "compaction and deserialization",
-          "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
-          "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
-          "ALLOW_OPACITY_MICROMAP_DATA_UPDATE; srcAccelerationStructure other than dstAccelerationStructure",
-          200, runGroup<updates>, 160},
+    Group{
+        "updates",
+        "updates in place and to another structure, with other states, other indices and the same data, after copies, "
+        "compaction and deserialization",
+        "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
+        "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
+        "ALLOW_OPACITY_MICROMAP_DATA_UPDATE; srcAccelerationStructure other than dstAccelerationStructure",
+        200, runGroup<updates>, 160},
     Group{"rebuilds", "structures of all kinds that are built again by one command, between others that stay",
           "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
           runGroup<rebuilds>, 80},

@@ -158,6 +158,7 @@ void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits
     for (oracle::SceneMicromap &micromap : scene.micromaps) {
         micromap.usage = some(50, allOf(kUsageNames));
         micromap.layout = some(50, allOf(kDataNames));
+        micromap.onHost = limits.hostCommands && chance(random, 30);
     }
     for (oracle::Object &object : scene.objects) {
         object.flags = randomFlags(random, limits);
@@ -285,9 +286,12 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
     case Kind::CloneTop:
     case Kind::CompactTop:
     case Kind::ReloadTop:
-        return Step{.kind = kind, .exact = kind == Kind::CloneTop && limits.maintenance && chance(random, 40)};
+        return Step{.kind = kind,
+                    .relocated = kind == Kind::ReloadTop && chance(random, 50),
+                    .exact = kind == Kind::CloneTop && limits.maintenance && chance(random, 40)};
     default:
         step.exact = kind == Kind::CloneObject && limits.maintenance && chance(random, 40);
+        step.relocated = kind == Kind::ReloadObject && chance(random, 50);
         step.update &= kind == Kind::RebuildObjects;
         step.outOfPlace &= step.update || kind == Kind::UpdateObject;
         step.target = below(random, static_cast<uint32_t>(scene.objects.size()));

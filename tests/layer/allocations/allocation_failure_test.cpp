@@ -12,11 +12,18 @@
 #include "entry/micromap_device.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
+#include "harness/program/labels.h"
 #include "pipelines/pipeline_binaries.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Fail/DeferredAllocations.*", "one_api"},
+                         {"Fail/ShaderObjectAllocations.*", "one_api"},
+                         {"Fail/ValidatedAllocations.*", "one_api"},
+                         {"Fail/BinaryAllocations.*", "one_api"},
+                         {"Fail/TranslatedAllocations.*", "one_api"}};
 
 using namespace vt;
 

@@ -21,7 +21,7 @@ using namespace vt;
 namespace
 {
 
-const vt::Labels kLabels{{"Probes.*", "forcing"}, {"SynchronizedQueue.*", "one_api"}};
+const vt::Labels kLabels{{"Probes.*", "threads forcing"}, {"SynchronizedQueue.*", "threads one_api"}};
 
 // On a fresh device: nothing was tried yet. The validation layer below checks who uses the queue at the same time.
 class Probes : public GpuTest

@@ -290,6 +290,7 @@ void simplifyMicromaps(Attempts &attempts)
                 edits.emplace_back([i, bit](Case &c) { c.scene.micromaps[i].flags &= ~bit; });
         edits.emplace_back([i](Case &c) { c.scene.micromaps[i].triangleStride = sizeof(VkMicromapTriangleEXT); });
         edits.emplace_back([i](Case &c) { c.scene.micromaps[i].usagePointers = false; });
+        edits.emplace_back([i](Case &c) { c.scene.micromaps[i].onHost = false; });
         for (const Bit &bit : kUsageNames)
             edits.emplace_back([i, &bit](Case &c) { c.scene.micromaps[i].usage &= ~bit.value; });
         for (const Bit &bit : kDataNames)

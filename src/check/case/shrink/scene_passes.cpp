@@ -420,7 +420,10 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.shaderObjects = false; },
         [](Case &c) { c.trace.firstDestroyed = false; },
         [](Case &c) { c.trace.unusedStage = false; },
-        [](Case &c) { c.trace.launch = Launch::Direct; },
+        [](Case &c) { c.trace.launch.command = Launch::Direct; },
+        [](Case &c) { c.trace.launch = {.command = c.trace.launch.command}; },
+        [](Case &c) { c.trace.creation = 0; },
+        [](Case &c) { c.trace.callables = false; },
         [](Case &c) { c.trace.byAddress = false; },
         [](Case &c) { c.trace.inlineModules = false; },
         [](Case &c) { c.trace.from = TracePlan::From::RayGeneration; },
@@ -429,7 +432,8 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
-        for (bool Step::*const flag : {&Step::outOfPlace, &Step::exact, &Step::update, &Step::inPlace, &Step::deferred, &Step::host})
+        for (bool Step::*const flag : {&Step::outOfPlace, &Step::relocated, &Step::exact, &Step::update, &Step::inPlace,
+                                       &Step::deferred, &Step::host})
             edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
         edits.emplace_back([i](Case &c) { c.steps[i].other = 0; });
         if (targetOf(attempts.best().steps[i].kind) == Target::Top)
@@ -455,6 +459,7 @@ void simplifyPlans(Attempts &attempts)
             if (attempts.attempt([&](Case &c) {
                     c.steps[i].kind = kind;
                     c.steps[i].other = 0;
+                    c.steps[i].relocated = false;
                     c.steps[i].instances.clear();
                 }))
                 break;
