@@ -45,6 +45,9 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .spareInstances = below(random, 3),
                .skippedInstances = below(random, 3)};
     c.build.otherTop = !c.build.single && yes();
+    c.build.unrelated = yes();
+    c.build.secondary = yes();
+    c.build.twice = yes();
     c.build.mixed = c.build.together && yes();
     for (uint32_t i = c.build.single ? 0 : below(random, 3); i > 0; --i)
         if (auto plan = randomQueries(random, c.scene, device))

@@ -266,6 +266,14 @@ private:
             line("     All builds and the rays are in one command buffer.");
         if (case_.build.conditional)
             line("     Builds, copies and queries are within conditional rendering whose predicate is false.");
+        if (case_.build.unrelated)
+            line("     Commands that build several objects build an unrelated top level first; that which builds the "
+                 "top "
+                 "level builds an unrelated object first.");
+        if (case_.build.secondary)
+            line("     Builds, copies and updates are in secondary command buffers.");
+        if (case_.build.twice)
+            line("     Command buffers of builds, copies and updates are submitted twice.");
         if (case_.build.spareInstances > 0)
             line("     ppMaxPrimitiveCounts allows for {} more.", case_.build.spareInstances);
         if (case_.build.skippedInstances > 0)
@@ -329,6 +337,7 @@ void Account::writeQueries(const QueryPlan &plan)
 std::string Account::commandsOf(const Step &step) const
 {
     const uint32_t t = step.target;
+    const char *const mirrored = step.mirrored ? ", with x of all vertices and boxes mirrored" : "";
     const char *const elsewhere = step.outOfPlace ? " to a new structure" : "";
     const char *const exact =
         step.exact ? ", first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports" : "";
@@ -359,8 +368,14 @@ std::string Account::commandsOf(const Step &step) const
                                             "addresses are put into the data"
                                           : "");
     case Kind::UpdateObject:
-        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}.", t, elsewhere);
-    case Kind::RebuildObject: return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again.", t);
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}{}.", t, mirrored,
+                           elsewhere);
+    case Kind::RebuildObject:
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again{}.", t, mirrored);
+    case Kind::ReplaceObject:
+        return fmt::format(
+            "vkCmdBuildAccelerationStructuresKHR builds object {} again, with the geometries of object {}.", t,
+            step.other);
     case Kind::MoveObject:
         return fmt::format(
             "vkCmdCopyAccelerationStructureKHR clones object {}, and object {} is built in its memory by "
@@ -397,7 +412,8 @@ std::string Account::commandsOf(const Step &step) const
         return fmt::format("The top level is serialized and deserialized to a new structure{}.",
                            step.relocated ? ", with the addresses of clones of its objects in the data" : "");
     default: {
-        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates the top level{}:", elsewhere) +
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR {} the top level{}:",
+                           step.kind == Kind::UpdateTop ? "updates" : "builds again", elsewhere) +
                describe(step.instances);
     }
     }
@@ -567,6 +583,8 @@ void Account::writeRay()
     const size_t number = std::min<size_t>(*verdict_.ray, after_.rays.size() - 1);
     const Ray &ray = after_.rays[number];
     line("Ray {} of {}, traced by {}:", number, after_.rays.size(), tracer);
+    if (case_.trace.secondary)
+        line("The commands that trace are in a secondary command buffer.");
     if (case_.trace.boundFirst)
         line("What traces was bound before the builds of the same command buffer.");
     writeTracePlan();

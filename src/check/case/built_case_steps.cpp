@@ -30,6 +30,15 @@ uint64_t numberAt(const uint8_t *bytes, size_t offset)
     return number;
 }
 
+// Whether triangles of the mesh have triangles of the micromap.
+bool showsMicromap(const oracle::Mesh &mesh, uint32_t micromap)
+{
+    for (uint32_t t = 0; mesh.micromap && mesh.micromap->micromap == micromap && t < mesh.triangles(); ++t)
+        if (mesh.micromap->indexOf(t) >= 0)
+            return true;
+    return false;
+}
+
 bool compatible(const Device &gpu, const uint8_t *version)
 {
     const auto info = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = version});
@@ -71,6 +80,7 @@ void BuiltCase::rebuildObjects(const Step &step)
         structures.push_back(&structure);
         writes.insert(writes.end(), {structure.range(), structure.scratchRange()});
     }
+    const std::unique_ptr<Tlas> unrelated = unrelatedTop(writes, structures);
     const StructureBuilds builds(gpu_, structures);
     execute("built again together", writes, [&](VkCommandBuffer commands) { builds.record(commands); });
     for (uint32_t o = parity; o < bottoms_.size(); o += 2)
@@ -133,7 +143,8 @@ void BuiltCase::applyToObject(const Step &step)
     case Kind::CompactObject: bottom.structure = copied<Blas>(*bottom.structure, step); return;
     case Kind::ReloadObject: return reloadObject(step);
     case Kind::UpdateObject: return buildObject(step.target, {true, step.outOfPlace});
-    case Kind::RebuildObject: return buildObject(step.target, {});
+    case Kind::RebuildObject:
+    case Kind::ReplaceObject: return buildObject(step.target, {});
     case Kind::RebuildObjects: return rebuildObjects(step);
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
@@ -148,14 +159,32 @@ void BuiltCase::applyToObject(const Step &step)
     }
 }
 
+// With BuildPlan::mixed, beside the first object that does not use the micromap of that number.
+void BuiltCase::buildMicromapBeside(Micromap &micromap, uint32_t number)
+{
+    OtherBuilds others;
+    Writes writes{micromap.range(), micromap.scratchRange()};
+    const auto object = std::ranges::find_if(scene_.objects, [&](const auto &o) { return !o.uses(number); });
+    if (case_.build.mixed && gpu_.khr() && object != scene_.objects.end()) {
+        const auto o = static_cast<uint32_t>(object - scene_.objects.begin());
+        (void)prepareObject(o, {});
+        const Blas &structure = *bottoms_[o].structure;
+        writes.insert(writes.end(), {structure.range(), structure.scratchRange()});
+        others = {{structure.buildInfo()}, {structure.ranges()}};
+    }
+    execute("micromap built", writes, [&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu_, commands, std::array{MicromapBuild{micromap.buildInfo(), micromap.handle()}},
+                             others);
+    });
+}
+
 void BuiltCase::buildMicromap(Micromap &micromap, const Step &step)
 {
     if (step.host)
         executeOnHost("micromap built on the host", {micromap.range(), micromap.scratchRange()},
                       [&] { micromap.buildOnHost(step.deferred); });
     else
-        execute("micromap built", {micromap.range(), micromap.scratchRange()},
-                [&](VkCommandBuffer commands) { micromap.record(commands); });
+        buildMicromapBeside(micromap, step.target);
     micromap.forgetInput();
 }
 
@@ -293,7 +322,8 @@ Guarded BuiltCase::serialized(const Structure &source)
 
 // Replaces the addresses in the header: those of the bottom-level structures of a top level, or of the micromaps of a
 // bottom-level structure.
-void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses &addresses)
+void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses &addresses,
+                                 std::set<VkDeviceAddress> needed)
 {
     size_t at = kHeaderHandleCount;
     const auto next = [&] {
@@ -305,6 +335,7 @@ void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses 
         for (; count > 0 && at + 8 <= data.size(); --count) {
             const uint64_t address = next();
             const auto found = addresses.find(address);
+            needed.erase(address);
             if (found != addresses.end())
                 std::memcpy(data.bytes() + at - 8, &found->second, 8);
             else if (address != 0)
@@ -312,8 +343,12 @@ void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses 
                                        top ? "top level" : "structure", top ? "objects" : "micromaps", address));
         }
     };
-    if (top)
-        return replace(next());
+    if (top) {
+        replace(next());
+        if (!needed.empty())
+            gpu_.fault("the header of a serialized top level lacks the address of one of its objects");
+        return;
+    }
     constexpr uint64_t kBlockFormat = 0xffffffff;
     const uint64_t blocks = next();
     if (blocks >> 32 != kBlockFormat)
@@ -326,6 +361,8 @@ void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses 
         else
             at += 8 * count;
     }
+    if (!needed.empty())
+        gpu_.fault("the header of a serialized structure lacks the address of one of its micromaps");
 }
 
 void BuiltCase::deserialize(const Guarded &data, Structure &target)
@@ -347,17 +384,20 @@ void BuiltCase::reloadObject(const Step &step)
     const Guarded data = serialized(*bottom.structure);
     std::map<uint32_t, std::unique_ptr<Micromap>> originals;
     Addresses addresses;
+    std::set<VkDeviceAddress> needed;
     for (uint32_t m = 0; step.relocated && gpu_.khr() && m < micromaps_.size(); ++m) {
         if (!object.uses(m))
             continue;
         auto copy = std::make_unique<Micromap>(gpu_, *micromaps_[m], micromaps_[m]->size());
         deserialize(serialized(*micromaps_[m], step), *copy, step);
         addresses[micromaps_[m]->range().address] = copy->range().address;
+        if (std::ranges::any_of(object.meshes, [m](const oracle::Mesh &mesh) { return showsMicromap(mesh, m); }))
+            needed.insert(micromaps_[m]->range().address);
         originals[m] = std::exchange(micromaps_[m], std::move(copy));
         originals[m]->forget();
     }
     if (!addresses.empty())
-        replaceAddresses(data, false, addresses);
+        replaceAddresses(data, false, addresses, needed);
     auto target = std::make_unique<Blas>(gpu_);
     deserialize(data, *target);
     bottom.structure = std::move(target);
@@ -373,6 +413,10 @@ void BuiltCase::reloadTop(const Step &step)
     const Guarded data = serialized(*top_);
     std::vector<std::unique_ptr<Blas>> originals;
     Addresses addresses;
+    std::set<VkDeviceAddress> needed;
+    for (const oracle::Instance &instance : scene_.instances)
+        if (!instance.inactive)
+            needed.insert(bottoms_[instance.object].structure->address());
     for (size_t i = 0; step.relocated && i < bottoms_.size(); ++i) {
         std::unique_ptr<Blas> &structure = bottoms_[i].structure;
         auto clone = copied<Blas>(*structure, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR, structure->size());
@@ -380,7 +424,7 @@ void BuiltCase::reloadTop(const Step &step)
         originals.push_back(std::exchange(structure, std::move(clone)));
     }
     if (!addresses.empty())
-        replaceAddresses(data, true, addresses);
+        replaceAddresses(data, true, addresses, needed);
     auto target = std::make_unique<Tlas>(gpu_);
     deserialize(data, *target);
     top_ = std::move(target);
@@ -396,12 +440,14 @@ void BuiltCase::moveObject(Bottom &moved, uint32_t other)
     auto over = std::make_unique<Blas>(gpu_);
     over->useRoomOf(*moved.structure);
     over->prepare(built.geometries, built.flags);
-    execute("cloned and built over", {clone->range(), over->range(), over->scratchRange()},
-            [&](VkCommandBuffer commands) {
-                recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
-                barrier(commands);
-                over->record(commands);
-            });
+    execute(
+        "cloned and built over", {clone->range(), over->range(), over->scratchRange()},
+        [&](VkCommandBuffer commands) {
+            recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
+            barrier(commands);
+            over->record(commands);
+        },
+        false);
     over->forgetInput();
     if (&moved != &built)
         moved.structure = std::move(clone);
@@ -412,8 +458,8 @@ void BuiltCase::applyToTop(const Step &step)
 {
     const Kind kind = step.kind;
     applyTo(scene_, step);
-    if (kind == Kind::UpdateTop)
-        return updateTop(step.outOfPlace);
+    if (kind == Kind::UpdateTop || kind == Kind::RebuildTop)
+        return buildTopAgain(step);
     if (kind == Kind::ReloadTop)
         return reloadTop(step);
     top_ = copied<Tlas>(*top_, step);

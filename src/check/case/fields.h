@@ -139,6 +139,9 @@ void ofBuild(Archive &archive, T &build)
     archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);
     archive.value("spareInstances", build.spareInstances, standard.spareInstances);
     archive.value("skippedInstances", build.skippedInstances, standard.skippedInstances);
+    archive.value("secondary", build.secondary, standard.secondary);
+    archive.value("twice", build.twice, standard.twice);
+    archive.value("unrelated", build.unrelated, standard.unrelated);
     archive.value("otherTop", build.otherTop, standard.otherTop);
 }
 
@@ -151,6 +154,7 @@ void ofStep(Archive &archive, T &step)
     archive.value("update", step.update, false);
     archive.value("outOfPlace", step.outOfPlace, false);
     archive.value("relocated", step.relocated, false);
+    archive.value("mirrored", step.mirrored, false);
     archive.value("exact", step.exact, false);
     archive.value("inPlace", step.inPlace, false);
     archive.value("host", step.host, false);
@@ -240,6 +244,7 @@ void ofTrace(Archive &archive, T &trace)
     archive.name("mode", trace.mode, kModeNames, standard.mode);
     archive.value("byAddress", trace.byAddress, standard.byAddress);
     archive.value("inlineModules", trace.inlineModules, standard.inlineModules);
+    archive.value("secondary", trace.secondary, standard.secondary);
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
     archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
     archive.name("query", trace.query, kQueryNames, standard.query);

@@ -43,6 +43,7 @@ inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::ReloadObject, "reload-object"},
     Name<Step::Kind>{Step::Kind::UpdateObject, "update-object"},
     Name<Step::Kind>{Step::Kind::RebuildObject, "rebuild-object"},
+    Name<Step::Kind>{Step::Kind::ReplaceObject, "replace-object"},
     Name<Step::Kind>{Step::Kind::MoveObject, "move-object"},
     Name<Step::Kind>{Step::Kind::RenameObject, "rename-object"},
     Name<Step::Kind>{Step::Kind::RebuildObjects, "rebuild-objects"},
@@ -55,6 +56,7 @@ inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::CompactTop, "compact-top"},
     Name<Step::Kind>{Step::Kind::ReloadTop, "reload-top"},
     Name<Step::Kind>{Step::Kind::UpdateTop, "update-top"},
+    Name<Step::Kind>{Step::Kind::RebuildTop, "rebuild-top"},
 };
 static_assert(kStepNames.size() == static_cast<size_t>(Step::Kind::Count));
 

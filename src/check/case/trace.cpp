@@ -138,20 +138,22 @@ private:
                     gpu_.vk().CmdSetRayTracingPipelineStackSizeKHR(commands, tracer.stackSize());
             }
         };
-        gpu_.submit([&](VkCommandBuffer commands) {
-            barrier(commands);
-            if (beside && !plan_.boundFirst)
-                beside(commands);
-            bind(commands, *tracers.front());
-            if (beside && plan_.boundFirst)
-                beside(commands);
-            for (Traces *const tracer : tracers) {
-                if (tracer != tracers.front())
-                    bind(commands, *tracer);
-                tracer->dispatch(commands);
-            }
-            barrier(commands);
-        });
+        gpu_.submit(
+            [&](VkCommandBuffer commands) {
+                barrier(commands);
+                if (beside && !plan_.boundFirst)
+                    beside(commands);
+                bind(commands, *tracers.front());
+                if (beside && plan_.boundFirst)
+                    beside(commands);
+                for (Traces *const tracer : tracers) {
+                    if (tracer != tracers.front())
+                        bind(commands, *tracer);
+                    tracer->dispatch(commands);
+                }
+                barrier(commands);
+            },
+            plan_.secondary);
     }
 
     template <class Judge>
@@ -267,7 +269,7 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     };
     const std::shared_ptr<Tracers> tracers = gpu.kept<Tracers>();
     TracePlan pipelines = plan; // what pipelines depend on
-    pipelines.besideBuild = pipelines.boundFirst = false;
+    pipelines.besideBuild = pipelines.boundFirst = pipelines.secondary = false;
     pipelines.launch = {};
     pipelines.firstDestroyed = false;
     const auto withoutTables = [](PipelinePlan &pipeline) {

@@ -300,7 +300,10 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     rule(step.kind == Kind::SetStates || step.kind == Kind::CloneMicromap || reused || step.states.empty(), where,
          "has states that it does not use");
     rule(step.kind == Kind::SetIndices || !step.micromapUse, where, "has indices that it does not use");
-    rule(step.kind == Kind::UpdateTop || step.instances.empty(), where, "has instances that it does not use");
+    rule(step.kind == Kind::UpdateTop || step.kind == Kind::RebuildTop || step.instances.empty(), where,
+         "has instances that it does not use");
+    rule(step.kind == Kind::UpdateObject || step.kind == Kind::RebuildObject || !step.mirrored, where,
+         "has no vertices of its own");
     rule(step.kind == Kind::SetStates || reused || !step.inPlace, where, "is not in place");
     rule(step.update || step.kind == Kind::UpdateObject || step.kind == Kind::UpdateTop || !step.outOfPlace, where,
          "is no update");
@@ -314,8 +317,11 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
          step.target);
     rule(target != Target::Micromap || step.target < scene.micromaps.size(), where, "micromap {} does not exist",
          step.target);
-    if (step.kind == Kind::MoveObject) {
+    if (step.kind == Kind::MoveObject || step.kind == Kind::ReplaceObject) {
         rule(step.other < scene.objects.size(), where, "object {} does not exist", step.other);
+        rule(step.kind == Kind::MoveObject ||
+                 scene.objects[step.target].hasBoxes() == scene.objects[step.other].hasBoxes(),
+             where, "boxes take the place of triangles");
     } else if (step.kind == Kind::CompactMicromap) {
         // VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502
         rule((scene.micromaps[step.target].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0, where,
@@ -335,10 +341,13 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
         for (size_t i = 0; i < step.instances.size(); ++i) {
             checkInstance(scene, step.instances[i], fmt::format("{}.instances[{}]", where, i));
             // VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667 and its neighbours: what an update must not change.
-            rule(step.instances[i].inactive == scene.instances[i].inactive &&
-                     step.instances[i].object == scene.instances[i].object,
-                 where, "instance {} has another object or is no longer active", i);
+            rule(step.instances[i].inactive == scene.instances[i].inactive, where,
+                 "instance {} becomes active or inactive", i);
         }
+    } else if (step.kind == Kind::RebuildTop) {
+        rule(!step.instances.empty(), where, "has no instances");
+        for (size_t i = 0; i < step.instances.size(); ++i)
+            checkInstance(scene, step.instances[i], fmt::format("{}.instances[{}]", where, i));
     } else if (step.kind == Kind::SetIndices) {
         const std::vector<oracle::Mesh> &meshes = scene.objects[step.target].meshes;
         rule(step.other < meshes.size(), where, "mesh {} does not exist", step.other);
@@ -557,6 +566,8 @@ void checkTrace(const Case &c)
              trace.launch.offset <= 1000,
          "trace.launch", "height and depth are not 1 to 64, or the offset is too large");
     rule((trace.creation & ~allOf(kCreationNames)) == 0, "trace.creation", "no such way");
+    rule(!trace.secondary || traced || trace.stage == VK_SHADER_STAGE_COMPUTE_BIT, "trace.secondary",
+         "is within a render pass");
     rule(!trace.callables ||
              (trace.from == TracePlan::From::RayGeneration && !trace.byAddress &&
               trace.flags == TracePlan::Flags::RunTime && trace.pipeline.parts.empty() &&

@@ -412,13 +412,25 @@ void Device::execute(VkCommandBuffer commands)
     CHECK_VK(vkQueueWaitIdle(queue_));
 }
 
-void Device::submit(const std::function<void(VkCommandBuffer)> &record)
+void Device::submit(const std::function<void(VkCommandBuffer)> &record, bool secondary, uint32_t times)
 {
-    VkCommandBuffer commands = begin();
-    record(commands);
+    const VkCommandBufferUsageFlags usage =
+        times == 1 ? VkCommandBufferUsageFlags{VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT} : 0;
+    VkCommandBuffer commands = begin(usage), inner = VK_NULL_HANDLE;
+    if (secondary) {
+        inner = begin(usage, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
+        record(inner);
+        end(inner);
+        vkCmdExecuteCommands(commands, 1, &inner);
+    } else {
+        record(commands);
+    }
     end(commands);
-    execute(commands);
+    for (uint32_t i = 0; i < times; ++i)
+        execute(commands);
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
+    if (secondary)
+        vkFreeCommandBuffers(device_, pool_, 1, &inner);
 }
 
 void Device::insertLabel(const std::string &text) const

@@ -27,6 +27,7 @@ Case pipelineCase(Random &random, const DeviceLimits &limits, uint32_t rays, boo
     Limits scene = smallScene(limits);
     scene.rays = rays;
     scene.micromaps = micromaps;
+    scene.boxes = 35;
     Case c{.scene = makeScene(random, scene, limits), .trace = {.method = TracePlan::Method::Pipeline}};
     terminateSome(random, c.scene);
     for (Ray &ray : c.scene.rays)
@@ -249,7 +250,10 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
     c.trace.flags =
         oneOf(random, std::array{Flags::RunTime, Flags::Specialized, Flags::Literal, Flags::Mixed, Flags::Computed});
     if (c.trace.flags == Flags::Specialized || c.trace.flags == Flags::Literal) {
-        const uint32_t flags = c.scene.rays[0].flags | (chance(random, 40) ? kRayForceTwoState : 0);
+        constexpr uint32_t kOpacity = kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque;
+        const uint32_t flags =
+            (c.scene.rays[0].flags & ~kOpacity) | (chance(random, 40) ? kRayForceTwoState : 0) |
+            oneOf(random, std::array{0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, kRayCullNoOpaque});
         for (Ray &ray : c.scene.rays)
             ray.flags = flags;
     } else if (c.trace.flags == Flags::Mixed) {
@@ -291,6 +295,7 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
 Case indirectTraces(Random &random, const DeviceLimits &limits)
 {
     Case c = pipelineCase(random, limits, 160);
+    c.trace.secondary = chance(random, 30);
     c.trace.launch = randomLaunch(random, chance(random, 50) ? Launch::Indirect : Launch::Indirect2);
     c.trace.pipeline.parameters = randomParameters(random);
     setRecords(random, c);
@@ -303,36 +308,37 @@ Case indirectTraces(Random &random, const DeviceLimits &limits)
 
 constexpr std::array kGroups{
     Group{"pipeline-plans",
-          "ray tracing pipelines with inline modules, stack sizes, recursion and create flags, which skip triangles or "
-          "promise shaders",
+          "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders and create flags, which "
+          "skip triangles or promise shaders; created by deferred operations, with caches, several at once",
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
           "..._SKIP_TRIANGLES_BIT_KHR, ..._SKIP_AABBS_BIT_KHR, ..._NO_NULL_..._SHADERS_BIT_KHR; "
           "IncomingRayFlagsKHR: \"Setting pipeline flags on the ray tracing pipeline must not cause any corresponding "
           "flags to be set\"",
-          200, runGroup<pipelinePlans>, 18},
+          200, runGroup<pipelinePlans>, 30},
     Group{
         "pipeline-libraries",
         "pipelines of libraries, nested or not, whose groups name stages of libraries, among shaders that must not run",
         "VkRayTracingPipelineCreateInfoKHR: shaders and groups of pLibraryInfo \"are treated as if they were defined "
         "as additional entries in pStages\" and pGroups",
-        150, runGroup<pipelineLibraries>, 14},
+        150, runGroup<pipelineLibraries>, 24},
     Group{
         "binding-tables",
-        "binding tables with zero records, with and without data, short and long ones, at offsets and with strides; "
+        "binding tables with callable records, zero records, with and without data, short and long ones, at offsets "
+        "and with strides; "
         "record offsets of instances beyond 2^8",
         "Shader Binding Table, Indexing Rules; VkStridedDeviceAddressRegionKHR; ShaderRecordBufferKHR; \"A zero shader "
         "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
-        200, runGroup<bindingTables>, 20},
+        200, runGroup<bindingTables>, 30},
     Group{"pipeline-ray-flags",
           "ray flags of traceRayEXT at run time, specialized, literal, computed, and of two instructions",
           "OpTraceRayKHR: Ray Flags, SBT Offset, SBT Stride, Miss Index; IncomingRayFlagsKHR", 150,
-          runGroup<pipelineRayFlags>, 14},
+          runGroup<pipelineRayFlags>, 50},
     Group{"several-pipelines",
           "two or three pipelines with several tables in one command buffer, of which the first is destroyed",
-          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 8},
+          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 14},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
-          120, runGroup<indirectTraces>, 16},
+          120, runGroup<indirectTraces>, 24},
 };
 
 } // namespace
