@@ -17,7 +17,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"LibraryStages*.*", "slow"}, {"LibraryStages.*", "slow forcing"}};
+const vt::Labels kLabels{{"LibraryStages*.*", "slow"}, {"LibraryStages.*", "forcing"}, {"LibraryStagesWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 
