@@ -77,7 +77,7 @@ def objects_for(index, words):
     build = os.path.join(os.getcwd(), folder).rstrip("/")
     file, output, dependencies, options = parse(words, index["source"], build)
     entries = index["entries"]
-    if (path := object_of(entries, file, options)) or not re.search(r"/Unity/unity_\w+\.cxx$", file):
+    if (path := object_of(entries, file, options)) or not re.search(r"/Unity/unity_.*\.cxx$", file):
         return [path], output, dependencies
     with open(file.replace("<build>", build), encoding="utf-8") as batch:
         members = re.findall(r'^#include "(.*)"$', batch.read(), re.M)
