@@ -42,7 +42,7 @@ def write_index(build, source, path, other_source):
 
 
 def variables(build, source, path, other_source):
-    """The variables for builds of a copy of `source`. None if nobody knows that the copy has the same files."""
+    """The variables for builds of `source`, or of a clone of it. None if the clone may lack changes."""
     if not (build / "compile_commands.json").exists():
         return {}
     import subprocess
@@ -71,9 +71,9 @@ def object_of(entries, file, options):
 
 def objects_for(index, words):
     """The objects that together are what the command makes, where, and for what dependencies."""
-    build = os.getcwd()
-    if os.path.isdir(f"{build}/vellum"):  # Vellum is a part of another project
-        build += "/vellum"
+    # Where Vellum is a part of another project, its folder is one in the build folder.
+    folder = words[words.index("-o") + 1].partition("src/")[0] if "-o" in words else ""
+    build = os.path.join(os.getcwd(), folder).rstrip("/")
     file, output, dependencies, options = parse(words, index["source"], build)
     entries = index["entries"]
     if (path := object_of(entries, file, options)) or not re.search(r"/Unity/unity_\w+\.cxx$", file):

@@ -73,7 +73,7 @@ PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu),
                                                        .layout = setup.layout,
                                                        .basePipelineIndex = -1});
     if (setup.flags2) {
-        flags2_ = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = setup.flags});
+        flags2_ = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
         info_.pNext = &flags2_;
     } else {
         info_.flags = setup.flags;

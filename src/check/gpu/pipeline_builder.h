@@ -77,7 +77,7 @@ private:
     VkPipelineLibraryCreateInfoKHR libraryInfo_{};
     VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
     VkPipelineDynamicStateCreateInfo dynamic_{};
-    newer::PipelineCreateFlags2CreateInfo flags2_{};
+    VkPipelineCreateFlags2CreateInfoKHR flags2_{};
     VkRayTracingPipelineCreateInfoKHR info_{};
 };
 

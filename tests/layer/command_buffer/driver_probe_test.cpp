@@ -14,7 +14,7 @@
 #include "check/gpu/scene.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 using namespace vt;
 
@@ -111,10 +111,11 @@ TEST(SynchronizedQueue, SubmissionWhileAnotherThreadWaits)
 {
     Gpu gpu(Options{.validation = false});
     const float priority = 1;
-    const auto queueInfo = vkInit<VkDeviceQueueCreateInfo>({.flags = vellum::newer::kQueueInternallySynchronized,
-                                                            .queueFamilyIndex = gpu.family(),
-                                                            .queueCount = 1,
-                                                            .pQueuePriorities = &priority});
+    const auto queueInfo =
+        vkInit<VkDeviceQueueCreateInfo>({.flags = VK_DEVICE_QUEUE_CREATE_INTERNALLY_SYNCHRONIZED_BIT_KHR,
+                                         .queueFamilyIndex = gpu.family(),
+                                         .queueCount = 1,
+                                         .pQueuePriorities = &priority});
     const std::array extensions{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
                                 VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
     auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE});

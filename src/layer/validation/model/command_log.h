@@ -15,8 +15,8 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/model/descriptors.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
