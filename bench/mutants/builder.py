@@ -1,20 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Builds mutants of the layer in a copy of its sources, of which one file at a time is changed.
+"""Builds mutants in a copy of the sources, of which one file at a time is changed.
 
-Only the layer is built, without tests, with -O1. ccache makes it cheap to return to the original.
+Of the layer, only the layer, without tests. Of the baker, glTF, the verifier and the libraries, the programs of their tests. Both
+with -O1. ccache makes it cheap to return to the original.
 """
+import dataclasses
 import filecmp
 import hashlib
 import os
+import pathlib
 import shutil
 import subprocess
 import time
 
-PARTS = ["CMakeLists.txt", "cmake", "include", "src"]
-TARGET = "VkLayer_vellum_opacity_micromap"
-LIBRARY = f"lib{TARGET}.so"
-MANIFEST = f"{TARGET}.json"
+LAYER = "VkLayer_vellum_opacity_micromap"
 ORIGINAL = "original"
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """What is built of mutants: parts of the sources, options of CMake, targets of ninja, and the files to keep."""
+    parts: tuple
+    options: tuple
+    names: tuple
+    binaries: tuple
+    others: tuple = ()
+
+
+PROGRAMS = ("vellum_unit_test", "vellum_gltf_test", "vellum_verify_test", "vellum_library_test")
+TARGETS = {
+    "layer": Target(("CMakeLists.txt", "cmake", "include", "src"), ("-DVELLUM_LAYER_ONLY=ON",), (LAYER,),
+                    (f"lib/lib{LAYER}.so",), (f"lib/{LAYER}.json",)),
+    "programs": Target(("CMakeLists.txt", "cmake", "include", "src", "tests"), ("-DVELLUM_TESTS=ON",), PROGRAMS,
+                       (*(f"bin/{name}" for name in PROGRAMS), "lib/libvellum.so", "lib/libvellum_gltf.so")),
+}
 
 
 def folder_name(mutant_id):
@@ -29,8 +48,9 @@ def copy_changed(source, target):
 
 
 class Builder:
-    def __init__(self, root, work, layers, jobs):
+    def __init__(self, root, work, layers, jobs, target):
         self.root = root
+        self.target = TARGETS[target]
         self.source = work / "source"
         self.build = work / "build"
         self.layers = layers
@@ -39,13 +59,13 @@ class Builder:
 
     def prepare(self):
         """Copies and builds the original."""
-        for part in PARTS:
+        for part in self.target.parts:
             if (self.root / part).is_dir():
                 shutil.copytree(self.root / part, self.source / part, copy_function=copy_changed, dirs_exist_ok=True)
             else:
                 self.source.mkdir(parents=True, exist_ok=True)
                 copy_changed(self.root / part, self.source / part)
-        options = ["-DVELLUM_LAYER_ONLY=ON", "-DVELLUM_INSTALL=OFF", "-DCMAKE_BUILD_TYPE=Release",
+        options = [*self.target.options, "-DVELLUM_INSTALL=OFF", "-DCMAKE_BUILD_TYPE=Release",
                    "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG"]
         if shutil.which("ccache"):
             options.append("-DCMAKE_CXX_COMPILER_LAUNCHER=ccache")
@@ -56,18 +76,23 @@ class Builder:
         self.original = self.keep(ORIGINAL)
 
     def compile(self):
-        done = subprocess.run(["ninja", "-C", self.build, f"-j{self.jobs}", TARGET], check=False, text=True,
+        done = subprocess.run(["ninja", "-C", self.build, f"-j{self.jobs}", *self.target.names], check=False, text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.output = done.stdout
         return done.returncode == 0
 
     def keep(self, name):
-        """Keeps the stripped layer with its manifest. Returns its hash."""
+        """Keeps what was built, stripped, in one folder. Returns its hash."""
         folder = self.layers / folder_name(name)
         folder.mkdir(parents=True, exist_ok=True)
-        subprocess.run(["strip", "-s", "-o", folder / LIBRARY, self.build / "lib" / LIBRARY], check=True)
-        shutil.copy(self.build / "lib" / MANIFEST, folder / MANIFEST)
-        return hashlib.sha256((folder / LIBRARY).read_bytes()).hexdigest()
+        digest = hashlib.sha256()
+        for binary in self.target.binaries:
+            kept = folder / pathlib.PurePath(binary).name
+            subprocess.run(["strip", "-s", "-o", kept, self.build / binary], check=True)
+            digest.update(kept.read_bytes())
+        for file in self.target.others:
+            shutil.copy(self.build / file, folder)
+        return digest.hexdigest()
 
     def make(self, mutant):
         """built, same (the binary of the original) or stillborn; and the seconds that it took."""

@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 
-from builder import LIBRARY, folder_name
+from builder import folder_name
 
 MEMORY = 12 << 30  # bytes of address space of a program
 NO_LIMIT = 1 << 30       # seconds
@@ -58,7 +58,8 @@ def run_step(step, folder, log):
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as out:
         words = [word.replace("{layer}", str(folder)).replace("{out}", out) for word in step.words]
-        with subprocess.Popen(words, env=environment(folder) | dict(step.environment), stdin=subprocess.DEVNULL,
+        variables = {name: value.replace("{layer}", str(folder)) for name, value in step.environment}
+        with subprocess.Popen(words, env=environment(folder) | variables, stdin=subprocess.DEVNULL,
                               stdout=log, stderr=subprocess.STDOUT, preexec_fn=begin_child) as child:
             try:
                 child.wait(step.seconds)
@@ -89,11 +90,44 @@ def kill(steps, folder, log_path):
     return {"result": SURVIVED, "seconds": round(time.monotonic() - begin, 1)}
 
 
+def kill_by_all(steps, folder, log_path):
+    """Runs all steps. Returns what a result holds, with every step that kills the mutant."""
+    begin = time.monotonic()
+    with open(log_path, "wb") as log:
+        ends = {step.name: run_step(step, folder, log)[0] for step in steps}
+    killers = {name: how for name, how in ends.items() if how}
+    return {"result": "killed" if killers else SURVIVED, "all": killers, "seconds": round(time.monotonic() - begin, 1)}
+
+
 def kill_mutant(steps, layers, name, stage):
     folder = (layers / folder_name(name)).resolve()
-    if not (folder / LIBRARY).exists():
-        raise SystemExit(f"{folder} holds no layer")
-    return kill(steps, folder, folder / f"{stage}.log")
+    if not folder.is_dir():
+        raise SystemExit(f"{folder} holds no mutant")
+    return (kill_by_all if stage == "suites" else kill)(steps, folder, folder / f"{stage}.log")
+
+
+def suites_of(step, folder):
+    """A step for each suite of a step."""
+    listing = subprocess.run([step.words[0].replace("{layer}", str(folder)), "--gtest_list_tests", step.words[1]],
+                             check=True, stdout=subprocess.PIPE, text=True).stdout
+    cases, suite = {}, None
+    for line in listing.splitlines():
+        name = line.split("#")[0].rstrip()
+        if not name.startswith(" "):
+            suite = name
+        elif not name.strip().startswith("DISABLED_"):
+            cases.setdefault(suite, []).append(suite + name.strip())
+    program = pathlib.PurePath(step.words[0]).name
+    variables = [f"{name}={value}" for name, value in step.environment]
+    return [dataclasses.replace(step, name=" ".join([program, suite.rstrip("."), *variables]),
+                                words=(step.words[0], f"--gtest_filter={':'.join(members)}", *step.words[2:]))
+            for suite, members in cases.items()]
+
+
+def program_steps(names):
+    """All cases of the programs that a mutant consists of."""
+    return [Step(name, (f"{{layer}}/{name}", "--gtest_filter=*", "--gtest_brief=1", "--gtest_fail_fast"),
+                 (("LD_LIBRARY_PATH", "{layer}"),)) for name in names]
 
 
 def check_steps(program, arguments, seconds):

@@ -5,10 +5,14 @@
   mutants.py list   --seed 1 --count 10                      prints mutants
   mutants.py build  --seed 1 --count 200 --work FOLDER       builds a layer of each
   mutants.py kill tests --programs build/release/bin --work FOLDER
+  mutants.py kill suites --work FOLDER                       not only the first that kills a mutant, but each suite
   mutants.py kill check-quick --vellum build/release/bin/vellum --work FOLDER
   mutants.py kill check-10 --vellum build/release/bin/vellum --work FOLDER --survivors
   mutants.py kill cts --deqp deqp-vk --cases FILE --work FOLDER
   mutants.py report --work FOLDER                            prints the table and the survivors
+  mutants.py matrix --work FOLDER                            prints which suites kill which mutants
+
+With `--of programs`, of the baker, glTF, the verifier and the libraries, whose tests are linked with them.
 
 Commands can be stopped and called again. A killer is run against the original first, which must survive.
 """
@@ -33,7 +37,7 @@ def changed_lines(mutant, source):
 
 
 def chosen(options):
-    mutants = selection.all_mutants(ROOT)
+    mutants = selection.all_mutants(ROOT, options.of)
     if options.id:
         return [mutant for mutant in mutants if mutant.id in options.id]
     return selection.choose(mutants, options.seed, options.count)
@@ -50,7 +54,7 @@ def build(options):
     missing = [mutant for mutant in chosen(options) if not results.find(mutant.id, "build")]
     if not missing:
         return
-    maker = builder.Builder(ROOT, options.work, options.layers, options.jobs)
+    maker = builder.Builder(ROOT, options.work, options.layers, options.jobs, options.of)
     maker.prepare()
     for mutant in missing:
         before, after = changed_lines(mutant, (ROOT / mutant.file).read_text(encoding="utf-8"))
@@ -60,6 +64,11 @@ def build(options):
 
 
 def steps_of(options):
+    if options.killer == "suites":
+        original = options.layers / builder.ORIGINAL
+        steps = (killers.program_steps(builder.PROGRAMS) if options.of == "programs"
+                 else killers.read_steps(options.list, options.programs.resolve()))
+        return [suite for step in steps for suite in killers.suites_of(step, original)]
     if options.killer == "tests":
         return killers.read_steps(options.list, options.programs.resolve())
     if options.killer == "cts":
@@ -98,6 +107,10 @@ def kill(options):
                   f"  {record.get('by', '')} {record.get('how', '')}", flush=True)
 
 
+def print_matrix(options):
+    print("\n".join(report.matrix(Results(options.work / "results.jsonl"))))
+
+
 def print_report(options):
     results = Results(options.work / "results.jsonl")
     print("\n".join(report.report(results, report.read_equivalent(options.equivalent))))
@@ -111,6 +124,7 @@ def arguments():
         command = commands.add_parser(name)
         command.set_defaults(function=function)
         command.add_argument("--seed", type=int, default=1)
+        command.add_argument("--of", choices=list(builder.TARGETS), default="layer")
         if choice:
             command.add_argument("--count", type=int, default=10)
             command.add_argument("--id", action="append", help="this mutant; may be repeated")
@@ -124,7 +138,7 @@ def arguments():
     add("list", list_mutants, choice=True, work=False)
     add("build", build, choice=True)
     killing = add("kill", kill)
-    killing.add_argument("killer", choices=["tests", "check-quick", "check-10", "cts"])
+    killing.add_argument("killer", choices=["tests", "suites", "check-quick", "check-10", "cts"])
     killing.add_argument("--survivors", action="store_true", help="only mutants that all killers so far let live")
     killing.add_argument("--programs", type=pathlib.Path, default=ROOT / "build/release/bin")
     killing.add_argument("--list", type=pathlib.Path, default=HERE / "tests.txt", help="what the killer tests runs")
@@ -133,6 +147,7 @@ def arguments():
     killing.add_argument("--deqp", type=pathlib.Path)
     killing.add_argument("--cases", type=pathlib.Path)
     killing.add_argument("--limit", type=float, help="seconds after which vellum check or deqp-vk counts as hanging")
+    add("matrix", print_matrix)
     reporting = add("report", print_report)
     reporting.add_argument("--equivalent", type=pathlib.Path, default=HERE / "equivalent.txt")
     options = parser.parse_args()

@@ -70,6 +70,23 @@ def survivors(results):
     return [name for name in builds if builds[name]["result"] == "built" and outcomes[name] == {SURVIVED}]
 
 
+def matrix(results):
+    """A row for each suite: how many mutants it kills, how many that no other suite kills, and its mutants by number."""
+    records = results.of_stage("suites")
+    numbers = {name: number for number, name in enumerate(records, 1)}
+    kills = {}
+    for name, record in records.items():
+        for suite in record["all"]:
+            kills.setdefault(suite, []).append(name)
+    counts = collections.Counter(name for names in kills.values() for name in names)
+    lines = ["| suite | kills | alone | mutants |", "|---|--:|--:|---|"]
+    for suite, names in sorted(kills.items(), key=lambda item: -len(item[1])):
+        alone = sum(counts[name] == 1 for name in names)
+        lines.append(f"| {suite} | {len(names)} | {alone} | {' '.join(str(numbers[name]) for name in names)} |")
+    lines += ["", "| number | mutant | killed by |", "|--:|---|--:|"]
+    return lines + [f"| {numbers[name]} | {name} | {counts[name]} |" for name in records]
+
+
 def change(record):
     return [f"    - {record['before']}", f"    + {record['after']}"]
 

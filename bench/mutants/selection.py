@@ -5,8 +5,10 @@ import math
 
 from operators import collect_flags, mutants_of
 
+# By what is built of them: the layer, or the programs of tests that are linked with what they test.
+PATTERNS = {}
 # What decides hits and makes the data that hits are looked up in.
-PATTERNS = [
+PATTERNS["layer"] = [
     "src/core/opacity.h", "src/core/curve.h", "src/core/records.h", "src/core/ray_flags.h",
     "src/shaders/base/*", "src/shaders/micromaps/*", "src/shaders/structures/*", "src/shaders/pipelines/*",
     "src/shaders/query_pool/*",
@@ -20,10 +22,16 @@ PATTERNS = [
     "src/spirv/payload_prefix.cpp", "src/spirv/proceed_loop.cpp", "src/spirv/ray_query.cpp",
     "src/spirv/side_variables.cpp", "src/spirv/trace_ray.cpp",
 ]
+PATTERNS["programs"] = [
+    "src/bake/**/*.cpp", "src/bake/**/*.h", "src/gltf/**/*.cpp", "src/gltf/**/*.h", "src/verify/**/*.cpp",
+    "src/verify/**/*.h", "src/library/*.cpp", "src/gltflibrary/*.cpp",
+]
+EXCLUDED = ["src/**/*_windows.cpp", "src/gltf/data/image_stb.cpp", "src/gltf/data/no_mesh_libraries.cpp"]  # not built here
 
 
-def all_mutants(root):
-    files = sorted({path for pattern in PATTERNS for path in root.glob(pattern) if path.is_file()})
+def all_mutants(root, target="layer"):
+    files = sorted({path for pattern in PATTERNS[target] for path in root.glob(pattern) if path.is_file()} -
+                   {path for pattern in EXCLUDED for path in root.glob(pattern)})
     sources = {str(path.relative_to(root)): path.read_text(encoding="utf-8") for path in files}
     flags = collect_flags(sources.values())
     return [mutant for name, source in sources.items() for mutant in mutants_of(name, source, flags)]

@@ -74,9 +74,6 @@ class VellumConan(ConanFile):
         toolchain.cache_variables["VELLUM_LIBRARY_ONLY"] = not self.options.tools
         toolchain.cache_variables["VELLUM_IMAGE_LIBRARIES"] = bool(self.options.images)
         toolchain.cache_variables["VELLUM_MESH_LIBRARIES"] = bool(self.options.meshes)
-        if self.options.tools:
-            headers = self.dependencies["vulkan-headers"].package_folder
-            toolchain.cache_variables["VULKAN_REGISTRY"] = os.path.join(headers, "res", "vulkan", "registry", "vk.xml")
         toolchain.generate()
 
     def build(self):

@@ -14,7 +14,7 @@ void Document::read(ReadBytes &&readBytes)
     named([&] {
         container_ = std::make_unique<Container>(findContainer(readBytes()));
         tree_ = std::make_unique<JsonTree>(container_->json());
-        model_ = std::make_unique<gltf_json::Model>(gltf_json::readModel(*container_, *tree_, path_.parent_path()));
+        model_ = std::make_unique<gltf_json::Model>(gltf_json::readModel(*container_, *tree_, path_));
         bufferViews_ = std::make_unique<BufferViews>(*model_);
     });
 }

@@ -94,7 +94,7 @@ void readTexture(const gltf_json::Model &model, const gltf_json::Material &sourc
 EncodedImage readEncodedFile(const Document &document, const std::string &uri, const std::string &what)
 {
     try {
-        return {readFileOfUri(document.path().parent_path(), uri), {}};
+        return {readFileOfUri(document.path(), uri), {}};
     } catch (const GltfUnsupported &error) {
         throw GltfUnsupported(what + ": " + error.what());
     } catch (const GltfError &error) {

@@ -45,10 +45,14 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .spareInstances = below(random, 3),
                .skippedInstances = below(random, 3)};
     c.build.otherTop = !c.build.single && yes();
+    c.build.unrelated = yes();
+    c.build.secondary = yes();
+    c.build.twice = yes();
     c.build.mixed = c.build.together && yes();
     for (uint32_t i = c.build.single ? 0 : below(random, 3); i > 0; --i)
         if (auto plan = randomQueries(random, c.scene, device))
             c.queries.push_back(std::move(*plan));
+    buildableOnHost(c.scene);
     for (Step &step : c.steps) {
         step.host = targetOf(step.kind) == Target::Micromap && yes();
         step.deferred = step.host && yes();
@@ -65,7 +69,8 @@ Case randomCase(uint32_t seed, uint32_t rays)
                .from = static_cast<TracePlan::From>(below(random, 3)),
                .flags2 = yes(),
                .unusedStage = yes(),
-               .launch = static_cast<Launch>(below(random, 3)),
+               .launch = {.command = static_cast<Launch>(below(random, 3)), .height = 1 + below(random, 3)},
+               .creation = below(random, 8),
                .withoutMicromaps = yes()};
     if (c.trace.stage == VK_SHADER_STAGE_COMPUTE_BIT && c.trace.flags == TracePlan::Flags::RunTime &&
         !c.trace.byAddress)
@@ -87,7 +92,8 @@ Case randomCase(uint32_t seed, uint32_t rays)
     const auto pipeline = [&] {
         PipelinePlan made{.table = table()};
         if (yes())
-            made.parts = {{{3, 2, 9}, {2, 3}}, {{5, 1, 4, 7, 6, 8, 10}, {4, 6, 7, 10, 12}, {0}},
+            made.parts = {{{3, 2, 9}, {2, 3}},
+                          {{5, 1, 4, 7, 6, 8, 10}, {4, 6, 7, 10, 12}, {0}},
                           {{0, 10}, {0, 1, 5, 8, 9, 11, 13, 14}, {1}}};
         if (yes())
             made.otherTables.push_back(table());
@@ -98,7 +104,8 @@ Case randomCase(uint32_t seed, uint32_t rays)
         c.trace.otherPipelines.push_back(pipeline());
     c.trace.firstDestroyed = !c.trace.otherPipelines.empty() && yes();
     // Parts have the stage and the group of the shader that traces in recursion where there is one.
-    for (PipelinePlan *each : {&c.trace.pipeline, c.trace.otherPipelines.empty() ? nullptr : &c.trace.otherPipelines[0]})
+    for (PipelinePlan *each :
+         {&c.trace.pipeline, c.trace.otherPipelines.empty() ? nullptr : &c.trace.otherPipelines[0]})
         for (size_t i = 0; each != nullptr && c.trace.from == TracePlan::From::RayGeneration && i < each->parts.size();
              ++i) {
             std::erase(each->parts[i].stages, 10u);

@@ -166,7 +166,7 @@ const Break kBreaks[] = {
          c.steps[0].states = c.scene.micromaps[*use.micromap].triangles;
          c.steps[0].states[0] = {.level = 7, .states = std::vector<uint8_t>(1u << 14)};
      })},
-    {"has another object or is no longer active", kAlwaysPossible([](Case &c) {
+    {"becomes active or inactive", kAlwaysPossible([](Case &c) {
          c.steps = {stepOf(Step::Kind::UpdateTop, 0)};
          c.steps[0].instances = c.scene.instances;
          c.steps[0].instances[0].inactive = !c.steps[0].instances[0].inactive;
@@ -205,6 +205,26 @@ const Break kBreaks[] = {
     {"is no clone", kAlwaysPossible([](Case &c) {
          c.steps = {stepOf(Step::Kind::CompactTop, 0)};
          c.steps[0].exact = true;
+     })},
+    {"has no addresses of structures or micromaps", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::CloneTop, 0)};
+         c.steps[0].relocated = true;
+     })},
+    {"has no vertices of its own", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::CloneObject, 0)};
+         c.steps[0].mirrored = true;
+     })},
+    {"has no instances", kAlwaysPossible([](Case &c) { c.steps = {stepOf(Step::Kind::RebuildTop, 0)}; })},
+    {"is within a render pass", kAlwaysPossible([](Case &c) {
+         c.trace = {.stage = VK_SHADER_STAGE_VERTEX_BIT, .secondary = true};
+     })},
+    {"lack sizes for builds on the host", kForIndices([](oracle::MeshMicromap &use, Case &c) {
+         c.scene.micromaps[*use.micromap].onHost = false;
+         c.build.micromaps = BuildCommand::Host;
+     })},
+    {"height and depth are not 1 to 64", kAlwaysPossible([](Case &c) { c.trace.launch.depth = 0; })},
+    {"need a ray generation shader", kAlwaysPossible([](Case &c) {
+         c.trace = {.method = TracePlan::Method::Pipeline, .byAddress = true, .callables = true};
      })},
     {"is not together", kAlwaysPossible([](Case &c) {
          c.build.together = false;

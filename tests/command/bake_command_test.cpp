@@ -4,6 +4,7 @@
 #include <csignal>
 #include <cstring>
 #include <gtest/gtest.h>
+#include <map>
 
 #include "command.h"
 #include "glb_file.h"
@@ -436,43 +437,111 @@ Bytes slowGlb()
 
 } // namespace
 
-TEST(BakeCommand, AnInterruptedBakeLeavesNothing)
+namespace
 {
-    for (const int signal : {SIGINT, SIGTERM, SIGKILL}) {
-        const TemporaryFolder folder;
-        writeFile(folder / "slow.glb", slowGlb());
-        const Outcome outcome = interruptVellum(
-            {"bake", (folder / "slow.glb").string(), "-o", (folder / "out/slow.glb").string(), "--level", "12"}, signal,
-            300);
-        EXPECT_EQ(outcome.signal, signal) << outcome.output;
-        EXPECT_EQ(entries(folder.path()), (std::vector<std::string>{"slow.glb"}));
-        EXPECT_EQ(readFile(folder / "slow.glb"), slowGlb());
-    }
+
+using Contents = std::map<std::string, Bytes>;
+
+Contents filesIn(const fs::path &folder)
+{
+    Contents files;
+    for (const std::string &name : entries(folder))
+        if (fs::is_regular_file(folder / name))
+            files[name] = readFile(folder / name);
+    return files;
 }
 
-TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesLeavesNothing)
+bool isTemporary(const std::string &name)
 {
+    return fs::path(name).filename().string().starts_with(".");
+}
+
+struct Interrupted {
+    int calls = 0;             // that change files
+    size_t temporaryFiles = 0; // that were left, each time the process was killed
+};
+
+// Bakes `in` to `out`, in a folder that `prepare` fills, and interrupts that by each signal at each call that changes
+// files.
+template <typename Prepare>
+Interrupted interruptAtEachCall(const std::string &in, const std::string &out, Prepare &&prepare)
+{
+    const auto argumentsFor = [&](const TemporaryFolder &folder) {
+        prepare(folder.path());
+        return std::vector<std::string>{"bake", (folder / in).string(), "-o", (folder / out).string(), "--force"};
+    };
+    const TemporaryFolder whole;
+    const std::vector<std::string> bake = argumentsFor(whole);
+    const Contents before = filesIn(whole.path());
+    EXPECT_EQ(runVellum(bake).exitCode, 0);
+    const Contents after = filesIn(whole.path());
+    const auto isIn = [](const Contents &files, const Contents::value_type &file) {
+        return files.contains(file.first) && files.at(file.first) == file.second;
+    };
+    Interrupted result;
     for (const int signal : {SIGINT, SIGTERM, SIGKILL}) {
+        for (int call = 0;; ++call) {
+            SCOPED_TRACE("signal " + std::to_string(signal) + " at call " + std::to_string(call));
+            const TemporaryFolder folder;
+            const auto outcome = interruptVellumAtCall(argumentsFor(folder), signal, call, VELLUM_STOPPED_CALL);
+            Contents found = filesIn(folder.path());
+            if (!outcome) {
+                EXPECT_EQ(found, after);
+                result.calls = call;
+                break;
+            }
+            EXPECT_EQ(outcome->signal, signal) << outcome->output << outcome->errors;
+            if (found == before || found == after)
+                continue;
+            // Nobody was left to remove anything. Each file is whole, and the one that needs the others comes last.
+            EXPECT_EQ(signal, SIGKILL);
+            result.temporaryFiles += std::erase_if(found, [](const auto &file) { return isTemporary(file.first); });
+            for (const auto &file : found)
+                EXPECT_TRUE(isIn(before, file) || (isIn(after, file) && file.first != out)) << file.first;
+        }
+    }
+    return result;
+}
+
+} // namespace
+
+TEST(BakeCommand, AnInterruptedBakeLeavesNothing)
+{
+    const Interrupted result = interruptAtEachCall("in/a.gltf", "out/a.gltf",
+                                                   [](const fs::path &folder) { writeCardGltf(folder / "in/a.gltf"); });
+    EXPECT_GE(result.calls, 8); // writes and links of four files
+    EXPECT_EQ(result.temporaryFiles, 0U);
+}
+
+TEST(BakeCommand, AnInterruptedBakeLeavesTheFileThatItWouldReplace)
+{
+    const Interrupted result = interruptAtEachCall("tree.glb", "old.glb", [](const fs::path &folder) {
+        writeFile(folder / "tree.glb", cardGlb());
+        writeFile(folder / "old.glb", cardGlb({{"\"alphaMode\": \"MASK\"", "\"alphaMode\": \"OPAQUE\""}}));
+    });
+    EXPECT_GE(result.calls, 4);           // a write, a link that fails, one to a temporary name, a rename
+    EXPECT_EQ(result.temporaryFiles, 1U); // before the rename
+}
+
+TEST(BakeCommand, ABakeThatIsInterruptedWhileItWritesReportsWhatIsNotBaked)
+{
+    for (const int signal : {SIGINT, SIGTERM}) {
         const TemporaryFolder folder;
         fs::create_directories(folder / "in");
         for (const char *name : {"in/a.gltf", "in/b.gltf"})
             writeCardGltf(folder / name);
         const std::vector<std::string> before = entries(folder.path());
-        const Outcome outcome =
-            interruptStoppedVellum({"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1"},
-                                   signal, VELLUM_STOPPED_WRITE);
-        EXPECT_EQ(outcome.signal, signal) << outcome.exitCode;
-        std::vector<std::string> after = entries(folder.path());
-        if (signal == SIGKILL)
-            std::erase(after, "out"); // nobody is left to remove the folder
-        EXPECT_EQ(after, before);
-        if (signal == SIGKILL)
-            continue;
-        EXPECT_EQ(outcome.output, "");
+        const auto outcome =
+            interruptVellumAtCall({"bake", (folder / "in").string(), "-o", (folder / "out").string(), "-j", "1"},
+                                  signal, 0, VELLUM_STOPPED_CALL);
+        ASSERT_TRUE(outcome);
+        EXPECT_EQ(outcome->signal, signal) << outcome->exitCode;
+        EXPECT_EQ(entries(folder.path()), before);
+        EXPECT_EQ(outcome->output, "");
         for (const char *name : {"a.gltf", "b.gltf"})
-            EXPECT_NE(outcome.errors.find(std::string(name) + ": not baked: interrupted\n"), std::string::npos)
-                << outcome.errors;
-        EXPECT_NE(outcome.errors.find("interrupted: 0 of 2 files were baked\n"), std::string::npos) << outcome.errors;
+            EXPECT_NE(outcome->errors.find(std::string(name) + ": not baked: interrupted\n"), std::string::npos)
+                << outcome->errors;
+        EXPECT_NE(outcome->errors.find("interrupted: 0 of 2 files were baked\n"), std::string::npos) << outcome->errors;
     }
 }
 

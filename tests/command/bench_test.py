@@ -7,6 +7,7 @@ Ctrl-C, leave a report of what was measured.
 usage: bench_test.py VELLUM SCHEMA LAYERS        LAYERS: the folder of the faulty driver's manifest
 """
 import base64
+import concurrent.futures
 import json
 import os
 import pathlib
@@ -126,19 +127,21 @@ class IncompleteTest(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
-        self.page = pathlib.Path(folder.name) / "bench.html"
+        self.folder = pathlib.Path(folder.name)
 
     def start(self, fault, timeout):
         environment = os.environ | {"VK_INSTANCE_LAYERS": "VK_LAYER_VELLUM_test_faulty_driver",
                                     "VK_ADD_LAYER_PATH": LAYERS, "VELLUM_TEST_FAULT": fault,
                                     "VELLUM_TEST_FAULT_AFTER": "0"}
-        return subprocess.Popen([VELLUM, "bench", "--seconds", "1", "--timeout", str(timeout), "-o", self.page],
+        return subprocess.Popen([VELLUM, "bench", "--seconds", "1", "--timeout", str(timeout), "-o",
+                                 self.folder / f"{fault}.html"],
                                 env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 
     # The parts after the first, which describes the device.
-    def parts(self, printed):
-        self.assertIn("<html", self.page.read_text(encoding="utf-8"))
-        report = json.loads(self.page.with_suffix(".json").read_text(encoding="utf-8"))
+    def parts(self, fault, printed):
+        page = self.folder / f"{fault}.html"
+        self.assertIn("<html", page.read_text(encoding="utf-8"))
+        report = json.loads(page.with_suffix(".json").read_text(encoding="utf-8"))
         self.assertEqual(faults(report, SCHEMA), [])
         device, *others = report["parts"]
         self.assertEqual(device["failure"], "")
@@ -151,20 +154,19 @@ class IncompleteTest(unittest.TestCase):
         process = self.start(fault, timeout)
         printed, _ = process.communicate(timeout=1200)
         self.assertEqual(process.returncode, 1)
-        parts = self.parts(printed)
+        parts = self.parts(fault, printed)
         self.assertEqual(len(parts), 5)
         return parts
 
-    def test_driver_hangs(self):
-        for part in self.run_with("hangs", 8):
+    # Side by side: most of the time is spent waiting for what hangs.
+    def test_faulty_drivers(self):
+        with concurrent.futures.ThreadPoolExecutor(3) as pool:
+            hung, dead, lost = pool.map(self.run_with, ("hangs", "dies", "loses-device"), (8, 600, 600))
+        for part in hung:
             self.assertEqual(part["failure"], "hung: no progress for 8 seconds")
-
-    def test_driver_dies(self):
-        for part in self.run_with("dies", 600):
+        for part in dead:
             self.assertRegex(part["failure"], "^crashed: .*SIGABRT")
-
-    def test_driver_loses_device(self):
-        check, *others = self.run_with("loses-device", 600)
+        check, *others = lost
         self.assertEqual(check["rows"][0]["passed"], 0)
         self.assertGreater(check["rows"][0]["failed"], 0)
         for part in others:
@@ -184,7 +186,7 @@ class IncompleteTest(unittest.TestCase):
         process.send_signal(signal.SIGINT)
         printed, _ = process.communicate(timeout=600)
         self.assertEqual(process.returncode, -signal.SIGINT)
-        self.assertEqual([part["failure"] for part in self.parts(printed)], ["interrupted"])
+        self.assertEqual([part["failure"] for part in self.parts("hangs", printed)], ["interrupted"])
 
 
 if __name__ == "__main__":

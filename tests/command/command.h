@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,10 +31,10 @@ Outcome runVellum(const std::vector<std::string> &arguments,
                   const std::filesystem::path &input = "/dev/null");
 
 #ifndef _WIN32
-// Sends it a signal after some milliseconds.
-Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds);
-// Sends it a signal while it writes a file: when it stops itself, as stopped_write.cpp makes it.
-Outcome interruptStoppedVellum(const std::vector<std::string> &arguments, int signal, const std::string &preloaded);
+// Sends it a signal at the call of this number of those that change files (stopped_call.cpp, which is `preloaded`).
+// Nothing if it makes fewer calls, and so ends by itself.
+std::optional<Outcome> interruptVellumAtCall(const std::vector<std::string> &arguments, int signal, int call,
+                                             const std::string &preloaded);
 
 // No thread of it can be started.
 Outcome runVellumWithoutThreads(const std::vector<std::string> &arguments);

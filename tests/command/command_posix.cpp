@@ -93,16 +93,6 @@ Outcome runVellum(const std::vector<std::string> &arguments,
         [](pid_t) {});
 }
 
-Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, int milliseconds)
-{
-    return run(
-        arguments, {}, [] {},
-        [&](pid_t child) {
-            std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
-            kill(child, signal);
-        });
-}
-
 Outcome interruptVellum(const std::vector<std::string> &arguments, int signal, const std::filesystem::path &begun,
                         const std::vector<std::pair<std::string, std::string>> &environment)
 {
@@ -129,18 +119,22 @@ Outcome runVellumWithOpenFiles(const std::vector<std::string> &arguments, unsign
         [](pid_t) {});
 }
 
-Outcome interruptStoppedVellum(const std::vector<std::string> &arguments, int signal, const std::string &preloaded)
+std::optional<Outcome> interruptVellumAtCall(const std::vector<std::string> &arguments, int signal, int call,
+                                             const std::string &preloaded)
 {
-    return run(
-        arguments, {{"LD_PRELOAD", preloaded}}, [] {},
+    bool stopped = false;
+    Outcome outcome = run(
+        arguments, {{"LD_PRELOAD", preloaded}, {"VELLUM_STOPPED_CALL", std::to_string(call)}}, [] {},
         [&](pid_t child) {
             siginfo_t state{};
-            if (waitid(P_PID, static_cast<id_t>(child), &state, WSTOPPED | WEXITED | WNOWAIT) != 0 ||
-                state.si_code != CLD_STOPPED)
-                return; // it ended without writing anything
+            stopped = waitid(P_PID, static_cast<id_t>(child), &state, WSTOPPED | WEXITED | WNOWAIT) == 0 &&
+                      state.si_code == CLD_STOPPED;
+            if (!stopped)
+                return;
             kill(child, signal);
             kill(child, SIGCONT);
         });
+    return stopped ? std::optional(std::move(outcome)) : std::nullopt;
 }
 
 Outcome runVellumWithoutThreads(const std::vector<std::string> &arguments)

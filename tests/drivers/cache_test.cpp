@@ -98,7 +98,7 @@ TEST_F(CompilerNames, BinariesOfARayTracingPipeline)
     const Layout layout(gpu(), facts);
     setup.layout = layout.handle();
 
-    auto flags = vkInit<vt::newer::PipelineCreateFlags2CreateInfo>({.flags = vt::kMicromapBit | vt::kCaptureData});
+    auto flags = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = vt::kMicromapBit | vt::kCaptureData});
     vt::PipelineInfo described(gpu(), setup);
     VkRayTracingPipelineCreateInfoKHR info = described.get();
     info.pNext = &flags;
@@ -112,13 +112,13 @@ TEST_F(CompilerNames, BinariesOfARayTracingPipeline)
     const auto key = binaries.key(&info);
     EXPECT_EQ(binaries.key(&info), key);
     const VkPipeline captured = create();
-    const std::vector<vt::newer::PipelineBinary> first = binaries.allFrom(captured);
+    const std::vector<VkPipelineBinaryKHR> first = binaries.allFrom(captured);
     ASSERT_GT(first.size(), 1u);
     vkDestroyPipeline(gpu().device(), captured, nullptr);
-    std::vector<vt::newer::PipelineBinary> again;
-    for (const vt::newer::PipelineBinary binary : first)
+    std::vector<VkPipelineBinaryKHR> again;
+    for (const VkPipelineBinaryKHR binary : first)
         again.push_back(binaries.from(binaries.keep(binary)));
-    const auto made = vkInit<vt::newer::PipelineBinaryInfo>(
+    const auto made = vkInit<VkPipelineBinaryInfoKHR>(
         {.pNext = &flags, .binaryCount = static_cast<uint32_t>(again.size()), .pPipelineBinaries = again.data()});
     flags.flags = vt::kMicromapBit;
     std::vector<VkPipelineShaderStageCreateInfo> stages(info.pStages, info.pStages + info.stageCount);

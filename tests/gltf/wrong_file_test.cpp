@@ -534,6 +534,14 @@ TEST(GltfWrongFile, LinksThatLeadOut)
     EXPECT_EQ(errorOfUri(bufferUri("outside.bin"), "test.gltf"), "there are no triangles in it");
     EXPECT_EQ(errorOfUri(bufferUri("beside.bin"), "test.gltf"), "there are no triangles in it");
     EXPECT_EQ(errorOfUri(bufferUri("inside.bin"), "test.gltf"), "buffer 0 (inside.bin): no such file");
+    // Build systems make folders of links, to models and to the files that these name.
+    std::filesystem::create_directories(folder / "links");
+    link("../in/test.gltf", "links/test.gltf");
+    link("../in/deep/inside.bin", "links/inside.bin");
+    link("../outside.bin", "links/outside.bin");
+    EXPECT_EQ(errorOfUri(bufferUri("inside.bin"), "links/test.gltf"), "there are no triangles in it");
+    EXPECT_EQ(errorOfUri(bufferUri("outside.bin"), "links/test.gltf"),
+              "buffer 0 (outside.bin): a link leads out of the file's folder");
 }
 
 // Small files that ask for much work: all of them are read, or rejected, within the limits of a process here.

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Builds parts of Vellum as packagers and other projects do: libvellum only, static, as a subproject; the layer only.
+"""Builds parts of Vellum as packagers and other projects do: libvellum only, static, as a subproject; the layer only. Objects
+are taken from a build of the same sources (reuse_objects.py).
 
 Run by ctest, with the options that main() has; what comes after them goes to unittest.
 """
@@ -13,6 +14,8 @@ import shutil
 import subprocess
 import sys
 import unittest
+
+import reuse_objects
 
 options = argparse.Namespace()
 
@@ -136,13 +139,17 @@ class BuildModes(unittest.TestCase):
 
 def main():
     parser = argparse.ArgumentParser()
-    for path in ("scratch", "source"):
+    for path in ("build", "scratch", "source"):
         parser.add_argument(f"--{path}", type=pathlib.Path, required=True)
     for word in ("cmake", "generator", "cc", "cxx", "libdir"):
         parser.add_argument(f"--{word}", required=True)
     rest = parser.parse_known_args(namespace=options)[1]
-    unittest.main(argv=[sys.argv[0], *rest])
+    index = folder("reused.json")
+    os.environ.update(reuse_objects.variables(options.build, options.source, index, options.source))
+    tests = unittest.main(argv=[sys.argv[0], *rest], exit=False)
+    print(reuse_objects.report(index))
+    return 0 if tests.result.wasSuccessful() else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

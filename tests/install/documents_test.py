@@ -3,9 +3,10 @@
 """Runs the commands of the README and of docs/install.md as they stand there, in a fresh clone with an empty home folder.
 
 From the README, the commands under "Install". From docs/install.md, each block that is marked as sh. Packages must be installed;
-with --packages, blocks that are marked as sh-packages are run too, for a scratch root.
+with --packages, blocks that are marked as sh-packages are run too, for a scratch root. With --build, a build of the checkout,
+objects are taken from there (reuse_objects.py), unless the checkout has changes that a clone lacks.
 
-usage: documents_test.py --source CHECKOUT --scratch FOLDER [--packages]
+usage: documents_test.py --source CHECKOUT --scratch FOLDER [--build FOLDER] [--packages]
 """
 import argparse
 import os
@@ -14,6 +15,8 @@ import re
 import shutil
 import subprocess
 import sys
+
+import reuse_objects
 
 SHOWN = ("PATH", "TERM", "LANG", "CCACHE_", "CMAKE_", "VK_DRIVER_FILES", "VK_ICD_FILENAMES")
 
@@ -37,7 +40,11 @@ def check(commands, options):
     script = options.scratch / "commands.sh"
     script.write_text("set -euo pipefail\n" + "\n".join(commands))
     environment = {variable: value for variable, value in os.environ.items() if variable.startswith(SHOWN)}
-    if shutil.which("ccache"):
+    index = options.scratch / "reused.json"
+    reuse = reuse_objects.variables(options.build, options.source, index, options.scratch / "vellum") if options.build else {}
+    if reuse:
+        environment |= reuse
+    elif shutil.which("ccache"):
         # The pages build the same more than once, in several folders.
         environment = {"CMAKE_C_COMPILER_LAUNCHER": "ccache", "CMAKE_CXX_COMPILER_LAUNCHER": "ccache",
                        "CCACHE_DIR": str(options.scratch / "ccache"), "CCACHE_NOHASHDIR": "1",
@@ -46,6 +53,8 @@ def check(commands, options):
     code = subprocess.run(["bash", "-x", script], cwd=options.scratch / "vellum", env={**environment, "HOME": str(home)},
                           check=False).returncode
     left = [path for path in home.rglob("*") if not path.is_dir()]
+    if reuse:
+        print(reuse_objects.report(index))
     print(f"{len(commands)} blocks of commands, status {code}; {len(left)} files in the home folder after them")
     return code == 0
 
@@ -54,6 +63,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--source", type=pathlib.Path, required=True)
     parser.add_argument("--scratch", type=pathlib.Path, required=True)
+    parser.add_argument("--build", type=pathlib.Path)
     parser.add_argument("--packages", action="store_true")
     options = parser.parse_args()
     readme = blocks(section((options.source / "README.md").read_text(encoding="utf-8"), "Install"), {"", "sh"})

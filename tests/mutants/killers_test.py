@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Tests how killers end, with Python programs in place of tests, and the file of results."""
+import dataclasses
 import pathlib
 import sys
 import tempfile
@@ -50,6 +51,22 @@ class Killers(unittest.TestCase):
         program.chmod(0o755)
         (only,) = killers.check_steps(program, ["--quick", "{layer}"], 60)
         self.assertEqual(self.kill(only)["result"], "survived")
+
+    def test_all_killers(self):
+        steps = [dataclasses.replace(step(f"raise SystemExit({code})"), name=name) for name, code in (("a", 1), ("b", 0), ("c", 2))]
+        result = killers.kill_by_all(steps, self.folder, self.folder / "log")
+        self.assertEqual((result["result"], result["all"]), ("killed", {"a": "exit 1", "c": "exit 2"}))
+        self.assertEqual(killers.kill_by_all(steps[1:2], self.folder, self.folder / "log")["result"], "survived")
+
+    def test_a_step_for_each_suite(self):
+        program = self.folder / "program"
+        program.write_text("#!/bin/sh\ntest \"$*\" = '--gtest_list_tests --gtest_filter=*' || exit 1\n"
+                           "printf 'A.\\n  One\\n  DISABLED_Two\\nAll/B.\\n  Three/0  # x\\n  Three/1  # y\\n'\n")
+        program.chmod(0o755)
+        whole = killers.Step("all", ("{layer}/program", "--gtest_filter=*", "--gtest_brief=1"), (("X", "1"),))
+        one, other = killers.suites_of(whole, self.folder)
+        self.assertEqual((one.name, one.words), ("program A X=1", ("{layer}/program", "--gtest_filter=A.One", "--gtest_brief=1")))
+        self.assertEqual((other.name, other.words[1]), ("program All/B X=1", "--gtest_filter=All/B.Three/0:All/B.Three/1"))
 
     def test_list_of_tests(self):
         path = self.folder / "tests.txt"

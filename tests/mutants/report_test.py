@@ -35,6 +35,14 @@ class Report(unittest.TestCase):
         self.assertEqual([line for line in survivors if ":" in line], ["b/c.h:1:constant:0"])
         self.assertIn("a.h:5:flag:0: why", lines)
 
+    def test_matrix(self):
+        self.results.add("a.h:1:flag:0", "suites", result="killed", all={"x": "exit 1", "y": "SIGSEGV"}, seconds=1.0)
+        self.results.add("a.h:2:flag:0", "suites", result="killed", all={"x": "exit 1"}, seconds=1.0)
+        lines = report.matrix(self.results)
+        self.assertIn("| x | 2 | 1 | 1 2 |", lines)
+        self.assertIn("| y | 1 | 0 | 1 |", lines)
+        self.assertIn("| 2 | a.h:2:flag:0 | 1 |", lines)
+
     def test_equivalent_file(self):
         path = self.folder / "equivalent.txt"
         path.write_text("# comment\n\na.h:1:flag:0 for a reason\n")

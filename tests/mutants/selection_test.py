@@ -35,11 +35,16 @@ class Selection(unittest.TestCase):
         self.assertEqual(len(selection.choose(made_up(), 3, 10000)), 2 * (LARGE + SMALL))
 
     def test_sources(self):
-        mutants = selection.all_mutants(ROOT)
+        for target in selection.PATTERNS:
+            with self.subTest(target):
+                self.check_sources(target)
+
+    def check_sources(self, target):
+        mutants = selection.all_mutants(ROOT, target)
         self.assertEqual(len({mutant.id for mutant in mutants}), len(mutants))
         files = {mutant.file for mutant in mutants}
-        for pattern in selection.PATTERNS:
-            self.assertTrue(any(pathlib.PurePath(name).match(pattern) for name in files), pattern)
+        for pattern in selection.PATTERNS[target]:
+            self.assertTrue(any((ROOT / name) in ROOT.glob(pattern) for name in files), pattern)
         for mutant in mutants[::97]:
             source = (ROOT / mutant.file).read_text(encoding="utf-8")
             self.assertNotEqual(mutant.apply(source), source, mutant.id)

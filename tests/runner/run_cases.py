@@ -9,7 +9,7 @@ failure was and how to run that case alone. The exit status is 0 if nothing fail
 With --ctest it prints the tests of the program for CTest instead of running them: one for each test suite.
 
 Cases may have labels (tests/layer/harness/program/labels.h), which a program prints with --labels: a pattern of cases and its
-labels on each line. --with and --without choose cases by them; the label "slow" is that of --slow.
+labels on each line. --with and --without choose cases by them; the labels "slow" and "threads" are those of --slow and --threads.
 
 usage: run_cases.py [options] PROGRAM [--gtest_filter=...]
 """
@@ -24,6 +24,8 @@ import signal
 import subprocess
 import sys
 import time
+
+import cpu_times
 
 ALL_SKIPPED = 77
 RUN = re.compile(r"^\[ RUN      \] (\S+)$")
@@ -253,7 +255,9 @@ def print_for_ctest(options, cases, labels):
         slow = (matches(suite, options.slow)
                 or labels is not None and any(labels.has(case, ["slow"]) for case in members))
         ctest_labels = [] if slow else ["quick"]
-        ctest_labels += ["threads"] if matches(suite, options.threads) else []
+        threads = (matches(suite, options.threads)
+                   or labels is not None and any(labels.has(case, ["threads"]) for case in members))
+        ctest_labels += ["threads"] if threads else []
         properties = ["SKIP_RETURN_CODE", str(ALL_SKIPPED), "COST", f"{cost:g}",
                       "TIMEOUT", f"{options.timeout * (len(members) + 1):g}"]
         if ctest_labels:
@@ -295,9 +299,13 @@ def main():
     if not cases:
         sys.exit(f"{options.program[-1]}: no case matches {options.filter!r}")
 
+    name = options.prefix + cases[0].split(".")[0]
+
     def stop(number, _):
         if Process.running:
             os.killpg(Process.running.pid, signal.SIGKILL)
+            Process.running.wait()
+        cpu_times.record(name)
         sys.exit(128 + number)
 
     signal.signal(signal.SIGTERM, stop)
@@ -305,6 +313,7 @@ def main():
     begin = time.monotonic()
     run = Run(options)
     run.all(cases)
+    cpu_times.record(name)
     return run.report(time.monotonic() - begin)
 
 

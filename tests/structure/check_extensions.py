@@ -24,7 +24,6 @@ import findings
 
 PLACE = "docs/extensions.md"
 CODE = "src/layer/entry/ray_tracing_extensions.cpp"
-DISPLACEMENT = "VK_NV_displacement_micromap"
 BEGIN, END = "<!-- begin conflicting -->\n", "<!-- end conflicting -->\n"
 MATTERS = {
     "VkAccelerationStructureKHR", "VkMicromapEXT", "VkShaderModule", "VkShaderEXT", "VkPipelineCache",
@@ -103,10 +102,9 @@ def array(code, name):
 
 def conflicting_rows(code):
     """Of the rows of kConflicting: name, reason, and whether it conflicts with translated micromaps as well."""
-    for row in re.findall(r"^    \{((?:\"VK_|newer::).*?)\},$", array(code, "kConflicting"), re.M | re.S):
-        name = re.match(r'"(VK_\w+)"', row)
-        reason = re.findall(r'"([^"]*)"', row)[1 if name else 0]
-        yield name[1] if name else DISPLACEMENT, reason, "NotBeside" in row
+    for row in re.findall(r'^    \{("VK_.*?)\},$', array(code, "kConflicting"), re.M | re.S):
+        name, reason = re.findall(r'"([^"]*)"', row)[:2]
+        yield name, reason, "NotBeside" in row
 
 
 def conflicting_table(code):

@@ -38,8 +38,8 @@ ROWS = {"VK_EXT_structure": "kept", "VK_EXT_command": "kept", "VK_EXT_flag": "ke
 
 
 CODE = """constexpr ConflictingExtension kConflicting[] = {
-    {newer::kDisplacementMicromapExtension, "it extends the driver's",
-     newer::kDisplacementMicromapFeatures, 1, Translated::Works, true},
+    {"VK_NV_displacement_micromap", "it extends the driver's",
+     kFeatures, 1, Translated::Works, true},
     {"VK_EXT_conflicting", "its instances differ",
      static_cast<VkStructureType>(1000478000), 1, Translated::NotBesideKhr},
 };

@@ -23,7 +23,7 @@ PARTS = {
     "library": ("core", "bake", "spirv"),
     "gltf": ("core", "bake"),
     "gltflibrary": ("core", "bake", "gltf", "library"),
-    "layer": ("core", "spirv"),
+    "layer": ("core", "spirv", "vk"),
     "verify": ("core", "bake", "gltf"),
     "vk": (),
     "check": ("vk",),
@@ -32,7 +32,6 @@ PARTS = {
 # Parts that may use some files of another only. Verification shares no code with what it verifies.
 ONLY = {
     ("verify", "bake"): ("texture/texture.h",),
-    ("check", "layer"): ("base/vulkan_newer.h",), # declarations that older headers of Vulkan lack
     ("library", "spirv"): ("mode/micromap_mode.h",),
 }
 # Parts with subsystems: each subsystem and those that it may include. "" is the folder of the part itself.

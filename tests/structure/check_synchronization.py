@@ -14,7 +14,7 @@ import xml.etree.ElementTree as ElementTree
 
 import findings
 
-ROWS = "src/layer/entry/commands.cpp"
+ROWS = "src/layer/base/commands.inc"
 CODE = "src/layer/command_buffer/synchronization.cpp"
 OTHER_CODE = ["src/layer/device_address/address_copies.cpp"]
 FLAGS = re.compile(r"VkPipelineStage(Flags|FlagBits)2|VkAccess(Flags|FlagBits)2")
@@ -22,8 +22,6 @@ NOT_HANDLED = {
     "VkQueueFamilyCheckpointProperties2NV": "returned by the driver",
     "VkCheckpointData2NV": "returned by the driver",
 }
-# The names of declarations that are newer than the oldest supported headers (base/vulkan_newer.h).
-NEWER = {"VkTensorMemoryBarrierARM": "newer::TensorMemoryBarrier"}
 
 
 def types(element, path):
@@ -66,8 +64,8 @@ def body(code, function):
 def check(registry, root):
     tree = ElementTree.parse(registry).getroot()
     code = (root / CODE).read_text(encoding="utf-8")
-    rows = {name: function for function, name in
-            re.findall(r'row<(\w+)>\(\s*"(vk\w+)"', (root / ROWS).read_text(encoding="utf-8"))}
+    rows = {"vk" + name: function for name, function in
+            re.findall(r"^VELLUM_\w+\((\w+), \w+, (\w+)", (root / ROWS).read_text(encoding="utf-8"), re.M) if function != "none"}
     found = []
     queues = sorted(queue_commands(tree))
     for name in queues:
@@ -78,7 +76,7 @@ def check(registry, root):
     everything = code + "".join((root / file).read_text(encoding="utf-8") for file in OTHER_CODE)
     holders = sorted(set(holders_of_flags(tree)))
     for name in holders:
-        handled = name in rows if name.startswith("vk") else re.search(rf"\b{NEWER.get(name, name)}\b", everything)
+        handled = name in rows if name.startswith("vk") else re.search(rf"\b{name}\b", everything)
         if not handled and name not in NOT_HANDLED:
             found.append(f"{CODE}: {name} has stages or accesses, and nothing replaces those of micromaps")
     return found, len(queues) + len(holders)

@@ -29,8 +29,9 @@ REGISTRY = """<registry>
 </extensions>
 </registry>
 """
-ROWS = """    row<queueOne>("vkQueueOne", Scope::Emulated),
-    row<cmdStage>("vkCmdStage", Scope::Emulated),
+ROWS = """VELLUM_DEVICE(QueueOne, Emulated, queueOne, none)
+VELLUM_DEVICE(CmdStage, Emulated, cmdStage, cmdStage)
+VELLUM_DEVICE(QueueThree, Never, none, queueThree)
 """
 CODE = """void queueOne(Device &device, VkQueue queue)
 {
@@ -44,7 +45,7 @@ void translate(VkOneBarrier &barrier);
 def run(rows=ROWS, code=CODE):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
-        for name, text in {"vk.xml": REGISTRY, "src/layer/entry/commands.cpp": rows,
+        for name, text in {"vk.xml": REGISTRY, "src/layer/base/commands.inc": rows,
                            "src/layer/command_buffer/synchronization.cpp": code,
                            "src/layer/device_address/address_copies.cpp": ""}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -65,7 +66,7 @@ class CheckSynchronization(unittest.TestCase):
         self.assertEqual((code, out.strip()), (0, "0 findings in 4 commands and structures"))
 
     def test_queue_command_without_row(self):
-        self.expect_finding("no row for vkQueueOne", rows=ROWS.replace("vkQueueOne", "vkQueueOther"))
+        self.expect_finding("no row for vkQueueOne", rows=ROWS.replace("QueueOne", "QueueOther"))
 
     def test_queue_command_without_lock(self):
         self.expect_finding("queueOne does not hold the lock", code=CODE.replace("probes.lock", "other.lock"))
@@ -77,7 +78,7 @@ class CheckSynchronization(unittest.TestCase):
         self.expect_finding("VkOneBarrier has stages or accesses", code=CODE.replace("VkOneBarrier", "VkOneBarriers"))
 
     def test_command(self):
-        self.expect_finding("vkCmdStage has stages or accesses", rows=ROWS.replace("vkCmdStage", "vkCmdStages"))
+        self.expect_finding("vkCmdStage has stages or accesses", rows=ROWS.replace("CmdStage", "CmdStages"))
 
 
 if __name__ == "__main__":

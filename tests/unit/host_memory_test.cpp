@@ -11,7 +11,6 @@ namespace
 {
 
 using namespace vellum::layer;
-namespace newer = vellum::newer;
 
 void expectAtoms(VkDeviceSize memory, VkDeviceSize begin, VkDeviceSize bytes, VkDeviceSize atom, VkDeviceSize first,
                  VkDeviceSize size)
@@ -41,7 +40,7 @@ protected:
     {
         current_ = this;
         driver_.next.UnmapMemory = [](VkDevice, VkDeviceMemory) { current_->expectUnreadable(); };
-        driver_.next.UnmapMemory2 = [](VkDevice, const newer::MemoryUnmapInfo *) {
+        driver_.next.UnmapMemory2KHR = [](VkDevice, const VkMemoryUnmapInfoKHR *) {
             current_->expectUnreadable();
             return current_->result_;
         };
@@ -59,7 +58,7 @@ protected:
     void expectUnreadable() { EXPECT_FALSE(readable(0)); }
     VkResult unmap2()
     {
-        newer::MemoryUnmapInfo info{};
+        VkMemoryUnmapInfoKHR info{};
         info.memory = kMemory;
         return unmapMemory2(buffers_, VK_NULL_HANDLE, &info);
     }

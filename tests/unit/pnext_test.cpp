@@ -2,6 +2,8 @@
 // Chain copies what it must of an application's const pNext chain, and nothing of the application's changes.
 #include "layer/base/pnext.h"
 
+#include <cstring>
+
 #include <gtest/gtest.h>
 
 namespace vellum::layer
@@ -69,6 +71,24 @@ TEST_F(ThreeStructures, PrependsAndRemovesBehindWhatWasPrepended)
     chain.remove(kMicromap);
     EXPECT_EQ(chain.head(), &own);
     EXPECT_EQ(own.pNext, &address);
+}
+
+// Of Vulkan 1.4.344, and so newer than the oldest headers and registry that the project builds with.
+TEST_F(ThreeStructures, EditsBehindAStructureThatTheHeadersLack)
+{
+    const struct {
+        VkStructureType sType;
+        const void *pNext;
+        uint64_t members[2];
+    } mapping{
+        static_cast<VkStructureType>(1000135006), &micromap, {1, 2}}; // VkShaderDescriptorSetAndBindingMappingInfoEXT
+    Chain chain(&mapping);
+    auto *edited = chain.edit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(kMicromap);
+    ASSERT_NE(edited, nullptr);
+    EXPECT_NE(edited, &micromap);
+    EXPECT_EQ(std::memcmp(static_cast<const char *>(chain.head()) + sizeof(VkBaseInStructure), mapping.members,
+                          sizeof mapping.members),
+              0);
 }
 
 TEST_F(ThreeStructures, KeepsWhatFollowsAnUnknownStructure)

@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "layer/base/report.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -87,8 +87,8 @@ TEST_F(SettingsTest, StrictFromEachSource)
     write("vellum_opacity_micromap.strict = true # why");
     EXPECT_TRUE(readSettings(nullptr).strict);
     const VkBool32 no = VK_FALSE;
-    const newer::LayerSetting setting{kLayerName, "strict", newer::kLayerSettingBool32, 1, &no};
-    const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 1, &setting};
+    const VkLayerSettingEXT setting{kLayerName, "strict", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 1, &no};
+    const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 1, &setting};
     EXPECT_FALSE(readSettings(&chain).strict);
     setenv("VELLUM_STRICT", "1", 1);
     EXPECT_TRUE(readSettings(&chain).strict);
@@ -179,9 +179,9 @@ TEST_F(SettingsTest, WrongNamesAreReportedOnce)
     set("VK_VELLUM_STRICKT", "1");
     set("VELLUM_STRICKT", "1");
     set("VELLUM_TEST_SOMETHING", "1"); // of the tests
-    const newer::LayerSetting settings[]{{kLayerName, "stricter", newer::kLayerSettingBool32, 0, nullptr},
-                                         {"VK_LAYER_other", "strictest", newer::kLayerSettingBool32, 0, nullptr}};
-    const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
+    const VkLayerSettingEXT settings[]{{kLayerName, "stricter", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 0, nullptr},
+                                       {"VK_LAYER_other", "strictest", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 0, nullptr}};
+    const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 2, settings};
     const std::string head = "vellum: VELLUM-setting: there is no setting ";
     EXPECT_EQ(printed(&chain), head + "strickt (" + file_.string() + ")\n" + head + "stricter (VkLayerSettingEXT)\n" +
                                    head + "VK_VELLUM_OPACITY_MICROMAP_STRICKT\n" + head + "VK_VELLUM_STRICKT\n" + head +
@@ -195,9 +195,9 @@ TEST_F(SettingsTest, WrongValuesAreReportedOnceAndIgnored)
     write("vellum_opacity_micromap.strict = 1\nvellum_opacity_micromap.report = quiet");
     set("VELLUM_STRICT", "maybe");
     const VkBool32 yes = VK_TRUE;
-    const newer::LayerSetting settings[]{{kLayerName, "dump_shaders", newer::kLayerSettingBool32, 1, &yes},
-                                         {kLayerName, "validate", 99, 1, &yes}};
-    const newer::LayerSettingsCreateInfo chain{newer::kLayerSettingsCreateInfo, nullptr, 2, settings};
+    const VkLayerSettingEXT settings[]{{kLayerName, "dump_shaders", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 1, &yes},
+                                       {kLayerName, "validate", static_cast<VkLayerSettingTypeEXT>(99), 1, &yes}};
+    const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 2, settings};
     const std::string head = "vellum: VELLUM-setting: ";
     const std::string tail = "; the setting is ignored\n";
     EXPECT_EQ(printed(&chain),
@@ -236,12 +236,23 @@ TEST_F(SettingsTest, SeveralStructures)
 {
     write("");
     const VkBool32 yes = VK_TRUE;
-    const newer::LayerSetting strict{kLayerName, "strict", newer::kLayerSettingBool32, 1, &yes};
-    const newer::LayerSetting validate{kLayerName, "validate", newer::kLayerSettingBool32, 1, &yes};
-    const newer::LayerSettingsCreateInfo second{newer::kLayerSettingsCreateInfo, nullptr, 1, &validate};
-    const newer::LayerSettingsCreateInfo first{newer::kLayerSettingsCreateInfo, &second, 1, &strict};
+    const VkLayerSettingEXT strict{kLayerName, "strict", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 1, &yes};
+    const VkLayerSettingEXT validate{kLayerName, "validate", VK_LAYER_SETTING_TYPE_BOOL32_EXT, 1, &yes};
+    const VkLayerSettingsCreateInfoEXT second{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 1, &validate};
+    const VkLayerSettingsCreateInfoEXT first{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, &second, 1, &strict};
     EXPECT_TRUE(readSettings(&first).strict);
     EXPECT_EQ(readSettings(&first).validate, (Checks{true, true, true}));
+}
+
+TEST_F(SettingsTest, StringsOfAProgram)
+{
+    write("");
+    const char *const value = "core, sync";
+    const auto type = static_cast<VkLayerSettingTypeEXT>(7); // VK_LAYER_SETTING_TYPE_STRING_EXT
+    const VkLayerSettingEXT validate{kLayerName, "validate", type, 1, &value};
+    const VkLayerSettingsCreateInfoEXT chain{VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT, nullptr, 1, &validate};
+    EXPECT_EQ(readSettings(&chain).validate, (Checks{.core = true, .sync = true}));
+    EXPECT_EQ(printed(), "");
 }
 
 // Parts of validation, with commas.

@@ -19,9 +19,9 @@ namespace
 
 constexpr VkFlags64 kNotMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
-newer::PipelineCreateFlags2CreateInfo flagsOf(VkFlags64 flags)
+VkPipelineCreateFlags2CreateInfoKHR flagsOf(VkFlags64 flags)
 {
-    return vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = flags});
+    return vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = flags});
 }
 
 // A layout without descriptors.
@@ -110,7 +110,7 @@ void computeWithPromise(Gpu &gpu, bool wrong)
 // The mode, true or false, in a pipeline that promises to meet no micromaps.
 void modeAgainstThePromise(Gpu &gpu, bool wrong)
 {
-    makeCompute(gpu, wrong ? Mode::True : Mode::False, newer::kPipelineDisallowOpacityMicromap);
+    makeCompute(gpu, wrong ? Mode::True : Mode::False, VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM);
 }
 
 void makeGraphics(Gpu &gpu, VkFlags64 flags)
@@ -170,19 +170,19 @@ void libraryWithoutMicromapBit(Gpu &gpu, bool wrong)
 void shaderWithPromise(Gpu &gpu, bool wrong)
 {
     const auto create =
-        reinterpret_cast<newer::PFN_CreateShaders>(vkGetDeviceProcAddr(gpu.device(), "vkCreateShadersEXT"));
-    using Destroy = void(VKAPI_PTR *)(VkDevice, newer::ShaderEXT, const VkAllocationCallbacks *);
-    const auto destroy = reinterpret_cast<Destroy>(vkGetDeviceProcAddr(gpu.device(), "vkDestroyShaderEXT"));
-    newer::ShaderCreateInfo info{};
-    info.sType = static_cast<VkStructureType>(1000482002);
+        reinterpret_cast<PFN_vkCreateShadersEXT>(vkGetDeviceProcAddr(gpu.device(), "vkCreateShadersEXT"));
+    const auto destroy =
+        reinterpret_cast<PFN_vkDestroyShaderEXT>(vkGetDeviceProcAddr(gpu.device(), "vkDestroyShaderEXT"));
+    VkShaderCreateInfoEXT info{};
+    info.sType = VK_STRUCTURE_TYPE_SHADER_CREATE_INFO_EXT;
     info.flags =
         wrong ? static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT) : 0;
     info.stage = VK_SHADER_STAGE_VERTEX_BIT;
-    info.codeType = newer::kShaderCodeTypeSpirv;
+    info.codeType = VK_SHADER_CODE_TYPE_SPIRV_EXT;
     info.codeSize = sizeof plain_vertex;
     info.pCode = plain_vertex;
     info.pName = "main";
-    newer::ShaderEXT shader = nullptr;
+    VkShaderEXT shader = VK_NULL_HANDLE;
     VT_CHECK(create(gpu.device(), 1, &info, nullptr, &shader));
     destroy(gpu.device(), shader, nullptr);
 }
@@ -202,7 +202,8 @@ constexpr WrongProgram kPrograms[] = {
     {"VUID-VkGraphicsPipelineCreateInfo-flags-11595", Api::Ext, kNeedsMaintenance5, graphicsWithPromise, "", "", false,
      "ext"},
     {"VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392", Api::Khr, kNeedsPipelines | kNeedsMaintenance5,
-     rayTracing<newer::kPipelineDisallowOpacityMicromap, newer::kPipelineDisallowOpacityMicromap | kMicromapBit>},
+     rayTracing<VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM,
+                VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM | kMicromapBit>},
     {"VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597", Api::Khr, kNeedsPipelines | kNeedsNoFeature,
      rayTracing<0, kMicromapBit>},
     {"VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599", Api::Khr, kNeedsPipelines | kNeedsMaintenance5,

@@ -5,8 +5,8 @@
 #include "check/gpu/pipeline_tracer.h"
 #include "check/gpu/tracer.h"
 #include "command_buffer/shader_objects.h"
-#include "layer/base/vulkan_vendors.h"
 #include "programs.h"
+#include "vk/newer.h"
 
 #include "shaders/tracer_comp.h"
 #include "shaders/tracer_frag.h"
@@ -213,8 +213,8 @@ void traceBy(Gpu &gpu, bool wrong, const char *command, Record record)
 void dispatchTile(Gpu &gpu, bool wrong)
 {
     traceBy(gpu, wrong, "vkCmdDispatchTileQCOM", [](VkCommandBuffer commands, PFN_vkVoidFunction function) {
-        const newer::DispatchTileInfo info{static_cast<VkStructureType>(1000309005), nullptr};
-        reinterpret_cast<newer::PFN_CmdDispatchTile>(function)(commands, &info);
+        const VkDispatchTileInfoQCOM info{VK_STRUCTURE_TYPE_DISPATCH_TILE_INFO_QCOM, nullptr};
+        reinterpret_cast<PFN_vkCmdDispatchTileQCOM>(function)(commands, &info);
     });
 }
 
@@ -229,9 +229,9 @@ void generatedNv(Gpu &gpu, bool wrong)
 void generatedExt(Gpu &gpu, bool wrong)
 {
     traceBy(gpu, wrong, "vkCmdExecuteGeneratedCommandsEXT", [](VkCommandBuffer commands, PFN_vkVoidFunction function) {
-        const newer::GeneratedCommandsInfo info{static_cast<VkStructureType>(1000572004), nullptr,
-                                                VK_SHADER_STAGE_COMPUTE_BIT, 0, 0};
-        reinterpret_cast<newer::PFN_CmdExecuteGeneratedCommands>(function)(commands, VK_FALSE, &info);
+        const VkGeneratedCommandsInfoEXT info{VK_STRUCTURE_TYPE_GENERATED_COMMANDS_INFO_EXT, nullptr,
+                                              VK_SHADER_STAGE_COMPUTE_BIT};
+        reinterpret_cast<PFN_vkCmdExecuteGeneratedCommandsEXT>(function)(commands, VK_FALSE, &info);
     });
 }
 
@@ -268,7 +268,7 @@ void traceWithFlags(Gpu &gpu, const Scene &scene, VkFlags64 flags, Mode mode = M
     Tracer tracer(gpu);
     tracer.prepare(scene.tlas, Scene::rays());
     const VkShaderModule module = gpu.shader(withMode(tracer_comp, mode));
-    const auto flags2 = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = flags});
+    const auto flags2 = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = flags});
     const auto info = vkInit<VkComputePipelineCreateInfo>(
         {.pNext = &flags2,
          .stage = vkInit<VkPipelineShaderStageCreateInfo>(
@@ -337,9 +337,9 @@ public:
     GraphicsPart(Gpu &gpu, VkFlags64 promise, VkGraphicsPipelineLibraryFlagBitsEXT part, VkPipeline other) : gpu_(gpu)
     {
         const auto flags =
-            vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = promise | VK_PIPELINE_CREATE_LIBRARY_BIT_KHR});
+            vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = promise | VK_PIPELINE_CREATE_LIBRARY_BIT_KHR});
         const auto library = vkInit<VkGraphicsPipelineLibraryCreateInfoEXT>(
-            {.pNext = const_cast<newer::PipelineCreateFlags2CreateInfo *>(&flags), .flags = VkFlags(part)});
+            {.pNext = const_cast<VkPipelineCreateFlags2CreateInfoKHR *>(&flags), .flags = VkFlags(part)});
         const auto libraries = vkInit<VkPipelineLibraryCreateInfoKHR>(
             {.pNext = &library, .libraryCount = other ? 1u : 0u, .pLibraries = &other});
         const auto samples =
@@ -373,7 +373,7 @@ void libraryWithoutPromise(Gpu &gpu, bool wrong)
 }
 
 // VK_ARM_pipeline_opacity_micromap
-constexpr VkFlags64 kDisallowMicromaps = newer::kPipelineDisallowOpacityMicromap;
+constexpr VkFlags64 kDisallowMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
 
 void disallowedMicromaps(Gpu &gpu, bool wrong)
 {

@@ -9,8 +9,7 @@ if("tools" IN_LIST FEATURES)
   vcpkg_find_acquire_program(PYTHON3)
   vcpkg_add_to_path(${CURRENT_HOST_INSTALLED_DIR}/tools/spirv-tools)
   list(APPEND feature_options -DPython3_EXECUTABLE=${PYTHON3}
-    -DGLSLANG=${CURRENT_HOST_INSTALLED_DIR}/tools/glslang/glslangValidator${VCPKG_HOST_EXECUTABLE_SUFFIX}
-    -DVULKAN_REGISTRY=${CURRENT_INSTALLED_DIR}/share/vulkan/registry/vk.xml)
+    -DGLSLANG=${CURRENT_HOST_INSTALLED_DIR}/tools/glslang/glslangValidator${VCPKG_HOST_EXECUTABLE_SUFFIX})
 endif()
 vcpkg_cmake_configure(SOURCE_PATH ${SOURCE_PATH} OPTIONS ${feature_options}
   MAYBE_UNUSED_VARIABLES VELLUM_IMAGE_LIBRARIES VELLUM_MESH_LIBRARIES)

@@ -226,6 +226,8 @@ private:
             if (micromap.triangleStride != sizeof(VkMicromapTriangleEXT))
                 more += fmt::format(", triangleArrayStride {}", micromap.triangleStride);
             more += describeUsage(micromap.usagePointers, micromap.usage);
+            if (micromap.onHost)
+                more += ", sizes for HOST_OR_DEVICE";
             if (micromap.layout != 0)
                 more += fmt::format(", data of triangles: {}", wordsOf(micromap.layout, kDataNames));
             number("{} builds micromap {}, flags {}{}{}:{}", micromapBuild(), i,
@@ -264,12 +266,21 @@ private:
             line("     All builds and the rays are in one command buffer.");
         if (case_.build.conditional)
             line("     Builds, copies and queries are within conditional rendering whose predicate is false.");
+        if (case_.build.unrelated)
+            line("     Commands that build several objects build an unrelated top level first; that which builds the "
+                 "top "
+                 "level builds an unrelated object first.");
+        if (case_.build.secondary)
+            line("     Builds, copies and updates are in secondary command buffers.");
+        if (case_.build.twice)
+            line("     Command buffers of builds, copies and updates are submitted twice.");
         if (case_.build.spareInstances > 0)
             line("     ppMaxPrimitiveCounts allows for {} more.", case_.build.spareInstances);
         if (case_.build.skippedInstances > 0)
             line("     primitiveOffset skips {} before them.", case_.build.skippedInstances);
         if (case_.build.otherTop)
-            line("     The same command builds another top level, of the same instances in reverse order without flags.");
+            line("     The same command builds another top level, of the same instances in reverse order without "
+                 "flags.");
     }
     void writeInstances(const std::vector<oracle::Instance> &instances)
     {
@@ -326,6 +337,7 @@ void Account::writeQueries(const QueryPlan &plan)
 std::string Account::commandsOf(const Step &step) const
 {
     const uint32_t t = step.target;
+    const char *const mirrored = step.mirrored ? ", with x of all vertices and boxes mirrored" : "";
     const char *const elsewhere = step.outOfPlace ? " to a new structure" : "";
     const char *const exact =
         step.exact ? ", first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports" : "";
@@ -350,11 +362,20 @@ std::string Account::commandsOf(const Step &step) const
                            t);
     case Kind::ReloadObject:
         return fmt::format("vkCmdCopyAccelerationStructureToMemoryKHR serializes object {}, and "
-                           "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure.",
-                           t);
+                           "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure{}.",
+                           t,
+                           step.relocated ? ", after its micromaps were serialized and deserialized to new ones, whose "
+                                            "addresses are put into the data"
+                                          : "");
     case Kind::UpdateObject:
-        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}.", t, elsewhere);
-    case Kind::RebuildObject: return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again.", t);
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}{}.", t, mirrored,
+                           elsewhere);
+    case Kind::RebuildObject:
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR builds object {} again{}.", t, mirrored);
+    case Kind::ReplaceObject:
+        return fmt::format(
+            "vkCmdBuildAccelerationStructuresKHR builds object {} again, with the geometries of object {}.", t,
+            step.other);
     case Kind::MoveObject:
         return fmt::format(
             "vkCmdCopyAccelerationStructureKHR clones object {}, and object {} is built in its memory by "
@@ -387,9 +408,12 @@ std::string Account::commandsOf(const Step &step) const
                            step.micromapUse ? describe(*step.micromapUse) : "no micromap");
     case Kind::CloneTop: return fmt::format("vkCmdCopyAccelerationStructureKHR clones the top level{}.", exact);
     case Kind::CompactTop: return "vkCmdCopyAccelerationStructureKHR compacts the top level.";
-    case Kind::ReloadTop: return "The top level is serialized and deserialized to a new structure.";
+    case Kind::ReloadTop:
+        return fmt::format("The top level is serialized and deserialized to a new structure{}.",
+                           step.relocated ? ", with the addresses of clones of its objects in the data" : "");
     default: {
-        return fmt::format("vkCmdBuildAccelerationStructuresKHR updates the top level{}:", elsewhere) +
+        return fmt::format("vkCmdBuildAccelerationStructuresKHR {} the top level{}:",
+                           step.kind == Kind::UpdateTop ? "updates" : "builds again", elsewhere) +
                describe(step.instances);
     }
     }
@@ -477,7 +501,9 @@ void Account::writeTracePlan()
         case TracePlan::Query::Functions: line("The ray query is a parameter of functions."); break;
         case TracePlan::Query::Again: line("The ray query was initialized before, and is initialized again."); break;
         case TracePlan::Query::Getters: line("The shader also reads origins, directions and transforms."); break;
-        case TracePlan::Query::Sites: line("The ray query is initialized in two places, of which rays take one."); break;
+        case TracePlan::Query::Sites:
+            line("The ray query is initialized in two places, of which rays take one.");
+            break;
         }
         if (trace.shaderObjects)
             line("The shader is a shader object.");
@@ -487,6 +513,10 @@ void Account::writeTracePlan()
         line("A {} shader traces the rays, in recursion.", nameOf(kFromNames, trace.from));
     if (trace.withoutMicromaps)
         line("The pipeline lacks the micromap bit.");
+    if (trace.creation != 0)
+        line("Pipelines are created: {}.", wordsOf(trace.creation, kCreationNames));
+    if (trace.callables)
+        line("The ray generation shader executes a callable shader as well.");
     writePipeline(trace.pipeline);
     for (const PipelinePlan &pipeline : trace.otherPipelines) {
         line("Another pipeline traces the rays afterwards, by the same command buffer:");
@@ -553,11 +583,18 @@ void Account::writeRay()
     const size_t number = std::min<size_t>(*verdict_.ray, after_.rays.size() - 1);
     const Ray &ray = after_.rays[number];
     line("Ray {} of {}, traced by {}:", number, after_.rays.size(), tracer);
+    if (case_.trace.secondary)
+        line("The commands that trace are in a secondary command buffer.");
     if (case_.trace.boundFirst)
         line("What traces was bound before the builds of the same command buffer.");
     writeTracePlan();
-    if (case_.trace.launch != Launch::Direct)
-        line("The command is vkCmdTraceRaysIndirect{}KHR.", case_.trace.launch == Launch::Indirect2 ? "2" : "");
+    if (const LaunchPlan &launch = case_.trace.launch; launch != LaunchPlan())
+        line("The command is vkCmdTraceRays{}KHR, height {}, depth {}{}.",
+             launch.command == Launch::Direct     ? ""
+             : launch.command == Launch::Indirect ? "Indirect"
+                                                  : "Indirect2",
+             launch.height, launch.depth,
+             launch.offset > 0 ? fmt::format(", {} bytes before its parameters", 4 * launch.offset) : "");
     line("origin ({}), direction ({}), t {} to {}, cull mask {:#x}, flags {}; candidates are confirmed: {}.",
          fmt::join(ray.origin, ", "), fmt::join(ray.direction, ", "), ray.tMin, ray.tMax, ray.cullMask,
          namesOf(ray.flags, kRayFlagNames), nameOf(kRuleNames, ray.rule));

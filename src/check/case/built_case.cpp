@@ -119,10 +119,11 @@ void BuiltCase::recordUnder(VkCommandBuffer commands, const Record &record) cons
     gpu_.vk().CmdEndConditionalRenderingEXT(commands);
 }
 
-void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record)
+void BuiltCase::execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable)
 {
     Watch watch(gpu_);
-    gpu_.submit([&](VkCommandBuffer commands) { recordUnder(commands, record); });
+    gpu_.submit([&](VkCommandBuffer commands) { recordUnder(commands, record); }, case_.build.secondary,
+                case_.build.twice && repeatable ? 2 : 1);
     watch.expectOnlyChanged(writes, what);
 }
 
@@ -229,13 +230,20 @@ void BuiltCase::buildMicromapsTogether()
     if (case_.build.mixed && gpu_.khr()) {
         describeObjects();
         for (uint32_t o = 0; o < bottoms_.size(); ++o) {
-            if (std::ranges::any_of(scene_.objects[o].meshes, [](const auto &mesh) { return mesh.micromap.has_value(); }))
+            if (std::ranges::any_of(scene_.objects[o].meshes,
+                                    [](const auto &mesh) { return mesh.micromap.has_value(); }))
                 continue;
             const Writes own = prepareNew(o, nullptr);
             writes.insert(writes.end(), own.begin(), own.end());
             others.infos.push_back(bottoms_[o].structure->buildInfo());
             others.ranges.push_back(bottoms_[o].structure->ranges());
         }
+    }
+    std::vector<const Structure *> structures;
+    const std::unique_ptr<Tlas> unrelated = gpu_.khr() ? unrelatedTop(writes, structures) : nullptr;
+    for (const Structure *structure : structures) {
+        others.infos.insert(others.infos.begin(), structure->buildInfo());
+        others.ranges.insert(others.ranges.begin(), structure->ranges());
     }
     execute("micromap builds", writes,
             [&](VkCommandBuffer commands) { recordMicromapBuilds(gpu_, commands, builds, others); });
@@ -316,6 +324,20 @@ VkBuildAccelerationStructureFlagsKHR BuiltCase::topFlags() const
     return flags;
 }
 
+std::unique_ptr<Tlas> BuiltCase::unrelatedTop(Writes &writes, std::vector<const Structure *> &structures) const
+{
+    if (!case_.build.unrelated)
+        return nullptr;
+    auto top = std::make_unique<Tlas>(gpu_);
+    VkAccelerationStructureInstanceKHR inactive{};
+    for (size_t i = 0; i < 3; ++i)
+        inactive.transform.matrix[i][i] = 1;
+    top->prepare(std::vector(3, inactive));
+    writes.insert(writes.end(), {top->range(), top->scratchRange()});
+    structures.insert(structures.begin(), top.get());
+    return top;
+}
+
 void BuiltCase::buildObjects()
 {
     const bool indirect = isIndirect(case_);
@@ -333,6 +355,7 @@ void BuiltCase::buildObjects()
             writes.insert(writes.end(), own.begin(), own.end());
             structures.push_back(bottoms_[o].structure.get());
         }
+        const std::unique_ptr<Tlas> unrelated = unrelatedTop(writes, structures);
         const StructureBuilds builds(gpu_, structures, indirect);
         execute("builds", writes, [&](VkCommandBuffer commands) { builds.record(commands); });
     } else {
@@ -355,6 +378,12 @@ void BuiltCase::buildTop()
     prepareTop(*tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
     std::vector<const Structure *> structures{tlas.get()};
     Writes writes{tlas->range(), tlas->scratchRange()};
+    Blas unrelated(gpu_);
+    if (case_.build.unrelated) {
+        unrelated.prepare(bottoms_[0].geometries, bottoms_[0].flags);
+        structures.insert(structures.begin(), &unrelated);
+        writes.insert(writes.end(), {unrelated.range(), unrelated.scratchRange()});
+    }
     Tlas other(gpu_);
     if (case_.build.otherTop) {
         std::vector<VkAccelerationStructureInstanceKHR> reversed = instances(true);
@@ -395,17 +424,19 @@ std::unique_ptr<Tlas> BuiltCase::plainTop() const
     return std::make_unique<Tlas>(gpu_, instances(true));
 }
 
-void BuiltCase::updateTop(bool outOfPlace)
+void BuiltCase::buildTopAgain(const Step &step)
 {
+    const bool update = step.kind == Kind::UpdateTop;
     std::unique_ptr<Structure> source;
-    if (outOfPlace) {
+    if (step.outOfPlace) {
         auto target = std::make_unique<Tlas>(gpu_);
         target->updateFrom(top_.get());
         source = std::exchange(top_, std::move(target));
     }
     auto &tlas = static_cast<Tlas &>(*top_);
-    prepareTop(tlas, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
-    execute("top level updated", {tlas.range(), tlas.scratchRange()},
+    prepareTop(tlas, update ? VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR
+                            : VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR);
+    execute(update ? "top level updated" : "top level built again", {tlas.range(), tlas.scratchRange()},
             [&](VkCommandBuffer commands) { tlas.record(commands); });
     tlas.forgetInput();
 }

@@ -3,7 +3,9 @@
 // arena is compared with what it was before each operation: nothing but what the operation names has changed.
 #pragma once
 
+#include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -51,6 +53,8 @@ private:
     [[nodiscard]] uint32_t spareTriangles() const;
     void describeObjects();
     Writes prepareNew(uint32_t object, SharedScratch *scratch);
+    // Prepares a top level of inactive instances for the front of a command, with BuildPlan::unrelated; else null.
+    [[nodiscard]] std::unique_ptr<Tlas> unrelatedTop(Writes &writes, std::vector<const Structure *> &structures) const;
     void buildObjects();
     void buildTop();
     void apply(const Step &step);
@@ -59,10 +63,11 @@ private:
     // plain: without flags, for all rays.
     [[nodiscard]] std::vector<VkAccelerationStructureInstanceKHR> instances(bool plain = false) const;
     void prepareTop(Tlas &tlas, VkBuildAccelerationStructureModeKHR mode) const;
-    void updateTop(bool outOfPlace);
+    void buildTopAgain(const Step &step);
     void prepareAll();
     void recordAll(VkCommandBuffer commands) const;
     void buildMicromap(Micromap &micromap, const Step &step);
+    void buildMicromapBeside(Micromap &micromap, uint32_t number);
 
     [[nodiscard]] VkBuildAccelerationStructureFlagsKHR topFlags() const;
     // How builds and updates of objects are done.
@@ -74,7 +79,8 @@ private:
                                             VkDeviceSize size);
     template <class T>
     [[nodiscard]] std::unique_ptr<T> copied(const Structure &source, const Step &step);
-    void reloadObject(Bottom &bottom);
+    void reloadObject(const Step &step);
+    void reloadTop(const Step &step);
     void buildObject(uint32_t object, BuildMode mode);
     // Returns what is destroyed when the build is done.
     [[nodiscard]] std::unique_ptr<Blas> prepareObject(uint32_t object, BuildMode mode);
@@ -83,15 +89,21 @@ private:
     void moveObject(Bottom &moved, uint32_t built);
     void setStates(Micromap &micromap, const Step &step);
     [[nodiscard]] std::unique_ptr<Micromap> copyOfMicromap(const Micromap &source, const Step &step);
+    [[nodiscard]] Guarded serialized(const Micromap &micromap, const Step &step);
+    void deserialize(const Guarded &data, Micromap &target, const Step &step);
     [[nodiscard]] std::unique_ptr<Micromap> reloadMicromap(std::unique_ptr<Micromap> source, const Step &step);
-    void checkVersion(const uint8_t *data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *));
-    void reload(const Structure &source, Structure &target);
+    void checkSerialized(const Guarded &data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *));
+    [[nodiscard]] Guarded serialized(const Structure &source);
+    using Addresses = std::map<VkDeviceAddress, VkDeviceAddress>; // the old ones, the new ones
+    // needed: addresses that the data must have
+    void replaceAddresses(const Guarded &data, bool top, const Addresses &addresses, std::set<VkDeviceAddress> needed);
+    void deserialize(const Guarded &data, Structure &target);
 
     void runOnThreads(const Work &work);
     // Records as the case does everything but rays: within conditional rendering, or not.
     void recordUnder(VkCommandBuffer commands, const Record &record) const;
     // Executes, and reports what else was written to.
-    void execute(const std::string &what, const Writes &writes, const Record &record);
+    void execute(const std::string &what, const Writes &writes, const Record &record, bool repeatable = true);
     void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
     void runQueries();
     [[nodiscard]] VkAccelerationStructureKHR structureOf(const QueryTarget &target) const;

@@ -30,6 +30,15 @@ uint64_t numberAt(const uint8_t *bytes, size_t offset)
     return number;
 }
 
+// Whether triangles of the mesh have triangles of the micromap.
+bool showsMicromap(const oracle::Mesh &mesh, uint32_t micromap)
+{
+    for (uint32_t t = 0; mesh.micromap && mesh.micromap->micromap == micromap && t < mesh.triangles(); ++t)
+        if (mesh.micromap->indexOf(t) >= 0)
+            return true;
+    return false;
+}
+
 bool compatible(const Device &gpu, const uint8_t *version)
 {
     const auto info = vkInit<VkAccelerationStructureVersionInfoKHR>({.pVersionData = version});
@@ -71,6 +80,7 @@ void BuiltCase::rebuildObjects(const Step &step)
         structures.push_back(&structure);
         writes.insert(writes.end(), {structure.range(), structure.scratchRange()});
     }
+    const std::unique_ptr<Tlas> unrelated = unrelatedTop(writes, structures);
     const StructureBuilds builds(gpu_, structures);
     execute("built again together", writes, [&](VkCommandBuffer commands) { builds.record(commands); });
     for (uint32_t o = parity; o < bottoms_.size(); o += 2)
@@ -131,9 +141,10 @@ void BuiltCase::applyToObject(const Step &step)
     switch (step.kind) {
     case Kind::CloneObject:
     case Kind::CompactObject: bottom.structure = copied<Blas>(*bottom.structure, step); return;
-    case Kind::ReloadObject: return reloadObject(bottom);
+    case Kind::ReloadObject: return reloadObject(step);
     case Kind::UpdateObject: return buildObject(step.target, {true, step.outOfPlace});
-    case Kind::RebuildObject: return buildObject(step.target, {});
+    case Kind::RebuildObject:
+    case Kind::ReplaceObject: return buildObject(step.target, {});
     case Kind::RebuildObjects: return rebuildObjects(step);
     case Kind::MoveObject: return moveObject(bottom, step.other);
     case Kind::RenameObject: {
@@ -148,14 +159,32 @@ void BuiltCase::applyToObject(const Step &step)
     }
 }
 
+// With BuildPlan::mixed, beside the first object that does not use the micromap of that number.
+void BuiltCase::buildMicromapBeside(Micromap &micromap, uint32_t number)
+{
+    OtherBuilds others;
+    Writes writes{micromap.range(), micromap.scratchRange()};
+    const auto object = std::ranges::find_if(scene_.objects, [&](const auto &o) { return !o.uses(number); });
+    if (case_.build.mixed && gpu_.khr() && object != scene_.objects.end()) {
+        const auto o = static_cast<uint32_t>(object - scene_.objects.begin());
+        (void)prepareObject(o, {});
+        const Blas &structure = *bottoms_[o].structure;
+        writes.insert(writes.end(), {structure.range(), structure.scratchRange()});
+        others = {{structure.buildInfo()}, {structure.ranges()}};
+    }
+    execute("micromap built", writes, [&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu_, commands, std::array{MicromapBuild{micromap.buildInfo(), micromap.handle()}},
+                             others);
+    });
+}
+
 void BuiltCase::buildMicromap(Micromap &micromap, const Step &step)
 {
     if (step.host)
         executeOnHost("micromap built on the host", {micromap.range(), micromap.scratchRange()},
                       [&] { micromap.buildOnHost(step.deferred); });
     else
-        execute("micromap built", {micromap.range(), micromap.scratchRange()},
-                [&](VkCommandBuffer commands) { micromap.record(commands); });
+        buildMicromapBeside(micromap, step.target);
     micromap.forgetInput();
 }
 
@@ -187,9 +216,12 @@ std::unique_ptr<Micromap> BuiltCase::copyOfMicromap(const Micromap &source, cons
 }
 
 // Serialized data begins with what vkGetDevice...CompatibilityKHR compares.
-void BuiltCase::checkVersion(const uint8_t *data, std::string_view of, bool (*compatible)(const Device &, const uint8_t *))
+void BuiltCase::checkSerialized(const Guarded &data, std::string_view of,
+                                bool (*compatible)(const Device &, const uint8_t *))
 {
-    std::vector<uint8_t> version(data, data + 2 * VK_UUID_SIZE);
+    if (!data.intact())
+        gpu_.fault(fmt::format("a {} is serialized beyond the size that the query reports{}", of, data.damage()));
+    std::vector<uint8_t> version(data.bytes(), data.bytes() + 2 * VK_UUID_SIZE);
     if (!compatible(gpu_, version.data()))
         gpu_.fault(fmt::format("the device does not accept the version of a {} that it serialized", of));
     // What identifies the compatibility is that of no device.
@@ -199,30 +231,42 @@ void BuiltCase::checkVersion(const uint8_t *data, std::string_view of, bool (*co
         gpu_.fault(fmt::format("the device accepts every version of a serialized {}", of));
 }
 
-std::unique_ptr<Micromap> BuiltCase::reloadMicromap(std::unique_ptr<Micromap> source, const Step &step)
+Guarded BuiltCase::serialized(const Micromap &micromap, const Step &step)
 {
-    const HostCommands host(gpu_, step.deferred);
-    const VkDeviceSize size = sizeOf(*source, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, step);
-    const Guarded data(gpu_, size, 256, kSerializedUsage);
-    const MicromapHandle from = source->handle();
+    const VkDeviceSize size = sizeOf(micromap, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT, step);
+    Guarded data(gpu_, size, 256, kSerializedUsage);
+    const MicromapHandle from = micromap.handle();
     if (step.host)
-        executeOnHost("micromap serialized", {data.range()}, [&] { host.toMemory(from.ext, data.bytes()); });
+        executeOnHost("micromap serialized", {data.range()},
+                      [&] { HostCommands(gpu_, step.deferred).toMemory(from.ext, data.bytes()); });
     else
         execute("micromap serialized", {data.range()},
                 [&](VkCommandBuffer commands) { recordMicromapToMemory(gpu_, commands, from, data.address()); });
-    checkVersion(data.bytes(), "micromap", micromapIsCompatible);
+    checkSerialized(data, "micromap", micromapIsCompatible);
+    return data;
+}
+
+void BuiltCase::deserialize(const Guarded &data, Micromap &target, const Step &step)
+{
+    const MicromapHandle to = target.handle();
+    if (step.host)
+        executeOnHost("micromap deserialized", {target.range()},
+                      [&] { HostCommands(gpu_, step.deferred).toMicromap(data.bytes(), to.ext); });
+    else
+        execute("micromap deserialized", {target.range()},
+                [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, data.address(), to); });
+}
+
+std::unique_ptr<Micromap> BuiltCase::reloadMicromap(std::unique_ptr<Micromap> source, const Step &step)
+{
+    const Guarded data = serialized(*source, step);
     std::unique_ptr<Micromap> target = std::move(source);
     // Unlike that of a structure, the header states no sizes: a micromap is as large as the one that was serialized.
     if (!step.inPlace)
         target = std::make_unique<Micromap>(gpu_, *target, target->size());
     else if (!step.states.empty())
         setStates(*target, step);
-    const MicromapHandle to = target->handle();
-    if (step.host)
-        executeOnHost("micromap deserialized", {target->range()}, [&] { host.toMicromap(data.bytes(), to.ext); });
-    else
-        execute("micromap deserialized", {target->range()},
-                [&](VkCommandBuffer commands) { recordMemoryToMicromap(gpu_, commands, data.address(), to); });
+    deserialize(data, *target, step);
     return target;
 }
 
@@ -253,13 +297,13 @@ std::unique_ptr<T> BuiltCase::copied(const Structure &source, const Step &step)
     return copied<T>(*exact, kClone, source.size());
 }
 
-void BuiltCase::reload(const Structure &source, Structure &target)
+Guarded BuiltCase::serialized(const Structure &source)
 {
-    const Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR), 256,
-                       kSerializedUsage);
+    Guarded data(gpu_, sizeOf(source, VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR), 256,
+                 kSerializedUsage);
     execute("serialized", {data.range()},
             [&](VkCommandBuffer commands) { recordSerialize(gpu_, commands, source, data.address()); });
-    checkVersion(data.bytes(), "structure", compatible);
+    checkSerialized(data, "structure", compatible);
     // "the total size matching the value queried", "This value matches the value queried"
     // (vkCmdCopyAccelerationStructureToMemoryKHR)
     if (numberAt(data.bytes(), kHeaderSerializedSize) != data.size())
@@ -273,6 +317,56 @@ void BuiltCase::reload(const Structure &source, Structure &target)
                                    "reported ({}, not {})",
                                    numberAt(data.bytes(), kHeaderHandleCount), pointers));
     }
+    return data;
+}
+
+// Replaces the addresses in the header: those of the bottom-level structures of a top level, or of the micromaps of a
+// bottom-level structure.
+void BuiltCase::replaceAddresses(const Guarded &data, bool top, const Addresses &addresses,
+                                 std::set<VkDeviceAddress> needed)
+{
+    size_t at = kHeaderHandleCount;
+    const auto next = [&] {
+        const uint64_t number = at + 8 <= data.size() ? numberAt(data.bytes(), at) : 0;
+        at += 8;
+        return number;
+    };
+    const auto replace = [&](uint64_t count) {
+        for (; count > 0 && at + 8 <= data.size(); --count) {
+            const uint64_t address = next();
+            const auto found = addresses.find(address);
+            needed.erase(address);
+            if (found != addresses.end())
+                std::memcpy(data.bytes() + at - 8, &found->second, 8);
+            else if (address != 0)
+                gpu_.fault(fmt::format("the header of a serialized {} has an address that is none of its {} ({:#x})",
+                                       top ? "top level" : "structure", top ? "objects" : "micromaps", address));
+        }
+    };
+    if (top) {
+        replace(next());
+        if (!needed.empty())
+            gpu_.fault("the header of a serialized top level lacks the address of one of its objects");
+        return;
+    }
+    constexpr uint64_t kBlockFormat = 0xffffffff;
+    const uint64_t blocks = next();
+    if (blocks >> 32 != kBlockFormat)
+        return gpu_.fault("the header of a serialized structure with micromaps has no blocks");
+    for (uint32_t i = 0; i < static_cast<uint32_t>(blocks) && at < data.size(); ++i) {
+        const auto type = static_cast<uint32_t>(next());
+        const uint64_t count = next();
+        if (type == VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR)
+            replace(count);
+        else
+            at += 8 * count;
+    }
+    if (!needed.empty())
+        gpu_.fault("the header of a serialized structure lacks the address of one of its micromaps");
+}
+
+void BuiltCase::deserialize(const Guarded &data, Structure &target)
+{
     target.create(numberAt(data.bytes(), kHeaderDeserializedSize));
     execute("deserialized", {target.range()}, [&](VkCommandBuffer commands) {
         auto info = vkInit<VkCopyMemoryToAccelerationStructureInfoKHR>();
@@ -283,11 +377,57 @@ void BuiltCase::reload(const Structure &source, Structure &target)
     });
 }
 
-void BuiltCase::reloadObject(Bottom &bottom)
+void BuiltCase::reloadObject(const Step &step)
 {
+    Bottom &bottom = bottoms_[step.target];
+    const oracle::Object &object = scene_.objects[step.target];
+    const Guarded data = serialized(*bottom.structure);
+    std::map<uint32_t, std::unique_ptr<Micromap>> originals;
+    Addresses addresses;
+    std::set<VkDeviceAddress> needed;
+    for (uint32_t m = 0; step.relocated && gpu_.khr() && m < micromaps_.size(); ++m) {
+        if (!object.uses(m))
+            continue;
+        auto copy = std::make_unique<Micromap>(gpu_, *micromaps_[m], micromaps_[m]->size());
+        deserialize(serialized(*micromaps_[m], step), *copy, step);
+        addresses[micromaps_[m]->range().address] = copy->range().address;
+        if (std::ranges::any_of(object.meshes, [m](const oracle::Mesh &mesh) { return showsMicromap(mesh, m); }))
+            needed.insert(micromaps_[m]->range().address);
+        originals[m] = std::exchange(micromaps_[m], std::move(copy));
+        originals[m]->forget();
+    }
+    if (!addresses.empty())
+        replaceAddresses(data, false, addresses, needed);
     auto target = std::make_unique<Blas>(gpu_);
-    reload(*bottom.structure, *target);
+    deserialize(data, *target);
     bottom.structure = std::move(target);
+    bottom.geometries = oracle::geometriesOf(object, micromaps_, spareTriangles());
+    for (uint32_t o = 0; o < bottoms_.size(); ++o)
+        if (o != step.target &&
+            std::ranges::any_of(originals, [&](const auto &m) { return scene_.objects[o].uses(m.first); }))
+            buildObject(o, {});
+}
+
+void BuiltCase::reloadTop(const Step &step)
+{
+    const Guarded data = serialized(*top_);
+    std::vector<std::unique_ptr<Blas>> originals;
+    Addresses addresses;
+    std::set<VkDeviceAddress> needed;
+    for (const oracle::Instance &instance : scene_.instances)
+        if (!instance.inactive)
+            needed.insert(bottoms_[instance.object].structure->address());
+    for (size_t i = 0; step.relocated && i < bottoms_.size(); ++i) {
+        std::unique_ptr<Blas> &structure = bottoms_[i].structure;
+        auto clone = copied<Blas>(*structure, VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR, structure->size());
+        addresses[structure->address()] = clone->address();
+        originals.push_back(std::exchange(structure, std::move(clone)));
+    }
+    if (!addresses.empty())
+        replaceAddresses(data, true, addresses, needed);
+    auto target = std::make_unique<Tlas>(gpu_);
+    deserialize(data, *target);
+    top_ = std::move(target);
 }
 
 // One object is cloned, and another one built in its memory by the same submission, if that is large enough: its handle
@@ -300,12 +440,14 @@ void BuiltCase::moveObject(Bottom &moved, uint32_t other)
     auto over = std::make_unique<Blas>(gpu_);
     over->useRoomOf(*moved.structure);
     over->prepare(built.geometries, built.flags);
-    execute("cloned and built over", {clone->range(), over->range(), over->scratchRange()},
-            [&](VkCommandBuffer commands) {
-                recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
-                barrier(commands);
-                over->record(commands);
-            });
+    execute(
+        "cloned and built over", {clone->range(), over->range(), over->scratchRange()},
+        [&](VkCommandBuffer commands) {
+            recordCopy(gpu_, commands, moved.structure->handle(), clone->handle());
+            barrier(commands);
+            over->record(commands);
+        },
+        false);
     over->forgetInput();
     if (&moved != &built)
         moved.structure = std::move(clone);
@@ -316,15 +458,11 @@ void BuiltCase::applyToTop(const Step &step)
 {
     const Kind kind = step.kind;
     applyTo(scene_, step);
-    if (kind == Kind::UpdateTop)
-        return updateTop(step.outOfPlace);
-    if (kind != Kind::ReloadTop) {
-        top_ = copied<Tlas>(*top_, step);
-        return;
-    }
-    auto target = std::make_unique<Tlas>(gpu_);
-    reload(*top_, *target);
-    top_ = std::move(target);
+    if (kind == Kind::UpdateTop || kind == Kind::RebuildTop)
+        return buildTopAgain(step);
+    if (kind == Kind::ReloadTop)
+        return reloadTop(step);
+    top_ = copied<Tlas>(*top_, step);
 }
 
 // The last of the queries that are recorded.

@@ -24,9 +24,9 @@ enum class BuildCommand {
 struct BuildPlan {
     BuildCommand micromaps = BuildCommand::Device;
     BuildCommand structures = BuildCommand::Device;
-    bool together = false;         // all micromaps by one command, all bottom-level structures by another
+    bool together = false; // all micromaps by one command, all bottom-level structures by another
     // With `together` and VK_KHR_opacity_micromap: structures without micromaps are built by the command that builds
-    // the micromaps.
+    // the micromaps; and steps that build a micromap build an object that does not use it by the same command.
     bool mixed = false;
     uint32_t threads = 1;          // that record builds, in command buffers that are submitted to all queues
     bool instancePointers = false; // the top level reads an array of pointers
@@ -39,7 +39,14 @@ struct BuildPlan {
     uint32_t spareTriangles = 0;
     uint32_t spareInstances = 0;
     uint32_t skippedInstances = 0; // garbage before the first instance, which primitiveOffset skips
-    bool otherTop = false;         // the command that builds the top level builds another one of other instances as well
+    // Each command buffer of builds, copies and updates is a secondary one; is submitted twice, where that changes
+    // nothing.
+    bool secondary = false;
+    bool twice = false;
+    // Commands that build several objects, or micromaps and objects, build an unrelated top level first; that which
+    // builds the top level builds an unrelated object first.
+    bool unrelated = false;
+    bool otherTop = false; // the command that builds the top level builds another one of other instances as well
 };
 
 // Something that is done after everything was built and before rays are traced. The top level is built after all steps
@@ -49,9 +56,10 @@ struct Step {
         // On a bottom-level structure. The old one is destroyed afterwards.
         CloneObject,
         CompactObject,
-        ReloadObject, // serialized and deserialized
-        UpdateObject, // with the same data
+        ReloadObject, // serialized and deserialized; `relocated`: the micromaps that it uses as well
+        UpdateObject, // with the same data, or `mirrored`
         RebuildObject,
+        ReplaceObject,  // built again with what `other` has
         MoveObject,     // cloned, and `other` built in its memory by the same submission
         RenameObject,   // a second handle at the same address
         RebuildObjects, // every second object, the target among them, by one command (`update`: the target is updated)
@@ -66,17 +74,21 @@ struct Step {
         // On the top level.
         CloneTop,
         CompactTop,
-        ReloadTop,
-        UpdateTop, // updated with `instances`
+        ReloadTop,  // `relocated`: refers to clones of its objects, whose originals are destroyed
+        UpdateTop,  // updated with `instances`
+        RebuildTop, // built again with `instances`
         Count
     };
     Kind kind = Kind::CloneObject;
     uint32_t target = 0; // an object or a micromap
-    uint32_t other = 0;  // MoveObject: another object. SetIndices: a mesh of the object
+    uint32_t other = 0;  // MoveObject, ReplaceObject: another object. SetIndices: a mesh of the object
     bool update = false;
     // Updates write a new structure (dstAccelerationStructure is not srcAccelerationStructure), and the old one is
     // destroyed afterwards.
     bool outOfPlace = false;
+    // Serialized and deserialized with other addresses in the data. VK_KHR_opacity_micromap has those of micromaps.
+    bool relocated = false;
+    bool mirrored = false; // UpdateObject, RebuildObject: x of vertices and boxes is mirrored
     bool exact = false;    // a clone is first made as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports
     bool inPlace = false;  // by the same handle
     bool host = false;     // On a micromap: by host commands
@@ -166,6 +178,7 @@ struct TracePlan {
     Mode mode = Mode::True;
     bool byAddress = false;     // the acceleration structure is a device address instead of a descriptor
     bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
+    bool secondary = false;     // traced in a secondary command buffer; compute shaders and pipelines
     bool besideBuild = false;   // traced while another structure is built by the same submission
     // Pipeline, descriptors and push constants are bound before the builds of the same command buffer.
     bool boundFirst = false;
@@ -181,7 +194,10 @@ struct TracePlan {
     From from = From::RayGeneration;
     bool flags2 = false;      // VkPipelineCreateFlags2CreateInfo
     bool unusedStage = false; // a stage that no group uses
-    Launch launch = Launch::Direct;
+    LaunchPlan launch;
+    uint32_t creation = 0; // of all pipelines: bits of PipelineCreation
+    // The ray generation shader executes a callable shader: From::RayGeneration, Flags::RunTime, descriptors, no parts.
+    bool callables = false;
     bool withoutMicromaps = false; // without the micromap bit: sceneRule
 
     bool operator==(const TracePlan &) const = default;
@@ -205,11 +221,11 @@ oracle::Scene sceneAfter(const Case &c);
 struct Verdict {
     std::string cause; // one line without numbers that vary
     std::string detail;
-    uint64_t rays = 0;               // that were compared with the oracle
-    std::optional<uint32_t> ray;     // the first that is wrong
-    std::vector<uint32_t> wrongRays; // all that are wrong
+    uint64_t rays = 0;                 // that were compared with the oracle
+    std::optional<uint32_t> ray;       // the first that is wrong
+    std::vector<uint32_t> wrongRays;   // all that are wrong
     oracle::Substitution substitution; // that lossy builds must have made
-    bool skipped = false;            // the device lacks what the case needs, which `cause` says
+    bool skipped = false;              // the device lacks what the case needs, which `cause` says
     [[nodiscard]] bool failed() const { return !cause.empty() && !skipped; }
 };
 // Runs it. Throws what checkResult throws: VK_ERROR_DEVICE_LOST, for one.

@@ -29,6 +29,7 @@ void ofMicromap(Archive &archive, T &micromap)
     archive.value("usagePointers", micromap.usagePointers, false);
     archive.bits("usage", micromap.usage, kUsageNames);
     archive.bits("layout", micromap.layout, kDataNames);
+    archive.value("onHost", micromap.onHost, false);
     archive.list("triangles", micromap.triangles, [](auto &a, auto &triangle) { ofMicromapTriangle(a, triangle); });
 }
 
@@ -138,6 +139,9 @@ void ofBuild(Archive &archive, T &build)
     archive.value("spareTriangles", build.spareTriangles, standard.spareTriangles);
     archive.value("spareInstances", build.spareInstances, standard.spareInstances);
     archive.value("skippedInstances", build.skippedInstances, standard.skippedInstances);
+    archive.value("secondary", build.secondary, standard.secondary);
+    archive.value("twice", build.twice, standard.twice);
+    archive.value("unrelated", build.unrelated, standard.unrelated);
     archive.value("otherTop", build.otherTop, standard.otherTop);
 }
 
@@ -149,6 +153,8 @@ void ofStep(Archive &archive, T &step)
     archive.value("other", step.other, 0u);
     archive.value("update", step.update, false);
     archive.value("outOfPlace", step.outOfPlace, false);
+    archive.value("relocated", step.relocated, false);
+    archive.value("mirrored", step.mirrored, false);
     archive.value("exact", step.exact, false);
     archive.value("inPlace", step.inPlace, false);
     archive.value("host", step.host, false);
@@ -238,6 +244,7 @@ void ofTrace(Archive &archive, T &trace)
     archive.name("mode", trace.mode, kModeNames, standard.mode);
     archive.value("byAddress", trace.byAddress, standard.byAddress);
     archive.value("inlineModules", trace.inlineModules, standard.inlineModules);
+    archive.value("secondary", trace.secondary, standard.secondary);
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
     archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
     archive.name("query", trace.query, kQueryNames, standard.query);
@@ -249,7 +256,12 @@ void ofTrace(Archive &archive, T &trace)
     archive.name("from", trace.from, kFromNames, standard.from);
     archive.value("flags2", trace.flags2, standard.flags2);
     archive.value("unusedStage", trace.unusedStage, standard.unusedStage);
-    archive.name("launch", trace.launch, kLaunchNames, standard.launch);
+    archive.name("launch", trace.launch.command, kLaunchNames, standard.launch.command);
+    archive.value("height", trace.launch.height, standard.launch.height);
+    archive.value("depth", trace.launch.depth, standard.launch.depth);
+    archive.value("commandOffset", trace.launch.offset, standard.launch.offset);
+    archive.bits("creation", trace.creation, kCreationNames);
+    archive.value("callables", trace.callables, standard.callables);
     archive.value("withoutMicromaps", trace.withoutMicromaps, standard.withoutMicromaps);
 }
 

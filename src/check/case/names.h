@@ -43,6 +43,7 @@ inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::ReloadObject, "reload-object"},
     Name<Step::Kind>{Step::Kind::UpdateObject, "update-object"},
     Name<Step::Kind>{Step::Kind::RebuildObject, "rebuild-object"},
+    Name<Step::Kind>{Step::Kind::ReplaceObject, "replace-object"},
     Name<Step::Kind>{Step::Kind::MoveObject, "move-object"},
     Name<Step::Kind>{Step::Kind::RenameObject, "rename-object"},
     Name<Step::Kind>{Step::Kind::RebuildObjects, "rebuild-objects"},
@@ -55,6 +56,7 @@ inline constexpr std::array kStepNames{
     Name<Step::Kind>{Step::Kind::CompactTop, "compact-top"},
     Name<Step::Kind>{Step::Kind::ReloadTop, "reload-top"},
     Name<Step::Kind>{Step::Kind::UpdateTop, "update-top"},
+    Name<Step::Kind>{Step::Kind::RebuildTop, "rebuild-top"},
 };
 static_assert(kStepNames.size() == static_cast<size_t>(Step::Kind::Count));
 
@@ -161,9 +163,13 @@ inline constexpr std::array kPipelineFlagNames{
         "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR"},
     Bit{VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR,
         "VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR"},
-    Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR,
-        "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR"},
+    Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR, "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR"},
     Bit{VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR, "VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR"},
+};
+inline constexpr std::array kCreationNames{
+    Bit{kCreateDeferred, "deferred"},
+    Bit{kCreateCached, "cached"},
+    Bit{kCreateSeveral, "several"},
 };
 inline constexpr std::array kLaunchNames{
     Name<Launch>{Launch::Direct, "direct"},

@@ -91,6 +91,8 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
             return "more geometries or primitives than maxGeometryCount or maxPrimitiveCount";
     }
     for (const oracle::SceneMicromap &micromap : c.scene.micromaps) {
+        if (micromap.onHost && !gpu.hasMicromapHostCommands())
+            return "micromapHostCommands is not supported";
         if ((micromap.flags & kLossy) != 0 && !gpu.khr())
             return "VK_EXT_opacity_micromap has no lossy builds";
         if (std::string lacks = missingForMicromap(gpu, micromap.triangles, micromap.flags); !lacks.empty())
@@ -99,17 +101,17 @@ std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after
     for (const Step &step : c.steps) {
         if (step.states.empty())
             continue;
-        if (std::string lacks = missingForMicromap(gpu, step.states, c.scene.micromaps[step.target].flags); !lacks.empty())
+        if (std::string lacks = missingForMicromap(gpu, step.states, c.scene.micromaps[step.target].flags);
+            !lacks.empty())
             return lacks;
     }
     const auto hasByteIndices = [](const std::optional<oracle::MeshMicromap> &use) {
         return use && use->indexType == VK_INDEX_TYPE_UINT8_EXT;
     };
-    const bool byteIndices =
-        std::ranges::any_of(c.steps, hasByteIndices, &Step::micromapUse) ||
-        std::ranges::any_of(c.scene.objects, [&](const oracle::Object &object) {
-            return std::ranges::any_of(object.meshes, hasByteIndices, &oracle::Mesh::micromap);
-        });
+    const bool byteIndices = std::ranges::any_of(c.steps, hasByteIndices, &Step::micromapUse) ||
+                             std::ranges::any_of(c.scene.objects, [&](const oracle::Object &object) {
+                                 return std::ranges::any_of(object.meshes, hasByteIndices, &oracle::Mesh::micromap);
+                             });
     if (byteIndices && !(gpu.khr() && gpu.has(VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME)))
         return "micromap indices of 8 bits are not supported";
     const std::vector<VkFormat> formats = gpu.vertexFormats();

@@ -33,6 +33,16 @@ bool hasMicromaps(const Scene &scene)
     });
 }
 
+// A callable shader adds the data of its record to the number of the ray.
+std::string callableFault(uint32_t ray, uint32_t called, const oracle::TracedBy &by)
+{
+    const uint32_t record =
+        by.table.content == RecordData::None ? kUnknownResult : by.data + 40 + ray % PipelineTracer::kCallables;
+    return called == ray + record ? ""
+                                  : "a callable shader reads another record (" + std::to_string(called - ray) +
+                                        ", not " + std::to_string(record) + ")";
+}
+
 } // namespace
 
 std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, const Scene &scene)
@@ -128,20 +138,22 @@ private:
                     gpu_.vk().CmdSetRayTracingPipelineStackSizeKHR(commands, tracer.stackSize());
             }
         };
-        gpu_.submit([&](VkCommandBuffer commands) {
-            barrier(commands);
-            if (beside && !plan_.boundFirst)
-                beside(commands);
-            bind(commands, *tracers.front());
-            if (beside && plan_.boundFirst)
-                beside(commands);
-            for (Traces *const tracer : tracers) {
-                if (tracer != tracers.front())
-                    bind(commands, *tracer);
-                tracer->dispatch(commands);
-            }
-            barrier(commands);
-        });
+        gpu_.submit(
+            [&](VkCommandBuffer commands) {
+                barrier(commands);
+                if (beside && !plan_.boundFirst)
+                    beside(commands);
+                bind(commands, *tracers.front());
+                if (beside && plan_.boundFirst)
+                    beside(commands);
+                for (Traces *const tracer : tracers) {
+                    if (tracer != tracers.front())
+                        bind(commands, *tracer);
+                    tracer->dispatch(commands);
+                }
+                barrier(commands);
+            },
+            plan_.secondary);
     }
 
     template <class Judge>
@@ -168,7 +180,8 @@ private:
         std::vector<PipelineTrace> traces;
         for (size_t p = first; p < pipelines_.size(); ++p) {
             for (size_t t = 0; t <= pipelines_[p].otherTables.size(); ++t)
-                traces.push_back({p, t,
+                traces.push_back({p,
+                                  t,
                                   {pipelines_[p].flags, pipelines_[p].parameters,
                                    t == 0 ? pipelines_[p].table : pipelines_[p].otherTables[t - 1],
                                    static_cast<uint32_t>(p * 16 + t) << 20}});
@@ -213,6 +226,8 @@ private:
             for (size_t i = 0; i < results.size(); ++i)
                 judge(i, [&](const std::vector<Hit> &hits) {
                     std::string fault = pipelineFault(scene, rays[i], hits, results[i], tolerance, traces[k].by);
+                    if (fault.empty() && plan_.callables)
+                        fault = callableFault(static_cast<uint32_t>(i), results[i].called, traces[k].by);
                     if (!fault.empty() && traces.size() > 1)
                         fault += " (pipeline " + std::to_string(traces[k].pipeline) + ", table " +
                                  std::to_string(traces[k].table) +
@@ -254,8 +269,8 @@ std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const Sc
     };
     const std::shared_ptr<Tracers> tracers = gpu.kept<Tracers>();
     TracePlan pipelines = plan; // what pipelines depend on
-    pipelines.besideBuild = pipelines.boundFirst = false;
-    pipelines.launch = Launch::Direct;
+    pipelines.besideBuild = pipelines.boundFirst = pipelines.secondary = false;
+    pipelines.launch = {};
     pipelines.firstDestroyed = false;
     const auto withoutTables = [](PipelinePlan &pipeline) {
         pipeline.table = {};

@@ -119,16 +119,16 @@ std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan)
     for (const PipelinePlan &each : pipelines) {
         if (!each.parts.empty() && !has(gpu, VK_KHR_PIPELINE_LIBRARY_EXTENSION_NAME, missing))
             return missing;
-        constexpr VkPipelineCreateFlags kSkip = VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR |
-                                                VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR;
+        constexpr VkPipelineCreateFlags kSkip =
+            VK_PIPELINE_CREATE_RAY_TRACING_SKIP_TRIANGLES_BIT_KHR | VK_PIPELINE_CREATE_RAY_TRACING_SKIP_AABBS_BIT_KHR;
         if ((each.flags & kSkip) != 0 && !gpu.hasPrimitiveCulling())
             return "rayTraversalPrimitiveCulling is not supported";
     }
     if (plan.flags2 && !has(gpu, "VK_KHR_maintenance5", missing))
         return missing;
-    if (plan.launch == Launch::Indirect && !gpu.hasIndirectTraces())
+    if (plan.launch.command == Launch::Indirect && !gpu.hasIndirectTraces())
         return "rayTracingPipelineTraceRaysIndirect is not supported";
-    if (plan.launch == Launch::Indirect2 && !gpu.hasIndirectTraces2())
+    if (plan.launch.command == Launch::Indirect2 && !gpu.hasIndirectTraces2())
         return "rayTracingPipelineTraceRaysIndirect2 is not supported";
     if (plan.from != TracePlan::From::RayGeneration && gpu.pipelineProperties().maxRayRecursionDepth < 2)
         return "maxRayRecursionDepth is 1";
@@ -174,6 +174,8 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
         .inlineModules = plan.inlineModules,
         .dynamicStackSize = plan.dynamicStackSize,
         .unusedStage = plan.unusedStage,
+        .creation = plan.creation,
+        .callables = plan.callables,
         .decoys = !pipeline.parts.empty(),
     };
     // A miss shader that traces has the first miss record.
@@ -182,7 +184,9 @@ std::unique_ptr<PipelineTracer> pipelineTracer(Device &gpu, const TracePlan &pla
     const size_t literal = plan.flags == TracePlan::Flags::Literal ? 4 : plan.flags == TracePlan::Flags::Mixed ? 1 : 0;
     const std::vector<uint32_t> tracing =
         completed(gpu,
-                  tracingModule(relay ? setup.relayStage : VK_SHADER_STAGE_RAYGEN_BIT_KHR, plan.flags, plan.byAddress),
+                  plan.callables ? callingModule()
+                                 : tracingModule(relay ? setup.relayStage : VK_SHADER_STAGE_RAYGEN_BIT_KHR, plan.flags,
+                                                 plan.byAddress),
                   std::span(literals).first(literal));
     (relay ? setup.relay : setup.raygen) = tracing;
     setup.flags = pipeline.flags;

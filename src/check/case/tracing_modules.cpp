@@ -14,6 +14,7 @@
 #include "shaders/pipeline_traces_rchit_specialized_by_address.h"
 #include "shaders/pipeline_traces_rgen.h"
 #include "shaders/pipeline_traces_rgen_by_address.h"
+#include "shaders/pipeline_traces_rgen_calls.h"
 #include "shaders/pipeline_traces_rgen_computed.h"
 #include "shaders/pipeline_traces_rgen_computed_by_address.h"
 #include "shaders/pipeline_traces_rgen_mixed.h"
@@ -146,6 +147,11 @@ const typename Modules::value_type &ofStage(const Modules &modules, VkShaderStag
 }
 
 } // namespace
+
+std::span<const uint32_t> callingModule()
+{
+    return pipeline_traces_rgen_calls;
+}
 
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress)
 {

@@ -15,6 +15,8 @@ namespace vellum::check
 std::span<const uint32_t> queryModule(VkShaderStageFlagBits stage, bool specialized, bool byAddress);
 // Not of TracePlan::Query::Plain.
 std::span<const uint32_t> queryModule(TracePlan::Query query);
+// A ray generation shader with flags of run time, which executes callable shaders as well.
+std::span<const uint32_t> callingModule();
 // VK_SHADER_STAGE_RAYGEN_BIT_KHR, ..._CLOSEST_HIT_... or ..._MISS_.... Specialized and literal flags: by specialization
 // constants 0 (flags) and 1 to 3 (TraceParameters); mixed ones: by constant 0.
 std::span<const uint32_t> tracingModule(VkShaderStageFlagBits stage, TracePlan::Flags flags, bool byAddress);

@@ -300,11 +300,16 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     rule(step.kind == Kind::SetStates || step.kind == Kind::CloneMicromap || reused || step.states.empty(), where,
          "has states that it does not use");
     rule(step.kind == Kind::SetIndices || !step.micromapUse, where, "has indices that it does not use");
-    rule(step.kind == Kind::UpdateTop || step.instances.empty(), where, "has instances that it does not use");
+    rule(step.kind == Kind::UpdateTop || step.kind == Kind::RebuildTop || step.instances.empty(), where,
+         "has instances that it does not use");
+    rule(step.kind == Kind::UpdateObject || step.kind == Kind::RebuildObject || !step.mirrored, where,
+         "has no vertices of its own");
     rule(step.kind == Kind::SetStates || reused || !step.inPlace, where, "is not in place");
     rule(step.update || step.kind == Kind::UpdateObject || step.kind == Kind::UpdateTop || !step.outOfPlace, where,
          "is no update");
     rule(step.kind == Kind::CloneObject || step.kind == Kind::CloneTop || !step.exact, where, "is no clone");
+    rule(step.kind == Kind::ReloadObject || step.kind == Kind::ReloadTop || !step.relocated, where,
+         "has no addresses of structures or micromaps");
     const Target target = targetOf(step.kind);
     rule(target == Target::Micromap || !step.host, where, "has no host command");
     rule(step.host || !step.deferred, where, "only host commands are deferred");
@@ -312,8 +317,11 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
          step.target);
     rule(target != Target::Micromap || step.target < scene.micromaps.size(), where, "micromap {} does not exist",
          step.target);
-    if (step.kind == Kind::MoveObject) {
+    if (step.kind == Kind::MoveObject || step.kind == Kind::ReplaceObject) {
         rule(step.other < scene.objects.size(), where, "object {} does not exist", step.other);
+        rule(step.kind == Kind::MoveObject ||
+                 scene.objects[step.target].hasBoxes() == scene.objects[step.other].hasBoxes(),
+             where, "boxes take the place of triangles");
     } else if (step.kind == Kind::CompactMicromap) {
         // VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502
         rule((scene.micromaps[step.target].flags & VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT) != 0, where,
@@ -333,10 +341,13 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
         for (size_t i = 0; i < step.instances.size(); ++i) {
             checkInstance(scene, step.instances[i], fmt::format("{}.instances[{}]", where, i));
             // VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03667 and its neighbours: what an update must not change.
-            rule(step.instances[i].inactive == scene.instances[i].inactive &&
-                     step.instances[i].object == scene.instances[i].object,
-                 where, "instance {} has another object or is no longer active", i);
+            rule(step.instances[i].inactive == scene.instances[i].inactive, where,
+                 "instance {} becomes active or inactive", i);
         }
+    } else if (step.kind == Kind::RebuildTop) {
+        rule(!step.instances.empty(), where, "has no instances");
+        for (size_t i = 0; i < step.instances.size(); ++i)
+            checkInstance(scene, step.instances[i], fmt::format("{}.instances[{}]", where, i));
     } else if (step.kind == Kind::SetIndices) {
         const std::vector<oracle::Mesh> &meshes = scene.objects[step.target].meshes;
         rule(step.other < meshes.size(), where, "mesh {} does not exist", step.other);
@@ -405,7 +416,7 @@ void checkQueryTarget(const Case &c, const QueryPlan &plan, const QueryTarget &t
     using Property = QueryPlan::Property;
     rule(isNamed(kQueryTargetNames, target.of), where, "no such target");
     const bool micromap = target.of == QueryTarget::Of::Micromap;
-    rule(target.number < (micromap ? c.scene.micromaps.size()
+    rule(target.number < (micromap                               ? c.scene.micromaps.size()
                           : target.of == QueryTarget::Of::Object ? c.scene.objects.size()
                                                                  : 1),
          where, "{} {} does not exist", nameOf(kQueryTargetNames, target.of), target.number);
@@ -550,7 +561,18 @@ void checkTrace(const Case &c)
     rule(isNamed(kModeNames, trace.mode), "trace.mode", "no such mode");
     rule(isNamed(kQueryNames, trace.query), "trace.query", "no such use");
     rule(isNamed(kFromNames, trace.from), "trace.from", "no such stage");
-    rule(isNamed(kLaunchNames, trace.launch), "trace.launch", "no such command");
+    rule(isNamed(kLaunchNames, trace.launch.command), "trace.launch", "no such command");
+    rule(trace.launch.height >= 1 && trace.launch.height <= 64 && trace.launch.depth >= 1 && trace.launch.depth <= 64 &&
+             trace.launch.offset <= 1000,
+         "trace.launch", "height and depth are not 1 to 64, or the offset is too large");
+    rule((trace.creation & ~allOf(kCreationNames)) == 0, "trace.creation", "no such way");
+    rule(!trace.secondary || traced || trace.stage == VK_SHADER_STAGE_COMPUTE_BIT, "trace.secondary",
+         "is within a render pass");
+    rule(!trace.callables ||
+             (trace.from == TracePlan::From::RayGeneration && !trace.byAddress &&
+              trace.flags == TracePlan::Flags::RunTime && trace.pipeline.parts.empty() &&
+              std::ranges::all_of(trace.otherPipelines, [](const PipelinePlan &plan) { return plan.parts.empty(); })),
+         "trace.callables", "need a ray generation shader with flags of run time and a descriptor, and no parts");
     const bool constant = trace.flags == TracePlan::Flags::Specialized || trace.flags == TracePlan::Flags::Literal;
     rule(traced || constant || trace.flags == TracePlan::Flags::RunTime, "trace.flags", "are those of pipelines");
     rule(trace.query == TracePlan::Query::Plain ||
@@ -573,6 +595,10 @@ void checkPlans(const Case &c)
          "build.micromaps", "are built on device or host");
     rule(isNamed(kBuildCommandNames, c.build.structures) && c.build.structures != BuildCommand::Host,
          "build.structures", "are built on the device");
+    // VkMicromapBuildSizesInfoEXT: sizes are for the build type that they were asked for.
+    rule((c.build.micromaps != BuildCommand::Host && std::ranges::none_of(c.steps, &Step::host)) ||
+             std::ranges::all_of(c.scene.micromaps, &oracle::SceneMicromap::onHost),
+         "scene.micromaps", "lack sizes for builds on the host");
     rule(c.build.threads >= 1 && c.build.threads <= kMostThreads, "build.threads", "{} is not 1 to {}", c.build.threads,
          kMostThreads);
     rule(c.trace.method == TracePlan::Method::Query ||

@@ -75,6 +75,24 @@ VulkanError::VulkanError(VkResult result, const char *what)
 {
 }
 
+VkResult deferred(const Device &gpu, const std::function<VkResult(VkDeferredOperationKHR)> &command)
+{
+    VkDeferredOperationKHR operation = VK_NULL_HANDLE;
+    CHECK_VK(gpu.vk().CreateDeferredOperationKHR(gpu.device(), nullptr, &operation));
+    VkResult result = command(operation);
+    if (result == VK_OPERATION_DEFERRED_KHR) {
+        do {
+            result = gpu.vk().DeferredOperationJoinKHR(gpu.device(), operation);
+        } while (result == VK_THREAD_IDLE_KHR);
+        if (result == VK_SUCCESS)
+            result = gpu.vk().GetDeferredOperationResultKHR(gpu.device(), operation);
+    } else if (result == VK_OPERATION_NOT_DEFERRED_KHR) {
+        result = VK_SUCCESS;
+    }
+    gpu.vk().DestroyDeferredOperationKHR(gpu.device(), operation, nullptr);
+    return result;
+}
+
 void checkResult(VkResult result, const char *what)
 {
     if (result != VK_SUCCESS)
@@ -394,13 +412,25 @@ void Device::execute(VkCommandBuffer commands)
     CHECK_VK(vkQueueWaitIdle(queue_));
 }
 
-void Device::submit(const std::function<void(VkCommandBuffer)> &record)
+void Device::submit(const std::function<void(VkCommandBuffer)> &record, bool secondary, uint32_t times)
 {
-    VkCommandBuffer commands = begin();
-    record(commands);
+    const VkCommandBufferUsageFlags usage =
+        times == 1 ? VkCommandBufferUsageFlags{VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT} : 0;
+    VkCommandBuffer commands = begin(usage), inner = VK_NULL_HANDLE;
+    if (secondary) {
+        inner = begin(usage, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
+        record(inner);
+        end(inner);
+        vkCmdExecuteCommands(commands, 1, &inner);
+    } else {
+        record(commands);
+    }
     end(commands);
-    execute(commands);
+    for (uint32_t i = 0; i < times; ++i)
+        execute(commands);
     vkFreeCommandBuffers(device_, pool_, 1, &commands);
+    if (secondary)
+        vkFreeCommandBuffers(device_, pool_, 1, &inner);
 }
 
 void Device::insertLabel(const std::string &text) const

@@ -301,8 +301,8 @@ public:
     void end(VkCommandBuffer commands);
     // Submits and waits.
     void execute(VkCommandBuffer commands);
-    // begin, record, end, execute.
-    void submit(const std::function<void(VkCommandBuffer)> &record);
+    // begin, record, end, execute. secondary: in a secondary command buffer. times: that it is submitted
+    void submit(const std::function<void(VkCommandBuffer)> &record, bool secondary = false, uint32_t times = 1);
     // Names what follows in capture tools: VkDebugUtilsLabelEXT.
     void insertLabel(const std::string &text) const;
     VkShaderModule shader(std::span<const uint32_t> words) const;
@@ -374,6 +374,8 @@ private:
 
 // Throws VulkanError, with what was called, for everything but VK_SUCCESS.
 void checkResult(VkResult result, const char *what);
+// Runs a command as a deferred operation, and joins it. Returns its result.
+VkResult deferred(const Device &gpu, const std::function<VkResult(VkDeferredOperationKHR)> &command);
 #define CHECK_VK(call) ::vellum::check::checkResult((call), #call)
 
 // Everything before it happens before everything after it, and before the host reads.

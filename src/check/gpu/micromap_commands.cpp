@@ -101,12 +101,13 @@ StructureBuild::StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAcceleration
     info.scratchData = ext.scratchData;
 }
 
-VkMicromapBuildSizesInfoEXT micromapSizes(const Device &gpu, const VkMicromapBuildInfoEXT &info)
+VkMicromapBuildSizesInfoEXT micromapSizes(const Device &gpu, const VkMicromapBuildInfoEXT &info, bool onHost)
 {
     auto sizes = vkInit<VkMicromapBuildSizesInfoEXT>();
     const auto type = VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR;
     if (!gpu.khr()) {
-        gpu.vk().GetMicromapBuildSizesEXT(gpu.device(), type, &info, &sizes);
+        gpu.vk().GetMicromapBuildSizesEXT(
+            gpu.device(), onHost ? VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_OR_DEVICE_KHR : type, &info, &sizes);
         return sizes;
     }
     const StructureBuild build(info, VK_NULL_HANDLE);
@@ -231,21 +232,7 @@ void HostCommands::run(const Command &command) const
 {
     if (!deferred_)
         return checkResult(command(VK_NULL_HANDLE), "a host command of micromaps");
-    const Commands &vk = gpu_.vk();
-    VkDeferredOperationKHR operation = VK_NULL_HANDLE;
-    CHECK_VK(vk.CreateDeferredOperationKHR(gpu_.device(), nullptr, &operation));
-    VkResult result = command(operation);
-    if (result == VK_OPERATION_DEFERRED_KHR) {
-        do {
-            result = vk.DeferredOperationJoinKHR(gpu_.device(), operation);
-        } while (result == VK_THREAD_IDLE_KHR);
-        if (result == VK_SUCCESS)
-            result = vk.GetDeferredOperationResultKHR(gpu_.device(), operation);
-    } else if (result == VK_OPERATION_NOT_DEFERRED_KHR) {
-        result = VK_SUCCESS;
-    }
-    vk.DestroyDeferredOperationKHR(gpu_.device(), operation, nullptr);
-    checkResult(result, "a deferred host command of micromaps");
+    checkResult(deferred(gpu_, command), "a deferred host command of micromaps");
 }
 
 void HostCommands::build(std::span<const VkMicromapBuildInfoEXT> infos) const

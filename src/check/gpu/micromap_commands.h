@@ -47,7 +47,8 @@ createMicromap(const Device &gpu, VkBuffer buffer, VkDeviceAddress address, VkDe
                VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
 void destroyMicromap(const Device &gpu, MicromapHandle micromap);
 
-// A build as VK_KHR_opacity_micromap puts it; where usage counts come by pointers, so does the geometry. Points into itself.
+// A build as VK_KHR_opacity_micromap puts it; where usage counts come by pointers, so does the geometry. Points into
+// itself.
 struct StructureBuild {
     StructureBuild(const VkMicromapBuildInfoEXT &ext, VkAccelerationStructureKHR target);
     StructureBuild(const StructureBuild &) = delete;
@@ -65,7 +66,8 @@ struct MicromapBuild {
     MicromapHandle target; // instead of info.dstMicromap
 };
 
-VkMicromapBuildSizesInfoEXT micromapSizes(const Device &gpu, const VkMicromapBuildInfoEXT &info);
+// onHost: of VK_EXT_opacity_micromap, for VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_OR_DEVICE_KHR.
+VkMicromapBuildSizesInfoEXT micromapSizes(const Device &gpu, const VkMicromapBuildInfoEXT &info, bool onHost = false);
 // A size that VK_EXT_opacity_micromap would report as `bytes`: with VK_KHR_opacity_micromap the layer reports the
 // next one that is 64 modulo 256, by which it knows a GENERIC structure that was made for a micromap.
 VkDeviceSize reportedSize(const Device &gpu, VkDeviceSize bytes);

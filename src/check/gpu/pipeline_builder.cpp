@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <utility>
 
 namespace vellum::check
 {
@@ -72,7 +73,7 @@ PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu),
                                                        .layout = setup.layout,
                                                        .basePipelineIndex = -1});
     if (setup.flags2) {
-        flags2_ = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = setup.flags});
+        flags2_ = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
         info_.pNext = &flags2_;
     } else {
         info_.flags = setup.flags;
@@ -121,8 +122,38 @@ void PipelineInfo::scribble()
 RayPipeline::RayPipeline(Device &gpu, const PipelineSetup &setup) : gpu_(&gpu)
 {
     PipelineInfo info(gpu, setup);
-    CHECK_VK(gpu.vk().CreateRayTracingPipelinesKHR(gpu.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
-                                                   nullptr, &pipeline_));
+    std::vector<VkRayTracingPipelineCreateInfoKHR> infos{info.get()};
+    if ((setup.creation & kCreateSeveral) != 0) {
+        infos.insert(infos.begin(), infos[0]);
+        // VUID-VkRayTracingPipelineCreateInfoKHR-flags-07403: what is linked has the bit if the others do.
+        if (!setup.flags2 && setup.libraries.empty() && (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
+            gpu.options().micromaps)
+            infos[0].flags ^= kMicromapBit;
+        infos.push_back(info.get());
+        infos.back().groupCount /= 2;
+    }
+    const size_t own = infos.size() / 2;
+    VkPipelineCache cache = VK_NULL_HANDLE;
+    if ((setup.creation & kCreateCached) != 0) {
+        const auto create = vkInit<VkPipelineCacheCreateInfo>();
+        CHECK_VK(vkCreatePipelineCache(gpu.device(), &create, nullptr, &cache));
+    }
+    VkResult result = VK_SUCCESS;
+    for (int times = cache != VK_NULL_HANDLE ? 2 : 1; times > 0 && result == VK_SUCCESS; --times) {
+        std::vector<VkPipeline> pipelines(infos.size());
+        const auto create = [&](VkDeferredOperationKHR operation) {
+            return gpu.vk().CreateRayTracingPipelinesKHR(gpu.device(), operation, cache,
+                                                         static_cast<uint32_t>(infos.size()), infos.data(), nullptr,
+                                                         pipelines.data());
+        };
+        result = (setup.creation & kCreateDeferred) != 0 ? deferred(gpu, create) : create(VK_NULL_HANDLE);
+        if (times == 1)
+            pipeline_ = std::exchange(pipelines[own], VK_NULL_HANDLE);
+        for (const VkPipeline pipeline : pipelines)
+            vkDestroyPipeline(gpu.device(), pipeline, nullptr);
+    }
+    vkDestroyPipelineCache(gpu.device(), cache, nullptr);
+    checkResult(result, "vkCreateRayTracingPipelinesKHR");
 }
 
 RayPipeline::~RayPipeline()
@@ -160,7 +191,7 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
     std::array<Part, 4> parts{{{&raygen, {records.raygen}, stride},
                                {&miss, records.miss, stride + layout.missPadding * alignment},
                                {&hit, records.hit, stride + layout.hitPadding * alignment},
-                               {&callable, records.callable, stride}}};
+                               {&callable, records.callable, stride + layout.missPadding * alignment}}};
     if (layout.reversed)
         std::ranges::reverse(parts);
     VkDeviceSize size = base * (1 + layout.before);
@@ -201,41 +232,34 @@ void BindingTable::trace(VkCommandBuffer commands, uint32_t width, uint32_t heig
     gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
 }
 
-void BindingTable::prepare(Launch launch, uint32_t width)
+void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays)
 {
     launch_ = launch;
-    width_ = width;
-    constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT;
-    if (launch == Launch::Indirect) {
-        const VkTraceRaysIndirectCommandKHR command{width, 1, 1};
-        command_ = gpu_.upload(std::span(&command, 1), kUsage);
-    } else if (launch == Launch::Indirect2) {
-        const VkTraceRaysIndirectCommand2KHR command{raygen.deviceAddress,
-                                                     raygen.size,
-                                                     miss.deviceAddress,
-                                                     miss.size,
-                                                     miss.stride,
-                                                     hit.deviceAddress,
-                                                     hit.size,
-                                                     hit.stride,
-                                                     callable.deviceAddress,
-                                                     callable.size,
-                                                     callable.stride,
-                                                     width,
-                                                     1,
-                                                     1};
-        command_ = gpu_.upload(std::span(&command, 1), kUsage);
+    const uint32_t rows = launch.height * launch.depth;
+    width_ = (rays + rows - 1) / rows;
+    const auto upload = [&](const auto &command) {
+        std::vector<uint8_t> bytes(size_t{4} * launch.offset + sizeof command, 0x5a);
+        std::memcpy(bytes.data() + size_t{4} * launch.offset, &command, sizeof command);
+        command_ = gpu_.upload(std::span<const uint8_t>(bytes), VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
+    };
+    if (launch.command == Launch::Indirect) {
+        upload(VkTraceRaysIndirectCommandKHR{width_, launch.height, launch.depth});
+    } else if (launch.command == Launch::Indirect2) {
+        upload(VkTraceRaysIndirectCommand2KHR{
+            raygen.deviceAddress, raygen.size, miss.deviceAddress, miss.size, miss.stride, hit.deviceAddress, hit.size,
+            hit.stride, callable.deviceAddress, callable.size, callable.stride, width_, launch.height, launch.depth});
     }
 }
 
 void BindingTable::trace(VkCommandBuffer commands) const
 {
-    if (launch_ == Launch::Direct)
-        trace(commands, width_);
-    else if (launch_ == Launch::Indirect)
-        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &raygen, &miss, &hit, &callable, command_.address());
+    const VkDeviceAddress command = command_.address() + VkDeviceAddress{4} * launch_.offset;
+    if (launch_.command == Launch::Direct)
+        trace(commands, width_, launch_.height, launch_.depth);
+    else if (launch_.command == Launch::Indirect)
+        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &raygen, &miss, &hit, &callable, command);
     else
-        gpu_.vk().CmdTraceRaysIndirect2KHR(commands, command_.address());
+        gpu_.vk().CmdTraceRaysIndirect2KHR(commands, command);
 }
 
 PipelineResources::PipelineResources(Device &gpu, uint32_t buffers, uint32_t pushSize,

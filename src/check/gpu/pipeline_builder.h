@@ -30,6 +30,12 @@ struct PipelineGroup {
     uint32_t intersection = kUnused;
 };
 
+enum PipelineCreation : uint32_t {
+    kCreateDeferred = 1, // by a deferred operation
+    kCreateCached = 2,   // twice with a pipeline cache; the first one is destroyed
+    kCreateSeveral = 4,  // by a command that creates others with fewer groups and, without libraries, other flags
+};
+
 struct PipelineSetup {
     std::vector<PipelineStage> stages;
     std::vector<PipelineGroup> groups;
@@ -42,6 +48,7 @@ struct PipelineSetup {
     uint32_t attributeSize = 8;
     bool dynamicStackSize = false;
     bool sharedModules = false; // stages with the same words share one VkShaderModule
+    uint32_t creation = 0;      // bits of PipelineCreation
 };
 
 // Everything that VkRayTracingPipelineCreateInfoKHR points to, on the heap, to be destroyed when the test says so.
@@ -70,7 +77,7 @@ private:
     VkPipelineLibraryCreateInfoKHR libraryInfo_{};
     VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
     VkPipelineDynamicStateCreateInfo dynamic_{};
-    newer::PipelineCreateFlags2CreateInfo flags2_{};
+    VkPipelineCreateFlags2CreateInfoKHR flags2_{};
     VkRayTracingPipelineCreateInfoKHR info_{};
 };
 
@@ -103,31 +110,39 @@ struct BindingRecord {
 
 // How the regions of a table lie in their buffer.
 struct TableLayout {
-    uint32_t before = 0;                         // multiples of shaderGroupBaseAlignment before the first region
-    bool reversed = false;                       // callable, hit, miss, ray generation records
-    uint32_t missPadding = 0, hitPadding = 0;    // after each record, in multiples of shaderGroupHandleAlignment
-    bool zeroStride = false;                     // of the hit region, whose first record is that of all hits
-    bool cut = false;                            // miss and hit regions end with the data of their last records
+    uint32_t before = 0;                      // multiples of shaderGroupBaseAlignment before the first region
+    bool reversed = false;                    // callable, hit, miss, ray generation records
+    uint32_t missPadding = 0, hitPadding = 0; // after each record, in multiples of shaderGroupHandleAlignment
+    bool zeroStride = false;                  // of the hit region, whose first record is that of all hits
+    bool cut = false;                         // miss and hit regions end with the data of their last records
     bool operator==(const TableLayout &) const = default;
 };
 
 struct BindingRecords {
     BindingRecord raygen{0, {}};
-    std::vector<BindingRecord> miss, hit, callable;
-    uint32_t dataWords = 4; // space for data in each record
+    std::vector<BindingRecord> miss, hit, callable; // the callable records have the stride of the miss records
+    uint32_t dataWords = 4;                         // space for data in each record
     TableLayout layout{};
 };
 
 // What traces rays: vkCmdTraceRaysKHR or its indirect forms.
 enum class Launch { Direct, Indirect, Indirect2 };
 
+struct LaunchPlan {
+    Launch command = Launch::Direct;
+    uint32_t height = 1, depth = 1; // the width is what the rays then need
+    uint32_t offset = 0;            // words before the parameters of an indirect command
+
+    bool operator==(const LaunchPlan &) const = default;
+};
+
 class BindingTable
 {
 public:
     BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records);
     void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
-    // Prepares a trace of that width by the command.
-    void prepare(Launch launch, uint32_t width);
+    // Prepares a trace of at least that many rays.
+    void prepare(const LaunchPlan &launch, uint32_t rays);
     void trace(VkCommandBuffer commands) const;
 
     VkStridedDeviceAddressRegionKHR raygen{}, miss{}, hit{}, callable{};
@@ -135,7 +150,7 @@ public:
 private:
     Device &gpu_;
     Buffer buffer_;
-    Launch launch_ = Launch::Direct;
+    LaunchPlan launch_;
     uint32_t width_ = 0;
     Buffer command_; // of an indirect trace
 };

@@ -10,6 +10,7 @@
 #include "shaders/pipeline_decoy_miss.h"
 #include "shaders/pipeline_launcher.h"
 #include "shaders/pipeline_tracer_any_hit.h"
+#include "shaders/pipeline_tracer_callable.h"
 #include "shaders/pipeline_tracer_closest_hit.h"
 #include "shaders/pipeline_tracer_intersection.h"
 #include "shaders/pipeline_tracer_miss.h"
@@ -23,7 +24,7 @@ namespace
 constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
 struct More {
-    uint32_t visits, hitKind, record, invocations, intact, pad[3];
+    uint32_t visits, hitKind, record, invocations, intact, called, pad[2];
 };
 static_assert(sizeof(CandidateNote) == 16 && sizeof(BoxVisit) == 32 && sizeof(More) == 32);
 
@@ -82,8 +83,6 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
         tracing->specialization = &specialization;
     if (setup.unusedStage)
         pipeline.stages.push_back(PipelineStage(*tracing));
-    for (PipelineStage &stage : pipeline.stages)
-        stage.inlineModule = setup.inlineModules;
     pipeline.groups = {{.general = 0}, {.general = 1}};
     for (const TracerGroup &group : setup.groups)
         pipeline.groups.push_back({.closestHit = group.closestHit ? 2 : kUnused,
@@ -100,6 +99,12 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
     if (!setup.relay.empty())
         pipeline.groups.push_back(relayMisses ? PipelineGroup{.general = relayStage}
                                               : PipelineGroup{.closestHit = relayStage});
+    if (setup.callables) {
+        pipeline.groups.push_back({.general = static_cast<uint32_t>(pipeline.stages.size())});
+        pipeline.stages.emplace_back(VK_SHADER_STAGE_CALLABLE_BIT_KHR, pipeline_tracer_callable);
+    }
+    for (PipelineStage &stage : pipeline.stages)
+        stage.inlineModule = setup.inlineModules;
     pipeline.layout = layout;
     pipeline.flags = setup.flags.value_or(gpu.options().micromaps ? kMicromapBit : 0);
     // VUID-VkRayTracingPipelineCreateInfoKHR-flags-03470 and 03471: such groups of decoys and relays would be invalid.
@@ -111,6 +116,7 @@ MadePipeline makePipeline(Device &gpu, VkPipelineLayout layout, const PipelineTr
             group.anyHit = group.closestHit == kDecoys ? kDecoys + 1 : 3;
     }
     pipeline.flags2 = setup.flags2;
+    pipeline.creation = setup.creation;
     pipeline.dynamicStackSize = setup.dynamicStackSize;
     if (setup.make)
         return setup.make(gpu, pipeline);
@@ -147,6 +153,9 @@ void PipelineTracer::setUp(const PipelineTracerSetup &setup)
         relayGroup_ = static_cast<uint32_t>(2 + setup.groups.size() + (setup.decoys ? 4 : 0));
         relayMisses_ = missesBefore(setup) > 0;
     }
+    if (setup.callables)
+        callableGroup_ =
+            static_cast<uint32_t>(2 + setup.groups.size() + (setup.decoys ? 4 : 0) + (relayGroup_ > 0 ? 1 : 0));
     setTable(table);
 }
 
@@ -161,11 +170,13 @@ void PipelineTracer::setTable(const TracerTable &table)
     if (relayMisses_)
         records.miss.push_back({placeOf(relayGroup_), {}});
     for (uint32_t i = 0; i < table.miss.size(); ++i)
-        records.miss.push_back({table.miss[i] ? std::optional(placeOf(1)) : std::nullopt,
-                                recordData(table.content, table.data + 50 + i)});
+        records.miss.push_back(
+            {table.miss[i] ? std::optional(placeOf(1)) : std::nullopt, recordData(table.content, table.data + 50 + i)});
     for (uint32_t i = 0; i < table.hit.size(); ++i)
         records.hit.push_back({table.hit[i] ? std::optional(placeOf(2 + *table.hit[i])) : std::nullopt,
                                recordData(table.content, table.data + 100 + i)});
+    for (uint32_t i = 0; callableGroup_ && i < kCallables; ++i)
+        records.callable.push_back({placeOf(*callableGroup_), recordData(table.content, table.data + 40 + i)});
     if (relayGroup_ > 0) {
         // The relay's record is behind those of the table.
         helper_ = std::make_unique<HelperScene>(gpu_, static_cast<uint32_t>(records.hit.size()));
@@ -199,6 +210,8 @@ uint32_t PipelineTracer::stackSize() const
         closestHit = std::max(closestHit, sizeOf(relayGroup_, VK_SHADER_GROUP_SHADER_CLOSEST_HIT_KHR));
     if (relayGroup_ > 0)
         size += std::max(closestHit, miss);
+    if (callableGroup_)
+        size += 2 * sizeOf(*callableGroup_, VK_SHADER_GROUP_SHADER_GENERAL_KHR);
     return static_cast<uint32_t>(size + std::max({closestHit, miss, intersection + anyHit}));
 }
 
@@ -247,6 +260,7 @@ std::vector<PipelineResult> PipelineTracer::results() const
         r.hitKind = more.hitKind;
         r.record = more.record;
         r.invocations = more.invocations;
+        r.called = more.called;
         r.intact = more.intact == 1;
         const size_t first = i * push_.capacity;
         const size_t kept = std::min(r.candidateCount, push_.capacity);

@@ -35,7 +35,8 @@ struct PipelineResult : Result {
     uint32_t hitKind;
     uint32_t record; // of the closest-hit or miss shader: RecordData
     uint32_t invocations;
-    bool intact; // the payload, where nobody was to write
+    uint32_t called; // the callable shader: the data of its record; with PipelineTracerSetup::callables
+    bool intact;     // the payload, where nobody was to write
 };
 
 struct TracerGroup {
@@ -53,7 +54,8 @@ struct TracerTable {
     std::vector<std::optional<uint32_t>> hit; // groups of the setup, nothing: a zero record
     std::vector<bool> miss{true};             // false: a zero record
     RecordData content = RecordData::Word;
-    uint32_t data = 0; // added to that of all records: 100 + i for hit record i, 50 + i for miss record i
+    // Added to that of all records: 100 + i for hit record i, 50 + i for miss record i, 40 + i for callable record i.
+    uint32_t data = 0;
     TableLayout layout;
     bool operator==(const TracerTable &) const = default;
 };
@@ -86,14 +88,17 @@ struct PipelineTracerSetup {
     bool flags2 = false;
     bool inlineModules = false;
     bool dynamicStackSize = false;
-    bool unusedStage = false;                            // a stage that no group uses
+    bool unusedStage = false; // a stage that no group uses
+    uint32_t creation = 0;    // bits of PipelineCreation
+    // The ray generation shader executes a callable shader, by one of kCallables records.
+    bool callables = false;
     std::vector<VkPushConstantRange> otherPushConstants; // in the layout, for other stages
     // Shaders that must not run, in groups that no record names: a closest-hit, an any-hit, an intersection and a miss
     // shader.
     bool decoys = false;
-    // Makes the pipeline in another way: stages are ray generation, miss, closest-hit, any-hit, intersection for groups
-    // with and without any-hit shader, the decoys, and the relay; groups are ray generation, miss, `groups`, those of
-    // decoys (closest-hit; closest-hit and any-hit; all three; miss), and the relay's.
+    // Makes the pipeline in another way, without callables: stages are ray generation, miss, closest-hit, any-hit,
+    // intersection for groups with and without any-hit shader, the decoys, and the relay; groups are ray generation,
+    // miss, `groups`, those of decoys (closest-hit; closest-hit and any-hit; all three; miss), and the relay's.
     std::function<MadePipeline(Device &, const PipelineSetup &)> make;
 };
 
@@ -101,6 +106,7 @@ class PipelineTracer
 {
 public:
     static constexpr uint32_t kPushSize = 32;
+    static constexpr uint32_t kCallables = 3;
 
     explicit PipelineTracer(Device &gpu, const PipelineTracerSetup &setup = {});
     // By the same pipeline, which lives as long as one of them. The setup is that of the other.
@@ -109,7 +115,7 @@ public:
     std::vector<PipelineResult> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
 
     // Traces by that command from now on.
-    void setLaunch(Launch launch) { launch_ = launch; }
+    void setLaunch(const LaunchPlan &launch) { launch_ = launch; }
     // Traces with that table from now on.
     void setTable(const TracerTable &table);
 
@@ -154,7 +160,8 @@ private:
     std::vector<TracerGroup> groups_;
     uint32_t relayGroup_ = 0; // of the setup
     bool relayMisses_ = false;
-    Launch launch_ = Launch::Direct;
+    std::optional<uint32_t> callableGroup_; // of the setup
+    LaunchPlan launch_;
     std::optional<TracerTable> content_; // of table_
     std::unique_ptr<BindingTable> table_;
     Buffer rays_, results_, candidates_, notes_, visits_, mores_;

@@ -147,7 +147,7 @@ Micromap::Micromap(Device &gpu, MicromapInput input, VkBuildMicromapFlagsEXT fla
     : gpu_(gpu), input_(std::move(input)), flags_(flags)
 {
     describe();
-    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
+    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_, input_.onHost);
     create(sizes.micromapSize);
     upload(scratch, sizes.buildScratchSize);
 }
@@ -156,7 +156,7 @@ bool Micromap::setInput(MicromapInput input, SharedScratch *scratch)
 {
     input_ = std::move(input);
     describe();
-    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_);
+    const VkMicromapBuildSizesInfoEXT sizes = micromapSizes(gpu_, info_, input_.onHost);
     if (sizes.micromapSize > size())
         return false;
     upload(scratch, sizes.buildScratchSize);
@@ -236,7 +236,7 @@ VkMicromapBuildInfoEXT Micromap::hostBuildInfo() const
     VkMicromapBuildInfoEXT info = info_;
     info.data.hostAddress = data_.bytes();
     info.triangleArray.hostAddress = triangles_.bytes();
-    info.scratchData.hostAddress = nullptr;
+    info.scratchData.hostAddress = scratch_->bytes();
     return info;
 }
 

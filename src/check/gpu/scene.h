@@ -42,6 +42,7 @@ struct MicromapInput {
     std::vector<VkMicromapUsageEXT> declared; // not empty: instead of the true usage
     bool usagePointers = false;               // usage counts come as an array of pointers
     uint32_t usageForm = 0;                   // bits of UsageForm
+    bool onHost = false;                      // sizes are those that builds on host or device need
 
     // Appends a triangle and its data; states: 4^level values 0..3 (only 0 and 1 in the 2-state format).
     uint32_t add(uint32_t level, uint16_t format, std::span<const uint8_t> states);

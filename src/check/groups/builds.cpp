@@ -20,8 +20,8 @@ void aimAt(oracle::Scene &scene, const oracle::Instance &instance, const oracle:
     for (size_t i = 0; i < 3; ++i) {
         double point = double{instance.transform.matrix[i][3]};
         for (size_t k = 0; k < 3; ++k) {
-            const double inObject = corners[0][k] + place[0] * (corners[1][k] - corners[0][k]) +
-                                    place[1] * (corners[2][k] - corners[0][k]);
+            const double inObject =
+                corners[0][k] + place[0] * (corners[1][k] - corners[0][k]) + place[1] * (corners[2][k] - corners[0][k]);
             point += double{instance.transform.matrix[i][k]} * inObject;
         }
         if (!std::isfinite(point)) // of an inactive triangle
@@ -88,6 +88,10 @@ Case builds(Random &random, const DeviceLimits &limits)
     c.build.instancePointers = chance(random, 50);
     c.build.skippedInstances = chance(random, 40) ? 1 + below(random, 5) : 0;
     c.build.otherTop = chance(random, 40);
+    c.build.unrelated = chance(random, 40);
+    c.build.secondary = chance(random, 30);
+    c.build.twice = chance(random, 30);
+    c.trace.secondary = chance(random, 30);
     return c;
 }
 
@@ -107,9 +111,9 @@ Case geometry(Random &random, const DeviceLimits &limits)
         c.build.spareTriangles = below(random, 4);
     }
     if (!c.build.single && chance(random, 60)) {
-        constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject, Kind::CloneObject, Kind::CompactObject,
-                                   Kind::ReloadObject,  Kind::SetIndices,   Kind::SetStates,   Kind::RebuildObjects,
-                                   Kind::CloneMicromap, Kind::ReloadTop};
+        constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject, Kind::CloneObject,  Kind::CompactObject,
+                                   Kind::ReloadObject,  Kind::SetIndices,   Kind::SetStates,    Kind::RebuildObjects,
+                                   Kind::CloneMicromap, Kind::ReloadTop,    Kind::RebuildObject};
         addSteps(random, c, kinds, 1 + below(random, 3), limits);
     }
     if (limits.pipelines && chance(random, 30))
@@ -143,6 +147,7 @@ Case hostBuilds(Random &random, const DeviceLimits &limits)
 {
     Case c = builds(random, limits);
     c.build.micromaps = BuildCommand::Host;
+    buildableOnHost(c.scene);
     return c;
 }
 
@@ -178,6 +183,7 @@ Case state(Random &random, const DeviceLimits &limits)
     c.build.conditional = chance(random, 50);
     c.build.single = chance(random, 60);
     c.trace.boundFirst = true;
+    c.trace.secondary = chance(random, 30);
     if (!c.build.single) {
         constexpr std::array kinds{Kind::CloneObject,     Kind::ReloadObject,   Kind::CloneMicromap,
                                    Kind::CompactMicromap, Kind::ReloadMicromap, Kind::SetIndices,
@@ -187,19 +193,21 @@ Case state(Random &random, const DeviceLimits &limits)
     }
     if (limits.pipelines && chance(random, 40))
         c.trace.method = TracePlan::Method::Pipeline;
-    else if (chance(random, 30))
+    else if (!c.trace.secondary && chance(random, 30))
         c.trace.stage = kQueryStages[below(random, kQueryStages.size())];
     return c;
 }
 
 constexpr std::array kGroups{
-    Group{"builds",
-          "several micromaps and structures by one command, indirect builds, arrays of pointers, usage counts by "
-          "pointers, of 0, repeated and in any order, strides of triangle arrays, data with gaps and overlaps",
-          "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
-          "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
-          "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
-          200, runGroup<builds>, 200},
+    Group{
+        "builds",
+        "several micromaps and structures of all kinds by one command, in secondary command buffers, submitted twice; "
+        "indirect builds, arrays of pointers, usage counts by pointers, of 0, repeated and in any order, strides of "
+        "triangle arrays, data with gaps and overlaps",
+        "vkCmdBuildAccelerationStructuresKHR, vkCmdBuildAccelerationStructuresIndirectKHR, vkCmdBuildMicromapsEXT; "
+        "ppUsageCounts; triangleArrayStride; arrayOfPointers; \"Multiple elements with the same format and "
+        "subdivisionLevel are allowed\"; VkMicromapTriangleKHR: dataOffset \"is a byte aligned value\"",
+        200, runGroup<builds>, 200},
     Group{"nearly-equal", "micromap triangles that equal others or differ from them in one bit",
           "VkMicromapTriangleKHR: each triangle has the data at its dataOffset", 150, runGroup<nearlyEqual>, 100},
     Group{"geometry",

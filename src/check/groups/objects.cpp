@@ -21,6 +21,11 @@ Case withSteps(Random &random, const DeviceLimits &limits, std::span<const Kind>
     if (chance(random, 30))
         scene.objects = 6;
     Case c{.memory = memories[below(random, 3)], .scene = makeScene(random, scene, limits)};
+    c.build.together = chance(random, 30);
+    c.build.mixed = c.build.together && limits.api == Api::Khr && chance(random, 60);
+    c.build.unrelated = chance(random, 25);
+    c.build.secondary = chance(random, 20);
+    c.build.twice = chance(random, 20);
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
         micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     addSteps(random, c, kinds, 1 + below(random, most), limits);
@@ -45,11 +50,11 @@ Case serialization(Random &random, const DeviceLimits &limits)
 Case updates(Random &random, const DeviceLimits &limits)
 {
     // Updates, and between them what an updated structure may have come from
-    constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject,    Kind::UpdateObject,   Kind::SetStates,
-                               Kind::SetStates,     Kind::SetIndices,      Kind::SetIndices,     Kind::UpdateTop,
-                               Kind::UpdateTop,     Kind::RebuildObject,   Kind::RebuildObjects, Kind::CloneObject,
-                               Kind::CompactObject, Kind::ReloadObject,    Kind::CloneMicromap,  Kind::CompactMicromap,
-                               Kind::CloneTop,      Kind::CompactTop,      Kind::ReloadTop};
+    constexpr std::array kinds{Kind::UpdateObject,  Kind::UpdateObject,  Kind::UpdateObject,   Kind::SetStates,
+                               Kind::SetStates,     Kind::SetIndices,    Kind::SetIndices,     Kind::UpdateTop,
+                               Kind::UpdateTop,     Kind::RebuildObject, Kind::RebuildObjects, Kind::CloneObject,
+                               Kind::CompactObject, Kind::ReloadObject,  Kind::CloneMicromap,  Kind::CompactMicromap,
+                               Kind::CloneTop,      Kind::CompactTop,    Kind::ReloadTop};
     Case c = withSteps(random, limits, kinds, 6);
     for (Step &step : c.steps)
         step.update |= targetOf(step.kind) == Target::Micromap && chance(random, 50);
@@ -62,7 +67,6 @@ Case sequences(Random &random, const DeviceLimits &limits)
     for (size_t i = 0; i < kinds.size(); ++i)
         kinds[i] = static_cast<Kind>(i);
     Case c = withSteps(random, limits, kinds, 10);
-    c.build.together = chance(random, 30);
     c.build.instancePointers = chance(random, 30);
     c.trace.besideBuild = chance(random, 30);
     return c;
@@ -76,6 +80,7 @@ Case rebuilds(Random &random, const DeviceLimits &limits)
     scene.instances = 12;
     scene.meshes = 1;
     Case c{.memory = chance(random, 50) ? Memory::Packed : Memory::Apart, .scene = makeScene(random, scene, limits)};
+    c.build.unrelated = chance(random, 40);
     const uint32_t parity = below(random, 2);
     for (size_t o = parity; o < c.scene.objects.size(); o += 2) {
         if (chance(random, 60))
@@ -83,8 +88,9 @@ Case rebuilds(Random &random, const DeviceLimits &limits)
     }
     c.steps = {
         {.kind = Kind::RebuildObjects, .target = std::min(parity, static_cast<uint32_t>(c.scene.objects.size()) - 1)}};
-    constexpr std::array kinds{Kind::RebuildObjects, Kind::RebuildObject, Kind::CloneObject, Kind::UpdateObject};
-    addSteps(random, c, kinds, below(random, 3), limits);
+    constexpr std::array kinds{Kind::RebuildObjects, Kind::RebuildObject, Kind::CloneObject, Kind::UpdateObject,
+                               Kind::ReplaceObject,  Kind::SetIndices,    Kind::RebuildTop,  Kind::ReplaceObject};
+    addSteps(random, c, kinds, below(random, 5), limits);
     return c;
 }
 
@@ -95,6 +101,7 @@ Case hostCopies(Random &random, const DeviceLimits &limits)
     Case c = withSteps(random, limits, kinds, 4);
     if (chance(random, 50))
         c.build.micromaps = BuildCommand::Host;
+    buildableOnHost(c.scene);
     for (Step &step : c.steps) {
         step.host = chance(random, 75);
         step.deferred = step.host && chance(random, 40);
@@ -107,7 +114,9 @@ constexpr std::array kGroups{
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
           200, runGroup<copies>, 200},
-    Group{"serialization", "serialized and deserialized, into fresh memory and over another content; version data",
+    Group{"serialization",
+          "serialized and deserialized, into fresh memory and over another content, with the addresses of copies in "
+          "the data; version data",
           "vkCmdCopyAccelerationStructureToMemoryKHR, vkCmdCopyMemoryToAccelerationStructureKHR, "
           "vkCmdCopyMicromapToMemoryEXT, vkCmdCopyMemoryToMicromapEXT; SERIALIZATION_SIZE queries; "
           "vkGetDeviceAccelerationStructureCompatibilityKHR, vkGetDeviceMicromapCompatibilityEXT",
@@ -117,13 +126,15 @@ constexpr std::array kGroups{
           "Deferred Host Operations; micromapHostCommands",
           120, runGroup<hostCopies>, 120},
     Group{"updates",
-          "updates in place and to another structure, with other states, other indices and the same data, after copies, "
-          "compaction and deserialization",
+          "updates in place and to another structure, with other states, indices, positions and instances and with the "
+          "same data, after copies, compaction and deserialization",
           "VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR: \"the micromaps associated with the "
           "acceleration structure can change on update\"; Acceleration Structure Update Rules: "
           "ALLOW_OPACITY_MICROMAP_DATA_UPDATE; srcAccelerationStructure other than dstAccelerationStructure",
           200, runGroup<updates>, 160},
-    Group{"rebuilds", "structures of all kinds that are built again by one command, between others that stay",
+    Group{"rebuilds",
+          "structures that are built again by one command, between others that stay, with other geometries, without "
+          "micromaps, with other instances",
           "vkCmdBuildAccelerationStructuresKHR: each of pInfos names the structure that is built", 80,
           runGroup<rebuilds>, 80},
     Group{"sequences", "up to ten steps of all kinds, and rays beside a build",

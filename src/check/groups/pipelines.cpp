@@ -27,11 +27,26 @@ Case pipelineCase(Random &random, const DeviceLimits &limits, uint32_t rays, boo
     Limits scene = smallScene(limits);
     scene.rays = rays;
     scene.micromaps = micromaps;
+    scene.boxes = 35;
     Case c{.scene = makeScene(random, scene, limits), .trace = {.method = TracePlan::Method::Pipeline}};
     terminateSome(random, c.scene);
     for (Ray &ray : c.scene.rays)
         ray.flags |= chance(random, 15) ? kRaySkipClosestHit : 0;
     return c;
+}
+
+LaunchPlan randomLaunch(Random &random, Launch command = Launch::Direct)
+{
+    LaunchPlan launch{.command = command};
+    if (chance(random, 50))
+        launch.height = 1 + below(random, 5), launch.depth = 1 + below(random, 4);
+    launch.offset = command != Launch::Direct && chance(random, 50) ? below(random, 70) : 0;
+    return launch;
+}
+
+uint32_t randomCreation(Random &random)
+{
+    return chance(random, 25) ? 1 + below(random, kCreateDeferred | kCreateCached | kCreateSeveral) : 0;
 }
 
 From randomFrom(Random &random)
@@ -45,8 +60,7 @@ std::vector<PipelinePart> randomParts(Random &random, const TracePlan &trace, co
     std::vector<PipelinePart> parts(2 + below(random, 4));
     const auto last = static_cast<uint32_t>(parts.size() - 1);
     for (uint32_t i = 0; i < last; ++i) {
-        std::vector<uint32_t> &libraries =
-            parts[chance(random, 50) ? last : i + 1 + below(random, last - i)].libraries;
+        std::vector<uint32_t> &libraries = parts[chance(random, 50) ? last : i + 1 + below(random, last - i)].libraries;
         libraries.insert(libraries.begin() + below(random, static_cast<uint32_t>(libraries.size()) + 1), i);
     }
     const bool relay = trace.from != From::RayGeneration;
@@ -83,8 +97,8 @@ std::vector<PipelinePart> randomParts(Random &random, const TracePlan &trace, co
         for (uint32_t i = 0; i < last; ++i)
             parts[i].micromapBit =
                 limits.has(Fault::LayerMixedLibraries) ||
-                (chance(random, 60) && std::ranges::all_of(parts[i].libraries,
-                                                           [&](uint32_t library) { return parts[library].micromapBit; }));
+                (chance(random, 60) &&
+                 std::ranges::all_of(parts[i].libraries, [&](uint32_t library) { return parts[library].micromapBit; }));
     }
     return parts;
 }
@@ -124,8 +138,9 @@ TablePlan randomTable(Random &random, const PipelinePlan &pipeline)
     TablePlan table;
     constexpr VkPipelineCreateFlags kNoNullMiss = VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_MISS_SHADERS_BIT_KHR;
     const bool nulls = (pipeline.flags & allOf(kPipelineFlagNames) & ~kNoNullMiss) == 0;
-    constexpr std::array kKinds{HitRecord::Full, HitRecord::Full, HitRecord::WithoutAnyHit,
-                                HitRecord::WithoutClosestHit, HitRecord::WithoutBoth, HitRecord::Null};
+    constexpr std::array kKinds{HitRecord::Full,          HitRecord::Full,
+                                HitRecord::WithoutAnyHit, HitRecord::WithoutClosestHit,
+                                HitRecord::WithoutBoth,   HitRecord::Null};
     if (!nulls || chance(random, 60))
         for (uint32_t i = 1 + below(random, 7); i > 0; --i)
             table.records.push_back(kKinds[below(random, nulls ? kKinds.size() : kKinds.size() - 1)]);
@@ -135,7 +150,9 @@ TablePlan randomTable(Random &random, const PipelinePlan &pipeline)
     table.layout = {.before = chance(random, 40) ? below(random, 9) : 0,
                     .reversed = chance(random, 40),
                     .missPadding = chance(random, 40) ? below(random, 6) : 0,
-                    .hitPadding = chance(random, 50) ? below(random, 6) : chance(random, 20) ? below(random, 64) : 0,
+                    .hitPadding = chance(random, 50)   ? below(random, 6)
+                                  : chance(random, 20) ? below(random, 64)
+                                                       : 0,
                     .cut = chance(random, 40)};
     return table;
 }
@@ -150,6 +167,7 @@ Case pipelineLibraries(Random &random, const DeviceLimits &limits)
     c.trace.inlineModules = chance(random, 30);
     c.trace.flags2 = chance(random, 30);
     c.trace.dynamicStackSize = chance(random, 20);
+    c.trace.creation = randomCreation(random);
     if (chance(random, 20))
         c.trace.pipeline.flags = randomFlags(random, c, false);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
@@ -168,6 +186,9 @@ Case pipelinePlans(Random &random, const DeviceLimits &limits)
     c.trace.from = randomFrom(random);
     c.trace.flags2 = chance(random, 30);
     c.trace.unusedStage = chance(random, 20);
+    c.trace.creation = randomCreation(random);
+    c.trace.launch = randomLaunch(random);
+    c.trace.callables = c.trace.from == From::RayGeneration && !c.trace.byAddress && chance(random, 30);
     c.trace.withoutMicromaps = !micromaps && chance(random, 70);
     c.trace.pipeline.flags = randomFlags(random, c, true);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
@@ -181,6 +202,8 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
     PipelinePlan &pipeline = c.trace.pipeline;
     pipeline.parameters = randomParameters(random);
     c.trace.from = chance(random, 15) ? From::Miss : From::RayGeneration;
+    c.trace.callables = c.trace.from == From::RayGeneration && chance(random, 40);
+    c.trace.launch = randomLaunch(random);
     setRecords(random, c);
     // A table that ends before the records of opaque hits whose closest-hit shaders rays skip.
     const bool shortTable = chance(random, 15);
@@ -188,8 +211,8 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
         if (shortTable)
             ray.flags = (ray.flags & (kRayTerminateOnFirstHit | kRayCullBack | kRayCullFront)) | kRayOpaque |
                         kRaySkipClosestHit | kRaySkipBoxes;
-    const auto most =
-        static_cast<uint32_t>(tableOf(c.scene, {.parameters = pipeline.parameters, .table = {.misses = 13}}).hit.size());
+    const auto most = static_cast<uint32_t>(
+        tableOf(c.scene, {.parameters = pipeline.parameters, .table = {.misses = 13}}).hit.size());
     for (uint32_t i = 1 + below(random, 3); i > 0; --i) {
         TablePlan table = randomTable(random, pipeline);
         if (shortTable)
@@ -203,8 +226,8 @@ Case bindingTables(Random &random, const DeviceLimits &limits)
     }
     // One record of all hits, which are then all on triangles.
     if (chance(random, 15)) {
-        const auto triangles = std::ranges::find_if(
-            c.scene.objects, [](const oracle::Object &object) { return !object.hasBoxes(); });
+        const auto triangles =
+            std::ranges::find_if(c.scene.objects, [](const oracle::Object &object) { return !object.hasBoxes(); });
         for (oracle::Instance &instance : c.scene.instances)
             if (triangles != c.scene.objects.end() && c.scene.objects[instance.object].hasBoxes())
                 instance.object = static_cast<uint32_t>(triangles - c.scene.objects.begin());
@@ -224,10 +247,13 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
     c.trace.pipeline.table.misses = c.trace.pipeline.parameters.missIndex + 1;
     setRecords(random, c);
     using Flags = TracePlan::Flags;
-    c.trace.flags = oneOf(random, std::array{Flags::RunTime, Flags::Specialized, Flags::Literal, Flags::Mixed,
-                                             Flags::Computed});
+    c.trace.flags =
+        oneOf(random, std::array{Flags::RunTime, Flags::Specialized, Flags::Literal, Flags::Mixed, Flags::Computed});
     if (c.trace.flags == Flags::Specialized || c.trace.flags == Flags::Literal) {
-        const uint32_t flags = c.scene.rays[0].flags | (chance(random, 40) ? kRayForceTwoState : 0);
+        constexpr uint32_t kOpacity = kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque;
+        const uint32_t flags =
+            (c.scene.rays[0].flags & ~kOpacity) | (chance(random, 40) ? kRayForceTwoState : 0) |
+            oneOf(random, std::array{0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, kRayCullNoOpaque});
         for (Ray &ray : c.scene.rays)
             ray.flags = flags;
     } else if (c.trace.flags == Flags::Mixed) {
@@ -258,6 +284,8 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
     for (uint32_t i = 1 + (chance(random, 20) ? 1 : 0); i > 0; --i)
         c.trace.otherPipelines.push_back(randomPipeline());
     c.trace.firstDestroyed = chance(random, 50);
+    c.trace.creation = randomCreation(random);
+    c.trace.launch = randomLaunch(random);
     c.trace.dynamicStackSize = chance(random, 20);
     setRecords(random, c);
     return c;
@@ -267,45 +295,50 @@ Case severalPipelines(Random &random, const DeviceLimits &limits)
 Case indirectTraces(Random &random, const DeviceLimits &limits)
 {
     Case c = pipelineCase(random, limits, 160);
-    c.trace.launch = chance(random, 50) ? Launch::Indirect : Launch::Indirect2;
+    c.trace.secondary = chance(random, 30);
+    c.trace.launch = randomLaunch(random, chance(random, 50) ? Launch::Indirect : Launch::Indirect2);
     c.trace.pipeline.parameters = randomParameters(random);
     setRecords(random, c);
     c.trace.pipeline.table = randomTable(random, c.trace.pipeline);
     c.trace.pipeline.table.layout.hitPadding = chance(random, 60) ? below(random, 8) : 0;
     c.trace.from = chance(random, 15) ? From::ClosestHit : From::RayGeneration;
+    c.trace.callables = c.trace.from == From::RayGeneration && chance(random, 50);
     return c;
 }
 
 constexpr std::array kGroups{
     Group{"pipeline-plans",
-          "ray tracing pipelines with inline modules, stack sizes, recursion and create flags, which skip triangles or "
-          "promise shaders",
+          "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders and create flags, which "
+          "skip triangles or promise shaders; created by deferred operations, with caches, several at once",
           "vkCreateRayTracingPipelinesKHR; VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_KHR, "
           "..._SKIP_TRIANGLES_BIT_KHR, ..._SKIP_AABBS_BIT_KHR, ..._NO_NULL_..._SHADERS_BIT_KHR; "
           "IncomingRayFlagsKHR: \"Setting pipeline flags on the ray tracing pipeline must not cause any corresponding "
           "flags to be set\"",
-          200, runGroup<pipelinePlans>, 18},
-    Group{"pipeline-libraries",
-          "pipelines of libraries, nested or not, whose groups name stages of libraries, among shaders that must not run",
-          "VkRayTracingPipelineCreateInfoKHR: shaders and groups of pLibraryInfo \"are treated as if they were defined "
-          "as additional entries in pStages\" and pGroups",
-          150, runGroup<pipelineLibraries>, 14},
-    Group{"binding-tables",
-          "binding tables with zero records, with and without data, short and long ones, at offsets and with strides; "
-          "record offsets of instances beyond 2^8",
-          "Shader Binding Table, Indexing Rules; VkStridedDeviceAddressRegionKHR; ShaderRecordBufferKHR; \"A zero shader "
-          "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
-          200, runGroup<bindingTables>, 20},
+          200, runGroup<pipelinePlans>, 30},
+    Group{
+        "pipeline-libraries",
+        "pipelines of libraries, nested or not, whose groups name stages of libraries, among shaders that must not run",
+        "VkRayTracingPipelineCreateInfoKHR: shaders and groups of pLibraryInfo \"are treated as if they were defined "
+        "as additional entries in pStages\" and pGroups",
+        150, runGroup<pipelineLibraries>, 24},
+    Group{
+        "binding-tables",
+        "binding tables with callable records, zero records, with and without data, short and long ones, at offsets "
+        "and with strides; "
+        "record offsets of instances beyond 2^8",
+        "Shader Binding Table, Indexing Rules; VkStridedDeviceAddressRegionKHR; ShaderRecordBufferKHR; \"A zero shader "
+        "group behaves as though it is a shader group consisting entirely of VK_SHADER_UNUSED_KHR\"",
+        200, runGroup<bindingTables>, 30},
     Group{"pipeline-ray-flags",
           "ray flags of traceRayEXT at run time, specialized, literal, computed, and of two instructions",
           "OpTraceRayKHR: Ray Flags, SBT Offset, SBT Stride, Miss Index; IncomingRayFlagsKHR", 150,
-          runGroup<pipelineRayFlags>, 14},
+          runGroup<pipelineRayFlags>, 50},
     Group{"several-pipelines",
           "two or three pipelines with several tables in one command buffer, of which the first is destroyed",
-          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 8},
+          "vkCmdBindPipeline; vkCmdTraceRaysKHR; vkDestroyPipeline", 80, runGroup<severalPipelines>, 14},
     Group{"indirect-traces", "pipelines whose rays are traced by indirect commands, with hit tables of several strides",
           "vkCmdTraceRaysIndirectKHR, vkCmdTraceRaysIndirect2KHR; VkTraceRaysIndirectCommand2KHR; Hit Shader Table",
-          120, runGroup<indirectTraces>, 16},
+          120, runGroup<indirectTraces>, 24},
 };
 
 } // namespace

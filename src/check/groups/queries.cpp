@@ -179,7 +179,7 @@ Case queries(Random &random, const DeviceLimits &limits)
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
         micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     c.build.together = chance(random, 50);
-    constexpr std::array kinds{Kind::CloneObject,   Kind::CompactObject, Kind::ReloadObject,
+    constexpr std::array kinds{Kind::CloneObject,   Kind::CompactObject,   Kind::ReloadObject,
                                Kind::CloneMicromap, Kind::CompactMicromap, Kind::SetStates,
                                Kind::CloneTop,      Kind::CompactTop,      Kind::ReloadTop};
     addSteps(random, c, kinds, below(random, 4), limits);
@@ -192,7 +192,8 @@ Case queries(Random &random, const DeviceLimits &limits)
 
 constexpr std::array kGroups{
     Group{"queries",
-          "sizes of micromaps and structures by several queries of a pool: ranges, strides, 32 and 64 bits, availability, "
+          "sizes of micromaps and structures by several queries of a pool: ranges, strides, 32 and 64 bits, "
+          "availability, "
           "copies of results, resets by device and host, host queries",
           "vkCmdWriteAccelerationStructuresPropertiesKHR, vkCmdWriteMicromapsPropertiesEXT, "
           "vkWriteMicromapsPropertiesEXT, vkGetQueryPoolResults, vkCmdCopyQueryPoolResults, "

@@ -21,10 +21,10 @@ using Kind = Step::Kind;
 
 // Fault::InstanceBehindInvisible. The specification says that an inactive object is "considered invisible to all rays",
 // and allows every mask.
-void showBeforeOthers(oracle::Scene &scene)
+void showBeforeOthers(std::vector<oracle::Instance> &instances)
 {
     bool others = false;
-    for (auto instance = scene.instances.rbegin(); instance != scene.instances.rend(); ++instance) {
+    for (auto instance = instances.rbegin(); instance != instances.rend(); ++instance) {
         if (others) {
             instance->inactive = false;
             instance->mask |= instance->mask == 0 ? 1u : 0u;
@@ -158,6 +158,7 @@ void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits
     for (oracle::SceneMicromap &micromap : scene.micromaps) {
         micromap.usage = some(50, allOf(kUsageNames));
         micromap.layout = some(50, allOf(kDataNames));
+        micromap.onHost = limits.hostCommands && chance(random, 30);
     }
     for (oracle::Object &object : scene.objects) {
         object.flags = randomFlags(random, limits);
@@ -183,7 +184,7 @@ oracle::Scene makeScene(Random &random, const Limits &scene, const DeviceLimits 
         for (oracle::Mesh &mesh : object.meshes)
             avoidFaultsOfGeometry(mesh, limits);
     if (limits.has(Fault::InstanceBehindInvisible))
-        showBeforeOthers(made);
+        showBeforeOthers(made.instances);
     varyBuilds(random, made, limits);
     return made;
 }
@@ -226,6 +227,7 @@ oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t
 
 std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind kind, const DeviceLimits &limits)
 {
+    const auto objects = static_cast<uint32_t>(scene.objects.size());
     Step step{.kind = kind, .update = chance(random, 50)};
     step.outOfPlace = chance(random, 50) && (step.update || kind == Kind::UpdateObject);
     switch (kind) {
@@ -269,29 +271,49 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
         return step;
     }
     case Kind::UpdateTop:
+        if (limits.has(Fault::InstanceBehindInvisible))
+            return {};
         step.update = false;
         step.outOfPlace = chance(random, 50);
         step.instances = scene.instances;
         for (oracle::Instance &instance : step.instances) {
-            const bool inactive = instance.inactive;
-            const uint32_t object = instance.object;
-            instance = oracle::randomInstance(random, 1, {});
-            instance.inactive = inactive;
-            instance.object = object;
+            const oracle::Instance before = instance;
+            instance = oracle::randomInstance(random, objects, {});
+            instance.inactive = before.inactive;
+            if (chance(random, 50) ||
+                scene.objects[instance.object].hasBoxes() != scene.objects[before.object].hasBoxes())
+                instance.object = before.object;
         }
+        return step;
+    case Kind::RebuildTop:
+        step.update = step.outOfPlace = false;
+        for (size_t i = 1 + below(random, static_cast<uint32_t>(std::min<size_t>(scene.instances.size(), 8) + 3));
+             i > 0; --i)
+            step.instances.push_back(oracle::randomInstance(random, objects, {}));
         if (limits.has(Fault::InstanceBehindInvisible))
+            showBeforeOthers(step.instances);
+        return step;
+    case Kind::ReplaceObject:
+        step.update = step.outOfPlace = false;
+        step.target = below(random, objects);
+        step.other = below(random, objects);
+        if (step.target == step.other || scene.objects[step.target].hasBoxes() != scene.objects[step.other].hasBoxes())
             return {};
         return step;
     case Kind::CloneTop:
     case Kind::CompactTop:
     case Kind::ReloadTop:
-        return Step{.kind = kind, .exact = kind == Kind::CloneTop && limits.maintenance && chance(random, 40)};
+        return Step{.kind = kind,
+                    .relocated = kind == Kind::ReloadTop && chance(random, 50),
+                    .exact = kind == Kind::CloneTop && limits.maintenance && chance(random, 40)};
     default:
         step.exact = kind == Kind::CloneObject && limits.maintenance && chance(random, 40);
+        step.relocated = kind == Kind::ReloadObject && chance(random, 50);
+        step.mirrored = (kind == Kind::UpdateObject || kind == Kind::RebuildObject) && chance(random, 40);
         step.update &= kind == Kind::RebuildObjects;
         step.outOfPlace &= step.update || kind == Kind::UpdateObject;
-        step.target = below(random, static_cast<uint32_t>(scene.objects.size()));
-        step.other = below(random, static_cast<uint32_t>(scene.objects.size()));
+        step.target = below(random, objects);
+        step.other = below(random, objects);
         if (kind == Kind::ReloadObject && limits.api == Api::Khr && limits.has(Fault::LayerSerializedStructures) &&
             std::ranges::any_of(scene.objects[step.target].meshes,
                                 [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); }))

@@ -70,6 +70,12 @@ void terminateSome(Random &random, oracle::Scene &scene);
 void setRecords(Random &random, Case &c);
 // Flags that nothing needs, and inputs that are stated in unusual forms. makeScene does it.
 void varyBuilds(Random &random, oracle::Scene &scene, const DeviceLimits &limits);
+// All micromaps have the sizes that builds on the host need.
+inline void buildableOnHost(oracle::Scene &scene)
+{
+    for (oracle::SceneMicromap &micromap : scene.micromaps)
+        micromap.onHost = true;
+}
 // A pool of queries of a random property, and what is done with it; nothing where there is nothing to query.
 std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scene, const DeviceLimits &limits);
 

@@ -184,7 +184,8 @@ oracle::Scene lossyRow(Random &random, const DeviceLimits &limits)
 Case lossy(Random &random, const DeviceLimits &limits)
 {
     Case c;
-    if (chance(random, 70)) {
+    const bool row = chance(random, 70);
+    if (row) {
         c.scene = lossyRow(random, limits);
     } else {
         Limits scene = smallScene(limits);
@@ -201,11 +202,14 @@ Case lossy(Random &random, const DeviceLimits &limits)
     if (limits.pipelines && chance(random, 25))
         c.trace.method = TracePlan::Method::Pipeline;
     using Kind = Step::Kind;
-    constexpr std::array steps{Kind::CloneMicromap,   Kind::CompactMicromap, Kind::ReloadMicromap, Kind::CloneMicromap,
-                               Kind::CompactMicromap, Kind::ReloadMicromap,  Kind::SetStates,      Kind::SetIndices,
-                               Kind::CloneObject,     Kind::CompactObject,   Kind::ReloadObject,   Kind::UpdateObject,
-                               Kind::RebuildObject,   Kind::MoveObject,      Kind::RenameObject,   Kind::RebuildObjects};
+    constexpr std::array steps{
+        Kind::CloneMicromap,   Kind::CompactMicromap, Kind::ReloadMicromap, Kind::CloneMicromap,
+        Kind::CompactMicromap, Kind::ReloadMicromap,  Kind::SetStates,      Kind::SetIndices,
+        Kind::CloneObject,     Kind::CompactObject,   Kind::ReloadObject,   Kind::UpdateObject,
+        Kind::RebuildObject,   Kind::MoveObject,      Kind::RenameObject,   Kind::RebuildObjects};
     addSteps(random, c, steps, chance(random, 30) ? 0 : 1 + below(random, 3), limits);
+    for (Step &step : c.steps)
+        step.mirrored &= !row; // its rays would miss
     c.build.single = c.steps.empty() && c.build.structures == BuildCommand::Device && chance(random, 30);
     return c;
 }
@@ -293,12 +297,13 @@ constexpr std::array kGroups{
         "stages", "ray queries in every stage, with ray flags of run time, specialized and literal ones",
         "OpRayQueryInitializeKHR in each stage; OpExecutionModeId OpacityMicromapIdKHR with a specialization constant",
         200, runGroup<stages>, 20},
-    Group{"query-objects",
-          "ray queries in arrays, as parameters of functions, initialized again or in two places, terminated; in shader "
-          "objects",
-          "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own; "
-          "OpRayQueryTerminateKHR; VK_EXT_shader_object",
-          100, runGroup<queryObjects>, 20},
+    Group{
+        "query-objects",
+        "ray queries in arrays, as parameters of functions, initialized again or in two places, terminated; in shader "
+        "objects",
+        "OpTypeRayQueryKHR; OpRayQueryInitializeKHR: each ray query has flags and candidates of its own; "
+        "OpRayQueryTerminateKHR; VK_EXT_shader_object",
+        100, runGroup<queryObjects>, 20},
     Group{"execution-mode", "ray queries with and without the execution mode OpacityMicromapIdKHR",
           "SPV_KHR_opacity_micromap: OpacityMicromapIdKHR; VUID-vkCmdDispatch-micromap-11636", 60,
           runGroup<executionMode>, 20},

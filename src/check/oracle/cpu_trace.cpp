@@ -15,8 +15,8 @@ namespace
 
 constexpr double kDistance = 1e-4; // in t
 constexpr double kGrazing = 0.02;  // cosine
-// How far a driver's rounding may move a triangle or a ray, in units of the object. "Implementations should take efforts
-// to maintain as much precision as possible" is all that the specification says.
+// How far a driver's rounding may move a triangle or a ray, in units of the object. "Implementations should take
+// efforts to maintain as much precision as possible" is all that the specification says.
 constexpr double kPlace = 5e-6;
 constexpr double kMostMargin = 5e-4; // in barycentrics: half of what the judges tolerate
 constexpr double kWidest = 0.05;     // the same of slivers
@@ -213,8 +213,7 @@ private:
         const double length = std::sqrt(std::max({dot(e1, e1), dot(e2, e2), dot(e2 - e1, e2 - e1)}));
         // What kPlace is in barycentrics, where the height above the longest edge decides, and along the ray.
         const double moved = std::max(double{scene_.edge}, kPlace * length / (area * std::abs(cosine)));
-        slack_ = std::max(kDistance,
-                          kPlace / (std::abs(cosine) * std::sqrt(dot(local_.direction, local_.direction))));
+        slack_ = std::max(kDistance, kPlace / (std::abs(cosine) * std::sqrt(dot(local_.direction, local_.direction))));
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.
         const bool bad = std::abs(cosine) < kGrazing || area < 0.02 || moved > kMostMargin;
         const double margin = bad ? kWidest : moved;
@@ -286,9 +285,9 @@ private:
     const Ray &ray_;
     const Substitution &substitution_;
     LocalRay local_{};
-    double slack_ = kDistance;     // of the current hit, in t
+    double slack_ = kDistance;      // of the current hit, in t
     std::vector<double> slackOf_{}; // of each of the hits
-    bool everything_ = false; // also what is culled or ignored
+    bool everything_ = false;       // also what is culled or ignored
     Hits out_;
 };
 
@@ -301,10 +300,9 @@ Hits allHits(const Scene &scene, const Ray &ray, const Substitution &substitutio
 
 std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive)
 {
-    const bool exists =
-        instance < scene.instances.size() && !scene.instances[instance].inactive &&
-        geometry < scene.objects[scene.instances[instance].object].meshes.size() &&
-        primitive < scene.objects[scene.instances[instance].object].meshes[geometry].triangles();
+    const bool exists = instance < scene.instances.size() && !scene.instances[instance].inactive &&
+                        geometry < scene.objects[scene.instances[instance].object].meshes.size() &&
+                        primitive < scene.objects[scene.instances[instance].object].meshes[geometry].triangles();
     static const Substitution kNone;
     return exists ? Tracing(scene, ray, kNone).runFor(instance, geometry, primitive) : std::nullopt;
 }

@@ -17,11 +17,12 @@ constexpr VkPipelineCreateFlags kNoNullHitShaders = VK_PIPELINE_CREATE_RAY_TRACI
                                                     VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_CLOSEST_HIT_SHADERS_BIT_KHR |
                                                     VK_PIPELINE_CREATE_RAY_TRACING_NO_NULL_INTERSECTION_SHADERS_BIT_KHR;
 
-constexpr std::array kMixture{
-    HitRecord::Full, HitRecord::Full,          HitRecord::WithoutAnyHit, HitRecord::Full,
-    HitRecord::Null, HitRecord::WithoutClosestHit, HitRecord::Full,          HitRecord::WithoutAnyHit,
-    HitRecord::Full, HitRecord::Full,          HitRecord::WithoutAnyHit, HitRecord::Full,
-    HitRecord::Null, HitRecord::Full,          HitRecord::WithoutAnyHit, HitRecord::Full};
+constexpr std::array kMixture{HitRecord::Full, HitRecord::Full,          HitRecord::WithoutAnyHit,
+                              HitRecord::Full, HitRecord::Null,          HitRecord::WithoutClosestHit,
+                              HitRecord::Full, HitRecord::WithoutAnyHit, HitRecord::Full,
+                              HitRecord::Full, HitRecord::WithoutAnyHit, HitRecord::Full,
+                              HitRecord::Null, HitRecord::Full,          HitRecord::WithoutAnyHit,
+                              HitRecord::Full};
 
 HitRecord recordAt(const TablePlan &table, uint32_t i)
 {
@@ -85,7 +86,7 @@ std::vector<TracerGroup> hitGroups(VkPipelineCreateFlags flags)
     return groups;
 }
 
-const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords = [] {
+const std::array<std::optional<uint32_t>, 2 *kBoxRecords> kHitRecords = [] {
     std::array<std::optional<uint32_t>, 2 * kBoxRecords> records;
     for (uint32_t i = 0; i < records.size(); ++i)
         records[i] = groupAt({}, i, i >= kBoxRecords);
@@ -250,7 +251,8 @@ private:
                 return describe("an intersection shader ran for a box that is not met", visit);
             const bool flagsRight = visit.flags == ray_.flags || (tolerance_.layerIntersectionShaders &&
                                                                   intersectionMaySee(visit.flags, ray_.flags));
-            if (!flagsRight || !reads(visit.record, 100, recordOf(*hit)) || visit.tMin < ray_.tMin || visit.tMin > ray_.tMin)
+            if (!flagsRight || !reads(visit.record, 100, recordOf(*hit)) || visit.tMin < ray_.tMin ||
+                visit.tMin > ray_.tMin)
                 return describe("what the intersection shader reads", visit);
             if (visit.reported == 3) {
                 if (!accepts(*hit))
@@ -318,7 +320,9 @@ private:
 
         const bool missed = nearest == nullptr && generated_.empty() && end == nullptr;
         if (result_.committed == kUnknownResult)
-            return (silent || (missed && by_.table.nullMiss)) && result_.invocations == 0 ? "" : "neither closest-hit nor miss shader ran";
+            return (silent || (missed && by_.table.nullMiss)) && result_.invocations == 0
+                       ? ""
+                       : "neither closest-hit nor miss shader ran";
         if (result_.invocations != 1)
             return "more than one closest-hit or miss shader";
         if (result_.flags != ray_.flags)

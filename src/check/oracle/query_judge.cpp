@@ -166,7 +166,8 @@ std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit
             std::abs(double{result.t} - hit->t) > 1e-3 || ((result.frontFace & 1) != 0) != hit->frontFace)
             return "place of the committed triangle (" + numbersOf(result) + ": expected " +
                    placeInWords(hit->t, hit->u, hit->v, hit->frontFace) + "; the device reported " +
-                   placeInWords(double{result.t}, double{result.u}, double{result.v}, (result.frontFace & 1) != 0) + ")";
+                   placeInWords(double{result.t}, double{result.u}, double{result.v}, (result.frontFace & 1) != 0) +
+                   ")";
         if ((ray.flags & kRayTerminateOnFirstHit) == 0 && hit->t > limit + 1e-3) {
             if (nearest != nullptr && hit->t > nearest->t + 1e-3 && !seen(*nearest))
                 return opacityFault(scene, ray, *nearest, "none, but one farther away");

@@ -290,7 +290,7 @@ Mesh randomMesh(Random &random, Scene &scene, bool boxes, uint32_t most, const L
 Object randomObject(Random &random, Scene &scene, const Limits &limits)
 {
     Object object;
-    const bool boxes = chance(random, 20);
+    const bool boxes = chance(random, limits.boxes);
     uint32_t meshes = 1 + below(random, limits.meshes), most = limits.triangles;
     if (chance(random, limits.unusual / 8)) {
         meshes = 4 + below(random, kMostGeometries - 3);

@@ -23,6 +23,7 @@ struct Limits {
     uint32_t meshes = 3;      // of an object, at most
     uint32_t instances = 10;  // at most
     uint32_t triangles = 32;  // of a mesh, at most
+    uint32_t boxes = 20;      // of 100 objects, how many are of boxes
     // Of 100 meshes, how many lie in memory in an unusual way, and which vertex formats they may have.
     uint32_t unusual = 0;
     std::vector<VkFormat> formats = {VK_FORMAT_R32G32B32_SFLOAT};

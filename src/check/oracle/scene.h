@@ -25,6 +25,7 @@ struct SceneMicromap {
     bool usagePointers = false; // usage counts come as an array of pointers
     uint32_t usage = 0;         // how they are stated: bits of check::UsageForm
     uint32_t layout = 0;        // where the data of triangles is: bits of check::DataLayout
+    bool onHost = false;        // sizes are asked for builds on host or device; VK_EXT_opacity_micromap
 };
 
 // How a mesh uses a micromap.
@@ -110,7 +111,7 @@ struct Instance {
     uint32_t customIndex = 0;
     uint32_t mask = 0xff;
     uint32_t flags = 0;
-    bool inactive = false; // acceleration structure reference 0
+    bool inactive = false;          // acceleration structure reference 0
     std::optional<uint32_t> record; // instanceShaderBindingTableRecordOffset; nothing: recordOffset()
 };
 

@@ -103,6 +103,7 @@ MicromapInput inputOf(const SceneMicromap &micromap)
     input.stride = micromap.triangleStride;
     input.usagePointers = micromap.usagePointers;
     input.usageForm = micromap.usage;
+    input.onHost = micromap.onHost;
     input.layOut(micromap.layout);
     return input;
 }

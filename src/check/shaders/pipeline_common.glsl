@@ -37,7 +37,8 @@ struct More { // beside each result
     uint record;
     uint invocations; // closest-hit and miss shaders, together
     uint intact;
-    uint pad0, pad1, pad2;
+    uint called; // what the callable shader read in its record
+    uint pad0, pad1;
 };
 
 struct Payload {

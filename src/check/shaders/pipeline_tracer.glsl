@@ -2,7 +2,7 @@
 #version 460
 #extension GL_EXT_ray_tracing : require
 #extension GL_GOOGLE_include_directive : require
-// tracer.glsl as a ray tracing pipeline. One of RAYGEN, MISS, CLOSEST_HIT, ANY_HIT, INTERSECTION is defined, or TRACES:
+// tracer.glsl as a ray tracing pipeline. One of RAYGEN, MISS, CLOSEST_HIT, ANY_HIT, INTERSECTION, CALLABLE is defined, or TRACES:
 // what RAYGEN does, in a stage that may be another one. Variants of RAYGEN and TRACES:
 //   RAY_FLAGS=n   the ray flags are this constant instead of the ray's own
 //   SPEC_FLAGS    they are a specialization constant
@@ -11,6 +11,7 @@
 //   SPEC_MIXED    the same with the specialization constant
 //   BY_ADDRESS    the acceleration structure comes as a device address
 //   IN_FUNCTION   rays are traced in a loop, in a function that gets the flags as a parameter
+//   CALLS         a callable shader is executed afterwards
 #ifdef BY_ADDRESS
 #extension GL_EXT_ray_query : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
@@ -29,10 +30,12 @@ layout(shaderRecordEXT, std430) buffer Record { uint recordData[4]; };
 
 #ifndef TRACES
 // Functions, for the test that gives several entry points the same one.
+#ifndef CALLABLE
 uint rayFlagsRead()
 {
     return gl_IncomingRayFlagsEXT;
 }
+#endif
 // The first word; the others are computed of it.
 uint recordRead()
 {
@@ -44,7 +47,7 @@ uint recordRead()
         return kUnknown;
     return first;
 }
-#if !defined(MISS)
+#if !defined(MISS) && !defined(CALLABLE)
 uint customIndexRead()
 {
     return uint(gl_InstanceCustomIndexEXT);
@@ -83,6 +86,9 @@ struct Wide {
 
 #if defined(TRACES)
 layout(location = 0) rayPayloadEXT Payload payload;
+#ifdef CALLS
+layout(location = 1) callableDataEXT uint called;
+#endif
 
 #include "ray_flags.glsl"
 #if defined(MIXED) && (MIXED & 0x400) != 0
@@ -157,6 +163,11 @@ void main()
     }
 #else
     TRACE(ray, FLAGS(ray));
+#endif
+#ifdef CALLS
+    called = id;
+    executeCallableEXT(id % 3u, 1);
+    mores[id].called = called;
 #endif
     Result r;
     r.candidates = payload.count;
@@ -250,6 +261,14 @@ void main()
         ignoreIntersectionEXT;
     if (payload.rule == kTerminate)
         terminateRayEXT;
+}
+
+#elif defined(CALLABLE)
+layout(location = 1) callableDataInEXT uint called;
+
+void main()
+{
+    called += recordRead();
 }
 
 #elif defined(INTERSECTION)

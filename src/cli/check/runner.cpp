@@ -59,6 +59,7 @@ public:
 private:
     void begin(const CaseId &id);
     void ask(); // a worker for current_
+    void startWaiting();
     void abandon();
     void handle(const Event &event);
     void fail(check::Status status, std::string cause);
@@ -147,7 +148,7 @@ void Runner::Slot::ask()
         ++runner_.workers_;
         open_ = false;
     }
-    waitingSince_ = Clock::now();
+    startWaiting();
     limit_ = settings.timeout;
     Request request{.group = std::string(id.group->name), .seed = seedOf(settings.seed, id)};
     if (!settings.replay.empty()) {
@@ -162,6 +163,12 @@ void Runner::Slot::ask()
     }
     separate_ = request.kind == Request::Kind::Separate;
     process_->send(request);
+}
+
+void Runner::Slot::startWaiting()
+{
+    waitingSince_ = Clock::now();
+    process_->startWaiting();
 }
 
 // No worker runs current_.
@@ -182,7 +189,7 @@ void Runner::Slot::check()
     const std::vector<Event> events = process_->read();
     for (const Event &event : events)
         handle(event);
-    const bool late = (current_ || closing_) && since(waitingSince_) > limit_;
+    const bool late = (current_ || closing_) && process_ != nullptr && process_->isLate(limit_);
     if (process_ == nullptr || (!end && !late))
         return;
     const check::Status status = end ? check::Status::Crash : check::Status::Timeout;
@@ -202,7 +209,7 @@ void Runner::Slot::handle(const Event &event)
     case Event::Kind::Begin:
         open_ = true;
         runner_.failedOpenings_ = 0;
-        waitingSince_ = Clock::now();
+        startWaiting();
         break;
     case Event::Kind::End:
         finish(event.outcome);
@@ -261,7 +268,7 @@ void Runner::Slot::close()
 {
     process_->endRequests();
     closing_ = true;
-    waitingSince_ = Clock::now();
+    startWaiting();
     limit_ = runner_.settings_.timeout;
 }
 

@@ -66,6 +66,20 @@ std::vector<Event> WorkerProcess::read()
     return events;
 }
 
+void WorkerProcess::startWaiting()
+{
+    waitingSince_ = std::chrono::steady_clock::now();
+    waitedBefore_ = process_.waitedForProcessor();
+}
+
+bool WorkerProcess::isLate(double seconds) const
+{
+    constexpr double kMostTimes = 5;
+    const double passed = std::chrono::duration<double>(std::chrono::steady_clock::now() - waitingSince_).count();
+    return passed > seconds &&
+           (passed > kMostTimes * seconds || passed - (process_.waitedForProcessor() - waitedBefore_) > seconds);
+}
+
 std::string causeOfEnd(const ProcessEnd &end, const std::string &printed)
 {
     const std::string assertion = assertionIn(printed);
@@ -87,16 +101,15 @@ check::Outcome outcomeOfEnd(check::Status status, std::string cause, const std::
 
 Answer waitForAnswer(WorkerProcess &worker, double seconds)
 {
-    using Clock = std::chrono::steady_clock;
-    Clock::time_point begin = Clock::now();
-    while (std::chrono::duration<double>(Clock::now() - begin).count() < seconds && !Interruptible::interrupted()) {
+    worker.startWaiting();
+    while (!worker.isLate(seconds) && !Interruptible::interrupted()) {
         const ChildProcess *const process = &worker.process();
         ChildProcess::waitForAny({&process, 1}, kMillisecondsOfWaiting);
         const std::optional<ProcessEnd> end = process->end(); // first: what was written before it is read below
         for (const Event &event : worker.read()) {
             if (event.kind != Event::Kind::Begin)
                 return {event, {}};
-            begin = Clock::now();
+            worker.startWaiting();
         }
         if (end)
             return {{}, end};

@@ -2,6 +2,7 @@
 // A worker process, seen from `vellum check`.
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
@@ -25,6 +26,11 @@ public:
 
     // The events that have come.
     std::vector<Event> read();
+    // Begins to count the time that the worker needs for the next event.
+    void startWaiting();
+    // Whether that is more than so many seconds. Time in which its threads wait for a processor does not count, so that
+    // a case does not time out because the machine is busy, except that five times the seconds are always enough.
+    [[nodiscard]] bool isLate(double seconds) const;
     // The end of what the driver printed since the last request.
     [[nodiscard]] const std::string &printed() const { return printed_; }
 
@@ -32,6 +38,8 @@ private:
     ChildProcess process_;
     std::string line_; // begun
     std::string printed_;
+    std::chrono::steady_clock::time_point waitingSince_{};
+    double waitedBefore_ = 0;
 };
 
 // What a worker answers to a request.

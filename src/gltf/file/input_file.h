@@ -19,9 +19,9 @@ public:
     InputFile(const InputFile &) = delete;
     InputFile &operator=(const InputFile &) = delete;
 
-    // Throws GltfUnsupported where the file that is open is not in `folder` or below it, because a link leads out of
-    // it.
-    void requireIn(const std::filesystem::path &folder) const;
+    // Throws GltfUnsupported where the file that is open is not in the folder of `model` or below it, because a link
+    // leads out of it. If the model is itself a link, as build systems make them, the folder that it leads to will do.
+    void requireBeside(const std::filesystem::path &model) const;
 
     [[nodiscard]] uint64_t size() const { return size_; }
     // Reads as many bytes as there are left and fit. Returns their number.

@@ -248,8 +248,8 @@ Node nodeOf(const Members &node)
 class ModelReader
 {
 public:
-    ModelReader(const Container &container, const JsonTree &tree, const std::filesystem::path &folder)
-        : container_(container), tree_(tree), root_(tree.root()), folder_(folder)
+    ModelReader(const Container &container, const JsonTree &tree, const std::filesystem::path &path)
+        : container_(container), tree_(tree), root_(tree.root()), path_(path)
     {
     }
 
@@ -274,7 +274,7 @@ private:
     const Container &container_;
     const JsonTree &tree_;
     JsonValue root_;
-    const std::filesystem::path &folder_;
+    const std::filesystem::path &path_;
     Model model_;
 };
 
@@ -354,7 +354,7 @@ Buffer ModelReader::bufferOf(const Members &buffer, size_t index) const
         const bool embedded = isDataUri(text);
         const std::string what = buffer.place() + (embedded ? ": " : " (" + text + "): ");
         try {
-            result.own = embedded ? readDataUri(text).bytes : readFileOfUri(folder_, text);
+            result.own = embedded ? readDataUri(text).bytes : readFileOfUri(path_, text);
         } catch (const GltfUnsupported &error) {
             throw GltfUnsupported(what + error.what());
         } catch (const GltfError &error) {
@@ -447,9 +447,9 @@ std::optional<int> indexIn(const JsonValue &object, std::string_view name, const
     return indexOf(value, name, place);
 }
 
-Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &folder)
+Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &path)
 {
-    return ModelReader(container, tree, folder).read();
+    return ModelReader(container, tree, path).read();
 }
 
 } // namespace vellum::gltf_json

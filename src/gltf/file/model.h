@@ -169,10 +169,10 @@ struct Model {
     [[nodiscard]] bool isRequired(const char *extension) const;
 };
 
-// Reads the model of a file, and the data of its buffers and data URIs. Files that it names are looked for in `folder`;
-// those of images are not read. The container and the tree, which is of its JSON, must outlive the model. Throws
-// GltfError.
-Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &folder);
+// Reads the model of a file, and the data of its buffers and data URIs. Files that it names are looked for in the
+// folder of `path`; those of images are not read. The container and the tree, which is of its JSON, must outlive the
+// model. Throws GltfError.
+Model readModel(const Container &container, const JsonTree &tree, const std::filesystem::path &path);
 
 // An integer that can be an index, for values that readModel() leaves as JSON; nothing where there is none. Throws
 // GltfError, which begins with `place`, for anything else.

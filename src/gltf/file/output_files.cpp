@@ -130,7 +130,7 @@ void OutputFiles::write(const std::filesystem::path &path, const FileContent &co
 }
 
 void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem::path &to,
-                       const std::filesystem::path &folder)
+                       const std::filesystem::path &model)
 {
     const auto reading = [&](auto &&read) {
         try {
@@ -142,7 +142,7 @@ void OutputFiles::copy(const std::filesystem::path &from, const std::filesystem:
     std::optional<InputFile> source;
     reading([&] {
         source.emplace(from);
-        source->requireIn(folder);
+        source->requireBeside(model);
     });
     std::error_code error;
     if (std::filesystem::exists(to, error)) {

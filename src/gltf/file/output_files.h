@@ -49,9 +49,9 @@ public:
     // The same for a file that is never replaced: one that is there already, then or when publish() is called, must
     // have the same bytes. GltfError otherwise.
     void writeOnce(const std::filesystem::path &path, const FileContent &content);
-    // Copies a file of `folder`. Throws GltfError if a link leads out of the folder, or if a file at `to` has other
-    // bytes.
-    void copy(const std::filesystem::path &from, const std::filesystem::path &to, const std::filesystem::path &folder);
+    // Copies a file that `model` names. Throws GltfError if a link leads out of its folder (InputFile::requireBeside),
+    // or if a file at `to` has other bytes.
+    void copy(const std::filesystem::path &from, const std::filesystem::path &to, const std::filesystem::path &model);
     // Lets the files appear, in the order in which they were written. Where that fails those that are new are removed
     // again. What was replaced does not come back: write() at most one file, as the last one.
     void publish();

@@ -50,6 +50,14 @@ std::vector<uint8_t> base64Decoded(std::string_view text)
     return bytes;
 }
 
+// Both without links.
+bool isIn(const std::filesystem::path &file, const std::filesystem::path &folder)
+{
+    // Windows ends the path of a drive's root folder, \\?\D:\, with a separator: an empty last component.
+    const auto end = folder.has_relative_path() && !folder.has_filename() ? std::prev(folder.end()) : folder.end();
+    return !folder.empty() && std::mismatch(folder.begin(), end, file.begin(), file.end()).first == end;
+}
+
 std::vector<uint8_t> readAll(InputFile &file)
 {
     if (file.size() > kMostBytes)
@@ -80,20 +88,21 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
     return folder / *path;
 }
 
-std::vector<uint8_t> readFileOfUri(const std::filesystem::path &folder, std::string_view uri)
+std::vector<uint8_t> readFileOfUri(const std::filesystem::path &model, std::string_view uri)
 {
-    InputFile file(fileOfUri(folder, uri));
-    file.requireIn(folder);
+    InputFile file(fileOfUri(model.parent_path(), uri));
+    file.requireBeside(model);
     return readAll(file);
 }
 
-void InputFile::requireIn(const std::filesystem::path &folder) const
+void InputFile::requireBeside(const std::filesystem::path &model) const
 {
-    const std::filesystem::path root = realFolder(folder);
     const std::filesystem::path real = realPath();
-    // Windows ends the path of a drive's root folder, \\?\D:\, with a separator: an empty last component.
-    const auto end = root.has_relative_path() && !root.has_filename() ? std::prev(root.end()) : root.end();
-    if (root.empty() || std::mismatch(root.begin(), end, real.begin(), real.end()).first != end)
+    bool inside = isIn(real, realFolder(model.parent_path()));
+    std::error_code error;
+    if (!inside && std::filesystem::is_regular_file(model, error))
+        inside = isIn(real, InputFile(model).realPath().parent_path());
+    if (!inside)
         throw GltfUnsupported("a link leads out of the file's folder");
 }
 

@@ -20,8 +20,9 @@ std::vector<uint8_t> readWholeFile(const std::filesystem::path &path);
 // not a path below that folder: a file that was found somewhere should not be able to name any other on the machine.
 std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string_view uri);
 
-// Reads that file. Throws GltfUnsupported where a link in the folder leads out of it.
-std::vector<uint8_t> readFileOfUri(const std::filesystem::path &folder, std::string_view uri);
+// Reads the file of a URI in a model. Throws GltfUnsupported where a link leads out of its folder
+// (InputFile::requireBeside).
+std::vector<uint8_t> readFileOfUri(const std::filesystem::path &model, std::string_view uri);
 
 std::string base64Encoded(std::span<const uint8_t> bytes);
 

@@ -53,7 +53,7 @@ void writeFiles(const Document &document, const std::filesystem::path &output, c
     const FilesBeside beside = filesBeside(document.root(), document.path(), output);
     OutputFiles files(cancelled);
     for (const FilesBeside::Copy &copy : beside.copies)
-        files.copy(copy.from, copy.to, folderOf(document.path()));
+        files.copy(copy.from, copy.to, document.path());
     if (rewritten.buffer.size() != 0)
         files.writeOnce(folderOf(output) / utf8Path(rewritten.bufferName), rewritten.buffer);
     files.write(output, rewritten.file);
@@ -84,7 +84,7 @@ FilesBeside filesBeside(const JsonValue &root, const std::filesystem::path &inpu
                             ", which is not in its folder or below it, so that " + utf8Text(output) +
                             " cannot have a copy");
         try {
-            InputFile(files.read.back()).requireIn(from);
+            InputFile(files.read.back()).requireBeside(input);
         } catch (const GltfError &failure) {
             throw GltfError("it names the file " + utf8Text(name) + ", which cannot be copied: " + failure.what());
         }

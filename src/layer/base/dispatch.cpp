@@ -4,24 +4,27 @@
 #include <algorithm>
 #include <string_view>
 
-#include "layer/base/command_aliases.h"
+#include "vk/command_aliases.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-// The first of a command's names that `get` returns a function for: its own, and those of its aliases.
+// The function of a command by the first of its names that `get` has: its own, those of its aliases, the one promoted
+// to.
 template <typename Get>
 PFN_vkVoidFunction findByAnyName(const char *name, bool aliasesFirst, Get get)
 {
     PFN_vkVoidFunction found = aliasesFirst ? nullptr : get(name);
-    const char *command = commandOf(name);
+    if (found)
+        return found;
+    const std::string_view command = commandOf(name);
     for (const CommandAlias &alias : kCommandAliases) {
-        if (!found && std::string_view(command) == alias.command)
+        if (!found && command == alias.command)
             found = get(alias.alias);
     }
-    return found ? found : get(command);
+    return found ? found : get(command.data());
 }
 
 } // namespace
@@ -33,30 +36,22 @@ const char *commandOf(const char *name)
     return alias != std::end(kCommandAliases) && std::string_view(alias->alias) == name ? alias->command : name;
 }
 
-PFN_vkVoidFunction commandByAnyName(VkDevice device, PFN_vkGetDeviceProcAddr next, const char *name)
-{
-    return findByAnyName(name, false, [=](const char *any) { return next(device, any); });
-}
-
 void InstanceTable::load(VkInstance instance, PFN_vkGetInstanceProcAddr next, bool core)
 {
     GetInstanceProcAddr = next;
     const auto get = [=](const char *name) { return next(instance, name); };
-#define VELLUM_LOAD(name) name = reinterpret_cast<PFN_vk##name>(findByAnyName("vk" #name, !core, get));
-    VELLUM_INSTANCE_COMMANDS(VELLUM_LOAD)
-#undef VELLUM_LOAD
+#define VELLUM_INSTANCE(command, ...)                                                                                  \
+    command = reinterpret_cast<PFN_vk##command>(findByAnyName("vk" #command, !core, get));
+#include "layer/base/commands.inc"
 }
 
 void DeviceTable::load(VkDevice device, PFN_vkGetDeviceProcAddr next)
 {
+    const auto get = [=](const char *name) { return next(device, name); };
+#define VELLUM_DEVICE(command, ...)                                                                                    \
+    command = reinterpret_cast<PFN_vk##command>(findByAnyName("vk" #command, false, get));
+#include "layer/base/commands.inc"
     GetDeviceProcAddr = next;
-    const auto get = [=](const char *name) { return commandByAnyName(device, next, name); };
-#define VELLUM_LOAD(name) name = reinterpret_cast<PFN_vk##name>(get("vk" #name));
-#define VELLUM_LOAD_NEWER(name, type) name = reinterpret_cast<newer::PFN_##type>(get("vk" #name));
-    VELLUM_DEVICE_COMMANDS(VELLUM_LOAD)
-    VELLUM_NEWER_DEVICE_COMMANDS(VELLUM_LOAD_NEWER)
-#undef VELLUM_LOAD
-#undef VELLUM_LOAD_NEWER
 }
 
 } // namespace vellum::layer

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -11,8 +11,8 @@ namespace vellum::layer
 // The flags of a pipeline: VkPipelineCreateFlags2CreateInfo replaces the create info's own flags.
 inline VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
 {
-    const auto *flags2 =
-        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
+    const auto *flags2 = findInChain<VkPipelineCreateFlags2CreateInfoKHR>(
+        pNext, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
     return flags2 ? flags2->flags : flags;
 }
 

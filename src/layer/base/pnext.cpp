@@ -4,43 +4,23 @@
 #include <algorithm>
 #include <cstring>
 
-#include "layer/base/struct_sizes.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/structure_sizes.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
+static_assert(sizeof(void *) == 8, "vk/structure_sizes.h has the sizes of 64-bit systems");
+
+// 0 if it is unknown.
 size_t structureSize(VkStructureType type)
 {
     // Structures of the loader are not in the registry; one is at the head of every VkDeviceCreateInfo chain.
     if (type == VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO || type == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO)
         return 4 * sizeof(void *);
-    if (const size_t size = registrySize(type))
-        return size;
-    // For registries that are older than these.
-    if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR)
-        return sizeof(VkPhysicalDeviceOpacityMicromapFeaturesKHR);
-    if (type == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR)
-        return sizeof(VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR);
-    if (type == VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR)
-        return sizeof(VkAccelerationStructureTrianglesOpacityMicromapKHR);
-    if (type == VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR)
-        return sizeof(VkAccelerationStructureGeometryMicromapDataKHR);
-    if (type == VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR)
-        return sizeof(VkMemoryRangeBarriersInfoKHR);
-    if (type == newer::kBufferUsageFlags2CreateInfo || type == newer::kPipelineCreateFlags2CreateInfo)
-        return sizeof(newer::BufferUsageFlags2CreateInfo);
-    if (type == newer::kPipelineBinaryInfo)
-        return sizeof(newer::PipelineBinaryInfo);
-    if (type == newer::kTensorMemoryBarrier)
-        return sizeof(newer::TensorMemoryBarrier);
-    if (type == newer::kTensorDependencyInfo)
-        return sizeof(newer::TensorDependencyInfo);
-    if (type == newer::kPipelineOpacityMicromapFeatures)
-        return sizeof(newer::PipelineOpacityMicromapFeatures);
-    return 0;
+    const auto *found = std::ranges::lower_bound(kStructureSizes, int32_t{type}, {}, &StructureSize::type);
+    return found != std::end(kStructureSizes) && found->type == type ? found->bytes : 0;
 }
 
 } // namespace

@@ -19,7 +19,7 @@
 #include "core/utf8_path.h"
 #include "layer/base/pnext.h"
 #include "layer/base/system.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -224,11 +224,11 @@ void readFile(Settings &settings)
 void readStructures(Settings &settings, const void *chain)
 {
     const auto find = [](const void *from) {
-        return findInChain<newer::LayerSettingsCreateInfo>(from, newer::kLayerSettingsCreateInfo);
+        return findInChain<VkLayerSettingsCreateInfoEXT>(from, VK_STRUCTURE_TYPE_LAYER_SETTINGS_CREATE_INFO_EXT);
     };
     for (const auto *info = find(chain); info; info = find(info->pNext)) {
         for (uint32_t i = 0; i < info->settingCount; ++i) {
-            const newer::LayerSetting &setting = info->pSettings[i];
+            const VkLayerSettingEXT &setting = info->pSettings[i];
             if (std::strcmp(setting.pLayerName, kLayerName) != 0)
                 continue;
             Given given{setting.pSettingName, "VkLayerSettingEXT", {}};
@@ -236,11 +236,11 @@ void readStructures(Settings &settings, const void *chain)
             if (!row || setting.valueCount == 0)
                 continue;
             const bool isText = std::holds_alternative<std::string Settings::*>(row->member);
-            if (setting.type == newer::kLayerSettingString)
+            if (setting.type == VK_LAYER_SETTING_TYPE_STRING_EXT)
                 given.value = *static_cast<const char *const *>(setting.pValues);
-            else if (setting.type == newer::kLayerSettingBool32 && !isText)
+            else if (setting.type == VK_LAYER_SETTING_TYPE_BOOL32_EXT && !isText)
                 given.value = *static_cast<const VkBool32 *>(setting.pValues) ? "true" : "false";
-            else if (setting.type == newer::kLayerSettingUint32 &&
+            else if (setting.type == VK_LAYER_SETTING_TYPE_UINT32_EXT &&
                      std::holds_alternative<uint32_t Settings::*>(row->member))
                 given.value = std::to_string(*static_cast<const uint32_t *>(setting.pValues));
             else {

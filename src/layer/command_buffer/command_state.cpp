@@ -229,7 +229,7 @@ void cmdBindPipeline(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer
 }
 
 void cmdBindShaders(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,
-                    const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
+                    const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders)
 {
     if (const auto state = device.states.get(commandBuffer)) {
         for (uint32_t i = 0; i < count; ++i) {
@@ -250,15 +250,14 @@ void cmdPushConstants(DeviceCommandBuffers &device, VkCommandBuffer commandBuffe
     device.driver.next.CmdPushConstants(commandBuffer, layout, stages, offset, size, values);
 }
 
-void cmdPushConstants2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
-                       const newer::PushConstantsInfo *info)
+void cmdPushConstants2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkPushConstantsInfoKHR *info)
 {
     // With a null layout the structure carries a VkPipelineLayoutCreateInfo, which cannot be kept for a later
     // vkCmdPushConstants. No known driver has both that feature (dynamicPipelineLayout of
     // VK_NV_per_stage_descriptor_set) and ray tracing.
     if (const auto state = device.states.get(commandBuffer); state && info->layout)
         rememberPush(*state, info->layout, info->stageFlags, info->offset, info->size, info->pValues);
-    device.driver.next.CmdPushConstants2(commandBuffer, info);
+    device.driver.next.CmdPushConstants2KHR(commandBuffer, info);
 }
 
 void cmdExecuteCommands(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count,

@@ -13,8 +13,8 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/memory/scratch_memory.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -35,8 +35,8 @@ struct CommandState {
 
     VkPipeline computePipeline = VK_NULL_HANDLE;
     VkPipeline rayTracingPipeline = VK_NULL_HANDLE;
-    std::optional<newer::ShaderEXT> computeShader; // bound last instead of a pipeline; may be null
-    std::vector<PushedConstants> pushes;           // in the order of the commands, without overwritten ones
+    std::optional<VkShaderEXT> computeShader; // bound last instead of a pipeline; may be null
+    std::vector<PushedConstants> pushes;      // in the order of the commands, without overwritten ones
     std::optional<VkConditionalRenderingBeginInfoEXT> conditionalRendering;
     bool inheritsConditionalRendering = false;
     // vkCmdBeginTransformFeedback2EXT was rejected; the next vkCmdEndTransformFeedback2EXT must be, too.
@@ -113,10 +113,10 @@ void destroyCommandPool(DeviceCommandBuffers &, VkDevice, VkCommandPool, const V
 VkResult beginCommandBuffer(DeviceCommandBuffers &, VkCommandBuffer, const VkCommandBufferBeginInfo *);
 void cmdBindPipeline(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
 void cmdBindShaders(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
-                    const newer::ShaderEXT *);
+                    const VkShaderEXT *);
 void cmdPushConstants(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
                       const void *);
-void cmdPushConstants2(DeviceCommandBuffers &, VkCommandBuffer, const newer::PushConstantsInfo *);
+void cmdPushConstants2(DeviceCommandBuffers &, VkCommandBuffer, const VkPushConstantsInfoKHR *);
 void cmdExecuteCommands(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
 void cmdBeginConditionalRendering(DeviceCommandBuffers &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
 void cmdEndConditionalRendering(DeviceCommandBuffers &, VkCommandBuffer);

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -123,7 +123,7 @@ void ProbeQueue::choose(const GpuContext &context, Reporter &report, bool slow,
             (families[queues.queueFamilyIndex].queueFlags & VK_QUEUE_COMPUTE_BIT) == 0)
             continue;
         family_ = queues.queueFamilyIndex;
-        isSynchronized_ = (queues.flags & newer::kQueueInternallySynchronized) != 0;
+        isSynchronized_ = (queues.flags & VK_DEVICE_QUEUE_CREATE_INTERNALLY_SYNCHRONIZED_BIT_KHR) != 0;
         const VkDeviceQueueInfo2 queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_INFO_2, nullptr, queues.flags, family_, 0};
         context.next->GetDeviceQueue2(context.device, &queueInfo, &queue_);
     }

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/command_buffer/address_barriers.h"
 #include "layer/command_buffer/device_command_buffers.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -117,17 +117,19 @@ private:
     }
     void translateTensors()
     {
-        const auto *info = findInChain<newer::TensorDependencyInfo>(info_.pNext, newer::kTensorDependencyInfo);
-        if (auto *own = chain_.edit<newer::TensorDependencyInfo>(newer::kTensorDependencyInfo)) {
+        const auto *info =
+            findInChain<VkTensorDependencyInfoARM>(info_.pNext, VK_STRUCTURE_TYPE_TENSOR_DEPENDENCY_INFO_ARM);
+        if (auto *own = chain_.edit<VkTensorDependencyInfoARM>(VK_STRUCTURE_TYPE_TENSOR_DEPENDENCY_INFO_ARM)) {
             tensors_.assign(own->pTensorMemoryBarriers, own->pTensorMemoryBarriers + own->tensorMemoryBarrierCount);
             own->pTensorMemoryBarriers = translated(tensors_, own->tensorMemoryBarrierCount);
         } else if (info) {
             for (uint32_t i = 0; i < info->tensorMemoryBarrierCount; ++i)
                 warnOfUntranslated(driver_, info->pTensorMemoryBarriers[i]);
         }
-        if (auto *own = chain_.edit<newer::TensorMemoryBarrier>(newer::kTensorMemoryBarrier))
+        if (auto *own = chain_.edit<VkTensorMemoryBarrierARM>(VK_STRUCTURE_TYPE_TENSOR_MEMORY_BARRIER_ARM))
             translate(driver_, *own);
-        else if (const auto *one = findInChain<newer::TensorMemoryBarrier>(info_.pNext, newer::kTensorMemoryBarrier))
+        else if (const auto *one =
+                     findInChain<VkTensorMemoryBarrierARM>(info_.pNext, VK_STRUCTURE_TYPE_TENSOR_MEMORY_BARRIER_ARM))
             warnOfUntranslated(driver_, *one);
     }
 
@@ -138,7 +140,7 @@ private:
     std::vector<VkBufferMemoryBarrier2> buffers_;
     std::vector<VkImageMemoryBarrier2> images_;
     std::vector<VkMemoryRangeBarrierKHR> ranges_; // for a driver that knows them
-    std::vector<newer::TensorMemoryBarrier> tensors_;
+    std::vector<VkTensorMemoryBarrierARM> tensors_;
 };
 
 std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo *infos, uint32_t count)
@@ -271,7 +273,7 @@ VkResult queueSetPerformanceConfiguration(DeviceCommandBuffers &device, VkQueue 
     return device.driver.next.QueueSetPerformanceConfigurationINTEL(queue, configuration);
 }
 
-VkResult queueSetPerfHint(DeviceCommandBuffers &device, VkQueue queue, const void *info)
+VkResult queueSetPerfHint(DeviceCommandBuffers &device, VkQueue queue, const VkPerfHintInfoQCOM *info)
 {
     const ProbeQueue::Lock lock = device.probes.lock(queue);
     return device.driver.next.QueueSetPerfHintQCOM(queue, info);

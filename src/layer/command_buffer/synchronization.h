@@ -3,7 +3,7 @@
 // VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, VK_ACCESS_2_MICROMAP_READ/WRITE_BIT_EXT. They exist as 64-bit flags only.
 #pragma once
 
-#include <vulkan/vulkan.h>
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -31,7 +31,7 @@ void queueEndDebugUtilsLabel(DeviceCommandBuffers &, VkQueue);
 void queueInsertDebugUtilsLabel(DeviceCommandBuffers &, VkQueue, const VkDebugUtilsLabelEXT *);
 VkResult queuePresent(DeviceCommandBuffers &, VkQueue, const VkPresentInfoKHR *);
 VkResult queueSetPerformanceConfiguration(DeviceCommandBuffers &, VkQueue, VkPerformanceConfigurationINTEL);
-VkResult queueSetPerfHint(DeviceCommandBuffers &, VkQueue, const void *);
+VkResult queueSetPerfHint(DeviceCommandBuffers &, VkQueue, const VkPerfHintInfoQCOM *);
 VkResult createRenderPass2(DeviceCommandBuffers &, VkDevice, const VkRenderPassCreateInfo2 *,
                            const VkAllocationCallbacks *, VkRenderPass *);
 

@@ -126,8 +126,10 @@ VkBuffer ZeroIndices::get(const GpuContext &context)
 
 bool enablesNullIndexBuffer(const VkDeviceCreateInfo &info)
 {
-    const auto *own = findInChain<newer::Maintenance6Features>(info.pNext, newer::kMaintenance6Features);
-    const auto *core = findInChain<newer::Vulkan14Features>(info.pNext, newer::kVulkan14Features);
+    const auto *own = findInChain<VkPhysicalDeviceMaintenance6FeaturesKHR>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_6_FEATURES_KHR);
+    const auto *core = findInChain<VkPhysicalDeviceVulkan14Features>(
+        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_4_FEATURES);
     return (own && own->maintenance6) || (core && core->maintenance6);
 }
 
@@ -148,11 +150,11 @@ void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                                            .part = AddressLookup::Part::UpToEnd});
     if (!found)
         return;
-    if (!device.driver.next.CmdBindIndexBuffer2)
+    if (!device.driver.next.CmdBindIndexBuffer2KHR)
         return device.driver.next.CmdBindIndexBuffer(commandBuffer, found->buffer, found->offset, info->indexType);
     // Whole indices (VUID-vkCmdBindIndexBuffer2-size-08767).
     const VkDeviceSize size = found->size - found->size % indexBytes(info->indexType);
-    device.driver.next.CmdBindIndexBuffer2(commandBuffer, found->buffer, found->offset, size, info->indexType);
+    device.driver.next.CmdBindIndexBuffer2KHR(commandBuffer, found->buffer, found->offset, size, info->indexType);
 }
 
 void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands of subsystems as the functions that Vulkan calls.
+// Commands of subsystems and of validation as the functions that Vulkan calls.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdio>
 #include <exception>
 #include <type_traits>
 
 #include "layer/entry/device.h"
+#include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
 {
@@ -48,5 +51,57 @@ struct Command<function> {
             [&] { return function(subsystemOf<Subsystem>(deviceOf(handle)), handle, arguments...); });
     }
 };
+
+// The name of a command, as an argument of a template.
+struct CommandName {
+    char text[64]{};
+    template <size_t size>
+    consteval CommandName(const char (&name)[size])
+    {
+        std::copy_n(name, size, text);
+    }
+};
+
+// A command as Vulkan calls it. It gets the validation of the device.
+template <CommandName name, auto function>
+struct Validated;
+
+template <CommandName name, typename Result, typename Handle, typename... Arguments,
+          Result (*function)(DeviceValidation &, Handle, Arguments...)>
+struct Validated<name, function> {
+    static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
+    {
+        return guarded<Result>([&] {
+            const CommandReports reports;
+            DeviceValidation &device = *deviceOf(handle).validation;
+            constexpr VkQueueFlags kQueues = queuesOf(name.text);
+            if constexpr (kQueues != 0)
+                checkCommand(device, handle, name.text, kQueues);
+            return function(device, handle, arguments...);
+        });
+    }
+};
+
+// A command without function.
+inline constexpr std::nullptr_t none = nullptr;
+namespace validation
+{
+inline constexpr std::nullptr_t none = nullptr;
+}
+template <>
+struct Command<none> {
+};
+template <CommandName name>
+struct Validated<name, none> {
+};
+
+template <typename Called>
+PFN_vkVoidFunction functionOf()
+{
+    if constexpr (requires { &Called::call; })
+        return reinterpret_cast<PFN_vkVoidFunction>(&Called::call);
+    else
+        return nullptr;
+}
 
 } // namespace vellum::layer

@@ -53,7 +53,7 @@ bool dependsOnLayer(const VkDeviceCreateInfo &info)
         const char *name = info.ppEnabledExtensionNames[i];
         const auto isName = [name](const ProvidedExtension &own) { return std::strcmp(own.name, name) == 0; };
         if (std::ranges::any_of(kProvidedExtensions, isName) ||
-            std::strcmp(name, newer::kDisplacementMicromapExtension) == 0 ||
+            std::strcmp(name, VK_NV_DISPLACEMENT_MICROMAP_EXTENSION_NAME) == 0 ||
             std::strcmp(name, VK_EXT_SHADER_MODULE_IDENTIFIER_EXTENSION_NAME) == 0)
             return true;
     }

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -33,7 +33,7 @@ EnabledFeatures enabledFeatures(const VkDeviceCreateInfo &info)
     enabled.ext = enablesExtension(info, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     enabled.khr = enablesExtension(info, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
     enabled.addressCommands = enablesExtension(info, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
-    enabled.pipelineMicromaps = enablesExtension(info, newer::kPipelineOpacityMicromapExtension);
+    enabled.pipelineMicromaps = enablesExtension(info, VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME);
     if (const auto *features = featuresIn<VkPhysicalDeviceOpacityMicromapFeaturesEXT>(
             info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT)) {
         enabled.extFeature = features->micromap;
@@ -82,10 +82,10 @@ DriverDeviceInfo::DriverDeviceInfo(const VkDeviceCreateInfo &application, const 
     if (driver.ownAddressCommands)
         chain_.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
     if (!driver.translated() || have.pipelines != Implementation::PassThrough)
-        chain_.remove(newer::kPipelineOpacityMicromapFeatures);
+        chain_.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_OPACITY_MICROMAP_FEATURES_ARM);
     if (!driver.translated()) {
         chain_.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_EXT);
-        chain_.remove(newer::kDisplacementMicromapFeatures);
+        chain_.remove(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DISPLACEMENT_MICROMAP_FEATURES_NV);
     } else if (driver.enabled.khr && !enableExtMicromaps()) {
         unreachable = "VkPhysicalDeviceOpacityMicromapFeaturesEXT, in which the layer has to enable micromap";
     }
@@ -103,7 +103,7 @@ void DriverDeviceInfo::listExtensions(const VkDeviceCreateInfo &application, con
         if (!driver.translated())
             return have.of(name) != Implementation::None;
         return std::strcmp(name, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME) == 0 ||
-               (std::strcmp(name, newer::kPipelineOpacityMicromapExtension) == 0 &&
+               (std::strcmp(name, VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME) == 0 &&
                 have.pipelines != Implementation::PassThrough);
     };
     for (uint32_t i = 0; i < application.enabledExtensionCount; ++i) {

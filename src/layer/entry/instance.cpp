@@ -71,7 +71,8 @@ void mixUuids(const PhysicalDevice &physical, VkPhysicalDeviceProperties2 &prope
             target[i] ^= uuid[i];
     };
     const bool stable = physical.importsHostMemory || physical.replaysAddresses;
-    if (auto *binaries = findStructure<newer::ShaderObjectProperties>(properties.pNext, newer::kShaderObjectProperties))
+    if (auto *binaries = findStructure<VkPhysicalDeviceShaderObjectPropertiesEXT>(
+            properties.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_OBJECT_PROPERTIES_EXT))
         mix(binaries->shaderBinaryUUID, stable ? rewriterUuid() : processUuid());
     if (auto *identifiers = findStructure<VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT>(
             properties.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_MODULE_IDENTIFIER_PROPERTIES_EXT))
@@ -149,7 +150,7 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateInstanceExtensionProperties(const char *
     if (!layer || std::strcmp(layer, kLayerName) != 0)
         return VK_ERROR_LAYER_NOT_PRESENT;
     VkExtensionProperties settings{};
-    std::strcpy(settings.extensionName, newer::kLayerSettingsExtension);
+    std::strcpy(settings.extensionName, VK_EXT_LAYER_SETTINGS_EXTENSION_NAME);
     settings.specVersion = 2;
     return returnList<VkExtensionProperties>({settings}, count, properties);
 }
@@ -189,7 +190,8 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_FEATURES_KHR);
     const Unlinked addresses =
         take(have.addressCommands, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR);
-    const Unlinked pipelines = take(have.pipelines, newer::kPipelineOpacityMicromapFeatures);
+    const Unlinked pipelines =
+        take(have.pipelines, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_OPACITY_MICROMAP_FEATURES_ARM);
     instance.next.GetPhysicalDeviceFeatures2(device, features);
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapFeaturesEXT>()) {
         own->micromap = VK_TRUE;
@@ -200,7 +202,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceFeatures2(VkPhysicalDevice device, V
         own->micromap = VK_TRUE; // translated, the driver has VK_EXT_opacity_micromap's feature
     if (auto *own = addresses.get<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>())
         own->deviceAddressCommands = VK_TRUE;
-    if (auto *own = pipelines.get<newer::PipelineOpacityMicromapFeatures>())
+    if (auto *own = pipelines.get<VkPhysicalDevicePipelineOpacityMicromapFeaturesARM>())
         own->pipelineOpacityMicromap = VK_TRUE;
     // Emulation needs the GPU for builds and copies of acceleration structures: their host commands are always
     // rejected.
@@ -244,7 +246,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     };
     const Unlinked ext = take(have.ext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
     const Unlinked khr = take(have.khr, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
-    const Unlinked displacement = take(have.ext, newer::kDisplacementMicromapProperties);
+    const Unlinked displacement = take(have.ext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DISPLACEMENT_MICROMAP_PROPERTIES_NV);
     instance.next.GetPhysicalDeviceProperties2(device, properties);
     if (have.mixesIdentifiers())
         mixUuids(*physical, *properties);
@@ -264,7 +266,7 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
         instance.settings, ext, *properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);
     simulateLimits<VkPhysicalDeviceOpacityMicromapPropertiesKHR>(
         instance.settings, khr, *properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_KHR);
-    if (auto *none = displacement.get<newer::DisplacementMicromapProperties>())
+    if (auto *none = displacement.get<VkPhysicalDeviceDisplacementMicromapPropertiesNV>())
         none->maxDisplacementMicromapSubdivisionLevel = 0;
 }
 

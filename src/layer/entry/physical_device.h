@@ -52,7 +52,7 @@ inline constexpr ProvidedExtension kProvidedExtensions[] = {
     {VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_SPEC_VERSION, &Implementations::khr},
     {VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME, VK_KHR_DEVICE_ADDRESS_COMMANDS_SPEC_VERSION,
      &Implementations::addressCommands},
-    {newer::kPipelineOpacityMicromapExtension, 1, &Implementations::pipelines},
+    {VK_ARM_PIPELINE_OPACITY_MICROMAP_EXTENSION_NAME, 1, &Implementations::pipelines},
 };
 
 struct PhysicalDevice {

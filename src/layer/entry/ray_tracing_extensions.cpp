@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -17,8 +17,8 @@ namespace
 using Translated = ConflictingExtension::Translated;
 
 constexpr ConflictingExtension kConflicting[] = {
-    {newer::kDisplacementMicromapExtension, "it extends the driver's VK_EXT_opacity_micromap",
-     newer::kDisplacementMicromapFeatures, 1, Translated::Works, true},
+    {"VK_NV_displacement_micromap", "it extends the driver's VK_EXT_opacity_micromap",
+     VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DISPLACEMENT_MICROMAP_FEATURES_NV, 1, Translated::Works, true},
     // Extensions that build top-level structures in which instances have no slot.
     {"VK_NV_ray_tracing", "its structures are built and traced by commands of its own", VkStructureType{}, 0},
     {"VK_NV_ray_tracing_motion_blur", "its instances have another layout",

@@ -109,12 +109,13 @@ VkFlags64 editUsage(Reporter &report, Chain &chain, VkBufferUsageFlags &usage, V
 {
     const VkFlags64 usage32 = driversUsage(usage, flags);
     usage = static_cast<VkBufferUsageFlags>(usage32);
-    const auto *application =
-        findInChain<newer::BufferUsageFlags2CreateInfo>(chain.head(), newer::kBufferUsageFlags2CreateInfo);
+    const auto *application = findInChain<VkBufferUsageFlags2CreateInfoKHR>(
+        chain.head(), VK_STRUCTURE_TYPE_BUFFER_USAGE_FLAGS_2_CREATE_INFO_KHR);
     if (!application)
         return usage32;
     const VkFlags64 usage64 = driversUsage(application->usage, flags);
-    if (auto *own = chain.edit<newer::BufferUsageFlags2CreateInfo>(newer::kBufferUsageFlags2CreateInfo))
+    if (auto *own =
+            chain.edit<VkBufferUsageFlags2CreateInfoKHR>(VK_STRUCTURE_TYPE_BUFFER_USAGE_FLAGS_2_CREATE_INFO_KHR))
         return own->usage = usage64;
     if (usage64 != application->usage)
         report.warning(

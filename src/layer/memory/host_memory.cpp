@@ -182,7 +182,7 @@ namespace
 // Whether one of several bindings succeeded: some may do so although the command fails (VK_KHR_maintenance6).
 bool isBound(const VkBindBufferMemoryInfo &info, VkResult ofAll)
 {
-    const auto *status = findInChain<newer::BindMemoryStatus>(info.pNext, newer::kBindMemoryStatus);
+    const auto *status = findInChain<VkBindMemoryStatusKHR>(info.pNext, VK_STRUCTURE_TYPE_BIND_MEMORY_STATUS_KHR);
     return ofAll == VK_SUCCESS || (status && *status->pResult == VK_SUCCESS);
 }
 
@@ -221,11 +221,11 @@ void unmapMemory(DeviceBuffers &device, VkDevice handle, VkDeviceMemory memory)
     device.host.unmap(device.driver, memory);
 }
 
-VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryMapInfo *info, void **data)
+VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const VkMemoryMapInfoKHR *info, void **data)
 {
     // Only the driver can map memory at an address that the application chooses (VK_EXT_map_memory_placed).
     if (info->pNext || !device.driver.enabled.hostCommands) {
-        const VkResult result = device.driver.next.MapMemory2(handle, info, data);
+        const VkResult result = device.driver.next.MapMemory2KHR(handle, info, data);
         if (result == VK_SUCCESS)
             device.host.mappedByDriver(info->memory, info->offset, info->size, *data);
         return result;
@@ -233,11 +233,11 @@ VkResult mapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryM
     return device.host.map(device.driver, info->memory, info->offset, info->flags, data);
 }
 
-VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const newer::MemoryUnmapInfo *info)
+VkResult unmapMemory2(DeviceBuffers &device, VkDevice handle, const VkMemoryUnmapInfoKHR *info)
 {
     if (info->pNext || info->flags != 0 || !device.driver.enabled.hostCommands) {
         const HostMemory::Mapping was = device.host.unmappedByDriver(info->memory);
-        const VkResult result = device.driver.next.UnmapMemory2(handle, info);
+        const VkResult result = device.driver.next.UnmapMemory2KHR(handle, info);
         if (result != VK_SUCCESS && was.data) // VK_ERROR_MEMORY_MAP_FAILED: it stays mapped
             device.host.mappedByDriver(info->memory, was.offset, was.bytes, was.data);
         return result;

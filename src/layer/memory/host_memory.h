@@ -12,7 +12,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -107,7 +107,7 @@ VkResult bindBufferMemory(DeviceBuffers &, VkDevice, VkBuffer, VkDeviceMemory, V
 VkResult bindBufferMemory2(DeviceBuffers &, VkDevice, uint32_t, const VkBindBufferMemoryInfo *);
 VkResult mapMemory(DeviceBuffers &, VkDevice, VkDeviceMemory, VkDeviceSize, VkDeviceSize, VkMemoryMapFlags, void **);
 void unmapMemory(DeviceBuffers &, VkDevice, VkDeviceMemory);
-VkResult mapMemory2(DeviceBuffers &, VkDevice, const newer::MemoryMapInfo *, void **);
-VkResult unmapMemory2(DeviceBuffers &, VkDevice, const newer::MemoryUnmapInfo *);
+VkResult mapMemory2(DeviceBuffers &, VkDevice, const VkMemoryMapInfoKHR *, void **);
+VkResult unmapMemory2(DeviceBuffers &, VkDevice, const VkMemoryUnmapInfoKHR *);
 
 } // namespace vellum::layer

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "layer/base/input_check.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/micromaps/micromap_extent.h"
 #include "layer/state/micromap_object.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

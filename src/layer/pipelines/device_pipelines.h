@@ -13,12 +13,12 @@
 #include <vector>
 
 #include "core/hash.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/command_buffer/device_command_buffers.h"
 #include "layer/pipelines/any_hit_modules.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
 #include "spirv/module/scan.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -59,7 +59,7 @@ struct DevicePipelines {
     Flagged librariesWithoutMicromaps{};
     HandleMap<VkShaderModule, bool> tracingModules{}; // true: shaders that trace rays
     TracingIdentifiers tracingIdentifiers{};
-    HandleMap<newer::PipelineBinary, HiddenInBinary> pipelineBinaries{};
+    HandleMap<VkPipelineBinaryKHR, HiddenInBinary> pipelineBinaries{};
     AnyHitModules anyHitModules{};
     ShaderWarnings shaderWarnings{};
     std::atomic<uint32_t> anyHitStack = 0; // largest stack of the layer's any-hit shaders, in bytes

@@ -19,7 +19,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -78,7 +78,7 @@ public:
     {
         VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
         for (uint32_t variant = 0; variant < variants() &&
-                                   (result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing);
+                                   (result == VK_PIPELINE_COMPILE_REQUIRED || result == VK_PIPELINE_BINARY_MISSING_KHR);
              ++variant) {
             choose(variant);
             result = use();

@@ -44,13 +44,13 @@ BinaryFacts factsOf(DevicePipelines &device, const HiddenInBinary &hidden)
     return {shaderBinaryHeader(device), rewriteSettings(device), hidden.fixed, hidden.constant};
 }
 
-std::span<const std::byte> driverData(const newer::PipelineBinaryData &data)
+std::span<const std::byte> driverData(const VkPipelineBinaryDataKHR &data)
 {
     return std::span(static_cast<const std::byte *>(data.pData), data.dataSize).subspan(sizeof(BinaryHeader));
 }
 
 // The ray flags of a binary; unknown if its header does not match the device, or its data is damaged.
-HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinaryData &data)
+HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const VkPipelineBinaryDataKHR &data)
 {
     BinaryHeader header{};
     if (data.dataSize <= sizeof header)
@@ -66,9 +66,9 @@ HiddenInBinary hiddenFlagsOf(DevicePipelines &device, const newer::PipelineBinar
     return hidden;
 }
 
-void mixKey(newer::PipelineBinaryKey &key, const Mask &mask)
+void mixKey(VkPipelineBinaryKeyKHR &key, const Mask &mask)
 {
-    mix(key.key, std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), mask);
+    mix(key.key, std::min(key.keySize, VK_MAX_PIPELINE_BINARY_KEY_SIZE_KHR), mask);
 }
 
 // The mask for keys of binaries. Unlike the key of the pipeline, these depend on how ray flags travel.
@@ -79,15 +79,15 @@ Mask binaryMask(DevicePipelines &device, const HiddenInBinary &hidden)
 }
 
 // Calls `use` with the driver's create info. VK_PIPELINE_COMPILE_REQUIRED if code that must be rewritten is missing.
-using Use = std::function<VkResult(const newer::PipelineCreateInfo &, const HiddenInBinary &)>;
-VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo &info, const Use &use)
+using Use = std::function<VkResult(const VkPipelineCreateInfoKHR &, const HiddenInBinary &)>;
+VkResult withDriverInfo(DevicePipelines &device, const VkPipelineCreateInfoKHR &info, const Use &use)
 {
     const auto *const structure = static_cast<const VkBaseInStructure *>(info.pNext);
     const auto useChanged = [&](auto own) {
         DriverPipelineInfo changed(device);
         if (const VkResult result = changed.change(own); result != VK_SUCCESS)
             return result;
-        const newer::PipelineCreateInfo driverInfo{info.sType, &own};
+        const VkPipelineCreateInfoKHR driverInfo{info.sType, &own};
         return changed.identifiers.useUntilKnown([&] { return use(driverInfo, {}); });
     };
     switch (structure ? structure->sType : VK_STRUCTURE_TYPE_MAX_ENUM) {
@@ -98,7 +98,7 @@ VkResult withDriverInfo(DevicePipelines &device, const newer::PipelineCreateInfo
     case VK_STRUCTURE_TYPE_RAY_TRACING_PIPELINE_CREATE_INFO_KHR:
         return withDriverInfo(device, *reinterpret_cast<const VkRayTracingPipelineCreateInfoKHR *>(structure),
                               [&](const VkRayTracingPipelineCreateInfoKHR &own, const HiddenInBinary &hidden) {
-                                  const newer::PipelineCreateInfo driverInfo{
+                                  const VkPipelineCreateInfoKHR driverInfo{
                                       info.sType, const_cast<VkRayTracingPipelineCreateInfoKHR *>(&own)};
                                   return use(driverInfo, hidden);
                               });
@@ -114,10 +114,10 @@ VkResult withoutShaderError(VkResult result, VkResult instead)
 
 // Records binaries that the driver has created. Destroys them if out of memory.
 void addBinaries(DevicePipelines &device, VkDevice handle, const VkAllocationCallbacks *allocator,
-                 std::span<newer::PipelineBinary> binaries, const std::function<HiddenInBinary(size_t)> &hidden)
+                 std::span<VkPipelineBinaryKHR> binaries, const std::function<HiddenInBinary(size_t)> &hidden)
 {
     Undo undo([&] {
-        for (newer::PipelineBinary &binary : binaries) {
+        for (VkPipelineBinaryKHR &binary : binaries) {
             if (binary)
                 destroyPipelineBinary(device, handle, binary, allocator);
             binary = nullptr;
@@ -132,14 +132,14 @@ void addBinaries(DevicePipelines &device, VkDevice handle, const VkAllocationCal
 
 // The driver creates the binaries that match; the handles of others are null ("all pipeline binaries ... will be
 // attempted").
-VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryCreateInfo &info,
-                        const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo &binaries)
+VkResult createFromData(DevicePipelines &device, VkDevice handle, const VkPipelineBinaryCreateInfoKHR &info,
+                        const VkAllocationCallbacks *allocator, VkPipelineBinaryHandlesInfoKHR &binaries)
 {
-    const newer::PipelineBinaryKeysAndData &application = *info.pKeysAndDataInfo;
+    const VkPipelineBinaryKeysAndDataKHR &application = *info.pKeysAndDataInfo;
     const uint32_t count = std::min(application.binaryCount, binaries.pipelineBinaryCount);
     VkResult result = count < application.binaryCount ? VK_INCOMPLETE : VK_SUCCESS;
-    std::vector<newer::PipelineBinaryKey> keys;
-    std::vector<newer::PipelineBinaryData> data;
+    std::vector<VkPipelineBinaryKeyKHR> keys;
+    std::vector<VkPipelineBinaryDataKHR> data;
     std::vector<HiddenInBinary> hidden;
     std::vector<uint32_t> locations;
     for (uint32_t i = 0; i < count; ++i) {
@@ -154,7 +154,7 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
             continue;
         }
         mixKey(keys.emplace_back(application.pPipelineBinaryKeys[i]), binaryMask(device, known));
-        newer::PipelineBinaryData &own = data.emplace_back(application.pPipelineBinaryData[i]);
+        VkPipelineBinaryDataKHR &own = data.emplace_back(application.pPipelineBinaryData[i]);
         own.pData = static_cast<std::byte *>(own.pData) + sizeof(BinaryHeader);
         own.dataSize -= sizeof(BinaryHeader);
         hidden.push_back(known);
@@ -163,12 +163,12 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
     binaries.pipelineBinaryCount = count;
     if (locations.empty())
         return result;
-    std::vector<newer::PipelineBinary> made(locations.size());
-    newer::PipelineBinaryHandlesInfo handles = binaries;
+    std::vector<VkPipelineBinaryKHR> made(locations.size());
+    VkPipelineBinaryHandlesInfoKHR handles = binaries;
     handles.pipelineBinaryCount = static_cast<uint32_t>(made.size());
     handles.pPipelineBinaries = made.data();
-    const newer::PipelineBinaryKeysAndData own{handles.pipelineBinaryCount, keys.data(), data.data()};
-    newer::PipelineBinaryCreateInfo driverInfo = info;
+    const VkPipelineBinaryKeysAndDataKHR own{handles.pipelineBinaryCount, keys.data(), data.data()};
+    VkPipelineBinaryCreateInfoKHR driverInfo = info;
     driverInfo.pKeysAndDataInfo = &own;
     const VkResult drivers = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, &handles);
     addBinaries(device, handle, allocator, made, [&](size_t i) { return hidden[i]; });
@@ -179,7 +179,7 @@ VkResult createFromData(DevicePipelines &device, VkDevice handle, const newer::P
 
 // Writes a key for a pipeline that cannot be created, such as one with micromaps whose code is missing. It depends on
 // all that the layer knows of the create info.
-void writeSubstituteKey(DevicePipelines &device, const newer::PipelineCreateInfo &info, newer::PipelineBinaryKey &key)
+void writeSubstituteKey(DevicePipelines &device, const VkPipelineCreateInfoKHR &info, VkPipelineBinaryKeyKHR &key)
 {
     std::string bytes;
     const auto add = [&bytes](const void *data, size_t size) { bytes.append(static_cast<const char *>(data), size); };
@@ -224,24 +224,24 @@ void writeSubstituteKey(DevicePipelines &device, const newer::PipelineCreateInfo
             addNumber(reinterpret_cast<uint64_t>(own.pLibraryInfo->pLibraries[i]));
     }
     const Mask substitute = maskOf(std::as_bytes(std::span(bytes)));
-    std::copy_n(substitute.begin(), std::min(key.keySize, newer::kMaxPipelineBinaryKeySize), key.key);
+    std::copy_n(substitute.begin(), std::min(key.keySize, VK_MAX_PIPELINE_BINARY_KEY_SIZE_KHR), key.key);
 }
 
 } // namespace
 
-const newer::PipelineBinaryInfo *binariesOf(const void *pNext)
+const VkPipelineBinaryInfoKHR *binariesOf(const void *pNext)
 {
-    const auto *info = findInChain<newer::PipelineBinaryInfo>(pNext, newer::kPipelineBinaryInfo);
+    const auto *info = findInChain<VkPipelineBinaryInfoKHR>(pNext, VK_STRUCTURE_TYPE_PIPELINE_BINARY_INFO_KHR);
     return info && info->binaryCount > 0 ? info : nullptr;
 }
 
-HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const newer::PipelineBinaryInfo &info)
+HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const VkPipelineBinaryInfoKHR &info)
 {
     return device.pipelineBinaries.get(info.pPipelineBinaries[0]);
 }
 
-VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryCreateInfo *info,
-                                const VkAllocationCallbacks *allocator, newer::PipelineBinaryHandlesInfo *binaries)
+VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const VkPipelineBinaryCreateInfoKHR *info,
+                                const VkAllocationCallbacks *allocator, VkPipelineBinaryHandlesInfoKHR *binaries)
 {
     const bool emulated = device.driver.emulated();
     const uint32_t count = binaries->pipelineBinaryCount; // of the array, for each call of the driver
@@ -250,7 +250,7 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
     if (emulated && info->pKeysAndDataInfo && binaries->pPipelineBinaries)
         return createFromData(device, handle, *info, allocator, *binaries);
     binaries->pipelineBinaryCount = 0; // unless the driver is called
-    const auto create = [&](const newer::PipelineBinaryCreateInfo &driverInfo, const HiddenInBinary &hidden) {
+    const auto create = [&](const VkPipelineBinaryCreateInfoKHR &driverInfo, const HiddenInBinary &hidden) {
         binaries->pipelineBinaryCount = count;
         const VkResult result = device.driver.next.CreatePipelineBinariesKHR(handle, &driverInfo, allocator, binaries);
         if (emulated) // even if some failed
@@ -261,36 +261,35 @@ VkResult createPipelineBinaries(DevicePipelines &device, VkDevice handle, const 
     if (info->pPipelineCreateInfo && !info->pKeysAndDataInfo) {
         const VkResult result =
             withDriverInfo(device, *info->pPipelineCreateInfo,
-                           [&](const newer::PipelineCreateInfo &pipeline, const HiddenInBinary &hidden) {
-                               newer::PipelineBinaryCreateInfo driverInfo = *info;
+                           [&](const VkPipelineCreateInfoKHR &pipeline, const HiddenInBinary &hidden) {
+                               VkPipelineBinaryCreateInfoKHR driverInfo = *info;
                                driverInfo.pPipelineCreateInfo = &pipeline;
                                return create(driverInfo, hidden);
                            });
-        const bool missing = result == VK_PIPELINE_COMPILE_REQUIRED || result == newer::kPipelineBinaryMissing;
+        const bool missing = result == VK_PIPELINE_COMPILE_REQUIRED || result == VK_PIPELINE_BINARY_MISSING_KHR;
         if (missing)
             binaries->pipelineBinaryCount = 0;
-        return missing ? newer::kPipelineBinaryMissing : withoutShaderError(result, VK_ERROR_INITIALIZATION_FAILED);
+        return missing ? VK_PIPELINE_BINARY_MISSING_KHR : withoutShaderError(result, VK_ERROR_INITIALIZATION_FAILED);
     }
     const auto pipeline = device.rayTracingPipelines.get(info->pipeline);
     return create(*info, pipeline ? pipeline->hidden : HiddenInBinary{true});
 }
 
-void destroyPipelineBinary(DevicePipelines &device, VkDevice handle, newer::PipelineBinary binary,
+void destroyPipelineBinary(DevicePipelines &device, VkDevice handle, VkPipelineBinaryKHR binary,
                            const VkAllocationCallbacks *allocator)
 {
     device.pipelineBinaries.take(binary);
     device.driver.next.DestroyPipelineBinaryKHR(handle, binary, allocator);
 }
 
-VkResult getPipelineKey(DevicePipelines &device, VkDevice handle, const newer::PipelineCreateInfo *info,
-                        newer::PipelineBinaryKey *key)
+VkResult getPipelineKey(DevicePipelines &device, VkDevice handle, const VkPipelineCreateInfoKHR *info,
+                        VkPipelineBinaryKeyKHR *key)
 {
     VkResult result = VK_PIPELINE_COMPILE_REQUIRED;
     if (info)
-        result =
-            withDriverInfo(device, *info, [&](const newer::PipelineCreateInfo &driverInfo, const HiddenInBinary &) {
-                return device.driver.next.GetPipelineKeyKHR(handle, &driverInfo, key);
-            });
+        result = withDriverInfo(device, *info, [&](const VkPipelineCreateInfoKHR &driverInfo, const HiddenInBinary &) {
+            return device.driver.next.GetPipelineKeyKHR(handle, &driverInfo, key);
+        });
     else
         result = device.driver.next.GetPipelineKeyKHR(handle, nullptr, key);
     if (info && result == VK_PIPELINE_COMPILE_REQUIRED) {
@@ -302,20 +301,20 @@ VkResult getPipelineKey(DevicePipelines &device, VkDevice handle, const newer::P
     return withoutShaderError(result, VK_ERROR_UNKNOWN);
 }
 
-VkResult getPipelineBinaryData(DevicePipelines &device, VkDevice handle, const newer::PipelineBinaryDataInfo *info,
-                               newer::PipelineBinaryKey *key, size_t *size, void *data)
+VkResult getPipelineBinaryData(DevicePipelines &device, VkDevice handle, const VkPipelineBinaryDataInfoKHR *info,
+                               VkPipelineBinaryKeyKHR *key, size_t *size, void *data)
 {
     size_t driverSize = 0;
     VkResult result = device.driver.next.GetPipelineBinaryDataKHR(handle, info, key, &driverSize, nullptr);
     const size_t needed = driverSize + sizeof(BinaryHeader);
     if (result == VK_SUCCESS && data && *size < needed)
-        result = newer::kNotEnoughSpace;
+        result = VK_ERROR_NOT_ENOUGH_SPACE_KHR;
     else if (result == VK_SUCCESS && data)
         result = device.driver.next.GetPipelineBinaryDataKHR(handle, info, key, &driverSize,
                                                              static_cast<std::byte *>(data) + sizeof(BinaryHeader));
     const HiddenInBinary hidden = device.pipelineBinaries.get(info->pipelineBinary);
     if (result == VK_SUCCESS && data) {
-        const newer::PipelineBinaryData all{driverSize + sizeof(BinaryHeader), data};
+        const VkPipelineBinaryDataKHR all{driverSize + sizeof(BinaryHeader), data};
         const BinaryHeader header{factsOf(device, hidden), driverSize, hashBytes(driverData(all).data(), driverSize)};
         std::memcpy(data, &header, sizeof header);
     }

@@ -6,8 +6,8 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -15,17 +15,17 @@ namespace vellum::layer
 struct DevicePipelines;
 
 // The binaries that a pipeline is created from, or null. The code of its stages is ignored then, and may be missing.
-const newer::PipelineBinaryInfo *binariesOf(const void *pNext);
+const VkPipelineBinaryInfoKHR *binariesOf(const void *pNext);
 
 // How hidden ray flags travel in the ray tracing pipeline that the binaries come from. They travel in the same way in
 // one that is created from the binaries.
-HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const newer::PipelineBinaryInfo &info);
+HiddenInBinary hiddenFlagsIn(const DevicePipelines &device, const VkPipelineBinaryInfoKHR &info);
 
-VkResult createPipelineBinaries(DevicePipelines &, VkDevice, const newer::PipelineBinaryCreateInfo *,
-                                const VkAllocationCallbacks *, newer::PipelineBinaryHandlesInfo *);
-void destroyPipelineBinary(DevicePipelines &, VkDevice, newer::PipelineBinary, const VkAllocationCallbacks *);
-VkResult getPipelineKey(DevicePipelines &, VkDevice, const newer::PipelineCreateInfo *, newer::PipelineBinaryKey *);
-VkResult getPipelineBinaryData(DevicePipelines &, VkDevice, const newer::PipelineBinaryDataInfo *,
-                               newer::PipelineBinaryKey *, size_t *, void *);
+VkResult createPipelineBinaries(DevicePipelines &, VkDevice, const VkPipelineBinaryCreateInfoKHR *,
+                                const VkAllocationCallbacks *, VkPipelineBinaryHandlesInfoKHR *);
+void destroyPipelineBinary(DevicePipelines &, VkDevice, VkPipelineBinaryKHR, const VkAllocationCallbacks *);
+VkResult getPipelineKey(DevicePipelines &, VkDevice, const VkPipelineCreateInfoKHR *, VkPipelineBinaryKeyKHR *);
+VkResult getPipelineBinaryData(DevicePipelines &, VkDevice, const VkPipelineBinaryDataInfoKHR *,
+                               VkPipelineBinaryKeyKHR *, size_t *, void *);
 
 } // namespace vellum::layer

@@ -45,7 +45,8 @@ std::span<const VkPipeline> librariesOf(const VkRayTracingPipelineCreateInfoKHR 
 // nor one with such a library (VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598).
 bool isAssumed(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info)
 {
-    return device.driver.assumesMicromaps() && (flagsOf(info) & newer::kPipelineDisallowOpacityMicromap) == 0 &&
+    return device.driver.assumesMicromaps() &&
+           (flagsOf(info) & VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM) == 0 &&
            std::ranges::none_of(librariesOf(info),
                                 [&](VkPipeline library) { return device.librariesWithoutMicromaps.get(library); });
 }
@@ -307,7 +308,7 @@ private:
     // pipelines. The rays of libraries are not known when the shaders are rewritten.
     spirv::HiddenFlags hiddenFlags(const VkRayTracingPipelineCreateInfoKHR &info, const spirv::TracedFlags &traced)
     {
-        if (const newer::PipelineBinaryInfo *binaries = binariesOf(info.pNext)) {
+        if (const VkPipelineBinaryInfoKHR *binaries = binariesOf(info.pNext)) {
             // Unknown for binaries of a pipeline without micromaps.
             if (const HiddenInBinary kept = hiddenFlagsIn(device_, *binaries); kept.known)
                 return {kept.fixed, kept.constant};

@@ -15,7 +15,7 @@ VkFlags64 unknownPipelineFlags(const Driver &driver)
     if (!driver.translated())
         return 0;
     return VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR |
-           (driver.enabled.pipelineMicromaps ? 0 : newer::kPipelineDisallowOpacityMicromap);
+           (driver.enabled.pipelineMicromaps ? 0 : VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM);
 }
 
 bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCreateFlags &flags, VkFlags64 removed,
@@ -23,12 +23,13 @@ bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCre
 {
     // Also where VkPipelineCreateFlags2CreateInfo replaces them: a driver may reject unknown flags all the same.
     flags = static_cast<VkPipelineCreateFlags>((flags & ~removed) | added);
-    const auto *flags2 =
-        findInChain<newer::PipelineCreateFlags2CreateInfo>(pNext, newer::kPipelineCreateFlags2CreateInfo);
+    const auto *flags2 = findInChain<VkPipelineCreateFlags2CreateInfoKHR>(
+        pNext, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
     if (!flags2 || flags2->flags == ((flags2->flags & ~removed) | added))
         return true;
     Chain &chain = chains.emplace_back(pNext);
-    auto *own = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo);
+    auto *own =
+        chain.edit<VkPipelineCreateFlags2CreateInfoKHR>(VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
     if (!own) {
         driver.report().error("VELLUM-pipeline-flags",
                               std::string(command) + ": VkPipelineCreateFlags2CreateInfo, whose flags the driver must "
@@ -56,7 +57,7 @@ bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreat
            driver.enabled.khrFeature || tolerateMixedSpecialIndex(driver, id, command);
 }
 
-bool checkShaderFlags(const Driver &driver, newer::ShaderCreateInfo &info)
+bool checkShaderFlags(const Driver &driver, VkShaderCreateInfoEXT &info)
 {
     constexpr VkFlags kDisallowMixedShader =
         static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);

@@ -8,7 +8,7 @@
 
 #include "layer/base/pipeline_info.h"
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -17,7 +17,7 @@ struct Driver;
 
 // All flags about opacity micromaps. Only the first changes what the layer does; the others are promises.
 inline constexpr VkFlags64 kMicromapPipelineFlags =
-    VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | newer::kPipelineDisallowOpacityMicromap |
+    VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT | VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM |
     VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
 // Those of kMicromapPipelineFlags that the driver does not know.
@@ -36,6 +36,6 @@ bool tolerateMixedSpecialIndex(const Driver &driver, const char *id, const char 
 bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
                         const char *command);
 // The same for a shader object. Removes the flag, which the driver does not know.
-bool checkShaderFlags(const Driver &driver, newer::ShaderCreateInfo &info);
+bool checkShaderFlags(const Driver &driver, VkShaderCreateInfoEXT &info);
 
 } // namespace vellum::layer

@@ -45,8 +45,7 @@ ShaderBinaryHeader shaderBinaryHeader(DevicePipelines &device)
     return {rewriterUuid(), options.rootAddress, options.firstSlots | all << 63};
 }
 
-VkResult getShaderBinaryData(DevicePipelines &device, VkDevice handle, newer::ShaderEXT shader, size_t *size,
-                             void *data)
+VkResult getShaderBinaryData(DevicePipelines &device, VkDevice handle, VkShaderEXT shader, size_t *size, void *data)
 {
     constexpr size_t kHeader = sizeof(ShaderBinaryHeader);
     if (!data) {

@@ -9,7 +9,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -31,6 +31,6 @@ static_assert(sizeof(ShaderBinaryHeader) == 32); // keeps the alignment of 16 by
 struct DevicePipelines;
 ShaderBinaryHeader shaderBinaryHeader(DevicePipelines &device);
 
-VkResult getShaderBinaryData(DevicePipelines &, VkDevice, newer::ShaderEXT, size_t *, void *);
+VkResult getShaderBinaryData(DevicePipelines &, VkDevice, VkShaderEXT, size_t *, void *);
 
 } // namespace vellum::layer

@@ -121,20 +121,20 @@ VkResult createGraphicsPipelines(DevicePipelines &device, VkDevice handle, VkPip
                            device.driver.next.CreateGraphicsPipelines);
 }
 
-VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
-                       const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
+                       const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
-    std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
+    std::vector<VkShaderCreateInfoEXT> own(infos, infos + count);
     std::deque<std::vector<uint32_t>> storage;
-    const auto prepare = [&](newer::ShaderCreateInfo &info) {
+    const auto prepare = [&](VkShaderCreateInfoEXT &info) {
         if (device.driver.providesMicromaps() && !checkShaderFlags(device.driver, info))
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        if (info.codeType == newer::kShaderCodeTypeBinary && !device.driver.emulated())
+        if (info.codeType == VK_SHADER_CODE_TYPE_BINARY_EXT && !device.driver.emulated())
             return VK_SUCCESS;
-        if (info.codeType == newer::kShaderCodeTypeBinary) {
+        if (info.codeType == VK_SHADER_CODE_TYPE_BINARY_EXT) {
             const ShaderBinaryHeader header = shaderBinaryHeader(device);
             if (info.codeSize < sizeof header || std::memcmp(info.pCode, &header, sizeof header) != 0)
-                return newer::kIncompatibleShaderBinary;
+                return VK_INCOMPATIBLE_SHADER_BINARY_EXT;
             info.pCode = static_cast<const std::byte *>(info.pCode) + sizeof header;
             info.codeSize -= sizeof header;
             return VK_SUCCESS;

@@ -10,10 +10,10 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/pipelines/driver_stages.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/pipeline_flags.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -48,8 +48,8 @@ VkResult createComputePipelines(DevicePipelines &, VkDevice, VkPipelineCache, ui
                                 const VkComputePipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
 VkResult createGraphicsPipelines(DevicePipelines &, VkDevice, VkPipelineCache, uint32_t,
                                  const VkGraphicsPipelineCreateInfo *, const VkAllocationCallbacks *, VkPipeline *);
-VkResult createShaders(DevicePipelines &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
-                       const VkAllocationCallbacks *, newer::ShaderEXT *);
+VkResult createShaders(DevicePipelines &, VkDevice, uint32_t, const VkShaderCreateInfoEXT *,
+                       const VkAllocationCallbacks *, VkShaderEXT *);
 
 // --- commands that create several objects. A pipeline that fails does not keep the command from creating the others,
 // unless it has EARLY_RETURN_ON_FAILURE (Vulkan, "Multiple Pipeline Creation") ---
@@ -119,8 +119,8 @@ VkResult createPrepared(std::span<Info> infos, const std::vector<VkResult> &prep
 // Creates shader objects. The result is that of the first null object, so only those before one that fails in `prepare`
 // are created. `create(count)` is the driver's command for the first `count`.
 template <typename Prepare, typename Create>
-VkResult createShadersBeforeFailure(std::span<newer::ShaderCreateInfo> infos, newer::ShaderEXT *shaders,
-                                    Prepare prepare, Create create)
+VkResult createShadersBeforeFailure(std::span<VkShaderCreateInfoEXT> infos, VkShaderEXT *shaders, Prepare prepare,
+                                    Create create)
 {
     std::fill_n(shaders, infos.size(), nullptr);
     VkResult failure = VK_SUCCESS;

@@ -2,8 +2,8 @@
 // The location of a structure of vkCreateAccelerationStructure2KHR: the part of a buffer that its address range covers.
 #pragma once
 
-#include "layer/base/vulkan_newer.h"
 #include "layer/memory/address_map.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

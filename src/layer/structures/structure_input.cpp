@@ -44,7 +44,7 @@ void parseTriangles(const Driver &driver, VkAccelerationStructureGeometryTriangl
     if (driver.emulated()) {
         chain.remove(kAttachmentEXT);
         // It contains a VkMicromapEXT. The layer hides its extension.
-        chain.remove(newer::kTrianglesDisplacementMicromap);
+        chain.remove(VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_DISPLACEMENT_MICROMAP_NV);
     }
     triangles.pNext = chain.head();
 }

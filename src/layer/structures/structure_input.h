@@ -11,8 +11,8 @@
 
 #include "layer/base/input_check.h"
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/state/device_state.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

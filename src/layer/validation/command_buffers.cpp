@@ -106,7 +106,7 @@ void cmdBindPipeline(DeviceValidation &device, VkCommandBuffer commandBuffer, Vk
 }
 
 void cmdBindShaders(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
-                    const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
+                    const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders)
 {
     bindTracingShaders(device.traces, commandBuffer, count, stages, shaders);
     layer::cmdBindShaders(device.commands, commandBuffer, count, stages, shaders);
@@ -118,7 +118,7 @@ void cmdPushConstants(DeviceValidation &device, VkCommandBuffer commandBuffer, V
     layer::cmdPushConstants(device.commands, commandBuffer, layout, stages, offset, size, values);
 }
 
-void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const newer::PushConstantsInfo *info)
+void cmdPushConstants2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkPushConstantsInfoKHR *info)
 {
     layer::cmdPushConstants2(device.commands, commandBuffer, info);
 }
@@ -205,13 +205,10 @@ void cmdEndRendering(DeviceValidation &device, VkCommandBuffer commandBuffer)
     device.next.CmdEndRendering(commandBuffer);
 }
 
-void cmdEndRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer, const void *info)
+void cmdEndRendering2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkRenderingEndInfoKHR *info)
 {
     endRendering(device, commandBuffer);
-    // Of two extensions, one of which may be enabled without the other.
-    const auto next =
-        device.next.CmdEndRendering2KHR ? device.next.CmdEndRendering2KHR : device.next.CmdEndRendering2EXT;
-    next(commandBuffer, info);
+    device.next.CmdEndRendering2KHR(commandBuffer, info);
 }
 
 void cmdSetEvent(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, VkPipelineStageFlags stages)

@@ -15,7 +15,7 @@ struct TracingCommand {
 
 template <auto next>
 struct Traced;
-template <typename... Arguments, void (VKAPI_PTR *NextCommands::*next)(VkCommandBuffer, Arguments...)>
+template <typename... Arguments, void (VKAPI_PTR *DeviceTable::*next)(VkCommandBuffer, Arguments...)>
 struct Traced<next> {
     template <const TracingCommand &command>
     static void call(DeviceValidation &device, VkCommandBuffer commandBuffer, Arguments... arguments)
@@ -65,11 +65,10 @@ VkResult beginCommandBuffer(DeviceValidation &, VkCommandBuffer, const VkCommand
 VkResult endCommandBuffer(DeviceValidation &, VkCommandBuffer);
 VkResult resetCommandBuffer(DeviceValidation &, VkCommandBuffer, VkCommandBufferResetFlags);
 void cmdBindPipeline(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipeline);
-void cmdBindShaders(DeviceValidation &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *,
-                    const newer::ShaderEXT *);
+void cmdBindShaders(DeviceValidation &, VkCommandBuffer, uint32_t, const VkShaderStageFlagBits *, const VkShaderEXT *);
 void cmdPushConstants(DeviceValidation &, VkCommandBuffer, VkPipelineLayout, VkShaderStageFlags, uint32_t, uint32_t,
                       const void *);
-void cmdPushConstants2(DeviceValidation &, VkCommandBuffer, const newer::PushConstantsInfo *);
+void cmdPushConstants2(DeviceValidation &, VkCommandBuffer, const VkPushConstantsInfoKHR *);
 void cmdExecuteCommands(DeviceValidation &, VkCommandBuffer, uint32_t, const VkCommandBuffer *);
 void cmdBeginConditionalRendering(DeviceValidation &, VkCommandBuffer, const VkConditionalRenderingBeginInfoEXT *);
 void cmdEndConditionalRendering(DeviceValidation &, VkCommandBuffer);
@@ -82,7 +81,7 @@ void cmdBeginRenderPass2(DeviceValidation &, VkCommandBuffer, const VkRenderPass
 void cmdEndRenderPass(DeviceValidation &, VkCommandBuffer);
 void cmdBeginRendering(DeviceValidation &, VkCommandBuffer, const VkRenderingInfo *);
 void cmdEndRendering(DeviceValidation &, VkCommandBuffer);
-void cmdEndRendering2(DeviceValidation &, VkCommandBuffer, const void *);
+void cmdEndRendering2(DeviceValidation &, VkCommandBuffer, const VkRenderingEndInfoKHR *);
 void cmdEndRenderPass2(DeviceValidation &, VkCommandBuffer, const VkSubpassEndInfo *);
 void cmdSetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);
 void cmdResetEvent(DeviceValidation &, VkCommandBuffer, VkEvent, VkPipelineStageFlags);
@@ -230,14 +229,14 @@ void updateDescriptorSetWithTemplate(DeviceValidation &, VkDevice, VkDescriptorS
                                      const void *);
 void cmdBindDescriptorSets(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipelineLayout, uint32_t,
                            uint32_t, const VkDescriptorSet *, uint32_t, const uint32_t *);
-void cmdBindDescriptorSets2(DeviceValidation &, VkCommandBuffer, const newer::BindDescriptorSetsInfo *);
+void cmdBindDescriptorSets2(DeviceValidation &, VkCommandBuffer, const VkBindDescriptorSetsInfoKHR *);
 void cmdPushDescriptorSet(DeviceValidation &, VkCommandBuffer, VkPipelineBindPoint, VkPipelineLayout, uint32_t,
                           uint32_t, const VkWriteDescriptorSet *);
-void cmdPushDescriptorSet2(DeviceValidation &, VkCommandBuffer, const newer::PushDescriptorSetInfo *);
+void cmdPushDescriptorSet2(DeviceValidation &, VkCommandBuffer, const VkPushDescriptorSetInfoKHR *);
 void cmdPushDescriptorSetWithTemplate(DeviceValidation &, VkCommandBuffer, VkDescriptorUpdateTemplate, VkPipelineLayout,
                                       uint32_t, const void *);
 void cmdPushDescriptorSetWithTemplate2(DeviceValidation &, VkCommandBuffer,
-                                       const newer::PushDescriptorSetWithTemplateInfo *);
+                                       const VkPushDescriptorSetWithTemplateInfoKHR *);
 
 // -- pipelines.cpp
 VkResult createShaderModule(DeviceValidation &, VkDevice, const VkShaderModuleCreateInfo *,
@@ -251,34 +250,25 @@ VkResult createRayTracingPipelines(DeviceValidation &, VkDevice, VkDeferredOpera
                                    const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
                                    VkPipeline *);
 void destroyPipeline(DeviceValidation &, VkDevice, VkPipeline, const VkAllocationCallbacks *);
-VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const newer::ShaderCreateInfo *,
-                       const VkAllocationCallbacks *, newer::ShaderEXT *);
-VkResult getShaderBinaryData(DeviceValidation &, VkDevice, newer::ShaderEXT, size_t *, void *);
-void destroyShader(DeviceValidation &, VkDevice, newer::ShaderEXT, const VkAllocationCallbacks *);
+VkResult createShaders(DeviceValidation &, VkDevice, uint32_t, const VkShaderCreateInfoEXT *,
+                       const VkAllocationCallbacks *, VkShaderEXT *);
+VkResult getShaderBinaryData(DeviceValidation &, VkDevice, VkShaderEXT, size_t *, void *);
+void destroyShader(DeviceValidation &, VkDevice, VkShaderEXT, const VkAllocationCallbacks *);
 
 // -- Commands that run shaders.
-#define VELLUM_TRACED(name, function, bindPoint)                                                                       \
-    inline constexpr TracingCommand k##name{"vk" #name, VK_PIPELINE_BIND_POINT_##bindPoint};                           \
-    inline constexpr auto function = &Traced<&NextCommands::name>::call<k##name>;
-#define VELLUM_DRAW(name, function) VELLUM_TRACED(name, function, GRAPHICS)
-#define VELLUM_DISPATCH(name, function) VELLUM_TRACED(name, function, COMPUTE)
-#define VELLUM_TRACE(name, function) VELLUM_TRACED(name, function, RAY_TRACING_KHR)
-VELLUM_DRAW_COMMANDS(VELLUM_DRAW)
-#define VELLUM_NEWER_DISPATCH(name, type, function) VELLUM_DISPATCH(name, function)
-VELLUM_DISPATCH_COMMANDS(VELLUM_DISPATCH)
-VELLUM_NEWER_DISPATCH_COMMANDS(VELLUM_NEWER_DISPATCH)
-VELLUM_TRACE_COMMANDS(VELLUM_TRACE)
-VELLUM_TRACED(CmdSubpassShadingHUAWEI, cmdSubpassShading, SUBPASS_SHADING_HUAWEI)
-#undef VELLUM_NEWER_DISPATCH
-#undef VELLUM_TRACE
-#undef VELLUM_DISPATCH
-#undef VELLUM_DRAW
+#define VELLUM_TRACED(bindPoint, command, scope, implementation, function)                                             \
+    inline constexpr TracingCommand k##command{"vk" #command, VK_PIPELINE_BIND_POINT_##bindPoint};                     \
+    inline constexpr auto function = &Traced<&DeviceTable::command>::call<k##command>;
+#define VELLUM_DRAW(...) VELLUM_TRACED(GRAPHICS, __VA_ARGS__)
+#define VELLUM_DISPATCH(...) VELLUM_TRACED(COMPUTE, __VA_ARGS__)
+#define VELLUM_TRACE(...) VELLUM_TRACED(RAY_TRACING_KHR, __VA_ARGS__)
+#define VELLUM_SUBPASS_SHADING(...) VELLUM_TRACED(SUBPASS_SHADING_HUAWEI, __VA_ARGS__)
+#include "layer/base/commands.inc"
 #undef VELLUM_TRACED
 
 // They run what is bound, except with a set of pipelines or shader objects, of which the device chooses.
 void cmdExecuteGeneratedCommandsNV(DeviceValidation &, VkCommandBuffer, VkBool32, const VkGeneratedCommandsInfoNV *);
-void cmdExecuteGeneratedCommandsEXT(DeviceValidation &, VkCommandBuffer, VkBool32,
-                                    const newer::GeneratedCommandsInfo *);
+void cmdExecuteGeneratedCommandsEXT(DeviceValidation &, VkCommandBuffer, VkBool32, const VkGeneratedCommandsInfoEXT *);
 
 } // namespace validation
 } // namespace vellum::layer

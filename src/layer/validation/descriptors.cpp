@@ -248,10 +248,10 @@ void cmdBindDescriptorSets(DeviceValidation &device, VkCommandBuffer commandBuff
 }
 
 void cmdBindDescriptorSets2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                            const newer::BindDescriptorSetsInfo *info)
+                            const VkBindDescriptorSetsInfoKHR *info)
 {
     bindSets(device, commandBuffer, info->stageFlags, info->firstSet, info->descriptorSetCount, info->pDescriptorSets);
-    device.next.CmdBindDescriptorSets2(commandBuffer, info);
+    device.next.CmdBindDescriptorSets2KHR(commandBuffer, info);
 }
 
 void cmdPushDescriptorSet(DeviceValidation &device, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
@@ -263,11 +263,11 @@ void cmdPushDescriptorSet(DeviceValidation &device, VkCommandBuffer commandBuffe
 }
 
 void cmdPushDescriptorSet2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                           const newer::PushDescriptorSetInfo *info)
+                           const VkPushDescriptorSetInfoKHR *info)
 {
     checkWrites(device, "vkCmdPushDescriptorSet2", info->descriptorWriteCount, info->pDescriptorWrites);
     pushWrites(device, commandBuffer, info->stageFlags, info->set, info->descriptorWriteCount, info->pDescriptorWrites);
-    device.next.CmdPushDescriptorSet2(commandBuffer, info);
+    device.next.CmdPushDescriptorSet2KHR(commandBuffer, info);
 }
 
 void cmdPushDescriptorSetWithTemplate(DeviceValidation &device, VkCommandBuffer commandBuffer,
@@ -279,10 +279,10 @@ void cmdPushDescriptorSetWithTemplate(DeviceValidation &device, VkCommandBuffer 
 }
 
 void cmdPushDescriptorSetWithTemplate2(DeviceValidation &device, VkCommandBuffer commandBuffer,
-                                       const newer::PushDescriptorSetWithTemplateInfo *info)
+                                       const VkPushDescriptorSetWithTemplateInfoKHR *info)
 {
     pushTemplate(device, commandBuffer, info->descriptorUpdateTemplate, info->set, info->pData);
-    device.next.CmdPushDescriptorSetWithTemplate2(commandBuffer, info);
+    device.next.CmdPushDescriptorSetWithTemplate2KHR(commandBuffer, info);
 }
 
 } // namespace vellum::layer::validation

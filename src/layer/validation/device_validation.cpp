@@ -19,7 +19,6 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     device->driver.mode = Mode::PassThrough; // whoever implements micromaps is a driver that has them
     device->driver.ownAddressCommands = false;
     device->driver.next.load(driver.handle, implementation);
-    device->next.load(driver.handle, implementation);
     device->checks = driver.settings->validate;
     device->emulated = driver.emulated();
     device->limits = limits;

@@ -12,8 +12,8 @@ namespace
 
 VkFlags64 usageOf(const VkBufferCreateInfo &info)
 {
-    const auto *usage =
-        findInChain<newer::BufferUsageFlags2CreateInfo>(info.pNext, newer::kBufferUsageFlags2CreateInfo);
+    const auto *usage = findInChain<VkBufferUsageFlags2CreateInfoKHR>(
+        info.pNext, VK_STRUCTURE_TYPE_BUFFER_USAGE_FLAGS_2_CREATE_INFO_KHR);
     return usage ? usage->usage : info.usage;
 }
 

@@ -125,20 +125,20 @@ void destroyPipeline(DeviceValidation &device, VkDevice handle, VkPipeline pipel
     device.next.DestroyPipeline(handle, pipeline, allocator);
 }
 
-VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
-                       const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
+                       const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
     checkShaders(device, count, infos);
-    std::vector<newer::ShaderCreateInfo> own(infos, infos + count);
+    std::vector<VkShaderCreateInfoEXT> own(infos, infos + count);
     MarkedShaders marked(device.traces);
-    for (newer::ShaderCreateInfo &info : own)
+    for (VkShaderCreateInfoEXT &info : own)
         marked.change(info);
     const VkResult result = device.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
     marked.set(count, shaders);
     return result;
 }
 
-void destroyShader(DeviceValidation &device, VkDevice handle, newer::ShaderEXT shader,
+void destroyShader(DeviceValidation &device, VkDevice handle, VkShaderEXT shader,
                    const VkAllocationCallbacks *allocator)
 {
     device.traces.shaders.take(shader);
@@ -146,8 +146,7 @@ void destroyShader(DeviceValidation &device, VkDevice handle, newer::ShaderEXT s
 }
 
 // A shader with marks writes to an address of this process, so no other process may get its code.
-VkResult getShaderBinaryData(DeviceValidation &device, VkDevice handle, newer::ShaderEXT shader, size_t *bytes,
-                             void *data)
+VkResult getShaderBinaryData(DeviceValidation &device, VkDevice handle, VkShaderEXT shader, size_t *bytes, void *data)
 {
     if (!device.traces.shaders.get(shader))
         return device.next.GetShaderBinaryDataEXT(handle, shader, bytes, data);
@@ -164,7 +163,7 @@ void cmdExecuteGeneratedCommandsNV(DeviceValidation &device, VkCommandBuffer com
 }
 
 void cmdExecuteGeneratedCommandsEXT(DeviceValidation &device, VkCommandBuffer commandBuffer, VkBool32 isPreprocessed,
-                                    const newer::GeneratedCommandsInfo *info)
+                                    const VkGeneratedCommandsInfoEXT *info)
 {
     const VkPipelineBindPoint point =
         (info->shaderStages & VK_SHADER_STAGE_COMPUTE_BIT) != 0 ? VK_PIPELINE_BIND_POINT_COMPUTE

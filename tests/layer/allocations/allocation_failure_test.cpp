@@ -12,11 +12,18 @@
 #include "entry/micromap_device.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
+#include "harness/program/labels.h"
 #include "pipelines/pipeline_binaries.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Fail/DeferredAllocations.*", "one_api"},
+                         {"Fail/ShaderObjectAllocations.*", "one_api"},
+                         {"Fail/ValidatedAllocations.*", "one_api"},
+                         {"Fail/BinaryAllocations.*", "one_api"},
+                         {"Fail/TranslatedAllocations.*", "one_api"}};
 
 using namespace vt;
 
@@ -440,7 +447,7 @@ TEST_P(BinaryAllocations, Binaries)
 {
     const Tracer tracer(gpu());
     const VkShaderModule module = gpu().shader(tracer_comp);
-    const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData});
+    const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData});
     auto info = vkInit<VkComputePipelineCreateInfo>(
         {.pNext = &capture,
          .stage = vkInit<VkPipelineShaderStageCreateInfo>(
@@ -448,28 +455,29 @@ TEST_P(BinaryAllocations, Binaries)
          .layout = tracer.layout()});
     VkPipeline pipeline = VK_NULL_HANDLE;
     VT_CHECK(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline));
-    const auto create = reinterpret_cast<newer::PFN_CreatePipelineBinaries>(
+    const auto create = reinterpret_cast<PFN_vkCreatePipelineBinariesKHR>(
         vkGetDeviceProcAddr(gpu().device(), "vkCreatePipelineBinariesKHR"));
-    const auto destroy = reinterpret_cast<newer::PFN_DestroyPipelineBinary>(
+    const auto destroy = reinterpret_cast<PFN_vkDestroyPipelineBinaryKHR>(
         vkGetDeviceProcAddr(gpu().device(), "vkDestroyPipelineBinaryKHR"));
     Binaries binaries(gpu());
     const Kept kept = binaries.keep(binaries.from(pipeline));
-    newer::PipelineBinaryKey key = kept.key;
-    newer::PipelineBinaryData data{kept.data.size(), const_cast<uint8_t *>(kept.data.data())};
-    const newer::PipelineBinaryKeysAndData all{1, &key, &data};
+    VkPipelineBinaryKeyKHR key = kept.key;
+    VkPipelineBinaryDataKHR data{kept.data.size(), const_cast<uint8_t *>(kept.data.data())};
+    const VkPipelineBinaryKeysAndDataKHR all{1, &key, &data};
     for (const bool ofData : {false, true}) {
-        newer::PipelineBinaryCreateInfo binaryInfo{};
-        binaryInfo.sType = static_cast<VkStructureType>(1000483001);
+        VkPipelineBinaryCreateInfoKHR binaryInfo{};
+        binaryInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_BINARY_CREATE_INFO_KHR;
         if (ofData)
             binaryInfo.pKeysAndDataInfo = &all;
         else
             binaryInfo.pipeline = pipeline;
-        failCreation<newer::PipelineBinary>(
-            [&](newer::PipelineBinary *made) {
-                newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 1, made};
+        failCreation<VkPipelineBinaryKHR>(
+            [&](VkPipelineBinaryKHR *made) {
+                VkPipelineBinaryHandlesInfoKHR handles{VK_STRUCTURE_TYPE_PIPELINE_BINARY_HANDLES_INFO_KHR, nullptr, 1,
+                                                       made};
                 return create(gpu().device(), &binaryInfo, nullptr, &handles);
             },
-            [&](newer::PipelineBinary made) { destroy(gpu().device(), made, nullptr); });
+            [&](VkPipelineBinaryKHR made) { destroy(gpu().device(), made, nullptr); });
     }
     vkDestroyPipeline(gpu().device(), pipeline, nullptr);
     vkDestroyShaderModule(gpu().device(), module, nullptr);

@@ -15,7 +15,7 @@ public:
                     bool inlineModule = false)
         : gpu_(gpu)
     {
-        const auto flags2 = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = flags});
+        const auto flags2 = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = flags});
         const std::vector<uint32_t> code = gpu.code(words);
         auto inlined =
             vkInit<VkShaderModuleCreateInfo>({.codeSize = code.size() * sizeof(uint32_t), .pCode = code.data()});

@@ -91,7 +91,7 @@ public:
     // `flags2`: the usage comes in VkBufferUsageFlags2CreateInfo.
     void bind(VkCommandBuffer commands, VkPipelineBindPoint point, bool flags2 = false) const
     {
-        auto own = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = usage()});
+        auto own = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = usage()});
         auto binding = vkInit<VkDescriptorBufferBindingInfoEXT>(
             {.pNext = flags2 ? &own : nullptr, .address = buffer_.address(), .usage = flags2 ? 0 : usage()});
         commands_.bindBuffers(commands, 1, &binding);

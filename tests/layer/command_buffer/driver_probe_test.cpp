@@ -14,14 +14,14 @@
 #include "check/gpu/scene.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 using namespace vt;
 
 namespace
 {
 
-const vt::Labels kLabels{{"Probes.*", "forcing"}, {"SynchronizedQueue.*", "one_api"}};
+const vt::Labels kLabels{{"Probes.*", "threads forcing"}, {"SynchronizedQueue.*", "threads one_api"}};
 
 // On a fresh device: nothing was tried yet. The validation layer below checks who uses the queue at the same time.
 class Probes : public GpuTest
@@ -111,10 +111,11 @@ TEST(SynchronizedQueue, SubmissionWhileAnotherThreadWaits)
 {
     Gpu gpu(Options{.validation = false});
     const float priority = 1;
-    const auto queueInfo = vkInit<VkDeviceQueueCreateInfo>({.flags = vellum::newer::kQueueInternallySynchronized,
-                                                            .queueFamilyIndex = gpu.family(),
-                                                            .queueCount = 1,
-                                                            .pQueuePriorities = &priority});
+    const auto queueInfo =
+        vkInit<VkDeviceQueueCreateInfo>({.flags = VK_DEVICE_QUEUE_CREATE_INTERNALLY_SYNCHRONIZED_BIT_KHR,
+                                         .queueFamilyIndex = gpu.family(),
+                                         .queueCount = 1,
+                                         .pQueuePriorities = &priority});
     const std::array extensions{VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
                                 VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME};
     auto micromaps = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>({.micromap = VK_TRUE});

@@ -271,7 +271,7 @@ private:
     // A buffer whose usage needs more than 32 bits.
     void makeRoom(const VkMemoryRequirements &needed)
     {
-        const auto usage = vkInit<newer::BufferUsageFlags2CreateInfo>(
+        const auto usage = vkInit<VkBufferUsageFlags2CreateInfoKHR>(
             {.usage = generated::kPreprocessBufferBit | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT});
         auto buffer = vkInit<VkBufferCreateInfo>({.pNext = &usage, .size = needed.size});
         VT_CHECK(vkCreateBuffer(gpu_.device(), &buffer, nullptr, &room_));

@@ -157,7 +157,7 @@ public:
         bindable.make = [](Device &g, const PipelineSetup &from) {
             class PipelineInfo info(g, from);
             const auto flags =
-                vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = generated::kIndirectBindableBit | from.flags});
+                vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = generated::kIndirectBindableBit | from.flags});
             info.get().pNext = &flags;
             VkPipeline pipeline = VK_NULL_HANDLE;
             VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),

@@ -251,17 +251,17 @@ TEST_F(SyncUnvalidated, BufferMarkers)
 // VK_ARM_tensors, which lavapipe ignores.
 TEST_F(SyncUnvalidated, TensorBarriers)
 {
-    const newer::TensorMemoryBarrier barrier{newer::kTensorMemoryBarrier,
-                                             nullptr,
-                                             kMicromapBuild,
-                                             kMicromapWrite,
-                                             kMicromapBuild,
-                                             kMicromapRead,
-                                             VK_QUEUE_FAMILY_IGNORED,
-                                             VK_QUEUE_FAMILY_IGNORED,
-                                             1};
+    const VkTensorMemoryBarrierARM barrier{VK_STRUCTURE_TYPE_TENSOR_MEMORY_BARRIER_ARM,
+                                           nullptr,
+                                           kMicromapBuild,
+                                           kMicromapWrite,
+                                           kMicromapBuild,
+                                           kMicromapRead,
+                                           VK_QUEUE_FAMILY_IGNORED,
+                                           VK_QUEUE_FAMILY_IGNORED,
+                                           VK_NULL_HANDLE};
     const std::array barriers{barrier, barrier};
-    const newer::TensorDependencyInfo several{newer::kTensorDependencyInfo, &barrier, 2, barriers.data()};
+    const VkTensorDependencyInfoARM several{VK_STRUCTURE_TYPE_TENSOR_DEPENDENCY_INFO_ARM, &barrier, 2, barriers.data()};
     auto info = vkInit<VkDependencyInfo>({.pNext = &several});
     gpu().submit([&](VkCommandBuffer commands) { vkCmdPipelineBarrier2(commands, &info); });
     EXPECT_EQ(barriers[1].srcStageMask, kMicromapBuild) << "the application's structures are its own";

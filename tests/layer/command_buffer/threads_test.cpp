@@ -8,10 +8,13 @@
 #include "check/gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
+#include "harness/program/labels.h"
 #include "shaders/tracer_comp.h"
 
 namespace
 {
+
+const vt::Labels kLabels{{"Threads.*", "threads"}};
 
 using namespace vt;
 

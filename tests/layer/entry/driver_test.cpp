@@ -272,11 +272,11 @@ TEST(Driver, NoDisplacementBesideEmulation)
         void *pNext = nullptr;
         uint32_t value = 1;
     };
-    OneMember feature{static_cast<VkStructureType>(1000397000)};
+    OneMember feature{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DISPLACEMENT_MICROMAP_FEATURES_NV};
     auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &feature});
     vkGetPhysicalDeviceFeatures2(gpu->physical(), &features);
     EXPECT_EQ(feature.value, 0u);
-    OneMember limit{static_cast<VkStructureType>(1000397001)};
+    OneMember limit{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DISPLACEMENT_MICROMAP_PROPERTIES_NV};
     auto properties = vkInit<VkPhysicalDeviceProperties2>({.pNext = &limit});
     vkGetPhysicalDeviceProperties2(gpu->physical(), &properties);
     EXPECT_EQ(limit.value, 0u);
@@ -376,8 +376,8 @@ std::vector<Message> warningsOf(Gpu &gpu)
     return messages;
 }
 
-// A device without micromaps may enable such an extension; for one with micromaps that is an error with a message. A program
-// that enables all features that one query returns gets its device, with micromaps.
+// A device without micromaps may enable such an extension; for one with micromaps that is an error with a message. A
+// program that enables all features that one query returns gets its device, with micromaps.
 TEST(Driver, ExtensionsThatConflictWithMicromaps)
 {
     for (const bool translated : {false, true}) {

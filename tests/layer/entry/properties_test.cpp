@@ -12,7 +12,6 @@ namespace
 const vt::Labels kLabels{{"Properties.*", "one_api"}, {"PropertiesNewer.*", "one_api"}, {"WithoutLayer.*", "one_api"}};
 
 using vt::Gpu;
-namespace newer = vt::newer;
 
 bool advertises(VkPhysicalDevice physical)
 {
@@ -163,7 +162,7 @@ TEST_F(Properties, PipelinesWithoutMicromaps)
     EXPECT_EQ(
         std::count_if(list.begin(), list.end(), [&](const auto &e) { return std::strcmp(e.extensionName, name) == 0; }),
         1);
-    auto features = vkInit<newer::PipelineOpacityMicromapFeatures>();
+    auto features = vkInit<VkPhysicalDevicePipelineOpacityMicromapFeaturesARM>();
     auto query = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &features});
     vkGetPhysicalDeviceFeatures2(gpu().physical(), &query);
     EXPECT_TRUE(features.pipelineOpacityMicromap);
@@ -193,7 +192,7 @@ TEST_F(Properties, TheFlagOfPipelinesStaysInTheLayer)
     VkPipelineLayout layout = VK_NULL_HANDLE;
     VT_CHECK(vkCreatePipelineLayout(gpu().device(), &layoutInfo, nullptr, &layout));
     const auto flags =
-        vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = newer::kPipelineDisallowOpacityMicromap});
+        vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM});
     auto info = vkInit<VkComputePipelineCreateInfo>(
         {.pNext = &flags,
          .stage = vkInit<VkPipelineShaderStageCreateInfo>(
@@ -203,7 +202,8 @@ TEST_F(Properties, TheFlagOfPipelinesStaysInTheLayer)
     EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), VK_SUCCESS);
     for (const vt::Message &m : gpu().takeUnexpectedMessages())
         EXPECT_NE(m.id, "SPY") << m.text; // the old validation layer does not know VkPipelineCreateFlags2CreateInfo
-    EXPECT_EQ(flags.flags, newer::kPipelineDisallowOpacityMicromap) << "the application's chain is const";
+    EXPECT_EQ(flags.flags, VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM)
+        << "the application's chain is const";
     vkDestroyPipeline(gpu().device(), pipeline, nullptr);
     vkDestroyPipelineLayout(gpu().device(), layout, nullptr);
     vkDestroyShaderModule(gpu().device(), module, nullptr);
@@ -224,7 +224,7 @@ TEST_F(PropertiesNewer, BufferUsageInTheChain)
     const VkFlags64 wanted = VkFlags64{VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT} |
                              VkFlags64{VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT} |
                              VkFlags64{VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT};
-    const auto usage = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = wanted});
+    const auto usage = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = wanted});
     auto info = vkInit<VkBufferCreateInfo>({.pNext = &usage, .size = 4096});
     VkBuffer buffer = VK_NULL_HANDLE;
     VT_CHECK(vkCreateBuffer(gpu().device(), &info, nullptr, &buffer));

@@ -18,7 +18,6 @@ namespace
 {
 
 using vellum::layer::Chain;
-namespace newer = vellum::newer;
 namespace spirv = vellum::spirv;
 using Words = std::vector<uint32_t>;
 
@@ -99,7 +98,8 @@ struct Pipelines {
             stages[i].force(device, info.stageCount, info.pStages);
             info.flags |= kBit;
             Chain &chain = chains.emplace_back(info.pNext);
-            if (auto *flags = chain.edit<newer::PipelineCreateFlags2CreateInfo>(newer::kPipelineCreateFlags2CreateInfo))
+            if (auto *flags = chain.edit<VkPipelineCreateFlags2CreateInfoKHR>(
+                    VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR))
                 flags->flags |= kBit;
             info.pNext = chain.head();
             ++counts.pipelines;
@@ -188,14 +188,14 @@ VKAPI_ATTR void VKAPI_CALL getIdentifier(VkDevice handle, const VkShaderModuleCr
     device.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &forced.info, identifier);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
-                                             const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
+                                             const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
     Device &device = deviceOf(handle);
-    std::vector<newer::ShaderCreateInfo> forced(infos, infos + count);
+    std::vector<VkShaderCreateInfoEXT> forced(infos, infos + count);
     std::deque<Words> code;
-    for (newer::ShaderCreateInfo &info : forced) {
-        if (!forcesShaders(device) || info.codeType != newer::kShaderCodeTypeSpirv)
+    for (VkShaderCreateInfoEXT &info : forced) {
+        if (!forcesShaders(device) || info.codeType != VK_SHADER_CODE_TYPE_SPIRV_EXT)
             continue;
         code.push_back(withExecutionMode(info.pCode, info.codeSize));
         if (code.back().empty())

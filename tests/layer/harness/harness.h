@@ -20,7 +20,6 @@ using oracle::kBox;
 using oracle::kNoMicromap;
 using oracle::Outcome;
 using oracle::outcomeOf;
-namespace newer = vellum::newer;
 
 // Which extension the tests go through: the environment variable VELLUM_TEST_API says "ext" or "khr".
 Api apiOfTests();

@@ -10,21 +10,20 @@
 #include <optional>
 #include <vector>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace
 {
 
 using namespace driver;
-namespace newer = vellum::newer;
 constexpr Level kLevel = Level::Caches;
 
 using Words = std::vector<uint32_t>;
 using Identifier = std::array<uint8_t, 32>;
 
 constexpr const char *kExtensions[]{"VK_EXT_shader_module_identifier", "VK_KHR_pipeline_binary"};
-constexpr auto kBinaryFeatures = static_cast<VkStructureType>(1000483000);
-constexpr auto kBinaryProperties = static_cast<VkStructureType>(1000483004);
+constexpr auto kBinaryFeatures = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_BINARY_FEATURES_KHR;
+constexpr auto kBinaryProperties = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_BINARY_PROPERTIES_KHR;
 constexpr VkFlags64 kCaptureData = VkFlags64{1} << 31;
 
 struct OneFeature {
@@ -296,7 +295,8 @@ private:
 
 bool captures64(const void *chain)
 {
-    const auto *flags = inChain<newer::PipelineCreateFlags2CreateInfo>(chain, newer::kPipelineCreateFlags2CreateInfo);
+    const auto *flags =
+        inChain<VkPipelineCreateFlags2CreateInfoKHR>(chain, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
     return flags != nullptr && (flags->flags & kCaptureData) != 0;
 }
 
@@ -305,7 +305,7 @@ template <class Info, class Create>
 VkResult make(VkDevice device, const Info &info, VkPipeline *pipeline, Create create)
 {
     const Shape shape = shapeOf(info);
-    const auto *from = inChain<newer::PipelineBinaryInfo>(info.pNext, newer::kPipelineBinaryInfo);
+    const auto *from = inChain<VkPipelineBinaryInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_BINARY_INFO_KHR);
     if (from != nullptr && from->binaryCount > 0) {
         Captured binary;
         {
@@ -391,13 +391,13 @@ VKAPI_ATTR VkResult VKAPI_CALL createRays(VkDevice handle, VkDeferredOperationKH
 
 // --- binaries ---
 
-void giveKey(newer::PipelineBinaryKey *out, const Identifier &key)
+void giveKey(VkPipelineBinaryKeyKHR *out, const Identifier &key)
 {
     out->keySize = static_cast<uint32_t>(key.size());
     std::copy(key.begin(), key.end(), out->key);
 }
 
-Identifier keyOfInfo(const newer::PipelineCreateInfo *info)
+Identifier keyOfInfo(const VkPipelineCreateInfoKHR *info)
 {
     if (info == nullptr)
         return Identifier{0x42};
@@ -413,20 +413,20 @@ Identifier keyOfInfo(const newer::PipelineCreateInfo *info)
     }
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL getKey(VkDevice, const newer::PipelineCreateInfo *info, newer::PipelineBinaryKey *key)
+VKAPI_ATTR VkResult VKAPI_CALL getKey(VkDevice, const VkPipelineCreateInfoKHR *info, VkPipelineBinaryKeyKHR *key)
 {
     giveKey(key, keyOfInfo(info));
     return VK_SUCCESS;
 }
 
 // The data of a binary is its key once more; all else is `captured`.
-VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBinaryCreateInfo *info,
-                                              const VkAllocationCallbacks *, newer::PipelineBinaryHandlesInfo *out)
+VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const VkPipelineBinaryCreateInfoKHR *info,
+                                              const VkAllocationCallbacks *, VkPipelineBinaryHandlesInfoKHR *out)
 {
     std::vector<Identifier> keys;
     if (info->pKeysAndDataInfo != nullptr) {
         for (uint32_t i = 0; i < info->pKeysAndDataInfo->binaryCount; ++i) {
-            const newer::PipelineBinaryData &data = info->pKeysAndDataInfo->pPipelineBinaryData[i];
+            const VkPipelineBinaryDataKHR &data = info->pKeysAndDataInfo->pPipelineBinaryData[i];
             Identifier key{};
             if (data.dataSize == key.size())
                 std::memcpy(key.data(), data.pData, key.size());
@@ -441,7 +441,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBin
         std::lock_guard lock(mutex);
         if (!captured.contains(key)) {
             out->pipelineBinaryCount = 0; // "overwritten with the number of handles actually written"
-            return newer::kPipelineBinaryMissing;
+            return VK_PIPELINE_BINARY_MISSING_KHR;
         }
         keys.push_back(key);
     } else {
@@ -457,19 +457,19 @@ VKAPI_ATTR VkResult VKAPI_CALL createBinaries(VkDevice, const newer::PipelineBin
     out->pipelineBinaryCount = std::min(out->pipelineBinaryCount, all);
     for (uint32_t i = 0; i < out->pipelineBinaryCount; ++i) {
         binaries[++lastBinary] = keys[i];
-        out->pPipelineBinaries[i] = reinterpret_cast<newer::PipelineBinary>(lastBinary);
+        out->pPipelineBinaries[i] = reinterpret_cast<VkPipelineBinaryKHR>(lastBinary);
     }
     return out->pipelineBinaryCount < all ? VK_INCOMPLETE : VK_SUCCESS;
 }
 
-VKAPI_ATTR void VKAPI_CALL destroyBinary(VkDevice, newer::PipelineBinary binary, const VkAllocationCallbacks *)
+VKAPI_ATTR void VKAPI_CALL destroyBinary(VkDevice, VkPipelineBinaryKHR binary, const VkAllocationCallbacks *)
 {
     std::lock_guard lock(mutex);
     binaries.erase(reinterpret_cast<uint64_t>(binary));
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL getData(VkDevice, const newer::PipelineBinaryDataInfo *info,
-                                       newer::PipelineBinaryKey *key, size_t *size, void *data)
+VKAPI_ATTR VkResult VKAPI_CALL getData(VkDevice, const VkPipelineBinaryDataInfoKHR *info, VkPipelineBinaryKeyKHR *key,
+                                       size_t *size, void *data)
 {
     std::lock_guard lock(mutex);
     const Identifier &own = binaries.at(reinterpret_cast<uint64_t>(info->pipelineBinary));
@@ -478,7 +478,7 @@ VKAPI_ATTR VkResult VKAPI_CALL getData(VkDevice, const newer::PipelineBinaryData
     *size = own.size();
     if (data != nullptr && fits)
         std::memcpy(data, own.data(), own.size());
-    return fits ? VK_SUCCESS : newer::kNotEnoughSpace;
+    return fits ? VK_SUCCESS : VK_ERROR_NOT_ENOUGH_SPACE_KHR;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL release(VkDevice, const void *)

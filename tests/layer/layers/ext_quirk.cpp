@@ -23,7 +23,7 @@ constexpr Level kLevel = Level::Ext;
 
 constexpr const char *kPipelines = "VK_ARM_pipeline_opacity_micromap";
 // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM, which older headers lack
-constexpr auto kPipelineFeatures = static_cast<VkStructureType>(1000596000);
+constexpr auto kPipelineFeatures = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_OPACITY_MICROMAP_FEATURES_ARM;
 
 bool hides(void *key, const char *extension)
 {

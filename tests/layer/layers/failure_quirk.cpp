@@ -12,13 +12,12 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace
 {
 
 using namespace driver;
-namespace newer = vellum::newer;
 constexpr Level kLevel = Level::Failures;
 
 std::atomic<uint64_t> calls = 0, failsAt = 0;
@@ -123,17 +122,12 @@ struct Losing<VkResult(VKAPI_PTR *)(Object, Parameters...)> {
 // All bindings are attempted, and VkBindMemoryStatus holds the result of each (VK_KHR_maintenance6).
 VKAPI_ATTR VkResult VKAPI_CALL bindBufferMemory2(VkDevice handle, uint32_t count, const VkBindBufferMemoryInfo *infos)
 {
-    struct Status {
-        VkStructureType sType;
-        const void *pNext;
-        VkResult *result;
-    };
     VkResult any = VK_SUCCESS;
     for (const VkBindBufferMemoryInfo &info : std::span(infos, count)) {
         const VkResult result = fails("vkBindBufferMemory2") ? VK_ERROR_OUT_OF_DEVICE_MEMORY
                                                              : DRIVER_NEXT(vkBindBufferMemory2)(handle, 1, &info);
-        if (const auto *status = inChain<Status>(info.pNext, static_cast<VkStructureType>(1000545002)))
-            *status->result = result;
+        if (const auto *status = inChain<VkBindMemoryStatusKHR>(info.pNext, VK_STRUCTURE_TYPE_BIND_MEMORY_STATUS_KHR))
+            *status->pResult = result;
         if (result != VK_SUCCESS)
             any = result;
     }
@@ -163,21 +157,21 @@ void countMade(const Handle *handles, uint32_t count)
     objects += static_cast<long>(count - std::count(handles, handles + count, Handle{}));
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createPipelineBinaries(VkDevice handle, const newer::PipelineBinaryCreateInfo *info,
+VKAPI_ATTR VkResult VKAPI_CALL createPipelineBinaries(VkDevice handle, const VkPipelineBinaryCreateInfoKHR *info,
                                                       const VkAllocationCallbacks *allocator,
-                                                      newer::PipelineBinaryHandlesInfo *binaries)
+                                                      VkPipelineBinaryHandlesInfoKHR *binaries)
 {
-    const VkResult result = next<newer::PFN_CreatePipelineBinaries>(
-        kLevel, keyOf(handle), "vkCreatePipelineBinariesKHR")(handle, info, allocator, binaries);
+    const VkResult result = next<PFN_vkCreatePipelineBinariesKHR>(kLevel, keyOf(handle), "vkCreatePipelineBinariesKHR")(
+        handle, info, allocator, binaries);
     if (binaries->pPipelineBinaries != nullptr)
         countMade(binaries->pPipelineBinaries, binaries->pipelineBinaryCount);
     return result;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const newer::ShaderCreateInfo *infos,
-                                             const VkAllocationCallbacks *allocator, newer::ShaderEXT *shaders)
+VKAPI_ATTR VkResult VKAPI_CALL createShaders(VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
+                                             const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
-    const VkResult result = next<newer::PFN_CreateShaders>(kLevel, keyOf(handle), "vkCreateShadersEXT")(
+    const VkResult result = next<PFN_vkCreateShadersEXT>(kLevel, keyOf(handle), "vkCreateShadersEXT")(
         handle, count, infos, allocator, shaders);
     if (result == VK_SUCCESS)
         countMade(shaders, count);
@@ -189,12 +183,8 @@ constexpr VkPipelineCreateFlags kEarlyReturn = VK_PIPELINE_CREATE_EARLY_RETURN_O
 
 VkFlags64 flagsOf(const void *chain, VkPipelineCreateFlags flags)
 {
-    struct Flags2 { // VkPipelineCreateFlags2CreateInfo
-        VkStructureType sType;
-        const void *pNext;
-        VkFlags64 flags;
-    };
-    const auto *flags2 = inChain<Flags2>(chain, static_cast<VkStructureType>(1000470005));
+    const auto *flags2 =
+        inChain<VkPipelineCreateFlags2CreateInfoKHR>(chain, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
     return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
 }
 
@@ -288,9 +278,9 @@ driver::LevelRows driver::failureRows()
         DESTROYING(vkDestroyCommandPool),
         DESTROYING(vkDestroyFence),
         {"vkDestroyPipelineBinaryKHR",
-         DRIVER_FUNCTION((Destroying<newer::PFN_DestroyPipelineBinary>::call<"vkDestroyPipelineBinaryKHR">))},
+         DRIVER_FUNCTION((Destroying<PFN_vkDestroyPipelineBinaryKHR>::call<"vkDestroyPipelineBinaryKHR">))},
         {"vkDestroyShaderEXT",
-         DRIVER_FUNCTION((Destroying<void(VKAPI_PTR *)(VkDevice, newer::ShaderEXT,
+         DRIVER_FUNCTION((Destroying<void(VKAPI_PTR *)(VkDevice, VkShaderEXT,
                                                        const VkAllocationCallbacks *)>::call<"vkDestroyShaderEXT">))},
         {"vkCreatePipelineBinariesKHR", DRIVER_FUNCTION(createPipelineBinaries)},
         {"vkCreateShadersEXT", DRIVER_FUNCTION(createShaders)},

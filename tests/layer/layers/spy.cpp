@@ -56,13 +56,14 @@ VKAPI_ATTR VkResult VKAPI_CALL enumerateExtensions(VkPhysicalDevice handle, cons
 VKAPI_ATTR void VKAPI_CALL getFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2 *features)
 {
     SPY_NEXT(vkGetPhysicalDeviceFeatures2)(handle, features);
-    answer(keyOf(handle), features->pNext, static_cast<VkStructureType>(1000397000), VK_TRUE);
+    answer(keyOf(handle), features->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DISPLACEMENT_MICROMAP_FEATURES_NV,
+           VK_TRUE);
 }
 
 VKAPI_ATTR void VKAPI_CALL getProperties(VkPhysicalDevice handle, VkPhysicalDeviceProperties2 *properties)
 {
     SPY_NEXT(vkGetPhysicalDeviceProperties2)(handle, properties);
-    answer(keyOf(handle), properties->pNext, static_cast<VkStructureType>(1000397001), 5);
+    answer(keyOf(handle), properties->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DISPLACEMENT_MICROMAP_PROPERTIES_NV, 5);
 }
 
 // Keys of devices with the driver's own VK_EXT_opacity_micromap.
@@ -92,7 +93,7 @@ VKAPI_ATTR VkResult VKAPI_CALL createDevice(VkPhysicalDevice handle, const VkDev
     if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEVICE_ADDRESS_COMMANDS_FEATURES_KHR) != nullptr)
         tell("vkCreateDevice: VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR");
     // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
-    if (inChain(info->pNext, static_cast<VkStructureType>(1000596000)) != nullptr)
+    if (inChain(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_OPACITY_MICROMAP_FEATURES_ARM) != nullptr)
         tell("vkCreateDevice: features of pipelines with micromaps");
     const VkResult result = SPY_NEXT(vkCreateDevice)(handle, info, allocator, device);
     if (result == VK_SUCCESS) {

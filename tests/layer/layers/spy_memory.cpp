@@ -14,15 +14,10 @@ namespace spy
 namespace
 {
 
-// What VkBufferUsageFlags2CreateInfo, which older headers lack, says in a chain.
 std::optional<VkFlags64> usage2In(const void *chain)
 {
-    struct Usage2 {
-        VkStructureType sType;
-        const void *pNext;
-        VkFlags64 usage;
-    };
-    const auto *flags2 = static_cast<const Usage2 *>(inChain(chain, static_cast<VkStructureType>(1000470006)));
+    const auto *flags2 = static_cast<const VkBufferUsageFlags2CreateInfoKHR *>(
+        inChain(chain, VK_STRUCTURE_TYPE_BUFFER_USAGE_FLAGS_2_CREATE_INFO_KHR));
     return flags2 != nullptr ? std::optional(flags2->usage) : std::nullopt;
 }
 

@@ -18,17 +18,12 @@ namespace
 // Flags of a pipeline, from wherever it has them.
 VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
 {
-    constexpr auto flags2Type = static_cast<VkStructureType>(1000470005);
-    struct Flags2 { // VkPipelineCreateFlags2CreateInfo
-        VkStructureType sType;
-        const void *pNext;
-        VkFlags64 flags;
-    };
-    const auto *flags2 = static_cast<const Flags2 *>(inChain(pNext, flags2Type));
+    const auto *flags2 = static_cast<const VkPipelineCreateFlags2CreateInfoKHR *>(
+        inChain(pNext, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR));
     return flags2 != nullptr ? flags2->flags : VkFlags64{flags};
 }
-constexpr VkFlags64 kDisallowMicromaps = VkFlags64{1} << 37; // ..._DISALLOW_OPACITY_MICROMAP_BIT_ARM
-constexpr VkFlags64 kDisallowMixed = VkFlags64{1} << 41;     // ..._DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR
+constexpr VkFlags64 kDisallowMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
+constexpr VkFlags64 kDisallowMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 
 // What no kind of pipeline may have.
 void expectPromises(const char *where, VkFlags64 flags)

@@ -7,12 +7,10 @@
 #include <sstream>
 #include <type_traits>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace spy
 {
-
-namespace newer = vellum::newer;
 
 void expectStages(void *key, const char *where, VkPipelineStageFlags2 stages)
 {
@@ -68,9 +66,10 @@ void expectDependency(void *key, const char *where, const VkDependencyInfo &info
         expectBarrier(key, where, b);
     for (const VkImageMemoryBarrier2 &b : std::span(info.pImageMemoryBarriers, info.imageMemoryBarrierCount))
         expectBarrier(key, where, b);
-    if (const auto *b = inChain<newer::TensorMemoryBarrier>(info.pNext, newer::kTensorMemoryBarrier))
+    if (const auto *b = inChain<VkTensorMemoryBarrierARM>(info.pNext, VK_STRUCTURE_TYPE_TENSOR_MEMORY_BARRIER_ARM))
         expectBarrier(key, where, *b);
-    if (const auto *tensors = inChain<newer::TensorDependencyInfo>(info.pNext, newer::kTensorDependencyInfo)) {
+    if (const auto *tensors =
+            inChain<VkTensorDependencyInfoARM>(info.pNext, VK_STRUCTURE_TYPE_TENSOR_DEPENDENCY_INFO_ARM)) {
         for (uint32_t i = 0; i < tensors->tensorMemoryBarrierCount; ++i)
             expectBarrier(key, where, tensors->pTensorMemoryBarriers[i]);
     }

@@ -55,7 +55,7 @@ TEST_F(Buffers, ThatAreProtectedGetNoUsageMore)
     for (const VkBufferUsageFlags usage : {kScratchUsage, VkBufferUsageFlags{VK_BUFFER_USAGE_STORAGE_BUFFER_BIT},
                                            kScratchUsage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT}) {
         create(bufferInfo(usage, nullptr, VK_BUFFER_CREATE_PROTECTED_BIT));
-        const auto usage2 = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = usage});
+        const auto usage2 = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = usage});
         create(bufferInfo(0, &usage2, VK_BUFFER_CREATE_PROTECTED_BIT));
     }
 }
@@ -69,7 +69,7 @@ TEST_F(Buffers, OfTileMemoryGetNoUsageMore)
 // The driver gets it as it is, where the layer has to change it.
 TEST_F(Buffers, UsageBehindAnUnknownStructureIsReported)
 {
-    auto usage2 = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = kScratchUsage});
+    auto usage2 = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = kScratchUsage});
     const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&usage2)};
     create(bufferInfo(0, &unknown));
     expectMessages("VELLUM-unknown-structure", 2);
@@ -95,7 +95,7 @@ TEST_F(Buffers, AllocationFlagsBehindAnUnknownStructureAreReported)
 // Their usage, too, may be in the chain.
 TEST_F(Buffers, OfExternalMemory)
 {
-    const auto usage2 = vkInit<newer::BufferUsageFlags2CreateInfo>({.usage = kMicromapUsage});
+    const auto usage2 = vkInit<VkBufferUsageFlags2CreateInfoKHR>({.usage = kMicromapUsage});
     auto info = vkInit<VkPhysicalDeviceExternalBufferInfo>(
         {.usage = kMicromapUsage, .handleType = VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT});
     for (const void *chain : {static_cast<const void *>(nullptr), static_cast<const void *>(&usage2)}) {
@@ -120,7 +120,7 @@ TEST_F(BindingsExt, ThatFailInPart)
     constexpr uint32_t kCount = 3, kFailing = 1;
     std::array<VkBuffer, kCount> buffers{};
     std::array<VkResult, kCount> results{VK_NOT_READY, VK_NOT_READY, VK_NOT_READY};
-    std::array<newer::BindMemoryStatus, kCount> statuses{};
+    std::array<VkBindMemoryStatusKHR, kCount> statuses{};
     std::array<VkBindBufferMemoryInfo, kCount> infos{};
     const VkBufferCreateInfo info = bufferInfo(VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT);
     VkDeviceMemory memory = VK_NULL_HANDLE;
@@ -133,7 +133,7 @@ TEST_F(BindingsExt, ThatFailInPart)
              .memoryTypeIndex = gpu().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT)});
         if (i == 0)
             VT_CHECK(vkAllocateMemory(gpu().device(), &allocation, nullptr, &memory));
-        statuses[i] = vkInit<newer::BindMemoryStatus>({.pResult = &results[i]});
+        statuses[i] = vkInit<VkBindMemoryStatusKHR>({.pResult = &results[i]});
         infos[i] = vkInit<VkBindBufferMemoryInfo>(
             {.pNext = &statuses[i], .buffer = buffers[i], .memory = memory, .memoryOffset = i * needs.size});
     }

@@ -389,8 +389,7 @@ TEST_F(MicromapHostNewer, MappedByTheDriver)
     const Micromap micromap(gpu(), mixed(), kAllow);
     vkUnmapMemory(gpu().device(), micromap.storageMemory());
     const Placed placed{static_cast<VkStructureType>(1000272002), nullptr, nullptr};
-    const MapInfo info{
-        static_cast<VkStructureType>(1000271000), &placed, 0, micromap.storageMemory(), 0, VK_WHOLE_SIZE};
+    const MapInfo info{VK_STRUCTURE_TYPE_MEMORY_MAP_INFO_KHR, &placed, 0, micromap.storageMemory(), 0, VK_WHOLE_SIZE};
     for (int turn = 0; turn < 2; ++turn) {
         void *whole = nullptr;
         VT_CHECK(map(gpu().device(), &info, &whole));

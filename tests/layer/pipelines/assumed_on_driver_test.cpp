@@ -103,8 +103,8 @@ protected:
                                                              &info.get(), nullptr, &pipeline));
             return RayPipeline(gpu(), pipeline);
         };
-        const auto disallows = vkInit<newer::PipelineCreateFlags2CreateInfo>(
-            {.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | newer::kPipelineDisallowOpacityMicromap});
+        const auto disallows = vkInit<VkPipelineCreateFlags2CreateInfoKHR>(
+            {.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM});
         const RayPipeline library = create(setup, &disallows);
         setup.flags = 0;
         setup.libraries = {library.handle()};

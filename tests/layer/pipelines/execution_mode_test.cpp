@@ -157,7 +157,7 @@ protected:
     void makeCompute()
     {
         const VkShaderModule module = gpu().shader(tracer_comp);
-        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed});
+        const auto flags = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kDisallowMixed});
         auto info = vkInit<VkComputePipelineCreateInfo>(
             {.pNext = &flags,
              .stage = vkInit<VkPipelineShaderStageCreateInfo>(
@@ -172,7 +172,7 @@ protected:
     }
     void makeGraphics()
     {
-        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed});
+        const auto flags = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kDisallowMixed});
         if (expected_ == VK_SUCCESS) {
             const Graphics graphics(gpu(), tracer_.layout(),
                                     {.vertex = plain_vertex, .fragment = query_fragment, .pNext = &flags}, 4);
@@ -191,7 +191,7 @@ protected:
         setup.groups = {{.general = 0}};
         setup.layout = tracer_.layout();
         PipelineInfo info(gpu(), setup);
-        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kDisallowMixed | others});
+        const auto flags = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kDisallowMixed | others});
         info.get().pNext = &flags;
         VkPipeline pipeline = VK_NULL_HANDLE;
         EXPECT_EQ(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1,

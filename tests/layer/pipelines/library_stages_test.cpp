@@ -17,7 +17,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"LibraryStages*.*", "slow"}, {"LibraryStages.*", "slow forcing"}};
+const vt::Labels kLabels{{"LibraryStages*.*", "slow"}, {"LibraryStages.*", "forcing"}, {"LibraryStagesWithoutLayer.*", "one_api"}};
 
 using namespace vt;
 
@@ -153,15 +153,15 @@ protected:
     // Created twice: from code, and without it from the binary of the first.
     VkPipeline ofBinaries(PipelineInfo &info, VkPipelineCreateFlags flags)
     {
-        const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData | flags});
+        const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData | flags});
         info.get().pNext = &capture;
         VkPipeline first = VK_NULL_HANDLE;
         VT_CHECK(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
                                                          nullptr, &first));
         Binaries binaries(gpu());
-        const newer::PipelineBinary binary = binaries.from(first);
+        const VkPipelineBinaryKHR binary = binaries.from(first);
         vkDestroyPipeline(gpu().device(), first, nullptr);
-        const auto own = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = flags});
+        const auto own = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = flags});
         const OfBinary made(binary, &own);
         std::vector<VkPipelineShaderStageCreateInfo> stages(info.get().pStages,
                                                             info.get().pStages + info.get().stageCount);
@@ -411,8 +411,8 @@ TEST_F(LibraryStagesAssumed, LibraryThatDisallowsMicromaps)
         GTEST_SKIP() << "no VkPipelineCreateFlags2CreateInfo";
     const PipelineScene plain(gpu(), {.micromaps = false});
     const auto make = [&](Device &, const PipelineSetup &from) {
-        const auto disallows = vkInit<newer::PipelineCreateFlags2CreateInfo>(
-            {.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | newer::kPipelineDisallowOpacityMicromap});
+        const auto disallows = vkInit<VkPipelineCreateFlags2CreateInfoKHR>(
+            {.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM});
         PipelineSetup library = partOf(from, std::array{1u, 2u, 3u});
         library.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR;
         PipelineInfo info(gpu(), library);

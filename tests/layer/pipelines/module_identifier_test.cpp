@@ -280,7 +280,7 @@ TEST_F(KeptIdentifiers, OfAnEarlierDevice)
 TEST_F(KeptIdentifiers, InKeysAndCaches)
 {
     Identifier query;
-    const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData});
+    const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData});
     const auto byCode = [&capture](const Gpu &gpu, const Tracer &tracer, auto use) {
         const VkShaderModule module = gpu.shader(tracer_comp);
         VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), nullptr);
@@ -309,7 +309,7 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
         bool found = false;
         if (cache) {
             found = binaries.fromCache(&info) != nullptr;
-            EXPECT_TRUE(found || binaries.last() == newer::kPipelineBinaryMissing);
+            EXPECT_TRUE(found || binaries.last() == VK_PIPELINE_BINARY_MISSING_KHR);
         } else {
             const VkPipeline pipeline = computePipeline(gpu, tracer.layout(), query);
             found = pipeline != VK_NULL_HANDLE;
@@ -326,7 +326,7 @@ TEST_F(KeptIdentifiers, InKeysAndCaches)
 // A driver that has no binary for the first way to read the identifier writes that it has written none.
 TEST_F(KeptIdentifiers, FromTheCacheAtOnce)
 {
-    const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData});
+    const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData});
     Identifier query;
     {
         Gpu gpu(cachingDriver());
@@ -340,7 +340,7 @@ TEST_F(KeptIdentifiers, FromTheCacheAtOnce)
     VkComputePipelineCreateInfo info = computeInfo(tracer.layout(), &name);
     info.pNext = &capture;
     Binaries binaries(gpu);
-    const newer::PipelineBinary binary = binaries.fromCacheAtOnce(&info);
+    const VkPipelineBinaryKHR binary = binaries.fromCacheAtOnce(&info);
     if (ofModule(gpu, tracer_comp) != query)
         GTEST_SKIP() << "the tables are elsewhere for each device";
     EXPECT_EQ(binaries.last(), VK_SUCCESS);

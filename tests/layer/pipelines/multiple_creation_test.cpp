@@ -129,7 +129,7 @@ TEST_F(MultipleCreation, FlagsBehindAnUnknownStructure)
 {
     const Tracer tracer(gpu());
     const InlineModule module(gpu(), empty, false);
-    const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>(
+    const auto flags = vkInit<VkPipelineCreateFlags2CreateInfoKHR>(
         {.flags = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR});
     const VkBaseInStructure unknown{kUnknownType, reinterpret_cast<const VkBaseInStructure *>(&flags)};
     std::array<VkComputePipelineCreateInfo, 2> infos{};
@@ -150,6 +150,27 @@ TEST_F(MultipleCreation, FlagsBehindAnUnknownStructure)
     });
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_EQ(messages[0].id, "VELLUM-pipeline-flags") << messages[0].text;
+}
+
+// VkComputePipelineIndirectBufferInfoNV, which the oldest supported headers lack.
+TEST_F(MultipleCreation, FlagsBehindANewerStructure)
+{
+    const Tracer tracer(gpu());
+    const InlineModule module(gpu(), empty, false);
+    const auto flags = vkInit<VkPipelineCreateFlags2CreateInfoKHR>(
+        {.flags = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR});
+    const struct {
+        VkStructureType sType;
+        const void *pNext;
+        VkDeviceAddress addresses[3];
+    } newer{static_cast<VkStructureType>(1000428001), &flags, {}};
+    const auto info = vkInit<VkComputePipelineCreateInfo>(
+        {.pNext = &newer, .stage = stageOf(VK_SHADER_STAGE_COMPUTE_BIT, module), .layout = tracer.layout()});
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    EXPECT_EQ(vkCreateComputePipelines(gpu().device(), VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), VK_SUCCESS);
+    vkDestroyPipeline(gpu().device(), pipeline, nullptr);
+    for (const Message &message : gpu().takeUnexpectedMessages())
+        EXPECT_EQ(message.id, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593") << message.text; // the feature
 }
 
 // Libraries of fragment shaders, which have least to be filled in.

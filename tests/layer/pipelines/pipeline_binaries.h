@@ -7,26 +7,26 @@
 #include <vector>
 
 #include "harness/harness.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vt
 {
 
 inline constexpr VkFlags64 kCaptureData = VkFlags64{1} << 31; // VK_PIPELINE_CREATE_2_CAPTURE_DATA_BIT_KHR
 
-inline newer::PipelineBinaryKey emptyKey()
+inline VkPipelineBinaryKeyKHR emptyKey()
 {
-    return {static_cast<VkStructureType>(1000483003), nullptr, 0, {}};
+    return {VK_STRUCTURE_TYPE_PIPELINE_BINARY_KEY_KHR, nullptr, 0, {}};
 }
 
-inline std::vector<uint8_t> bytesOf(const newer::PipelineBinaryKey &key)
+inline std::vector<uint8_t> bytesOf(const VkPipelineBinaryKeyKHR &key)
 {
     return {key.key, key.key + key.keySize};
 }
 
 // What an application keeps.
 struct Kept {
-    newer::PipelineBinaryKey key = emptyKey();
+    VkPipelineBinaryKeyKHR key = emptyKey();
     std::vector<uint8_t> data;
 };
 
@@ -48,75 +48,76 @@ public:
     Binaries &operator=(const Binaries &) = delete;
     ~Binaries()
     {
-        for (const newer::PipelineBinary binary : made_)
+        for (const VkPipelineBinaryKHR binary : made_)
             destroy_(gpu_.device(), binary, nullptr);
     }
 
     // Null: not made.
-    newer::PipelineBinary from(VkPipeline pipeline)
+    VkPipelineBinaryKHR from(VkPipeline pipeline)
     {
-        newer::PipelineBinaryCreateInfo info = createInfo();
+        VkPipelineBinaryCreateInfoKHR info = createInfo();
         info.pipeline = pipeline;
         return create(info);
     }
-    std::vector<newer::PipelineBinary> allFrom(VkPipeline pipeline)
+    std::vector<VkPipelineBinaryKHR> allFrom(VkPipeline pipeline)
     {
-        newer::PipelineBinaryCreateInfo info = createInfo();
+        VkPipelineBinaryCreateInfoKHR info = createInfo();
         info.pipeline = pipeline;
-        newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 0, nullptr};
+        VkPipelineBinaryHandlesInfoKHR handles{VK_STRUCTURE_TYPE_PIPELINE_BINARY_HANDLES_INFO_KHR, nullptr, 0, nullptr};
         VT_CHECK(create_(gpu_.device(), &info, nullptr, &handles));
-        std::vector<newer::PipelineBinary> all(handles.pipelineBinaryCount);
+        std::vector<VkPipelineBinaryKHR> all(handles.pipelineBinaryCount);
         handles.pPipelineBinaries = all.data();
         VT_CHECK(create_(gpu_.device(), &info, nullptr, &handles));
         made_.insert(made_.end(), all.begin(), all.end());
         return all;
     }
-    newer::PipelineBinary from(const Kept &kept)
+    VkPipelineBinaryKHR from(const Kept &kept)
     {
-        const newer::PipelineBinaryData data{kept.data.size(), const_cast<uint8_t *>(kept.data.data())};
-        const newer::PipelineBinaryKeysAndData all{1, &kept.key, &data};
-        newer::PipelineBinaryCreateInfo info = createInfo();
+        const VkPipelineBinaryDataKHR data{kept.data.size(), const_cast<uint8_t *>(kept.data.data())};
+        const VkPipelineBinaryKeysAndDataKHR all{1, &kept.key, &data};
+        VkPipelineBinaryCreateInfoKHR info = createInfo();
         info.pKeysAndDataInfo = &all;
         return create(info);
     }
     // Null where one was not made.
-    std::vector<newer::PipelineBinary> fromAll(const std::vector<Kept> &kept)
+    std::vector<VkPipelineBinaryKHR> fromAll(const std::vector<Kept> &kept)
     {
-        std::vector<newer::PipelineBinaryKey> keys;
-        std::vector<newer::PipelineBinaryData> data;
+        std::vector<VkPipelineBinaryKeyKHR> keys;
+        std::vector<VkPipelineBinaryDataKHR> data;
         for (const Kept &one : kept) {
             keys.push_back(one.key);
             data.push_back({one.data.size(), const_cast<uint8_t *>(one.data.data())});
         }
         const auto count = static_cast<uint32_t>(kept.size());
-        const newer::PipelineBinaryKeysAndData all{count, keys.data(), data.data()};
-        newer::PipelineBinaryCreateInfo info = createInfo();
+        const VkPipelineBinaryKeysAndDataKHR all{count, keys.data(), data.data()};
+        VkPipelineBinaryCreateInfoKHR info = createInfo();
         info.pKeysAndDataInfo = &all;
-        std::vector<newer::PipelineBinary> made(count,
-                                                reinterpret_cast<newer::PipelineBinary>(this)); // to be overwritten
-        newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, count, made.data()};
+        std::vector<VkPipelineBinaryKHR> made(count,
+                                              reinterpret_cast<VkPipelineBinaryKHR>(this)); // to be overwritten
+        VkPipelineBinaryHandlesInfoKHR handles{VK_STRUCTURE_TYPE_PIPELINE_BINARY_HANDLES_INFO_KHR, nullptr, count,
+                                               made.data()};
         last_ = create_(gpu_.device(), &info, nullptr, &handles);
-        for (const newer::PipelineBinary binary : made) {
+        for (const VkPipelineBinaryKHR binary : made) {
             if (binary != nullptr)
                 made_.push_back(binary);
         }
         return made;
     }
-    newer::PipelineBinary fromCache(const void *pipelineInfo)
+    VkPipelineBinaryKHR fromCache(const void *pipelineInfo)
     {
-        const newer::PipelineCreateInfo pipeline = pipelineCreateInfo(pipelineInfo);
-        newer::PipelineBinaryCreateInfo info = createInfo();
+        const VkPipelineCreateInfoKHR pipeline = pipelineCreateInfo(pipelineInfo);
+        VkPipelineBinaryCreateInfoKHR info = createInfo();
         info.pPipelineCreateInfo = &pipeline;
         return create(info);
     }
     // Without asking before how many there are.
-    newer::PipelineBinary fromCacheAtOnce(const void *pipelineInfo)
+    VkPipelineBinaryKHR fromCacheAtOnce(const void *pipelineInfo)
     {
-        const newer::PipelineCreateInfo pipeline = pipelineCreateInfo(pipelineInfo);
-        newer::PipelineBinaryCreateInfo info = createInfo();
+        const VkPipelineCreateInfoKHR pipeline = pipelineCreateInfo(pipelineInfo);
+        VkPipelineBinaryCreateInfoKHR info = createInfo();
         info.pPipelineCreateInfo = &pipeline;
-        newer::PipelineBinary binary = nullptr;
-        newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 1, &binary};
+        VkPipelineBinaryKHR binary = nullptr;
+        VkPipelineBinaryHandlesInfoKHR handles{VK_STRUCTURE_TYPE_PIPELINE_BINARY_HANDLES_INFO_KHR, nullptr, 1, &binary};
         last_ = create_(gpu_.device(), &info, nullptr, &handles);
         EXPECT_EQ(handles.pipelineBinaryCount, last_ == VK_SUCCESS ? 1u : 0u);
         if (binary != nullptr)
@@ -125,20 +126,20 @@ public:
     }
     std::vector<uint8_t> key(const void *pipelineInfo)
     {
-        const newer::PipelineCreateInfo pipeline = pipelineCreateInfo(pipelineInfo);
-        newer::PipelineBinaryKey key = emptyKey();
+        const VkPipelineCreateInfoKHR pipeline = pipelineCreateInfo(pipelineInfo);
+        VkPipelineBinaryKeyKHR key = emptyKey();
         EXPECT_EQ(key_(gpu_.device(), pipelineInfo != nullptr ? &pipeline : nullptr, &key), VK_SUCCESS);
         return bytesOf(key);
     }
-    Kept keep(newer::PipelineBinary binary)
+    Kept keep(VkPipelineBinaryKHR binary)
     {
-        const newer::PipelineBinaryDataInfo info{static_cast<VkStructureType>(1000483006), nullptr, binary};
+        const VkPipelineBinaryDataInfoKHR info{VK_STRUCTURE_TYPE_PIPELINE_BINARY_DATA_INFO_KHR, nullptr, binary};
         Kept kept;
         size_t size = 0;
         EXPECT_EQ(data_(gpu_.device(), &info, &kept.key, &size, nullptr), VK_SUCCESS);
         kept.data.resize(size);
         size_t less = size - 1;
-        EXPECT_EQ(data_(gpu_.device(), &info, &kept.key, &less, kept.data.data()), newer::kNotEnoughSpace);
+        EXPECT_EQ(data_(gpu_.device(), &info, &kept.key, &less, kept.data.data()), VK_ERROR_NOT_ENOUGH_SPACE_KHR);
         EXPECT_EQ(less, size);
         EXPECT_EQ(kept.data, std::vector<uint8_t>(size));
         EXPECT_EQ(data_(gpu_.device(), &info, &kept.key, &size, kept.data.data()), VK_SUCCESS);
@@ -148,21 +149,21 @@ public:
     [[nodiscard]] VkResult last() const { return last_; }
 
 private:
-    static newer::PipelineBinaryCreateInfo createInfo()
+    static VkPipelineBinaryCreateInfoKHR createInfo()
     {
-        return {static_cast<VkStructureType>(1000483001), nullptr, nullptr, VK_NULL_HANDLE, nullptr};
+        return {VK_STRUCTURE_TYPE_PIPELINE_BINARY_CREATE_INFO_KHR, nullptr, nullptr, VK_NULL_HANDLE, nullptr};
     }
-    static newer::PipelineCreateInfo pipelineCreateInfo(const void *info)
+    static VkPipelineCreateInfoKHR pipelineCreateInfo(const void *info)
     {
-        return {static_cast<VkStructureType>(1000483007), const_cast<void *>(info)};
+        return {VK_STRUCTURE_TYPE_PIPELINE_CREATE_INFO_KHR, const_cast<void *>(info)};
     }
-    newer::PipelineBinary create(const newer::PipelineBinaryCreateInfo &info)
+    VkPipelineBinaryKHR create(const VkPipelineBinaryCreateInfoKHR &info)
     {
-        newer::PipelineBinary binary = nullptr;
-        newer::PipelineBinaryHandlesInfo handles{static_cast<VkStructureType>(1000483009), nullptr, 1, nullptr};
+        VkPipelineBinaryKHR binary = nullptr;
+        VkPipelineBinaryHandlesInfoKHR handles{VK_STRUCTURE_TYPE_PIPELINE_BINARY_HANDLES_INFO_KHR, nullptr, 1, nullptr};
         if (info.pKeysAndDataInfo == nullptr) {
             last_ = create_(gpu_.device(), &info, nullptr, &handles);
-            if (last_ == newer::kPipelineBinaryMissing) {
+            if (last_ == VK_PIPELINE_BINARY_MISSING_KHR) {
                 EXPECT_EQ(handles.pipelineBinaryCount, 0u);
             }
             if (last_ != VK_SUCCESS)
@@ -178,20 +179,20 @@ private:
 
     Device &gpu_;
     VkResult last_ = VK_SUCCESS;
-    newer::PFN_CreatePipelineBinaries create_ = nullptr;
-    newer::PFN_DestroyPipelineBinary destroy_ = nullptr;
-    newer::PFN_GetPipelineKey key_ = nullptr;
-    newer::PFN_GetPipelineBinaryData data_ = nullptr;
-    std::vector<newer::PipelineBinary> made_;
+    PFN_vkCreatePipelineBinariesKHR create_ = nullptr;
+    PFN_vkDestroyPipelineBinaryKHR destroy_ = nullptr;
+    PFN_vkGetPipelineKeyKHR key_ = nullptr;
+    PFN_vkGetPipelineBinaryDataKHR data_ = nullptr;
+    std::vector<VkPipelineBinaryKHR> made_;
 };
 
 // The chain of a pipeline that is made of a binary.
 struct OfBinary {
-    explicit OfBinary(const newer::PipelineBinary &binary, const void *next = nullptr)
-        : info{newer::kPipelineBinaryInfo, next, 1, &binary}
+    explicit OfBinary(const VkPipelineBinaryKHR &binary, const void *next = nullptr)
+        : info{VK_STRUCTURE_TYPE_PIPELINE_BINARY_INFO_KHR, next, 1, &binary}
     {
     }
-    newer::PipelineBinaryInfo info;
+    VkPipelineBinaryInfoKHR info;
 };
 
 } // namespace vt

@@ -60,18 +60,18 @@ protected:
     // The pipeline of a setup, made of what an earlier one was made into, without code.
     VkPipeline remade(const PipelineSetup &setup, Way way)
     {
-        const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData | setup.flags});
+        const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData | setup.flags});
         PipelineInfo info(gpu(), setup);
         info.get().pNext = &capture;
         VkPipeline first = VK_NULL_HANDLE;
         VT_CHECK(gpu().vk().CreateRayTracingPipelinesKHR(gpu().device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
                                                          nullptr, &first));
         Binaries binaries(gpu());
-        newer::PipelineBinary binary = way == Way::Cache ? binaries.fromCache(&info.get()) : binaries.from(first);
+        VkPipelineBinaryKHR binary = way == Way::Cache ? binaries.fromCache(&info.get()) : binaries.from(first);
         if (way == Way::Data)
             binary = binaries.from(binaries.keep(binary));
         vkDestroyPipeline(gpu().device(), first, nullptr);
-        const auto flags = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = setup.flags});
+        const auto flags = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
         const OfBinary made(binary, &flags);
         std::vector<VkPipelineShaderStageCreateInfo> stages(info.get().pStages,
                                                             info.get().pStages + info.get().stageCount);
@@ -105,7 +105,7 @@ TEST_F(PipelineBinaries, OfAQuery)
     Tracer tracer(gpu());
     const Kept data = kept(gpu(), tracer.layout(), tracer_comp);
     Binaries binaries(gpu());
-    const newer::PipelineBinary binary = binaries.from(data);
+    const VkPipelineBinaryKHR binary = binaries.from(data);
     ASSERT_TRUE(binary != nullptr);
     const OfBinary made(binary);
     auto ignored = vkInit<VkShaderModuleCreateInfo>({.codeSize = sizeof tracer_comp / 8 * 4, .pCode = tracer_comp});
@@ -213,7 +213,7 @@ TEST_F(PipelineBinaries, ThatAreDamaged)
     EXPECT_TRUE(binaries.from(whole) != nullptr);
     Kept damaged = whole;
     damaged.data.back() ^= 1;
-    const std::vector<newer::PipelineBinary> made = binaries.fromAll({whole, damaged, whole});
+    const std::vector<VkPipelineBinaryKHR> made = binaries.fromAll({whole, damaged, whole});
     EXPECT_EQ(binaries.last(), VK_ERROR_INITIALIZATION_FAILED);
     EXPECT_TRUE(made[0] != nullptr && made[1] == nullptr && made[2] != nullptr);
     EXPECT_EQ(gpu().takeUnexpectedMessages().size(), 1u);
@@ -227,7 +227,7 @@ TEST_F(PipelineBinaries, ThatTheDriverDoesNotHave)
     info.stage.pName = "nothing"; // a key of its own
     Binaries binaries(gpu());
     EXPECT_TRUE(binaries.fromCache(&info) == nullptr);
-    EXPECT_EQ(binaries.last(), newer::kPipelineBinaryMissing);
+    EXPECT_EQ(binaries.last(), VK_PIPELINE_BINARY_MISSING_KHR);
     vkDestroyShaderModule(gpu().device(), module, nullptr);
 }
 
@@ -257,16 +257,16 @@ TEST_F(PipelineBinaries, OfAWholePipelineMakeNoLibrary)
     PipelineTracerSetup setup;
     setup.raygen = pipeline_constant_080;
     setup.make = [this](Device &g, const PipelineSetup &from) {
-        const auto capture = vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = kCaptureData | from.flags});
+        const auto capture = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = kCaptureData | from.flags});
         PipelineInfo info(g, from);
         info.get().pNext = &capture;
         VkPipeline whole = VK_NULL_HANDLE;
         VT_CHECK(g.vk().CreateRayTracingPipelinesKHR(g.device(), VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info.get(),
                                                      nullptr, &whole));
         Binaries binaries(g);
-        const newer::PipelineBinary binary = binaries.from(whole);
+        const VkPipelineBinaryKHR binary = binaries.from(whole);
         const auto flags =
-            vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | from.flags});
+            vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = VK_PIPELINE_CREATE_LIBRARY_BIT_KHR | from.flags});
         const OfBinary made(binary, &flags);
         info.get().pNext = &made.info;
         VkPipeline library = VK_NULL_HANDLE;

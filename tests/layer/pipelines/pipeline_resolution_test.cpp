@@ -273,8 +273,8 @@ TEST_F(PipelineResolutionMaintenance5, PromiseOfNoMicromaps)
     gpu().breaks("WARNING-VkPipelineCreateFlags2-flags-appending");
     const PipelineScene plain(gpu(), {.micromaps = false});
     for (const VkFlags64 bit : {VkFlags64{0}, VkFlags64{kMicromapBit}}) {
-        const auto promise =
-            vkInit<newer::PipelineCreateFlags2CreateInfo>({.flags = bit | newer::kPipelineDisallowOpacityMicromap});
+        const auto promise = vkInit<VkPipelineCreateFlags2CreateInfoKHR>(
+            {.flags = bit | VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM});
         PipelineTracer tracer(gpu(), {.make = [&](Device &g, const PipelineSetup &setup) {
                                   PipelineInfo info(g, setup);
                                   info.get().pNext = &promise;

@@ -8,7 +8,7 @@
 namespace
 {
 
-const vt::Labels kLabels{{"CommandScale.*", "slow"}};
+const vt::Labels kLabels{{"CommandScale.*", "slow threads"}, {"DeviceScale.*", "threads"}};
 
 using namespace vt;
 

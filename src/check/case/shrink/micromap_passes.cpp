@@ -135,16 +135,32 @@ void aimEverywhere(Case &c, uint32_t level)
         c.scene.rays.push_back(oracle::aimedAt(scene, *hit, ray, microTriangleCentre(i, level)));
 }
 
-void lowerLevels(Attempts &attempts)
+uint32_t highestLevel(const Case &c)
 {
-    constexpr uint32_t kMostAimed = 2; // levels with 16 rays at most
     uint32_t highest = 0;
-    Case copy = attempts.best();
+    Case copy = c;
     for (uint32_t i = 0; i < copy.scene.micromaps.size(); ++i)
         forEachStates(copy, i, [&](const std::vector<MicromapTriangle> &triangles) {
             for (const MicromapTriangle &triangle : triangles)
                 highest = std::max(highest, triangle.level);
         });
+    return highest;
+}
+
+// Gives all triangles that level at most.
+void lowerAll(Case &c, uint32_t level, size_t reduction)
+{
+    for (uint32_t i = 0; i < c.scene.micromaps.size(); ++i)
+        forEachStates(c, i, [&](std::vector<MicromapTriangle> &triangles) {
+            for (MicromapTriangle &triangle : triangles)
+                lowerTo(triangle, level, reduction);
+        });
+}
+
+void lowerLevels(Attempts &attempts)
+{
+    constexpr uint32_t kMostAimed = 2; // levels with 16 rays at most
+    const uint32_t highest = highestLevel(attempts.best());
     for (uint32_t level = 0; level < highest; ++level) {
         for (size_t reduction = 0; reduction < kReductions; ++reduction) {
             const auto edits = editsOfShapes(
@@ -153,8 +169,7 @@ void lowerLevels(Attempts &attempts)
             attempts.attemptAll(edits);
             if (!edits.empty() && level <= kMostAimed && attempts.best().scene.rays.size() == 1)
                 attempts.attempt([&](Case &c) {
-                    for (const Edit &edit : edits)
-                        edit(c);
+                    lowerAll(c, level, reduction);
                     aimEverywhere(c, level);
                 });
         }
@@ -268,6 +283,16 @@ void removeBase(MeshMicromap &use)
 
 } // namespace
 
+void lowerAllLevels(Attempts &attempts)
+{
+    constexpr uint32_t kMostLevels = 2;
+    const uint32_t highest = highestLevel(attempts.best());
+    for (uint32_t level = 0; level < std::min(highest, kMostLevels); ++level)
+        for (const size_t reduction : {size_t{kUnusual}, size_t{kSameNumber}, size_t{kInTurn}, size_t{kInTurn} + 1})
+            if (attempts.attempt([&](Case &c) { lowerAll(c, level, reduction); }))
+                return;
+}
+
 void simplifyMicromaps(Attempts &attempts)
 {
     makeUniform(attempts);
@@ -290,6 +315,7 @@ void simplifyMicromaps(Attempts &attempts)
                 edits.emplace_back([i, bit](Case &c) { c.scene.micromaps[i].flags &= ~bit; });
         edits.emplace_back([i](Case &c) { c.scene.micromaps[i].triangleStride = sizeof(VkMicromapTriangleEXT); });
         edits.emplace_back([i](Case &c) { c.scene.micromaps[i].usagePointers = false; });
+        edits.emplace_back([i](Case &c) { c.scene.micromaps[i].onHost = false; });
         for (const Bit &bit : kUsageNames)
             edits.emplace_back([i, &bit](Case &c) { c.scene.micromaps[i].usage &= ~bit.value; });
         for (const Bit &bit : kDataNames)

@@ -51,6 +51,12 @@ bool isDirect(const MeshMicromap &use)
     return use.indexType == VK_INDEX_TYPE_NONE_KHR;
 }
 
+// Whether `other` is an object.
+bool namesObject(Kind kind)
+{
+    return kind == Kind::MoveObject || kind == Kind::ReplaceObject;
+}
+
 void removeIndices(MeshMicromap &use, size_t from, size_t count)
 {
     if (use.indices.empty())
@@ -127,7 +133,7 @@ void forEachInstances(Case &c, const std::function<void(std::vector<oracle::Inst
 {
     function(c.scene.instances);
     for (Step &step : c.steps)
-        if (step.kind == Kind::UpdateTop)
+        if (step.kind == Kind::UpdateTop || step.kind == Kind::RebuildTop)
             function(step.instances);
 }
 
@@ -165,12 +171,12 @@ void removeObject(Case &c, uint32_t object)
     });
     eraseSteps(c, [&](const Step &step) {
         return targetOf(step.kind) == Target::Object &&
-               (step.target == object || (step.kind == Kind::MoveObject && step.other == object));
+               (step.target == object || (namesObject(step.kind) && step.other == object));
     });
     for (Step &step : c.steps) {
         if (targetOf(step.kind) == Target::Object)
             closeGap(step.target, object);
-        if (step.kind == Kind::MoveObject)
+        if (namesObject(step.kind))
             closeGap(step.other, object);
     }
     removeTarget(c, QueryTarget::Of::Object, object);

@@ -30,14 +30,6 @@ auto eachOf(RemoveOne removeOne)
     };
 }
 
-void removeRays(Attempts &attempts, std::optional<uint32_t> ray)
-{
-    const size_t count = attempts.best().scene.rays.size();
-    if (ray && *ray < count)
-        attempts.attempt([&](Case &c) { c.scene.rays = {c.scene.rays[*ray]}; });
-    attempts.removeStretches(attempts.best().scene.rays.size(), erase([](Case & c) -> auto & { return c.scene.rays; }));
-}
-
 void removeSteps(Attempts &attempts)
 {
     attempts.removeStretches(attempts.best().steps.size(), erase([](Case & c) -> auto & { return c.steps; }));
@@ -153,9 +145,16 @@ void removeMicromaps(Attempts &attempts)
 
 } // namespace
 
-void removeParts(Attempts &attempts, std::optional<uint32_t> ray)
+void removeRays(Attempts &attempts, std::optional<uint32_t> ray)
 {
-    removeRays(attempts, ray);
+    const size_t count = attempts.best().scene.rays.size();
+    if (ray && *ray < count)
+        attempts.attempt([&](Case &c) { c.scene.rays = {c.scene.rays[*ray]}; });
+    attempts.removeStretches(attempts.best().scene.rays.size(), erase([](Case & c) -> auto & { return c.scene.rays; }));
+}
+
+void removeParts(Attempts &attempts)
+{
     removeSteps(attempts);
     removeQueries(attempts);
     removeObjects(attempts);

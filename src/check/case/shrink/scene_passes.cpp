@@ -349,6 +349,7 @@ std::vector<Kind> simplerThan(Kind kind)
 {
     switch (kind) {
     case Kind::UpdateObject: return {Kind::CloneObject, Kind::RebuildObject};
+    case Kind::ReplaceObject:
     case Kind::RebuildObjects: return {Kind::RebuildObject};
     case Kind::CompactObject:
     case Kind::ReloadObject:
@@ -359,7 +360,8 @@ std::vector<Kind> simplerThan(Kind kind)
     case Kind::ReloadMicromap: return {Kind::CloneMicromap};
     case Kind::CompactTop:
     case Kind::ReloadTop:
-    case Kind::UpdateTop: return {Kind::CloneTop};
+    case Kind::UpdateTop:
+    case Kind::RebuildTop: return {Kind::CloneTop};
     default: return {};
     }
 }
@@ -410,6 +412,10 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.build.spareInstances = 0; },
         [](Case &c) { c.build.skippedInstances = 0; },
         [](Case &c) { c.build.otherTop = false; },
+        [](Case &c) { c.build.unrelated = false; },
+        [](Case &c) { c.build.secondary = false; },
+        [](Case &c) { c.build.twice = false; },
+        [](Case &c) { c.trace.secondary = false; },
         [](Case &c) { c.trace.method = TracePlan::Method::Query; },
         [](Case &c) { c.trace.stage = VK_SHADER_STAGE_COMPUTE_BIT; },
         [](Case &c) { c.trace.flags = TracePlan::Flags::RunTime; },
@@ -420,7 +426,10 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.shaderObjects = false; },
         [](Case &c) { c.trace.firstDestroyed = false; },
         [](Case &c) { c.trace.unusedStage = false; },
-        [](Case &c) { c.trace.launch = Launch::Direct; },
+        [](Case &c) { c.trace.launch.command = Launch::Direct; },
+        [](Case &c) { c.trace.launch = {.command = c.trace.launch.command}; },
+        [](Case &c) { c.trace.creation = 0; },
+        [](Case &c) { c.trace.callables = false; },
         [](Case &c) { c.trace.byAddress = false; },
         [](Case &c) { c.trace.inlineModules = false; },
         [](Case &c) { c.trace.from = TracePlan::From::RayGeneration; },
@@ -429,7 +438,8 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
-        for (bool Step::*const flag : {&Step::outOfPlace, &Step::exact, &Step::update, &Step::inPlace, &Step::deferred, &Step::host})
+        for (bool Step::*const flag : {&Step::outOfPlace, &Step::relocated, &Step::mirrored, &Step::exact,
+                                       &Step::update, &Step::inPlace, &Step::deferred, &Step::host})
             edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
         edits.emplace_back([i](Case &c) { c.steps[i].other = 0; });
         if (targetOf(attempts.best().steps[i].kind) == Target::Top)
@@ -438,7 +448,7 @@ void simplifyPlans(Attempts &attempts)
             attempts.best().steps[i].kind == Kind::ReloadMicromap)
             edits.emplace_back([i](Case &c) { c.steps[i].states.clear(); });
         // An update that changes nothing
-        if (attempts.best().steps[i].kind == Kind::UpdateTop)
+        if (attempts.best().steps[i].kind == Kind::UpdateTop || attempts.best().steps[i].kind == Kind::RebuildTop)
             edits.emplace_back([i](Case &c) { c.steps[i].instances = c.scene.instances; });
     }
     for (const Bit &bit : kStructureFlagNames) {
@@ -455,6 +465,7 @@ void simplifyPlans(Attempts &attempts)
             if (attempts.attempt([&](Case &c) {
                     c.steps[i].kind = kind;
                     c.steps[i].other = 0;
+                    c.steps[i].relocated = c.steps[i].mirrored = false;
                     c.steps[i].instances.clear();
                 }))
                 break;

@@ -13,7 +13,11 @@ Shrunk shrink(const Case &c, const StillFails &stillFails, const ShrinkLimits &l
     Shrunk result;
     for (std::string before; !result.complete && !attempts.exhausted();) {
         before = toJson(attempts.best());
-        removeParts(attempts, limits.ray && attempts.runs() == 0 ? limits.ray : std::nullopt);
+        const bool first = attempts.runs() == 0;
+        removeRays(attempts, first ? limits.ray : std::nullopt);
+        if (first)
+            lowerAllLevels(attempts);
+        removeParts(attempts);
         simplifyMicromaps(attempts);
         simplifyUses(attempts);
         simplifyPlans(attempts);

@@ -44,6 +44,8 @@ public:
     [[nodiscard]] std::optional<ProcessEnd> end() const;
     // Appends what has come from its stdout and from its stderr.
     void read(std::string &output, std::string &errors);
+    // Seconds for which its threads, together, were ready and had to wait for a processor. Linux; elsewhere 0.
+    [[nodiscard]] double waitedForProcessor() const;
     // Waits until one of them has written something or has ended, or for some milliseconds.
     static void waitForAny(std::span<const ChildProcess *const> processes, int milliseconds);
 

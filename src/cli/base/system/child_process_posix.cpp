@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <cstring>
 #include <fcntl.h>
+#include <filesystem>
+#include <fstream>
 #include <poll.h>
 #include <spawn.h>
 #include <sys/prctl.h>
@@ -181,6 +183,20 @@ void ChildProcess::closeInput()
 void ChildProcess::kill()
 {
     ::kill(-system_->process, SIGKILL);
+}
+
+double ChildProcess::waitedForProcessor() const
+{
+    double seconds = 0;
+    std::error_code error;
+    const std::string tasks = "/proc/" + std::to_string(system_->process) + "/task";
+    for (const auto &task : std::filesystem::directory_iterator(tasks, error)) {
+        std::ifstream file(task.path() / "schedstat"); // nanoseconds: on a processor, waiting for one
+        double running = 0, waiting = 0;
+        if (file >> running >> waiting)
+            seconds += waiting * 1e-9;
+    }
+    return seconds;
 }
 
 std::optional<ProcessEnd> ChildProcess::end() const

@@ -209,6 +209,11 @@ void ChildProcess::kill()
     TerminateProcess(system_->process.get(), 1); // where it could not be assigned to the job
 }
 
+double ChildProcess::waitedForProcessor() const
+{
+    return 0;
+}
+
 std::optional<ProcessEnd> ChildProcess::end() const
 {
     DWORD code = 0;

@@ -12,9 +12,9 @@
 #include <vulkan/vulkan.h>
 
 #include "core/push.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/memory/memory_pool.h"
 #include "layer/validation/model/place.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

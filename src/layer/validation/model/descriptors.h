@@ -13,7 +13,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

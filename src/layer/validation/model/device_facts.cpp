@@ -5,7 +5,7 @@
 
 #include "layer/base/driver.h"
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -29,15 +29,6 @@ bool enables(const VkDeviceCreateInfo &info, VkStructureType first, VkBool32 Fir
     const auto *a = findInChain<First>(info.pNext, first);
     const auto *b = findInChain<Second>(info.pNext, second);
     return (a && a->*firstFeature) || (b && b->*secondFeature);
-}
-
-bool enablesIndexTypeUint8(const VkDeviceCreateInfo &info)
-{
-    constexpr size_t kPlace = 13; // of indexTypeUint8 in VkPhysicalDeviceVulkan14Features
-    const auto *own = findInChain<VkPhysicalDeviceIndexTypeUint8FeaturesEXT>(
-        info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT);
-    const auto *core = findInChain<newer::Vulkan14Features>(info.pNext, newer::kVulkan14Features);
-    return (own && own->indexTypeUint8) || (core && core->before[kPlace]);
 }
 
 void readLimits(const Driver &driver, DeviceFacts &facts)
@@ -81,7 +72,10 @@ DeviceFacts factsOf(const Driver &driver, const VkDeviceCreateInfo &info)
     const auto *core12 = findInChain<VkPhysicalDeviceVulkan12Features>(
         info.pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES);
     facts.nullDescriptor = robustness && robustness->nullDescriptor;
-    facts.indexTypeUint8 = enablesIndexTypeUint8(info);
+    facts.indexTypeUint8 = enables(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT,
+                                   &VkPhysicalDeviceIndexTypeUint8FeaturesEXT::indexTypeUint8,
+                                   VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_4_FEATURES,
+                                   &VkPhysicalDeviceVulkan14Features::indexTypeUint8);
     facts.drawIndirectCount =
         (core12 && core12->drawIndirectCount) || enables(info, VK_KHR_DRAW_INDIRECT_COUNT_EXTENSION_NAME);
     facts.synchronization2 = enables(info, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SYNCHRONIZATION_2_FEATURES,

@@ -12,7 +12,6 @@
 #include "layer/validation/model/device_facts.h"
 #include "layer/validation/model/objects.h"
 #include "layer/validation/model/place.h"
-#include "layer/validation/model/validated_commands.h"
 
 namespace vellum::layer
 {
@@ -20,7 +19,7 @@ namespace vellum::layer
 struct DeviceModel {
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;
-    NextCommands next{};
+    DeviceTable &next = driver.next;
     Checks checks{};       // `gpu` only where data on the GPU can be checked
     bool emulated = false; // the implementation is the layer's emulation, which reports some of the rules itself
     RuleLimits limits{};

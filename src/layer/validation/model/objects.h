@@ -14,11 +14,11 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/model/contents.h"
 #include "layer/validation/model/descriptors.h"
 #include "layer/validation/model/structure_records.h"
 #include "spirv/mode/micromap_mode.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

@@ -8,8 +8,8 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/model/device_model.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

@@ -17,7 +17,7 @@ namespace
 {
 
 constexpr VkFlags64 kMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
-constexpr VkFlags64 kNoMicromaps = newer::kPipelineDisallowOpacityMicromap;
+constexpr VkFlags64 kNoMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
 constexpr VkFlags64 kNotMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 constexpr auto kShaderNotMixed =
     static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
@@ -25,8 +25,8 @@ constexpr auto kShaderNotMixed =
 template <typename Info>
 VkFlags64 flagsOf(const Info &info)
 {
-    const auto *flags2 =
-        findInChain<newer::PipelineCreateFlags2CreateInfo>(info.pNext, newer::kPipelineCreateFlags2CreateInfo);
+    const auto *flags2 = findInChain<VkPipelineCreateFlags2CreateInfoKHR>(
+        info.pNext, VK_STRUCTURE_TYPE_PIPELINE_CREATE_FLAGS_2_CREATE_INFO_KHR);
     return flags2 ? flags2->flags : info.flags;
 }
 
@@ -198,7 +198,7 @@ void checkPipelines(DeviceModel &device, uint32_t count, const VkRayTracingPipel
     }
 }
 
-void checkShaders(DeviceModel &device, uint32_t count, const newer::ShaderCreateInfo *infos)
+void checkShaders(DeviceModel &device, uint32_t count, const VkShaderCreateInfoEXT *infos)
 {
     const Place command("vkCreateShadersEXT");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
@@ -207,7 +207,7 @@ void checkShaders(DeviceModel &device, uint32_t count, const newer::ShaderCreate
             device.fault(place.member("flags"), "VUID-VkShaderCreateInfoEXT-micromap-11623",
                          "OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX; micromap of "
                          "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
-        if (infos[i].codeType == newer::kShaderCodeTypeSpirv)
+        if (infos[i].codeType == VK_SHADER_CODE_TYPE_SPIRV_EXT)
             checkWords(device, place,
                        {static_cast<const uint32_t *>(infos[i].pCode), infos[i].codeSize / sizeof(uint32_t)});
     }

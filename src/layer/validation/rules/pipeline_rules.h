@@ -5,7 +5,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/vulkan_newer.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -16,7 +16,7 @@ struct DeviceModel;
 void checkPipelines(DeviceModel &, uint32_t count, const VkComputePipelineCreateInfo *);
 void checkPipelines(DeviceModel &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
 void checkPipelines(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
-void checkShaders(DeviceModel &, uint32_t count, const newer::ShaderCreateInfo *);
+void checkShaders(DeviceModel &, uint32_t count, const VkShaderCreateInfoEXT *);
 void checkModule(DeviceModel &, const VkShaderModuleCreateInfo &);
 // What is kept of what was created, for pipelines that use it.
 void keepModule(DeviceModel &, const VkShaderModuleCreateInfo &, VkShaderModule);

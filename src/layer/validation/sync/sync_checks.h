@@ -13,9 +13,9 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/model/device_model.h"
 #include "layer/validation/sync/sync_tracker.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {

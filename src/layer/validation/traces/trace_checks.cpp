@@ -346,7 +346,7 @@ void bindTracingPipeline(DeviceTraces &traces, VkCommandBuffer commandBuffer, Vk
 }
 
 void bindTracingShaders(DeviceTraces &traces, VkCommandBuffer commandBuffer, uint32_t count,
-                        const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders)
+                        const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders)
 {
     const auto log = traces.device.checks.gpu ? traces.device.logs.get(commandBuffer) : nullptr;
     for (uint32_t i = 0; log && i < count; ++i) {

@@ -128,10 +128,10 @@ private:
 struct DeviceTraces {
     DeviceModel &device;
     TraceMarks marks{};
-    std::atomic<bool> deserializes = false; // a structure was deserialized
+    std::atomic<bool> deserializes = false;                                            // a structure was deserialized
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
-    HandleMap<newer::ShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
+    HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
     HandleMap<uint64_t, bool> marked{};           // hashes of code with marks
     HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
 };
@@ -139,7 +139,7 @@ struct DeviceTraces {
 void bindTracingPipeline(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point,
                          VkPipeline pipeline);
 void bindTracingShaders(DeviceTraces &traces, VkCommandBuffer commandBuffer, uint32_t count,
-                        const VkShaderStageFlagBits *stages, const newer::ShaderEXT *shaders);
+                        const VkShaderStageFlagBits *stages, const VkShaderEXT *shaders);
 // `command` runs what is bound. Other bind points than those that the model knows run no traces.
 void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point, const char *command);
 

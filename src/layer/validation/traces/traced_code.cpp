@@ -97,7 +97,7 @@ uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFla
 {
     const bool hasBit = (flags & VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT) != 0;
     const bool uses = query ? enabled.everyQueryUsesMicromaps() || hasMode : hasBit;
-    uint32_t rules = (flags & newer::kPipelineDisallowOpacityMicromap) != 0 ? kRuleDisallowed : 0;
+    uint32_t rules = (flags & VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM) != 0 ? kRuleDisallowed : 0;
     if (!uses)
         rules |= query ? kRuleMode : kRulePipelineBit;
     else if ((flags & kMixedPromise) != 0)
@@ -110,7 +110,8 @@ std::vector<uint32_t> withMarks(DeviceTraces &traces, const Stage &stage, std::v
 {
     const auto model = executionModel(stage.stage);
     if (!traces.device.checks.gpu || !model ||
-        (traces.device.facts.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 || (stage.flags & kUntouched) != 0)
+        (traces.device.facts.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
+        (stage.flags & kUntouched) != 0)
         return {};
     const spirv::StageName name{stage.name, *model};
     const std::vector<spirv::TraceSite> found = spirv::traceSites(stage.words, name);
@@ -200,7 +201,7 @@ void MarkedPipelines::set(uint32_t count, const VkPipeline *pipelines)
 void MarkedPipelines::begin(const void *pNext, VkPipelineCreateFlags flags)
 {
     made_.push_back({.flags = pipelineFlags(pNext, flags),
-                     .binaries = findInChain(pNext, newer::kPipelineBinaryInfo) != nullptr,
+                     .binaries = findInChain(pNext, VK_STRUCTURE_TYPE_PIPELINE_BINARY_INFO_KHR) != nullptr,
                      .sites = {},
                      .code = {},
                      .entry = {}});
@@ -257,13 +258,13 @@ void MarkedPipelines::addLibraries(const VkPipelineLibraryCreateInfoKHR *librari
             sites.insert(sites.end(), code->sites.begin(), code->sites.end());
 }
 
-void MarkedShaders::change(newer::ShaderCreateInfo &info)
+void MarkedShaders::change(VkShaderCreateInfoEXT &info)
 {
     constexpr auto kPromise =
         static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
     auto &code = codes_.emplace_back();
     auto &entry = entries_.emplace_back();
-    if (info.codeType != newer::kShaderCodeTypeSpirv)
+    if (info.codeType != VK_SHADER_CODE_TYPE_SPIRV_EXT)
         return;
     const VkFlags64 flags = (info.flags & kPromise) != 0 ? kMixedPromise : 0;
     code = std::make_shared<TracingCode>();
@@ -278,7 +279,7 @@ void MarkedShaders::change(newer::ShaderCreateInfo &info)
     info.codeSize = words_.back().size() * sizeof(uint32_t);
 }
 
-void MarkedShaders::set(uint32_t count, const newer::ShaderEXT *shaders)
+void MarkedShaders::set(uint32_t count, const VkShaderEXT *shaders)
 {
     for (uint32_t i = 0; i < count; ++i) {
         if (!shaders[i] || entries_[i].empty())

@@ -9,8 +9,8 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/pnext.h"
-#include "layer/base/vulkan_newer.h"
 #include "layer/validation/traces/trace_checks.h"
+#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -61,8 +61,8 @@ class MarkedShaders
 public:
     explicit MarkedShaders(DeviceTraces &traces) : traces_(traces) {}
     // Nothing fails after it: shaders with marks have entries.
-    void change(newer::ShaderCreateInfo &info);
-    void set(uint32_t count, const newer::ShaderEXT *shaders);
+    void change(VkShaderCreateInfoEXT &info);
+    void set(uint32_t count, const VkShaderEXT *shaders);
 
 private:
     DeviceTraces &traces_;

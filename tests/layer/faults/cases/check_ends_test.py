@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """On a device that hangs, dies, is lost or does nothing, `vellum check` and `vellum bench` run to their end and keep every
 result."""
+import concurrent.futures
 import json
 import os
 import pathlib
@@ -38,12 +39,16 @@ class CheckEnds(unittest.TestCase):
             self.assertEqual(len(rows), len(CASES))
             return ended.returncode, results
 
+    def side_by_side(self, run, faults):
+        """What run() returns for each fault. Most of the time is spent waiting for what hangs."""
+        with concurrent.futures.ThreadPoolExecutor(len(faults)) as pool:
+            return zip(faults, pool.map(run, faults))
+
     def test_from_the_beginning(self):
-        for fault, status in STATUS.items():
+        for fault, (code, results) in self.side_by_side(lambda fault: self.check(fault, 0, len(CASES)), STATUS):
             with self.subTest(fault):
-                code, results = self.check(fault, 0, len(CASES))
                 self.assertEqual(code, 1)
-                self.assertEqual(set(results.values()), {status})
+                self.assertEqual(set(results.values()), {STATUS[fault]})
 
     def test_in_the_middle(self):
         # A case that fails only for what ran in its process before is a flake.
@@ -53,18 +58,24 @@ class CheckEnds(unittest.TestCase):
                 self.assertEqual(code, 0)
                 self.assertEqual(set(results.values()), {"Pass", "Flake"})
 
+    def bench(self, fault):
+        """The parts of a report on a device that has the fault after 30 submissions."""
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            planted = next(known for known in faults.known_faults(BUILD) if known.name == fault)
+            variables = faults.environment(BUILD, folder, planted) | {"VELLUM_TEST_FAULT_AFTER": "30"}
+            words = ["--seconds", "1", "--timeout", "5" if fault == "hangs" else "60", "-o", str(folder / "report.html")]
+            ended = subprocess.run([str(BUILD / "bin/vellum"), "bench", *words], env=variables, capture_output=True, text=True,
+                                   check=False)
+            self.assertEqual(ended.returncode, 1, ended.stderr)
+            self.assertTrue((folder / "report.html").is_file())
+            return json.loads((folder / "report.json").read_text())["parts"]
 
     def test_bench(self):
-        for fault, words in {"hangs": "hung", "dies": "crashed", "loses-device": "the device was lost"}.items():
-            with self.subTest(fault), tempfile.TemporaryDirectory() as name:
-                folder = pathlib.Path(name)
-                planted = next(known for known in faults.known_faults(BUILD) if known.name == fault)
-                variables = faults.environment(BUILD, folder, planted) | {"VELLUM_TEST_FAULT_AFTER": "30"}
-                ended = subprocess.run([str(BUILD / "bin/vellum"), "bench", "--seconds", "1", "--timeout", "5" if fault == "hangs" else "60", "-o",
-                                        str(folder / "report.html")], env=variables, capture_output=True, text=True, check=False)
-                self.assertEqual(ended.returncode, 1, ended.stderr)
-                parts = json.loads((folder / "report.json").read_text())["parts"]
-                self.assertTrue((folder / "report.html").is_file())
+        found = {"hangs": "hung", "dies": "crashed", "loses-device": "the device was lost"}
+        for fault, parts in self.side_by_side(self.bench, found):
+            with self.subTest(fault):
+                words = found[fault]
                 self.assertTrue(parts[0]["rows"])
                 self.assertTrue(any(part["failure"] for part in parts))
                 for part in parts:

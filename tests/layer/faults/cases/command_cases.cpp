@@ -131,7 +131,7 @@ std::string tracedIndirectly(Gpu &gpu)
     const Ray ray{.origin = {0.3f, 0.3f, 1}};
     PipelineTracer tracer(gpu, {.records = {0, 0}, .sbtOffset = 1});
     tracer.setTable({.hit = {0, 0}, .layout = {.hitPadding = 1}});
-    tracer.setLaunch(Launch::Indirect2);
+    tracer.setLaunch({.command = Launch::Indirect2});
     return "record " + std::to_string(tracer.trace(scene.tlas(), std::span(&ray, 1))[0].record);
 }
 

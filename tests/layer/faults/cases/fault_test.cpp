@@ -3,6 +3,7 @@
 #include "faults/cases/cases.h"
 
 #include "harness/mock_driver.h"
+#include "harness/program/labels.h"
 
 #include <csignal>
 #include <map>
@@ -11,6 +12,8 @@
 
 namespace
 {
+
+const vt::Labels kLabels{{"FaultyProcess.*", "one_api"}, {"Faults.*", "one_api"}};
 
 using namespace vt;
 using faults::Case;

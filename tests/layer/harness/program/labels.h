@@ -3,6 +3,8 @@
 //
 // slow: not part of ctest -L quick
 //
+// threads: multithreaded; run with ThreadSanitizer
+//
 // one_api: chooses the extension itself, or uses none; no second run by VK_KHR_opacity_micromap
 //
 // quirks: also on a driver with all compatible quirks of the mock driver

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Preloaded into a program: the process stops itself before one of the calls that change files, which whoever waits for
+// it sees (WUNTRACED). VELLUM_STOPPED_CALL is the number of that call, from 0. What a program prints does not count:
+// the C library does not call its own write() by this name, and what write() gets must be a file.
+#include <csignal>
+#include <cstdlib>
+#include <dlfcn.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace
+{
+
+void stopAtCall()
+{
+    static const char *const number = std::getenv("VELLUM_STOPPED_CALL");
+    static int left = number != nullptr ? std::atoi(number) : 0;
+    if (left-- == 0)
+        raise(SIGSTOP);
+}
+
+template <typename Function>
+Function *next(Function *, const char *name)
+{
+    return reinterpret_cast<Function *>(dlsym(RTLD_NEXT, name));
+}
+
+} // namespace
+
+#pragma GCC visibility push(default)
+extern "C" {
+
+ssize_t write(int file, const void *bytes, size_t count)
+{
+    struct stat status {
+    };
+    if (fstat(file, &status) == 0 && S_ISREG(status.st_mode))
+        stopAtCall();
+    return next(write, "write")(file, bytes, count);
+}
+
+int linkat(int fromFolder, const char *from, int toFolder, const char *to, int flags)
+{
+    stopAtCall();
+    return next(linkat, "linkat")(fromFolder, from, toFolder, to, flags);
+}
+
+int rename(const char *from, const char *to)
+{
+    stopAtCall();
+    return next(rename, "rename")(from, to);
+}
+}
+#pragma GCC visibility pop
