@@ -46,7 +46,8 @@ def variables(build, source, path, other_source):
     if not (build / "compile_commands.json").exists():
         return {}
     import subprocess
-    changes = subprocess.run(["git", "-C", source, "status", "--porcelain"], capture_output=True, text=True, check=False)
+    changes = subprocess.run(["git", "-C", source, "status", "--porcelain", "--", "CMakeLists.txt", "cmake", "include", "src"],
+                             capture_output=True, text=True, check=False)
     if source != other_source and (changes.returncode or changes.stdout):
         return {}
     write_index(build, source, path, other_source)
