@@ -20,7 +20,7 @@ class VellumConan(ConanFile):
     topics = ("vulkan", "ray-tracing", "opacity-micromap", "gltf")
     package_type = "library"
     settings = "os", "arch", "compiler", "build_type"
-    # tools: the command vellum, the Vulkan layer and libvellum_gltf. The build then needs Python and the fonts DejaVu Sans.
+    # tools: the command vellum, the Vulkan layer and libvellum_gltf. The build then needs Python.
     options = {"shared": [True, False], "fPIC": [True, False], "tools": [True, False],
                "images": [True, False], "meshes": [True, False]}
     default_options = {"shared": True, "fPIC": True, "tools": False, "images": True, "meshes": True,
@@ -51,7 +51,7 @@ class VellumConan(ConanFile):
         if not self.options.tools:
             return
         for reference in ("boost/[>=1.74]", "cli11/[>=2.3]", "fmt/[>=9]", "rapidjson/[>=cci.20220822]",
-                          "spirv-headers/[>=1.3.239]", "stb/[>=cci.20220909]", "vulkan-headers/[>=1.3.239]",
+                          "stb/[>=cci.20220909]", "vulkan-headers/[>=1.3.239]",
                           "vulkan-loader/[>=1.3.239]", "zlib/[>=1.2.11 <2]"):
             self.requires(reference)
         if self.options.images:

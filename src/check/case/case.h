@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "check/gpu/programs/pipeline_libraries.h"
+#include "gpu/programs/pipeline_libraries.h"
 #include "check/oracle/pipeline_judge.h"
 
 namespace vellum::check
@@ -202,6 +202,9 @@ struct TracePlan {
 
     bool operator==(const TracePlan &) const = default;
 };
+
+// The subdivision level that the specification requires of every device ("Required Limits").
+inline constexpr uint32_t kRequiredLevel = 3;
 
 struct Case {
     std::string group;
