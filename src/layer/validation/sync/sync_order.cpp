@@ -54,7 +54,7 @@ Dependency dependencyOf(const DeviceModel &device, const PipelineBarrier &barrie
     return dependency;
 }
 
-Range rangeOf(const DeviceModel &device, const VkDeviceAddressRangeKHR &range)
+Range checkedRange(const DeviceModel &device, const VkDeviceAddressRangeKHR &range)
 {
     return locationAt(device, range.address, range.size).range;
 }
@@ -79,7 +79,7 @@ Dependency dependencyOf(const DeviceModel &device, const VkDependencyInfo &info)
         findInChain<VkMemoryRangeBarriersInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
     for (uint32_t i = 0; ranges && i < ranges->memoryRangeBarrierCount; ++i) {
         const VkMemoryRangeBarrierKHR &b = ranges->pMemoryRangeBarriers[i];
-        const auto range = rangeOf(device, b.addressRange);
+        const auto range = checkedRange(device, b.addressRange);
         dependency.addRange(b.srcStageMask, b.srcAccessMask, b.dstStageMask, b.dstAccessMask, range);
         dependency.addTransfer(b.srcQueueFamilyIndex, b.dstQueueFamilyIndex, range);
     }
