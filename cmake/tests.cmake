@@ -29,7 +29,7 @@ function(vellum_add_test)
   add_test(NAME ${ARG_NAME}
     COMMAND ${VELLUM_TEST_PYTHON} ${PROJECT_SOURCE_DIR}/tests/runner/cpu_times.py test ${ARG_NAME} ${program} ${ARG_COMMAND}
     COMMAND_EXPAND_LISTS)
-  set(variables MESA_SHADER_CACHE_DIR=set:${PROJECT_BINARY_DIR}/shader_cache)
+  set(variables MESA_SHADER_CACHE_DIR=set:${PROJECT_BINARY_DIR}/shader_cache PYTHONDONTWRITEBYTECODE=set:1)
   if(ARG_UNOPTIMIZED_SHADERS)
     list(APPEND variables GALLIVM_PERF=set:nopt)
   endif()

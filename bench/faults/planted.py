@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs vellum check --quick --fail-fast with each fault of planted.patch, and writes NUMBER,RESULT,SECONDS,FIRST FAILING CASE.
+"""Runs vellum check --quick --fail-fast with faults of planted.md, and writes NUMBER,RESULT,SECONDS,FIRST FAILING CASE.
 
 usage: planted.py --vellum PROGRAM --layer FOLDER --output FILE [NUMBER...]      FOLDER has the layer with the faults
+                                                                                 no NUMBER: those of planted.patch
 
 Fault 0 is none, and must be missed: a case that fails without a fault finds nothing. Numbers that FILE has are passed over.
 """

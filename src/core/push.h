@@ -202,6 +202,7 @@ struct HitRecordsPush {
     uint capacity;               // bytes at `target`
     uint reach;                  // greatest record index of a hit above its instance's record offset
     uint oneForAll;              // 1: the one record of a command's table may serve for all indices
+    uint copied;                 // 1: the records are at `target` already
 };
 
 // khr_over_ext/micromap_triangles.comp

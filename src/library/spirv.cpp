@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "library/call.h"
-#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/micromap_mode.h"
 
 namespace vellum::library
 {

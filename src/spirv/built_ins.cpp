@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "spirv/module/integers.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/code.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/uses.h"
 
 namespace vellum::spirv
@@ -132,9 +132,9 @@ bool BuiltIns::replace(Instruction in, Code &out)
     case spv::OpCopyMemory:
         what = pointedTo(module_.word(in, 2));
         return what != Restored::Nothing && copy(in, what, out);
-    case kOpHitObjectGetInstanceCustomIndexNV:
-    case kOpHitObjectGetInstanceCustomIndexEXT: what = Restored::CustomIndex; break;
-    case kOpHitObjectGetRayFlagsEXT:
+    case spv::OpHitObjectGetInstanceCustomIndexNV:
+    case spv::OpHitObjectGetInstanceCustomIndexEXT: what = Restored::CustomIndex; break;
+    case spv::OpHitObjectGetRayFlagsEXT:
         if (hitObjects_.inUse())
             return restoreHitObjectFlags(in, out);
         what = Restored::RayFlags;

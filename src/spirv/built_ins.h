@@ -29,8 +29,8 @@ public:
              const std::optional<PipelineStage> &stage);
     // Writes the replacement of an instruction to `out`. False if it is unchanged.
     bool replace(Instruction in, Code &out);
-    // Whether an intersection shader reads ray flags whose hidden bits are in the payload, which it cannot read. Call
-    // once other entry points are removed.
+    // Returns whether an intersection shader reads ray flags whose hidden bits are in the payload, which it cannot
+    // read. Call once other entry points are removed.
     [[nodiscard]] bool lacksHiddenFlags() const;
 
     // The Private variable for the application's custom index, which the prologue of an any-hit shader of triangles

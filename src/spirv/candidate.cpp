@@ -2,8 +2,8 @@
 #include "spirv/candidate.h"
 
 #include "core/opacity.h"
-#include "spirv/module/integers.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/code.h"
+#include "spirv/module/numbers.h"
 
 namespace vellum::spirv
 {
@@ -170,7 +170,7 @@ Id CandidateFunctions::decide(const QueryAccess &access)
     begin(access.parameterTypes, function, "vellumCandidate", parameters);
     const Reached reached = reach(access, parameters);
     const Id query = reached.query;
-    const auto get = [&](spv::Op opcode, Id type) { return code_.value(opcode, type, {query, intersection}); };
+    const auto get = [&](uint32_t opcode, Id type) { return code_.value(opcode, type, {query, intersection}); };
 
     const Id record = types_.get(spv::OpTypeVector, {uint, 4});
     const auto readInstance = [&] {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/candidate_index.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/uses.h"
 
 namespace vellum::spirv
@@ -38,7 +38,7 @@ uint32_t queryWord(Instruction in)
     case spv::OpRayQueryGetWorldRayOriginKHR:
     case spv::OpRayQueryGetIntersectionObjectToWorldKHR:
     case spv::OpRayQueryGetIntersectionWorldToObjectKHR:
-    case kOpRayQueryGetIntersectionTriangleVertexPositionsKHR: return 3;
+    case spv::OpRayQueryGetIntersectionTriangleVertexPositionsKHR: return 3;
     default: return 0;
     }
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/consumption.h"
 
-#include <set>
-
-#include "spirv/module/opcodes.h"
+#include "spirv/module/micromap_mode.h"
+#include "spirv/module/numbers.h"
+#include "spirv/module/uses.h"
 
 namespace vellum::spirv
 {
@@ -12,42 +12,25 @@ namespace
 
 using When = Consumes::When;
 
-bool isConstant(uint32_t opcode)
-{
-    switch (opcode) {
-    case spv::OpConstantTrue:
-    case spv::OpConstantFalse:
-    case spv::OpConstantNull:
-    case spv::OpSpecConstantTrue:
-    case spv::OpSpecConstantFalse:
-    case spv::OpSpecConstantOp: return true;
-    default: return false;
-    }
-}
-
 } // namespace
 
-// The declaration of one OpExecutionModeId.
-std::optional<Consumes> Consumption::declared(Instruction mode)
+// The declaration of one execution mode.
+std::optional<Consumes> Consumption::declared(const DeclaredMode &mode)
 {
-    if (mode.opcode != spv::OpExecutionModeId || mode.count < 4) {
+    if (mode.operand == 0) {
         error_ = "its execution mode OpacityMicromapIdKHR has no operand, which is an id of OpExecutionModeId";
         return {};
     }
-    const Id operand = module_.word(mode, 3);
-    const Instruction in = module_.definition(operand);
-    if (!module_.isGlobal(operand) || !isConstant(in.opcode) ||
-        module_.definition(module_.resultType(in)).opcode != spv::OpTypeBool) {
-        error_ = "the operand of its execution mode OpacityMicromapIdKHR, id " + std::to_string(operand) +
-                 ", is no constant of type bool";
-        return {};
+    switch (micromapMode(module_, mode.operand).when) {
+    case MicromapMode::When::Always: return Consumes{When::Always};
+    case MicromapMode::When::Never: return Consumes{When::Never};
+    case MicromapMode::When::Specialized:
+    case MicromapMode::When::Computed: return Consumes{When::If, mode.operand};
+    default: break;
     }
-    switch (in.opcode) {
-    case spv::OpConstantTrue: return Consumes{When::Always};
-    case spv::OpConstantFalse:
-    case spv::OpConstantNull: return Consumes{When::Never};
-    default: return Consumes{When::If, operand};
-    }
+    error_ = "the operand of its execution mode OpacityMicromapIdKHR, id " + std::to_string(mode.operand) +
+             ", is no constant of type bool";
+    return {};
 }
 
 bool Consumption::read(const RewriteOptions &options)
@@ -55,14 +38,11 @@ bool Consumption::read(const RewriteOptions &options)
     if (options.queriesConsume == QueriesConsume::Always)
         return true;
     std::map<Id, Consumes> modes;
-    for (const Instruction in : module_.section(Section::ExecutionModes)) {
-        if ((in.opcode != spv::OpExecutionMode && in.opcode != spv::OpExecutionModeId) ||
-            module_.word(in, 2) != kExecutionModeOpacityMicromapId)
-            continue;
-        const auto consumes = declared(in);
+    for (const DeclaredMode &mode : declaredModes(module_)) {
+        const auto consumes = declared(mode);
         if (!consumes)
             return false;
-        const auto [known, isNew] = modes.emplace(module_.word(in, 1), *consumes);
+        const auto [known, isNew] = modes.emplace(mode.function, *consumes);
         if (!isNew && known->second != *consumes) {
             error_ = "an entry point has the execution mode OpacityMicromapIdKHR twice, with different operands";
             return false;
@@ -90,14 +70,7 @@ bool Consumption::read(const RewriteOptions &options)
 // to Mixed.
 void Consumption::spread()
 {
-    std::map<Id, std::set<Id>> callees;
-    Id function = 0;
-    for (const Instruction in : module_.section(Section::Functions)) {
-        if (in.opcode == spv::OpFunction)
-            function = module_.result(in);
-        else if (in.opcode == spv::OpFunctionCall)
-            callees[function].insert(module_.word(in, 3));
-    }
+    const CallGraph calls(module_);
     std::vector<std::pair<Id, Consumes>> work(entries_.begin(), entries_.end());
     while (!work.empty()) {
         const auto [reached, consumes] = work.back();
@@ -108,7 +81,7 @@ void Consumption::spread()
                 continue;
             known->second = {When::Mixed};
         }
-        for (const Id callee : callees[reached])
+        for (const Id callee : calls.callees(reached))
             work.emplace_back(callee, known->second);
     }
 }
@@ -140,7 +113,7 @@ size_t lastVariable(const std::vector<Instruction> &code, size_t function)
         const bool isLabel = code[i].opcode == spv::OpLabel;
         if (isLabel && last != function)
             break;
-        if (isLabel || code[i].opcode == spv::OpVariable || code[i].opcode == kOpUntypedVariableKHR)
+        if (isLabel || code[i].opcode == spv::OpVariable || code[i].opcode == spv::OpUntypedVariableKHR)
             last = i;
     }
     return last;

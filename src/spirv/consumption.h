@@ -8,13 +8,14 @@
 #include <string_view>
 
 #include "spirv/module/code.h"
+#include "spirv/module/micromap_mode.h"
 #include "spirv/module/types.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::spirv
 {
 
-// Whether the ray queries of a function consume micromaps.
+// How the ray queries of a function consume micromaps.
 struct Consumes {
     enum class When {
         Never,
@@ -36,7 +37,7 @@ public:
     // Reads the execution modes, which may be removed afterwards. False with error() set if one is malformed.
     bool read(const RewriteOptions &options);
     [[nodiscard]] const std::string &error() const { return error_; }
-    // Whether any entry point has the execution mode, even with a false operand.
+    // Returns whether any entry point has the execution mode, even with a false operand.
     [[nodiscard]] bool anyDeclared() const { return anyDeclared_; }
 
     [[nodiscard]] Consumes in(Id function) const;
@@ -47,7 +48,7 @@ public:
     bool finish();
 
 private:
-    std::optional<Consumes> declared(Instruction mode);
+    std::optional<Consumes> declared(const DeclaredMode &mode);
     void spread();
 
     Module &module_;

@@ -4,9 +4,8 @@
 #include <algorithm>
 
 #include "core/opacity.h"
-#include "spirv/module/integers.h"
-#include "spirv/module/opcodes.h"
-#include "spirv/module/reach.h"
+#include "spirv/module/code.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/uses.h"
 #include "spirv/payload_types.h"
 
@@ -283,7 +282,7 @@ Id EntryWrapper::readBarycentrics()
     for (const Instruction in : module_.section(Section::Globals)) {
         if (in.opcode == spv::OpVariable && module_.word(in, 3) == spv::StorageClassHitAttributeKHR &&
             (module_.version() < kVersion14
-                 ? usesPointer(module_, reachedFrom(module_, {application_}), module_.result(in))
+                 ? usesPointer(module_, CallGraph(module_).reachedFrom({application_}), module_.result(in))
                  : inInterface(module_.result(in))))
             variable = module_.result(in);
     }

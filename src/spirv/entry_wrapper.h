@@ -14,7 +14,7 @@
 namespace vellum::spirv
 {
 
-// Whether an instruction is the OpEntryPoint of a stage.
+// Returns whether an instruction is the OpEntryPoint of a stage.
 bool isEntryPoint(const Module &module, Instruction in, const PipelineStage &stage);
 
 class EntryWrapper
@@ -38,7 +38,7 @@ private:
     void decideBox();
     void decideEither();
     void cullBox();
-    // What becomes of a hit on a triangle: vellumResolve.
+    // Calls vellumResolve, which decides a hit on a triangle.
     Id resolveTriangle(Id barycentrics, Id flags);
     void ignoreIf(Id condition);
     // Calls the application's function if the condition is true, and returns.

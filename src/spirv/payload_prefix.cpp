@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/uses.h"
 #include "spirv/payload_types.h"
 

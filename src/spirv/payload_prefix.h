@@ -15,7 +15,7 @@
 namespace vellum::spirv
 {
 
-// Whether shaders of an execution model are called with a payload.
+// Returns whether shaders of an execution model are called with a payload.
 bool receivesPayload(uint32_t executionModel);
 
 class PayloadPrefix

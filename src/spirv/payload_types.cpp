@@ -5,8 +5,7 @@
 #include <string>
 
 #include "spirv/entry_wrapper.h"
-#include "spirv/module/opcodes.h"
-#include "spirv/module/reach.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/uses.h"
 #include "spirv/payload_prefix.h"
 
@@ -82,7 +81,7 @@ bool isInInterface(const Module &module, Instruction entry, Id variable)
 std::vector<Id> payloadsOf(const Module &module, Instruction entry)
 {
     std::vector<Id> payloads;
-    const std::set<Id> reached = reachedFrom(module, {module.word(entry, 2)});
+    const std::set<Id> reached = CallGraph(module).reachedFrom({module.word(entry, 2)});
     const Id incoming = incomingPayload(module, entry);
     for (const Instruction in : module.section(Section::Globals)) {
         if (in.opcode != spv::OpVariable || !PayloadPrefix::isPayload(module.word(in, 3)))
@@ -237,7 +236,7 @@ Id incomingPayload(const Module &module, Instruction entry)
 {
     const bool hasInterface = module.version() >= kVersion14;
     const Id function = module.word(entry, 2);
-    const std::set<Id> reached = hasInterface ? std::set<Id>{} : reachedFrom(module, {function});
+    const std::set<Id> reached = hasInterface ? std::set<Id>{} : CallGraph(module).reachedFrom({function});
     std::vector<Id> declared;
     for (const Instruction in : module.section(Section::Globals)) {
         if (in.opcode != spv::OpVariable || module.word(in, 3) != spv::StorageClassIncomingRayPayloadKHR)
@@ -254,7 +253,7 @@ Id incomingPayload(const Module &module, Instruction entry)
     std::vector<Id> all;
     for (const Instruction other : module.section(Section::EntryPoints))
         all.push_back(module.word(other, 2));
-    return usesPointer(module, reachedFrom(module, std::move(all)), declared.front()) ? 0 : declared.front();
+    return usesPointer(module, CallGraph(module).reachedFrom(std::move(all)), declared.front()) ? 0 : declared.front();
 }
 
 TypeWords PayloadTypes::common() const

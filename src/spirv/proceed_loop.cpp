@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/proceed_loop.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/uses.h"
 
 #include <algorithm>
@@ -47,7 +47,7 @@ bool successors(const Module &module, Instruction in, std::vector<Id> &out)
     }
 }
 
-// Whether an instruction may run again, without the application's code in between, and change nothing.
+// Returns whether an instruction may run again, without the application's code in between, and change nothing.
 bool isRepeatable(const Module &module, Instruction in)
 {
     switch (in.opcode) {
@@ -61,13 +61,13 @@ bool isRepeatable(const Module &module, Instruction in)
     case spv::OpCopyLogical: return true;
     default: break;
     }
-    const auto within = [&](spv::Op first, spv::Op last) { return in.opcode >= first && in.opcode <= last; };
+    const auto within = [&](uint32_t first, uint32_t last) { return in.opcode >= first && in.opcode <= last; };
     return isDebug(module, in) || within(spv::OpVectorExtractDynamic, spv::OpTranspose) ||
            within(spv::OpConvertFToU, spv::OpFUnordGreaterThanEqual) ||
            within(spv::OpShiftRightLogical, spv::OpBitCount);
 }
 
-// Whether this holds for all instructions of a block after the label, up to `end`.
+// Returns whether this holds for all instructions of a block after the label, up to `end`.
 bool allRepeatable(const Module &module, const Block &block, size_t end)
 {
     return std::all_of(block.code.begin() + 1, block.code.begin() + static_cast<ptrdiff_t>(end),
@@ -83,7 +83,7 @@ Id valueFrom(const Module &module, Instruction phi, Id label)
     return 0;
 }
 
-// Whether insertDecision() can find values of the header's and continue target's phis for the new edge.
+// Returns whether insertDecision() can find values of the header's and continue target's phis for the new edge.
 bool phisAllowEdge(const Module &module, const Block &header, const Block &next, bool bodyIsNext)
 {
     std::vector<Id> carried;

@@ -3,8 +3,8 @@
 
 #include "core/ray_flags.h"
 #include "spirv/built_ins.h"
-#include "spirv/module/integers.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/code.h"
+#include "spirv/module/numbers.h"
 #include "spirv/trace_ray.h"
 
 #include <algorithm>
@@ -158,7 +158,7 @@ bool RayQueries::replace(Instruction in, Code &out)
     case spv::OpRayQueryProceedKHR: return proceed(in, out);
     case spv::OpRayQueryGetRayFlagsKHR: return getRayFlags(in, out);
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return getAabbOpaque(in, out);
-    case kOpHitObjectRecordFromQueryEXT: keepInHitObject(in, out); return false;
+    case spv::OpHitObjectRecordFromQueryEXT: keepInHitObject(in, out); return false;
     case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: getCustomIndex(in, out); return true;
     default: return false;
     }

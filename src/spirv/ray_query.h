@@ -43,7 +43,7 @@ private:
     bool getRayFlags(Instruction in, Code &out);
     void getCustomIndex(Instruction in, Code &out);
     bool getAabbOpaque(Instruction in, Code &out);
-    // Whether some flags are not constant, and need side variables.
+    // Some flags are not constant, and need side variables.
     [[nodiscard]] bool travel() const;
     // The driver's ray flags if the query consumes micromaps, and if it does not.
     Id consumingFlags(Id flags, Code &out);

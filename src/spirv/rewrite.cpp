@@ -5,9 +5,10 @@
 #include "spirv/built_ins.h"
 #include "spirv/consumption.h"
 #include "spirv/entry_wrapper.h"
-#include "spirv/module/opcodes.h"
-#include "spirv/module/reach.h"
+#include "spirv/module/micromap_mode.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/scan.h"
+#include "spirv/module/uses.h"
 #include "spirv/payload_prefix.h"
 #include "spirv/ray_query.h"
 #include "spirv/trace_ray.h"
@@ -28,17 +29,15 @@ bool removeDeclarations(Module &module)
     removed += std::erase_if(module.section(Section::Capabilities), [&](Instruction in) {
         const uint32_t capability = module.word(in, 1);
         return in.opcode == spv::OpCapability &&
-               (capability == kCapabilityOpacityMicromap || capability == kCapabilityOpacityMicromapExecutionMode);
+               (capability == spv::CapabilityRayTracingOpacityMicromapKHR ||
+                capability == spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR);
     });
     removed += std::erase_if(module.section(Section::Extensions), [&](Instruction in) {
         const std::string name = module.string(in, 1);
-        return in.opcode == spv::OpExtension &&
-               (name == "SPV_EXT_opacity_micromap" || name == "SPV_KHR_opacity_micromap");
+        return in.opcode == spv::OpExtension && (name == kExtExtension || name == kKhrExtension);
     });
-    removed += std::erase_if(module.section(Section::ExecutionModes), [&](Instruction in) {
-        return (in.opcode == spv::OpExecutionMode || in.opcode == spv::OpExecutionModeId) &&
-               module.word(in, 2) == kExecutionModeOpacityMicromapId;
-    });
+    removed += std::erase_if(module.section(Section::ExecutionModes),
+                             [&](Instruction in) { return isMicromapMode(module.words(in)); });
     return removed != 0;
 }
 
@@ -65,17 +64,17 @@ std::set<Id> stageFunctions(const Module &module, const std::optional<PipelineSt
     for (const Instruction in : module.section(Section::EntryPoints))
         if (!stage || isEntryPoint(module, in, *stage))
             functions.push_back(module.word(in, 2));
-    return reachedFrom(module, std::move(functions));
+    return CallGraph(module).reachedFrom(std::move(functions));
 }
 
-// Whether hit objects need side variables for hidden flags. In pipelines without micromaps these are the flags of ray
-// queries, and the flag that the driver does not know.
+// Returns whether hit objects need side variables for hidden flags. In pipelines without micromaps these are the flags
+// of ray queries, and the flag that the driver does not know.
 bool keepsHitObjectFlags(const Module &module, const std::optional<PipelineStage> &stage, bool force2State)
 {
     const auto isHitObject = [](Instruction in) {
-        return in.opcode == kOpTypeHitObjectNV || in.opcode == kOpTypeHitObjectEXT;
+        return in.opcode == spv::OpTypeHitObjectNV || in.opcode == spv::OpTypeHitObjectEXT;
     };
-    const auto isFromQuery = [](Instruction in) { return in.opcode == kOpHitObjectRecordFromQueryEXT; };
+    const auto isFromQuery = [](Instruction in) { return in.opcode == spv::OpHitObjectRecordFromQueryEXT; };
     if (!std::ranges::any_of(module.section(Section::Globals), isHitObject))
         return false;
     if (stage)
@@ -111,7 +110,7 @@ RewriteResult rewrite(std::span<const uint32_t> words, const RewriteOptions &opt
     Consumption consumption(*module, types);
     if (!consumption.read(options))
         return failed(consumption.error());
-    const bool force2State = module->hasCapability(kCapabilityOpacityMicromap);
+    const bool force2State = module->hasCapability(spv::CapabilityRayTracingOpacityMicromapKHR);
     bool changed = removeDeclarations(*module);
     Linker linker(*module, types, lookup,
                   {{0, static_cast<uint32_t>(options.rootAddress)},

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rewrites an application's SPIR-V so that it resolves opacity micromaps itself, on a driver that has none.
 //
-// What the rewritten module requires of the layer:
+// The rewritten module requires of the layer:
 //   - hits on geometry with a micromap reach the shader as non-opaque triangle candidates;
 //   - the driver's instanceCustomIndex is a slot of the root table (core/records.h), for every instance;
 //   - instances without geometry records keep their flags; the instance record of others holds the application's flags.
@@ -29,7 +29,7 @@
 namespace vellum::spirv
 {
 
-// What the code decides that the rewriter puts before a stage's own.
+// The decision of the code that the rewriter puts before a stage's own.
 enum class Prologue {
     None,
     TriangleHits, // any-hit shader of triangle hit groups
@@ -63,17 +63,19 @@ struct PipelineStage {
     uint32_t executionModel = 0; // SPIR-V's
     Prologue prologue = Prologue::None;
     HiddenFlags hidden;
+    bool operator==(const PipelineStage &) const = default;
 };
 
 struct RewriteOptions {
     uint64_t rootAddress = 0; // GPU address of the root table, 8-byte aligned
     uint64_t firstSlots = 0;  // GPU address of the instance records of the first kFirstSlots slots, 16-byte aligned
     QueriesConsume queriesConsume = QueriesConsume::Always;
-    // Whether flags that all ray queries of a module pass as constants become constants of the rewritten module. If
-    // not, they travel as computed ones do.
+    // Flags that all ray queries of a module pass as constants become constants of the rewritten module. Otherwise they
+    // travel as computed ones do.
     bool constantQueryFlags = true;
     // Rewrites for this stage only, and removes all other entry points.
     std::optional<PipelineStage> pipelineStage;
+    bool operator==(const RewriteOptions &) const = default;
 };
 
 struct RewriteResult {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/side_variables.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 namespace vellum::spirv
 {
@@ -38,7 +38,7 @@ std::optional<AccessPath> accessPath(const Module &module, Id pointer)
 bool SideVariables::isObject(uint32_t type) const
 {
     return objects_ == Beside::RayQueries ? type == spv::OpTypeRayQueryKHR
-                                          : type == kOpTypeHitObjectNV || type == kOpTypeHitObjectEXT;
+                                          : type == spv::OpTypeHitObjectNV || type == spv::OpTypeHitObjectEXT;
 }
 
 // The type with a uint in place of each object; 0 if it has none. Other members also become a uint, so that the same

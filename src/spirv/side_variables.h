@@ -33,7 +33,7 @@ public:
     // Adds a variable beside each variable, and a parameter beside each parameter, that is such an object or contains
     // some: of the same shape, with a uint in place of each object. Calls pass both. False with error() set on failure.
     bool declare();
-    // The same for some variables only, which are not passed to functions.
+    // As above for some variables only, which are not passed to functions.
     bool declare(const std::set<Id> &variables);
     [[nodiscard]] const std::string &error() const { return error_; }
     [[nodiscard]] bool inUse() const { return inUse_; }
@@ -47,7 +47,7 @@ public:
     // Pointer to the side variable of the object, or of the array or structure of objects, that `object` points to; 0
     // if that is not reached through a variable or parameter.
     Id pointer(Id object, Code &out);
-    // Whether a type is such an object, or contains some.
+    // Returns whether a type is such an object, or contains some.
     [[nodiscard]] bool holds(Id type) { return shapeOf(type, 0) != 0; }
     // Pointer to the uint at the end of a path.
     Id element(Variable beside, const std::vector<Id> &indices, Id type, Code &out);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/trace_ray.h"
 
-#include "spirv/module/integers.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/code.h"
+#include "spirv/module/numbers.h"
 
 namespace vellum::spirv
 {

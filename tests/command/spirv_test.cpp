@@ -5,7 +5,7 @@
 #include "command.h"
 #include "glb_file.h"
 #include "module_file.h"
-#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/micromap_mode.h"
 
 using namespace vellum;
 using namespace vellum::test;

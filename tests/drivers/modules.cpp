@@ -5,8 +5,7 @@
 #include <map>
 #include <stdexcept>
 
-#include <spirv/unified1/spirv.hpp>
-
+#include "spirv/module/numbers.h"
 #include "spirv/module_file.h"
 
 namespace vellum::test

@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "check.h"
-#include "spirv/mode/micromap_mode.h"
 #include "spirv/module/khr_to_ext.h"
+#include "spirv/module/micromap_mode.h"
 #include "spirv/module/module.h"
 #include "spirv/payload_types.h"
 #include "spirv/sites/trace_sites.h"

@@ -6,7 +6,8 @@
 #include <random>
 #include <vector>
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/module.h"
+#include "spirv/module/numbers.h"
 #include "spirv_input.h"
 
 extern "C" size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t maxSize);
@@ -72,30 +73,30 @@ constexpr uint32_t kOpcodes[] = {
     spv::OpRayQueryConfirmIntersectionKHR,
     spv::OpTraceRayKHR,
     spv::OpIgnoreIntersectionKHR,
-    spirv::kOpTraceRayMotionNV,
-    spirv::kOpHitObjectTraceRayNV,
-    spirv::kOpHitObjectTraceRayMotionNV,
-    spirv::kOpHitObjectTraceRayEXT,
-    spirv::kOpHitObjectTraceRayMotionEXT,
-    spirv::kOpHitObjectTraceReorderExecuteEXT,
-    spirv::kOpHitObjectTraceMotionReorderExecuteEXT,
-    spirv::kOpHitObjectRecordFromQueryEXT,
-    spirv::kOpHitObjectRecordMissEXT,
-    spirv::kOpHitObjectExecuteShaderEXT,
-    spirv::kOpHitObjectGetInstanceCustomIndexNV,
-    spirv::kOpHitObjectGetInstanceCustomIndexEXT,
-    spirv::kOpHitObjectGetRayFlagsEXT,
+    spv::OpTraceRayMotionNV,
+    spv::OpHitObjectTraceRayNV,
+    spv::OpHitObjectTraceRayMotionNV,
+    spv::OpHitObjectTraceRayEXT,
+    spv::OpHitObjectTraceRayMotionEXT,
+    spv::OpHitObjectTraceReorderExecuteEXT,
+    spv::OpHitObjectTraceMotionReorderExecuteEXT,
+    spv::OpHitObjectRecordFromQueryEXT,
+    spv::OpHitObjectRecordMissEXT,
+    spv::OpHitObjectExecuteShaderEXT,
+    spv::OpHitObjectGetInstanceCustomIndexNV,
+    spv::OpHitObjectGetInstanceCustomIndexEXT,
+    spv::OpHitObjectGetRayFlagsEXT,
 };
 
 // Literals that mean something to the rewriter: capabilities, execution models and modes, built-ins, ray flags.
 constexpr uint32_t kLiterals[] = {
     spv::CapabilityRayQueryKHR,
     spv::CapabilityRayTracingKHR,
-    spirv::kCapabilityRayTraversalPrimitiveCulling,
-    spirv::kCapabilityRayQueryPositionFetch,
-    spirv::kCapabilityOpacityMicromap,
-    spirv::kCapabilityOpacityMicromapExecutionMode,
-    spirv::kExecutionModeOpacityMicromapId,
+    spv::CapabilityRayTraversalPrimitiveCullingKHR,
+    spv::CapabilityRayQueryPositionFetchKHR,
+    spv::CapabilityRayTracingOpacityMicromapKHR,
+    spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR,
+    spv::ExecutionModeOpacityMicromapIdKHR,
     spv::ExecutionModelRayGenerationKHR,
     spv::ExecutionModelIntersectionKHR,
     spv::ExecutionModelAnyHitKHR,
@@ -188,8 +189,7 @@ private:
 
     static size_t resultWord(const Words &in)
     {
-        bool hasResult = false, hasType = false;
-        spv::HasResultAndType(static_cast<spv::Op>(in[0] & 0xffff), &hasResult, &hasType);
+        const auto [hasResult, hasType] = spirv::resultShape(in[0] & 0xffff);
         const size_t word = hasType ? 2 : 1;
         return hasResult && word < in.size() ? word : 0;
     }

@@ -16,19 +16,27 @@ import sys
 VARIABLE = "VELLUM_REUSED_OBJECTS"
 
 
-def parse(words, source, build):
-    """Input, output, the file for dependencies, and the other words without paths that differ between builds."""
-    def general(word):
-        return word.replace(build, "<build>").replace(source, "<source>")
+def general(text, source, build):
+    """Without the paths that differ between builds."""
+    return text.replace(build, "<build>").replace(source, "<source>")
 
+
+def parse(words, source, build):
+    """Input, output, the file for dependencies, and the other words, all of them general."""
     found = {"-c": "", "-o": "", "-MF": "", "-MT": ""}
     options, words = [], iter(words)
     for word in words:
         if word in found:
             found[word] = next(words)
         elif word not in ("-MD", "-Werror"):
-            options.append(general(word))
-    return general(found["-c"]), found["-o"], found["-MF"], options
+            options.append(general(word, source, build))
+    return general(found["-c"], source, build), found["-o"], found["-MF"], options
+
+
+def batch_in(path, source, build):
+    """The files of a unity batch, general."""
+    with open(path, encoding="utf-8") as batch:
+        return re.findall(r'^#include "(.*)"$', general(batch.read(), source, build), re.M)
 
 
 def write_index(build, source, path, other_source):
@@ -38,7 +46,8 @@ def write_index(build, source, path, other_source):
     for command in json.loads((build / "compile_commands.json").read_text()):
         file, output, _, options = parse(shlex.split(command["command"]), str(source), str(build))
         entries.setdefault(file, []).append([options, str(build / output)])
-    path.write_text(json.dumps({"source": str(other_source), "log": f"{path}.log", "entries": entries}))
+    path.write_text(json.dumps({"source": str(other_source), "log": f"{path}.log", "entries": entries,
+                                "origin": [str(source), str(build)]}))
 
 
 def variables(build, source, path, other_source):
@@ -46,7 +55,8 @@ def variables(build, source, path, other_source):
     if not (build / "compile_commands.json").exists():
         return {}
     import subprocess
-    changes = subprocess.run(["git", "-C", source, "status", "--porcelain"], capture_output=True, text=True, check=False)
+    changes = subprocess.run(["git", "-C", source, "status", "--porcelain", "--", "CMakeLists.txt", "cmake", "include", "src"],
+                             capture_output=True, text=True, check=False)
     if source != other_source and (changes.returncode or changes.stdout):
         return {}
     write_index(build, source, path, other_source)
@@ -76,11 +86,12 @@ def objects_for(index, words):
     build = os.path.join(os.getcwd(), folder).rstrip("/")
     file, output, dependencies, options = parse(words, index["source"], build)
     entries = index["entries"]
-    if (path := object_of(entries, file, options)) or not re.search(r"/Unity/unity_\w+\.cxx$", file):
-        return [path], output, dependencies
-    with open(file.replace("<build>", build), encoding="utf-8") as batch:
-        members = re.findall(r'^#include "(.*)"$', batch.read(), re.M)
-    members = [member.replace(build, "<build>").replace(index["source"], "<source>") for member in members]
+    whole = object_of(entries, file, options)
+    if not re.search(r"/Unity/unity_.*\.cxx$", file):
+        return [whole], output, dependencies
+    members = batch_in(file.replace("<build>", build), index["source"], build)
+    if whole and batch_in(whole.removesuffix(".o"), *index["origin"]) == members:
+        return [whole], output, dependencies
     return [object_of(entries, member, options) for member in members], output, dependencies
 
 

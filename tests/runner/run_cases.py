@@ -25,7 +25,8 @@ import subprocess
 import sys
 import time
 
-import cpu_times
+sys.dont_write_bytecode = True
+import cpu_times  # noqa: E402
 
 ALL_SKIPPED = 77
 RUN = re.compile(r"^\[ RUN      \] (\S+)$")

@@ -2,7 +2,7 @@
 // Shapes that compilers seldom make, by hand.
 #include "support.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 // that nothing is read out of bounds).
 #include "support.h"
 
-#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/micromap_mode.h"
 #include "spirv/module/words.h"
 
 #include <gtest/gtest.h>
@@ -150,14 +150,14 @@ TEST(BadModules, ManyEntryPointsOfManyFunctions)
 {
     constexpr uint32_t kMany = 30'000, kVoid = 1, kProc = 2, kFirst = 10;
     Module words = assemble("OpCapability Shader\nOpCapability RayQueryKHR\nOpMemoryModel Logical GLSL450\n");
-    words[3] = kFirst + 2 * kMany;
+    words[3] = kFirst + 3 * kMany;
     for (uint32_t i = 0; i < kMany; ++i)
         words.insert(words.end(), {5u << 16 | 15, 5, kFirst + i, 'm', 0}); // OpEntryPoint GLCompute
     words.insert(words.end(), {2u << 16 | 19, kVoid, 3u << 16 | 33, kProc, kVoid});
     for (uint32_t i = 0; i < kMany; ++i) {
         words.insert(words.end(), {5u << 16 | 54, kVoid, kFirst + i, 0, kProc, 2u << 16 | 248, kFirst + kMany + i});
         if (i + 1 < kMany)
-            words.insert(words.end(), {4u << 16 | 57, kVoid, 0, kFirst + i + 1});
+            words.insert(words.end(), {4u << 16 | 57, kVoid, kFirst + 2 * kMany + i, kFirst + i + 1});
         words.insert(words.end(), {1u << 16 | 253, 1u << 16 | 56});
     }
     std::string error;

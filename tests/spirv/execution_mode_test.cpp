@@ -5,7 +5,7 @@
 #include "machine.h"
 #include "support.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 #include <gtest/gtest.h>
 #include <spirv-tools/optimizer.hpp>

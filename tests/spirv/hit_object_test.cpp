@@ -3,7 +3,7 @@
 #include "machine.h"
 #include "support.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 #include <gtest/gtest.h>
 
@@ -93,16 +93,16 @@ Module hitObjects(const std::string &body, const std::string &other = "", const 
 Module toExt(Module words)
 {
     static const std::map<uint32_t, uint32_t> kExt{
-        {spirv::kOpTypeHitObjectNV, spirv::kOpTypeHitObjectEXT},
-        {spirv::kOpHitObjectTraceRayNV, spirv::kOpHitObjectTraceRayEXT},
-        {spirv::kOpHitObjectTraceRayMotionNV, spirv::kOpHitObjectTraceRayMotionEXT},
-        {spirv::kOpHitObjectExecuteShaderNV, spirv::kOpHitObjectExecuteShaderEXT},
-        {spirv::kOpHitObjectRecordEmptyNV, spirv::kOpHitObjectRecordEmptyEXT},
-        {5279, spirv::kOpHitObjectReorderExecuteShaderEXT},                        // OpReorderThreadWithHitObjectNV
-        {spirv::kOpHitObjectRecordMissMotionNV, spirv::kOpHitObjectRecordMissEXT}, // object, flags, index, ...
-        {spirv::kOpHitObjectRecordHitWithIndexNV, spirv::kOpHitObjectTraceReorderExecuteEXT},
-        {5258, spirv::kOpHitObjectGetRayFlagsEXT},     // OpHitObjectGetShaderBindingTableRecordIndexNV
-        {5294, spirv::kOpHitObjectRecordFromQueryEXT}, // OpEmitMeshTasksEXT
+        {spv::OpTypeHitObjectNV, spv::OpTypeHitObjectEXT},
+        {spv::OpHitObjectTraceRayNV, spv::OpHitObjectTraceRayEXT},
+        {spv::OpHitObjectTraceRayMotionNV, spv::OpHitObjectTraceRayMotionEXT},
+        {spv::OpHitObjectExecuteShaderNV, spv::OpHitObjectExecuteShaderEXT},
+        {spv::OpHitObjectRecordEmptyNV, spv::OpHitObjectRecordEmptyEXT},
+        {5279, spv::OpHitObjectReorderExecuteShaderEXT},                     // OpReorderThreadWithHitObjectNV
+        {spv::OpHitObjectRecordMissMotionNV, spv::OpHitObjectRecordMissEXT}, // object, flags, index, ...
+        {spv::OpHitObjectRecordHitWithIndexNV, spv::OpHitObjectTraceReorderExecuteEXT},
+        {5258, spv::OpHitObjectGetRayFlagsEXT},     // OpHitObjectGetShaderBindingTableRecordIndexNV
+        {5294, spv::OpHitObjectRecordFromQueryEXT}, // OpEmitMeshTasksEXT
     };
     for (size_t at = 5; at < words.size(); at += words[at] >> 16)
         if (const auto ext = kExt.find(words[at] & 0xffff); ext != kExt.end())
@@ -267,7 +267,7 @@ TEST(HitObjects, OfQueriesWithoutMicromapsHaveTheFlagsThatTheDriverKnows)
     Module words = toExt(assemble(text));
     for (size_t at = 5; at < words.size(); at += words[at] >> 16)
         if ((words[at] & 0xffff) == spv::OpExecutionModeId)
-            words[at + 2] = spirv::kExecutionModeOpacityMicromapId;
+            words[at + 2] = spv::ExecutionModeOpacityMicromapIdKHR;
     const auto result =
         spirv::rewrite(words, {.rootAddress = 0x1000, .queriesConsume = spirv::QueriesConsume::WhereDeclared});
     ASSERT_EQ(result.status, Status::Rewritten) << result.error;
@@ -316,7 +316,7 @@ TEST(HitObjects, PassWhereFlagsAreConstant)
               (spirv::TracedFlags{.traces = true, .fixed = 0}));
     // In a pipeline without micromaps only the flag is hidden that the driver does not know.
     Module idle = extHitObjects(recordMissEXT("%force"));
-    idle.insert(idle.begin() + 5, {2u << 16 | spv::OpCapability, spirv::kCapabilityOpacityMicromap});
+    idle.insert(idle.begin() + 5, {2u << 16 | spv::OpCapability, spv::CapabilityRayTracingOpacityMicromapKHR});
     const auto result = spirv::rewrite(idle, {});
     EXPECT_EQ(Machine(result.words, {}).run(), (Seen{kTraced}));
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "machine.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/ray_instructions.h"
 
 #include <stdexcept>
@@ -206,7 +206,7 @@ uint32_t Machine::evaluate(Instruction in)
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR: return 0;
     case spv::OpRayQueryInitializeKHR: rayFlags_ = value(module_.word(in, 3)); return 0;
     case spv::OpRayQueryGetRayFlagsKHR: return rayFlags_;
-    case spirv::kOpHitObjectGetRayFlagsEXT: return hitObjectFlags_[variable(module_.word(in, 3))];
+    case spv::OpHitObjectGetRayFlagsEXT: return hitObjectFlags_[variable(module_.word(in, 3))];
     default: return evaluateRay(in);
     }
 }

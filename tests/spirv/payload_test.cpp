@@ -2,7 +2,7 @@
 // Payloads with ray flags before them: whose payload it is, and what type shaders get that declare none.
 #include "support.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/payload_types.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ namespace
 
 using Status = spirv::RewriteResult::Status;
 
-spirv::RewriteResult rewriteAs(const Module &words, spv::ExecutionModel model, spirv::Prologue prologue,
+spirv::RewriteResult rewriteAs(const Module &words, uint32_t model, spirv::Prologue prologue,
                                const spirv::HiddenFlags &hidden, const char *entryPoint = "main")
 {
     return spirv::rewrite(
@@ -24,7 +24,7 @@ spirv::RewriteResult rewriteAs(const Module &words, spv::ExecutionModel model, s
                 .pipelineStage = spirv::PipelineStage{entryPoint, static_cast<uint32_t>(model), prologue, hidden}});
 }
 
-spirv::TypeWords payloadOf(const Module &words, spv::ExecutionModel model)
+spirv::TypeWords payloadOf(const Module &words, uint32_t model)
 {
     spirv::PayloadTypes types;
     types.add(words, "main", static_cast<uint32_t>(model));
@@ -152,7 +152,7 @@ TEST(Payloads, IgnoresThoseOfOtherStages)
         words[1] = 0x00010300;
         return words;
     };
-    const auto incoming = [](const Module &words, const char *entryPoint, spv::ExecutionModel model) {
+    const auto incoming = [](const Module &words, const char *entryPoint, uint32_t model) {
         spirv::PayloadTypes types;
         return types.add(words, entryPoint, static_cast<uint32_t>(model));
     };

@@ -2,7 +2,7 @@
 // Stages of ray tracing pipelines that use micromaps.
 #include "support.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ using Status = spirv::RewriteResult::Status;
 
 struct Stage {
     const char *shader;
-    spv::ExecutionModel model;
+    uint32_t model;
     Prologue prologue;
 };
 

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "module_file.h"
-#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/micromap_mode.h"
 #include "validate.h"
 
 namespace vellum::test

@@ -2,7 +2,7 @@
 // Marks where a module traces rays.
 #include "support.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/sites/trace_sites.h"
 
 #include <algorithm>

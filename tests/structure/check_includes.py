@@ -32,7 +32,7 @@ PARTS = {
 # Parts that may use some files of another only. Verification shares no code with what it verifies.
 ONLY = {
     ("verify", "bake"): ("texture/texture.h",),
-    ("library", "spirv"): ("mode/micromap_mode.h",),
+    ("library", "spirv"): ("module/micromap_mode.h",),
 }
 # Parts with subsystems: each subsystem and those that it may include. "" is the folder of the part itself.
 def below(*subsystems):
@@ -59,7 +59,7 @@ SUBSYSTEMS = {
         "ranges": CHECKS[:2],
         "": CHECKS + ("traces", "sync", "ranges"),
     },
-    "spirv": below("module", "mode", "sites", ""),
+    "spirv": below("module", "sites", ""),
     "shaders": {
         "base": (), "micromaps": ("base",), "structures": ("base",), "query_pool": ("base",), "pipelines": ("base",),
         "khr_over_ext": ("base",), "gpubake": ("base",), "validation": ("base",),

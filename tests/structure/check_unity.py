@@ -19,14 +19,22 @@ OTHER = re.compile(r"^(?!template|requires|using|namespace|return)[A-Za-z_:][\w:
 def definitions(text):
     """Name, and what makes another definition legal: other parameters of a function, the same meaning of an alias; None: it must
     not be there. Aliases count outside of anonymous namespaces, too."""
-    yield from ((found[1], "=" + found[2]) for found in USING.finditer(text))
-    for body in re.findall(r"^namespace\s*\{\n(.*?)^\} // namespace$", text, re.M | re.S):
-        yield from ((found[1], None) for found in TYPE.finditer(body))
+    outer = ""  # the namespaces that are open, but for those that end at once
+    for part in re.split(r"^(?=namespace\b)|^(?<=\} // namespace\n)", text, flags=re.M):
+        named = re.match(r"namespace ([\w:]+)\n", part)
+        if named:
+            outer += "::" + named[1]
+        yield from ((outer + "::" + found[1], "=" + found[2]) for found in USING.finditer(part))
+        if not re.match(r"namespace\s*\{\n", part):
+            continue
+        body = part[:part.rfind("\n} // namespace\n") + 1]
+        yield from ((outer + "::" + found[1], None) for found in TYPE.finditer(body))
         for found in OTHER.finditer(body):
             if found[2] is None or "=" in found[2]:
-                yield found[1], None
+                yield outer + "::" + found[1], None
             else:
-                yield found[1], tuple(re.sub(r"\s*\w+$", "", parameter.strip()) for parameter in found[2].split(","))
+                yield outer + "::" + found[1], tuple(re.sub(r"\s*\w+$", "", parameter.strip())
+                                                     for parameter in found[2].split(","))
 
 
 def clashes(first, second):
@@ -50,7 +58,7 @@ def check(root):
                 for other, its in defined[name]:
                     systems = SYSTEM.search(path.name) and SYSTEM.sub("", other.name) == SYSTEM.sub("", path.name)
                     if other != path and not systems and clashes(detail, its):
-                        found.add(f"{folder.relative_to(root)}: {name} is defined in {other.name} and in {path.name}")
+                        found.add(f"{folder.relative_to(root)}: {name[2:]} is defined in {other.name} and in {path.name}")
                 defined[name].append((path, detail))
     return sorted(found), count
 

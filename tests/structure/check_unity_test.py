@@ -32,7 +32,7 @@ class CheckUnity(unittest.TestCase):
         for line in ("constexpr int kOne = 1;", "int kOne(int a)", "struct kOne {", "const Row kOne[] = {", "int kOne;"):
             code, out = run(source("enum class kOne {"), source(line))
             self.assertEqual(code, 1, line)
-            self.assertIn("src/part: kOne is defined in first_posix.cpp and in second.cpp", out)
+            self.assertIn("src/part: vellum::kOne is defined in first_posix.cpp and in second.cpp", out)
 
     def test_other_folders_and_systems(self):
         text = source("constexpr int kOne = 1;")

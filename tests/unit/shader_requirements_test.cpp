@@ -9,7 +9,9 @@
 #include <span>
 #include <string>
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
+
+namespace spv = vellum::spv;
 
 namespace
 {

@@ -203,6 +203,9 @@ struct TracePlan {
     bool operator==(const TracePlan &) const = default;
 };
 
+// The subdivision level that the specification requires of every device ("Required Limits").
+inline constexpr uint32_t kRequiredLevel = 3;
+
 struct Case {
     std::string group;
     uint64_t seed = 0; // that it was made of

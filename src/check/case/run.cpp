@@ -40,6 +40,23 @@ std::string missingForQueries(const Device &gpu, const Case &c)
     return exact && !maintenance ? "VK_KHR_ray_tracing_maintenance1 is not supported" : "";
 }
 
+uint32_t levelLimit(const Device &gpu, const oracle::MicromapTriangle &triangle, VkBuildMicromapFlagsEXT flags)
+{
+    const bool lossy = (flags & kLossy) != 0 && triangle.format == kFourState;
+    return lossy ? gpu.maxLossyLevel() : gpu.maxLevel(triangle.format);
+}
+
+// A limit that is lower than the specification requires, and too low for a micromap of the case; empty: none.
+std::string limitFault(const Device &gpu, const oracle::Scene &scene)
+{
+    for (const oracle::SceneMicromap &micromap : scene.micromaps)
+        for (const oracle::MicromapTriangle &triangle : micromap.triangles)
+            if (const uint32_t limit = levelLimit(gpu, triangle, micromap.flags); triangle.level > limit)
+                return "a limit is lower than the specification requires (subdivision level " + std::to_string(limit) +
+                       ", not at least " + std::to_string(kRequiredLevel) + ")";
+    return {};
+}
+
 // What the device lacks for a build of a micromap of these flags; empty: nothing.
 std::string missingForMicromap(const Device &gpu, std::span<const oracle::MicromapTriangle> triangles,
                                VkBuildMicromapFlagsEXT flags)
@@ -47,8 +64,7 @@ std::string missingForMicromap(const Device &gpu, std::span<const oracle::Microm
     if (triangles.size() > gpu.maxMicromapTriangles())
         return "more triangles in a micromap than maxMicromapTriangles";
     for (const oracle::MicromapTriangle &triangle : triangles) {
-        const bool lossy = (flags & kLossy) != 0 && triangle.format == kFourState;
-        if (triangle.level > (lossy ? gpu.maxLossyLevel() : gpu.maxLevel(triangle.format)))
+        if (triangle.level > std::max(levelLimit(gpu, triangle, flags), kRequiredLevel))
             return "a subdivision level is above the limit of the device";
     }
     return {};
@@ -133,6 +149,11 @@ Verdict run(Device &gpu, const Case &c)
     if (std::string lacks = missing(gpu, c, after); !lacks.empty()) {
         verdict.cause = std::move(lacks);
         verdict.skipped = true;
+        return verdict;
+    }
+    if (const std::string fault = limitFault(gpu, c.scene); !fault.empty()) {
+        verdict.cause = oracle::causeOf(fault);
+        verdict.detail = fault;
         return verdict;
     }
     gpu.insertLabel(c.group + " " + std::to_string(c.seed));

@@ -250,10 +250,7 @@ Case pipelineRayFlags(Random &random, const DeviceLimits &limits)
     c.trace.flags =
         oneOf(random, std::array{Flags::RunTime, Flags::Specialized, Flags::Literal, Flags::Mixed, Flags::Computed});
     if (c.trace.flags == Flags::Specialized || c.trace.flags == Flags::Literal) {
-        constexpr uint32_t kOpacity = kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque;
-        const uint32_t flags =
-            (c.scene.rays[0].flags & ~kOpacity) | (chance(random, 40) ? kRayForceTwoState : 0) |
-            oneOf(random, std::array{0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque, kRayCullNoOpaque});
+        const uint32_t flags = constantFlags(random, c.scene.rays[0]);
         for (Ray &ray : c.scene.rays)
             ray.flags = flags;
     } else if (c.trace.flags == Flags::Mixed) {

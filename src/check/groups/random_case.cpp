@@ -129,9 +129,9 @@ DeviceLimits limitsOf(const Device &gpu)
             .hostReset = gpu.hasHostQueryReset(),
             .maintenance = gpu.has(VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME),
             .dataAccess = gpu.has("VK_KHR_ray_tracing_position_fetch"),
-            .maxLevel2 = gpu.maxLevel(kTwoState),
-            .maxLevel4 = gpu.maxLevel(kFourState),
-            .maxLossyLevel = gpu.maxLossyLevel(),
+            .maxLevel2 = std::max(gpu.maxLevel(kTwoState), kRequiredLevel),
+            .maxLevel4 = std::max(gpu.maxLevel(kFourState), kRequiredLevel),
+            .maxLossyLevel = std::max(gpu.maxLossyLevel(), kRequiredLevel),
             .vertexFormats = gpu.vertexFormats(),
             .faults = gpu.knownFaults()};
 }
@@ -341,10 +341,18 @@ void addSteps(Random &random, Case &c, std::span<const Kind> kinds, uint32_t cou
     }
 }
 
+uint32_t constantFlags(Random &random, const Ray &ray)
+{
+    constexpr std::array kOpacity{0u, kRayOpaque, kRayNoOpaque, kRayCullOpaque, kRayCullNoOpaque};
+    constexpr uint32_t kAny = kRayOpaque | kRayNoOpaque | kRayCullOpaque | kRayCullNoOpaque;
+    return (ray.flags & ~kAny) | kOpacity[below(random, kOpacity.size())] |
+           (chance(random, 40) ? kRayForceTwoState : 0);
+}
+
 void fixFlags(Random &random, Case &c)
 {
     c.trace.flags = chance(random, 50) ? TracePlan::Flags::Specialized : TracePlan::Flags::Literal;
-    const uint32_t flags = c.scene.rays[0].flags | (chance(random, 40) ? kRayForceTwoState : 0);
+    const uint32_t flags = constantFlags(random, c.scene.rays[0]);
     for (Ray &ray : c.scene.rays)
         ray.flags = flags;
 }

@@ -62,6 +62,8 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step:
 // Appends `count` steps of random kinds.
 void addSteps(Random &random, Case &c, std::span<const Step::Kind> kinds, uint32_t count, const DeviceLimits &limits);
 
+// Flags like those of the ray, each of those of opacity as likely as the others.
+uint32_t constantFlags(Random &random, const Ray &ray);
 // All rays have the same flags, which the shader knows.
 void fixFlags(Random &random, Case &c);
 // Some candidates end their rays.

@@ -146,6 +146,8 @@ Case flags(Random &random, const DeviceLimits &limits)
     }
     if (limits.pipelines && chance(random, 40))
         c.trace.method = TracePlan::Method::Pipeline;
+    else if (chance(random, 40))
+        fixFlags(random, c);
     return c;
 }
 

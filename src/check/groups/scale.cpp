@@ -274,13 +274,36 @@ Case highestLevel(Random &random, uint16_t format, uint32_t level)
     return c;
 }
 
-constexpr std::array<MakeCase, 11> kKinds{
+// The same by a ray tracing pipeline.
+template <MakeCase make>
+Case byPipeline(Random &random, const DeviceLimits &limits)
+{
+    Case c = make(random, limits);
+    if (limits.pipelines)
+        c.trace.method = TracePlan::Method::Pipeline;
+    return c;
+}
+
+Case someTriangles(Random &random, const DeviceLimits &limits)
+{
+    return triangles(random, limits, above(random, 1u << 10));
+}
+
+Case someInstances(Random &random, const DeviceLimits &limits)
+{
+    return instances(random, limits, above(random, 1u << 10));
+}
+
+Case someMicromapTriangles(Random &random, const DeviceLimits &limits)
+{
+    return micromapTriangles(random, limits, above(random, 1u << 10));
+}
+
+constexpr std::array<MakeCase, 15> kKinds{
     [](Random &random, const DeviceLimits &) { return geometries(random, above(random, 1u << 8)); },
-    [](Random &random, const DeviceLimits &limits) { return triangles(random, limits, above(random, 1u << 10)); },
-    [](Random &random, const DeviceLimits &limits) { return instances(random, limits, above(random, 1u << 10)); },
-    [](Random &random, const DeviceLimits &limits) {
-        return micromapTriangles(random, limits, above(random, 1u << 10));
-    },
+    someTriangles,
+    someInstances,
+    someMicromapTriangles,
     shortIndices,
     [](Random &random, const DeviceLimits &limits) { return highestLevel(random, kTwoState, limits.maxLevel2); },
     [](Random &random, const DeviceLimits &limits) { return highestLevel(random, kFourState, limits.maxLevel4); },
@@ -290,6 +313,10 @@ constexpr std::array<MakeCase, 11> kKinds{
     [](Random &random, const DeviceLimits &limits) {
         return micromapTriangles(random, limits, above(random, kManyMore));
     },
+    byPipeline<someTriangles>,
+    byPipeline<someInstances>,
+    byPipeline<someMicromapTriangles>,
+    byPipeline<shortIndices>,
 };
 
 Outcome scale(Session &session, std::string_view group, uint64_t seed)
@@ -304,7 +331,7 @@ constexpr std::array kScaleGroups{
           "maxGeometryCount, maxPrimitiveCount, maxInstanceCount, maxMicromapTriangles; "
           "VkAccelerationStructureTrianglesOpacityMicromapKHR: indexType, baseTriangle; "
           "maxOpacity2StateSubdivisionLevel and maxOpacity4StateSubdivisionLevel",
-          44, scale, kKinds.size(), kKinds.size()},
+          60, scale, kKinds.size(), kKinds.size()},
 };
 
 } // namespace

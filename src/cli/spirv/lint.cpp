@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "cli/spirv/stages.h"
-#include "spirv/mode/outline.h"
+#include "spirv/module/micromap_mode.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::cli
@@ -45,12 +45,12 @@ public:
     void checkDeclarations()
     {
         std::string error;
-        const auto outline = spirv::Outline::read(words_, error);
-        if (!outline || outline->modes.empty())
+        const auto module = spirv::Module::parse(words_, error);
+        if (!module || spirv::declaredModes(*module).empty())
             return;
-        if (!outline->hasModeCapability)
+        if (!module->hasCapability(spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR))
             add(Kind::InvalidMode, {}, "the capability RayTracingOpacityMicromapExecutionModeKHR is missing");
-        if (!outline->hasKhr)
+        if (!module->hasExtension(spirv::kKhrExtension))
             add(Kind::InvalidMode, {}, std::string("the extension ") + spirv::kKhrExtension + " is missing");
     }
 

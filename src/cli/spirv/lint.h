@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/micromap_mode.h"
 
 namespace vellum::cli
 {

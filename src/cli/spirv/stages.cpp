@@ -4,14 +4,13 @@
 #include <algorithm>
 #include <iterator>
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 namespace vellum::cli
 {
 
 std::string stageName(uint32_t model)
 {
-    constexpr uint32_t kTaskEXT = 5364, kMeshEXT = 5365;
     static constexpr struct {
         uint32_t model;
         const char *name;
@@ -25,8 +24,8 @@ std::string stageName(uint32_t model)
         {spv::ExecutionModelKernel, "kernel"},
         {spv::ExecutionModelTaskNV, "task"},
         {spv::ExecutionModelMeshNV, "mesh"},
-        {kTaskEXT, "task"},
-        {kMeshEXT, "mesh"},
+        {spv::ExecutionModelTaskEXT, "task"},
+        {spv::ExecutionModelMeshEXT, "mesh"},
         {spv::ExecutionModelRayGenerationKHR, "raygen"},
         {spv::ExecutionModelIntersectionKHR, "intersection"},
         {spv::ExecutionModelAnyHitKHR, "any-hit"},

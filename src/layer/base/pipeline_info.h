@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the create info of a pipeline says.
+// Facts that the create info of a pipeline states.
 #pragma once
 
 #include "layer/base/pnext.h"
+#include "spirv/module/micromap_mode.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
@@ -16,7 +17,7 @@ inline VkFlags64 pipelineFlags(const void *pNext, VkPipelineCreateFlags flags)
     return flags2 ? flags2->flags : flags;
 }
 
-// Whether pStages may be read: a pipeline library without shaders ignores it, and it may be invalid.
+// Returns whether pStages may be read: a pipeline library without shaders ignores it, and it may be invalid.
 inline bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
 {
     const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
@@ -26,5 +27,12 @@ inline bool hasShaderStages(const VkGraphicsPipelineCreateInfo &info)
         VK_GRAPHICS_PIPELINE_LIBRARY_FRAGMENT_SHADER_BIT_EXT;
     return !library || (library->flags & withShaders) != 0;
 }
+
+// SPIR-V's execution model of a stage; nothing for an unknown one.
+std::optional<uint32_t> executionModelOf(VkShaderStageFlagBits stage);
+
+// The value of an execution mode's operand with these specialization constants, false without the mode; nothing if it
+// is not known.
+std::optional<bool> valueOf(const spirv::MicromapMode &mode, const VkSpecializationInfo *constants);
 
 } // namespace vellum::layer

@@ -42,6 +42,7 @@ void releaseCommands(CommandState &state, bool all)
         state.scratch.release();
     else
         state.scratch.reset();
+    state.hitTables.reset();
     state.used.clear();
 }
 
@@ -196,7 +197,9 @@ VkResult beginCommandBuffer(DeviceCommandBuffers &device, VkCommandBuffer comman
         state->conditionalRendering.reset();
         state->rejectedTransformFeedback = false;
         state->descriptorsWait = false;
-        state->scratch.setShared((info->flags & VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT) == 0);
+        const bool shared = (info->flags & VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT) == 0;
+        state->scratch.setShared(shared);
+        state->hitTables.setShared(shared);
         // pInheritanceInfo is ignored for primary command buffers, and may be anything.
         const auto *inherited = state->secondary && info->pInheritanceInfo
                                     ? findInChain<VkCommandBufferInheritanceConditionalRenderingInfoEXT>(
@@ -257,8 +260,10 @@ void cmdExecuteCommands(DeviceCommandBuffers &device, VkCommandBuffer commandBuf
                         const VkCommandBuffer *buffers)
 {
     // All state of the primary is undefined after it ("Secondary Command Buffer Execution").
-    if (const auto state = device.states.get(commandBuffer))
+    if (const auto state = device.states.get(commandBuffer)) {
         state->forgetBindings();
+        state->hitTables.forget();
+    }
     device.driver.next.CmdExecuteCommands(commandBuffer, count, buffers);
 }
 

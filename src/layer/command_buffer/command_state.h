@@ -13,6 +13,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
+#include "layer/command_buffer/hit_table_copies.h"
 #include "layer/memory/scratch_memory.h"
 #include "vk/newer.h"
 
@@ -28,7 +29,7 @@ struct CommandState {
         uint32_t offset;
         std::vector<std::byte> bytes;
     };
-    explicit CommandState(MemoryPool &scratchPool) : scratch(scratchPool) {}
+    explicit CommandState(MemoryPool &scratchPool) : scratch(scratchPool), hitTables(scratchPool) {}
 
     VkCommandPool pool = VK_NULL_HANDLE;
     bool secondary = false;
@@ -44,7 +45,8 @@ struct CommandState {
     // A barrier from builds to transfers to structure descriptors was recorded.
     bool descriptorsWait = false;
     ScratchMemory scratch; // of injected work; lives as long as the recorded commands
-    // What the recorded commands use: buffers that were found by addresses, slots of instances.
+    HitTableCopies hitTables;
+    // The recorded commands use these: buffers that were found by addresses, slots of instances.
     std::unordered_set<std::shared_ptr<const void>> used;
 
     void forgetBindings();

@@ -115,6 +115,8 @@ bool InjectedWork::bind(InjectedShader shader, const void *push, uint32_t pushBy
         next.CmdEndConditionalRenderingEXT(commandBuffer_);
     }
     disturbed_ = true;
+    if (state_ && shader != InjectedShader::HitRecords)
+        state_->hitTables.forget(); // builds may let indices of records reach further
     next.CmdBindPipeline(commandBuffer_, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
     next.CmdPushConstants(commandBuffer_, device_.injected.layout(), VK_SHADER_STAGE_COMPUTE_BIT, 0, pushBytes, push);
     return true;

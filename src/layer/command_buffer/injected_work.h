@@ -77,7 +77,7 @@ public:
         static_assert(sizeof(Push) <= kPushBytes);
         return run(shader, &push, sizeof(Push), groups);
     }
-    // The same with the number of groups in a VkDispatchIndirectCommand.
+    // As above, with the number of groups in a VkDispatchIndirectCommand.
     template <typename Push>
     bool dispatchIndirect(InjectedShader shader, const Push &push, VkBuffer buffer, VkDeviceSize offset)
     {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/command_buffer/synchronization.h"
 
+#include <algorithm>
 #include <deque>
 #include <vector>
 
@@ -143,6 +144,32 @@ private:
     std::vector<VkTensorMemoryBarrierARM> tensors_;
 };
 
+// Returns whether a memory dependency makes writes visible to traces that read their hit tables.
+bool showsTables(VkPipelineStageFlags2 stages, VkAccessFlags2 access)
+{
+    constexpr VkPipelineStageFlags2 kStages =
+        VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR | VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+    constexpr VkAccessFlags2 kAccess =
+        VK_ACCESS_2_SHADER_READ_BIT | VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR;
+    return (stages & kStages) != 0 && (access & kAccess) != 0;
+}
+
+bool showsTables(const VkDependencyInfo &info)
+{
+    const auto any = [](const auto *barriers, uint32_t count) {
+        return std::any_of(barriers, barriers + count,
+                           [](const auto &b) { return showsTables(b.dstStageMask, b.dstAccessMask); });
+    };
+    return any(info.pMemoryBarriers, info.memoryBarrierCount) ||
+           any(info.pBufferMemoryBarriers, info.bufferMemoryBarrierCount);
+}
+
+void forgetTables(const DeviceCommandBuffers &device, VkCommandBuffer commandBuffer)
+{
+    if (CommandState *const state = device.states.get(commandBuffer))
+        state->hitTables.forget();
+}
+
 std::vector<VkSemaphoreSubmitInfo> driverSemaphores(const VkSemaphoreSubmitInfo *infos, uint32_t count)
 {
     std::vector<VkSemaphoreSubmitInfo> own(infos, infos + count);
@@ -158,9 +185,52 @@ VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage)
     return stage == VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT ? VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT : stage;
 }
 
+// Barriers of images cover accesses by the image only, of which reads of hit tables are none.
+void cmdPipelineBarrier(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, VkPipelineStageFlags sources,
+                        VkPipelineStageFlags targets, VkDependencyFlags flags, uint32_t memoryCount,
+                        const VkMemoryBarrier *memory, uint32_t bufferCount, const VkBufferMemoryBarrier *buffers,
+                        uint32_t imageCount, const VkImageMemoryBarrier *images)
+{
+    const auto shows = [targets](const auto &barrier) { return showsTables(targets, barrier.dstAccessMask); };
+    if (std::any_of(memory, memory + memoryCount, shows) || std::any_of(buffers, buffers + bufferCount, shows))
+        forgetTables(device, commandBuffer);
+    device.driver.next.CmdPipelineBarrier(commandBuffer, sources, targets, flags, memoryCount, memory, bufferCount,
+                                          buffers, imageCount, images);
+}
+
+// The host may have signalled the event after it has written a table.
+void cmdWaitEvents(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
+                   VkPipelineStageFlags sources, VkPipelineStageFlags targets, uint32_t memoryCount,
+                   const VkMemoryBarrier *memory, uint32_t bufferCount, const VkBufferMemoryBarrier *buffers,
+                   uint32_t imageCount, const VkImageMemoryBarrier *images)
+{
+    forgetTables(device, commandBuffer);
+    device.driver.next.CmdWaitEvents(commandBuffer, count, events, sources, targets, memoryCount, memory, bufferCount,
+                                     buffers, imageCount, images);
+}
+
+// Subpass dependencies are memory dependencies; there are no traces between begin and end.
+void cmdBeginRenderPass(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
+                        VkSubpassContents contents)
+{
+    forgetTables(device, commandBuffer);
+    device.driver.next.CmdBeginRenderPass(commandBuffer, info, contents);
+}
+
+void cmdBeginRenderPass2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkRenderPassBeginInfo *info,
+                         const VkSubpassBeginInfo *begin)
+{
+    forgetTables(device, commandBuffer);
+    device.driver.next.CmdBeginRenderPass2(commandBuffer, info, begin);
+}
+
 void cmdPipelineBarrier2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
     const DriverDependency driver(device, commandBuffer, *info);
+    const auto *ranges =
+        findInChain<VkMemoryRangeBarriersInfoKHR>(info->pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+    if (ranges || showsTables(*info))
+        forgetTables(device, commandBuffer);
     device.driver.next.CmdPipelineBarrier2(commandBuffer, &driver.info());
 }
 
@@ -180,6 +250,7 @@ void cmdResetEvent2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer,
 void cmdWaitEvents2(DeviceCommandBuffers &device, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
                     const VkDependencyInfo *infos)
 {
+    forgetTables(device, commandBuffer);
     std::deque<DriverDependency> own;
     std::vector<VkDependencyInfo> driverInfos;
     for (uint32_t i = 0; i < count; ++i)

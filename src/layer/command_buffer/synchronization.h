@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Commands that take pipeline stages and accesses, of which the driver does not know those of micromap builds:
+// Commands that order memory accesses: those after which hit tables may have other content (hit_table_copies.h), and
+// those that take pipeline stages and accesses, of which the driver does not know those of micromap builds:
 // VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT, VK_ACCESS_2_MICROMAP_READ/WRITE_BIT_EXT. They exist as 64-bit flags only.
 #pragma once
 
@@ -13,6 +14,15 @@ struct DeviceCommandBuffers;
 // The stage that the driver gets in commands that take exactly one.
 VkPipelineStageFlags2 driverStage(VkPipelineStageFlags2 stage);
 
+void cmdPipelineBarrier(DeviceCommandBuffers &, VkCommandBuffer, VkPipelineStageFlags, VkPipelineStageFlags,
+                        VkDependencyFlags, uint32_t, const VkMemoryBarrier *, uint32_t, const VkBufferMemoryBarrier *,
+                        uint32_t, const VkImageMemoryBarrier *);
+void cmdWaitEvents(DeviceCommandBuffers &, VkCommandBuffer, uint32_t, const VkEvent *, VkPipelineStageFlags,
+                   VkPipelineStageFlags, uint32_t, const VkMemoryBarrier *, uint32_t, const VkBufferMemoryBarrier *,
+                   uint32_t, const VkImageMemoryBarrier *);
+void cmdBeginRenderPass(DeviceCommandBuffers &, VkCommandBuffer, const VkRenderPassBeginInfo *, VkSubpassContents);
+void cmdBeginRenderPass2(DeviceCommandBuffers &, VkCommandBuffer, const VkRenderPassBeginInfo *,
+                         const VkSubpassBeginInfo *);
 void cmdPipelineBarrier2(DeviceCommandBuffers &, VkCommandBuffer, const VkDependencyInfo *);
 void cmdSetEvent2(DeviceCommandBuffers &, VkCommandBuffer, VkEvent, const VkDependencyInfo *);
 void cmdResetEvent2(DeviceCommandBuffers &, VkCommandBuffer, VkEvent, VkPipelineStageFlags2);

@@ -283,7 +283,6 @@ VkResult DeviceCreation::create(const NextLayer &next, const VkAllocationCallbac
 VkResult DeviceCreation::startEmulation()
 {
     const GpuContext &gpu = device->buffers.gpu;
-    device->pipelines.anyHitModules.create(gpu);
     device->buffers.onAddress = [&objects = device->objects](VkBuffer buffer) { bufferHasAddress(objects, buffer); };
     VkResult result = device->objects.root.create(gpu, keptAddresses(instance_.settings, *physical_));
     if (result == VK_SUCCESS)

@@ -17,8 +17,8 @@
 #include "layer/entry/device.h"
 #include "layer/entry/ray_tracing_extensions.h"
 #include "layer/memory/buffers.h"
+#include "layer/pipelines/binaries.h"
 #include "layer/pipelines/module_identifiers.h"
-#include "layer/pipelines/shader_binary.h"
 
 namespace vellum::layer
 {
@@ -63,7 +63,7 @@ T *findStructure(void *chain, VkStructureType type)
 
 // Changes the UUIDs by which an application recognizes shader binaries and shader module identifiers. The layer rejects
 // binaries of another version of itself, and unless tables have the same addresses in every run, those of another
-// process (shader_binary.h).
+// process (binaries.h).
 void mixUuids(const PhysicalDevice &physical, VkPhysicalDeviceProperties2 &properties)
 {
     const auto mix = [](uint8_t *target, const auto &uuid) {

@@ -74,8 +74,8 @@ VkFlags64 emulatedUsage(VkFlags64 usage, VkBufferCreateFlags flags)
     VkFlags64 result = usage & ~kMicromapUsages;
     if ((flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 || (usage & kTileMemoryUsage) != 0)
         return result;
-    // Micromap data that needs no conversion is copied.
-    if (usage & inputs)
+    // Micromap data that needs no conversion is copied, and so are hit tables.
+    if (usage & (inputs | VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR))
         result |= VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
     if (usage & (inputs | storage))
         result |= VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;

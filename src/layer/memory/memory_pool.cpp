@@ -14,7 +14,7 @@ namespace
 
 constexpr VkDeviceSize kLeastBlock = VkDeviceSize{1} << 20;
 constexpr VkDeviceSize kMostSpare = VkDeviceSize{256} << 20; // in a block, beyond the piece it is created for
-constexpr VkDeviceSize kMostUnused = VkDeviceSize{64} << 20; // in several blocks that nobody uses
+constexpr VkDeviceSize kMostUnused = VkDeviceSize{64} << 20; // in blocks that nobody uses, except the largest
 
 } // namespace
 
@@ -61,10 +61,19 @@ void MemoryPool::giveBack(const Piece &piece)
     block.used -= piece.bytes;
     if (block.used > 0)
         return;
-    // A block or some small ones are kept, so that users that come and go do not allocate and free them repeatedly.
+    // The largest and some small ones are kept, so that users that come and go do not allocate and free them repeatedly.
     unused_ += block.bytes;
-    if (unused_ > block.bytes && unused_ > kMostUnused)
-        removeUnused(at);
+    auto largest = at, next = blocks_.end(); // the next largest
+    for (auto other = blocks_.begin(); other != blocks_.end(); ++other) {
+        if (other->second.used != 0 || other == largest)
+            continue;
+        if (other->second.bytes > largest->second.bytes)
+            next = std::exchange(largest, other);
+        else if (next == blocks_.end() || other->second.bytes > next->second.bytes)
+            next = other;
+    }
+    if (unused_ - largest->second.bytes > kMostUnused)
+        removeUnused(next);
 }
 
 void MemoryPool::trim()

@@ -14,9 +14,9 @@
 
 #include "core/hash.h"
 #include "layer/command_buffer/device_command_buffers.h"
-#include "layer/pipelines/any_hit_modules.h"
 #include "layer/pipelines/module_identifiers.h"
 #include "layer/pipelines/ray_tracing_pipeline.h"
+#include "layer/pipelines/rewrite_cache.h"
 #include "spirv/module/scan.h"
 #include "vk/newer.h"
 
@@ -34,7 +34,7 @@ struct RayTracingModule {
 class ShaderWarnings
 {
 public:
-    // Whether this is the first call with the message `id` and this code.
+    // Returns whether this is the first call with the message `id` and this code.
     [[nodiscard]] bool isFirst(const char *id, std::span<const uint32_t> code)
     {
         const uint64_t hash = hashBytes(code.data(), code.size_bytes());
@@ -60,7 +60,7 @@ struct DevicePipelines {
     HandleMap<VkShaderModule, bool> tracingModules{}; // true: shaders that trace rays
     TracingIdentifiers tracingIdentifiers{};
     HandleMap<VkPipelineBinaryKHR, HiddenInBinary> pipelineBinaries{};
-    AnyHitModules anyHitModules{};
+    RewriteCache rewriteCache{};
     ShaderWarnings shaderWarnings{};
     std::atomic<uint32_t> anyHitStack = 0; // largest stack of the layer's any-hit shaders, in bytes
 };

@@ -8,8 +8,8 @@
 
 #include "core/utf8_path.h"
 #include "layer/pipelines/device_pipelines.h"
-#include "spirv/mode/micromap_mode.h"
 #include "spirv/module/khr_to_ext.h"
+#include "spirv/module/micromap_mode.h"
 
 namespace vellum::layer
 {
@@ -57,38 +57,47 @@ void warnOfQueries(DevicePipelines &device, std::span<const uint32_t> words, con
         device.objects.warnings.warn(kId, text);
 }
 
-// SPIR-V in which every ray query uses micromaps, for a driver that has VK_KHR_opacity_micromap. Empty: unchanged.
-std::vector<uint32_t> assumeMicromaps(DevicePipelines &device, std::span<const uint32_t> words)
+// Words that belong to a result.
+template <typename Result>
+SharedWords wordsOf(std::shared_ptr<Result> result)
+{
+    return result->words.empty() ? nullptr : SharedWords(result, &result->words);
+}
+
+// SPIR-V in which every ray query uses micromaps, for a driver that has VK_KHR_opacity_micromap. Null: unchanged.
+SharedWords assumeMicromaps(DevicePipelines &device, std::span<const uint32_t> words)
 {
     const EnabledFeatures &enabled = device.driver.enabled;
     if (!device.driver.assumesMicromaps() || enabled.everyQueryUsesMicromaps() || !spirv::scan(words).tracesRays)
         return {};
-    spirv::ModeResult result = spirv::editMicromapMode(words, {.to = spirv::ModeEdit::To::Always});
-    if (!result.error.empty())
+    auto result =
+        std::make_shared<spirv::ModeResult>(spirv::editMicromapMode(words, {.to = spirv::ModeEdit::To::Always}));
+    if (!result->error.empty())
         warnOnce(device, words, "VELLUM-assume-micromaps",
-                 "a shader's ray queries cannot be given the execution mode OpacityMicromapIdKHR: " + result.error);
-    return std::move(result.words);
+                 "a shader's ray queries cannot be given the execution mode OpacityMicromapIdKHR: " + result->error);
+    return wordsOf(std::move(result));
 }
 
-// SPIR-V for a driver that has SPV_EXT_opacity_micromap only. Empty: unchanged.
-std::vector<uint32_t> translateShader(DevicePipelines &device, std::span<const uint32_t> words)
+// SPIR-V for a driver that has SPV_EXT_opacity_micromap only. Null: unchanged.
+SharedWords translateShader(DevicePipelines &device, std::span<const uint32_t> words)
 {
-    spirv::TranslateResult result = spirv::translateToExt(words);
+    auto result = std::make_shared<spirv::TranslateResult>(spirv::translateToExt(words));
     const Driver &driver = device.driver;
-    if (result.queriesForget && driver.enabled.khrFeature && !driver.enabled.ext && !driver.assumesMicromaps())
+    if (result->queriesForget && driver.enabled.khrFeature && !driver.enabled.ext && !driver.assumesMicromaps())
         warnOfQueries(
             device, words,
             "a shader has ray queries and no execution mode OpacityMicromapIdKHR: on this device, whose driver has "
             "VK_EXT_opacity_micromap, they use micromaps all the same; on others, every hit on geometry with "
             "micromaps is non-opaque");
-    return std::move(result.words);
+    return wordsOf(std::move(result));
 }
 
-// SPIR-V that resolves micromaps itself. Empty: unchanged. Nothing if it cannot be rewritten, after a message.
-std::optional<std::vector<uint32_t>> emulateMicromaps(DevicePipelines &device, std::span<const uint32_t> words,
-                                                      const std::optional<spirv::PipelineStage> &pipelineStage)
+// SPIR-V that resolves micromaps itself. Null: unchanged. Nothing if it cannot be rewritten, after a message.
+std::optional<SharedWords> emulateMicromaps(DevicePipelines &device, std::span<const uint32_t> words,
+                                            const std::optional<spirv::PipelineStage> &pipelineStage)
 {
-    spirv::RewriteResult result = spirv::rewrite(words, rewriteOptions(device, pipelineStage));
+    const auto known = device.rewriteCache.rewrite(words, rewriteOptions(device, pipelineStage));
+    const spirv::RewriteResult &result = *known;
     if (!device.driver.settings->dumpShaders.empty() && result.status != spirv::RewriteResult::Status::Unchanged) {
         static std::atomic<uint32_t> counter{0};
         const uint32_t number = counter++;
@@ -110,27 +119,27 @@ std::optional<std::vector<uint32_t>> emulateMicromaps(DevicePipelines &device, s
         warnOnce(device, words, "VELLUM-intersection-ray-flags",
                  "an intersection shader reads the ray flags: it does not see Opaque, CullNoOpaque and "
                  "ForceOpacityMicromap2State, which travel in ray payloads where not all rays have them alike");
-    return std::move(result.words);
+    return wordsOf(known);
 }
 
 } // namespace
 
-bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
+bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, SharedWords &storage,
                    std::optional<spirv::PipelineStage> pipelineStage)
 {
     const std::span<const uint32_t> words(code, bytes / 4);
-    std::optional<std::vector<uint32_t>> result = std::vector<uint32_t>();
+    std::optional<SharedWords> result;
     if (device.driver.emulated())
         result = emulateMicromaps(device, words, pipelineStage);
     else if (device.driver.translated())
         result = translateShader(device, words);
     else
         result = assumeMicromaps(device, words);
-    if (!result || result->empty())
+    if (!result || !*result)
         return result.has_value();
     storage = std::move(*result);
-    code = storage.data();
-    bytes = storage.size() * 4;
+    code = storage->data();
+    bytes = storage->size() * 4;
     return true;
 }
 
@@ -159,10 +168,10 @@ bool DriverStages::rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &c
         return true;
     const uint32_t *code = inlined->pCode;
     size_t bytes = inlined->codeSize;
-    std::vector<uint32_t> words;
+    SharedWords words;
     if (!rewriteShader(device_, code, bytes, words, pipelineStage))
         return false;
-    if (words.empty())
+    if (!words)
         return true;
     Chain &chain = chains_.emplace_back(stage.pNext);
     auto *module = chain.edit<VkShaderModuleCreateInfo>(VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
@@ -171,7 +180,7 @@ bool DriverStages::rewriteInline(VkPipelineShaderStageCreateInfo &stage, bool &c
                                       "an inline shader module is behind a structure of unknown size");
         return false;
     }
-    module->pCode = words_.emplace_back(std::move(words)).data();
+    module->pCode = words_.emplace_back(std::move(words))->data();
     module->codeSize = bytes;
     stage.pNext = chain.head();
     changed = true;

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -19,12 +20,14 @@ namespace vellum::layer
 
 struct DevicePipelines;
 
+using SharedWords = std::shared_ptr<const std::vector<uint32_t>>;
+
 spirv::RewriteOptions rewriteOptions(DevicePipelines &device,
                                      std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
 
 // Replaces `code` and `bytes` by what the driver gets, if that differs; `storage` then holds the words. Returns false
 // and reports an error if the shader cannot be rewritten.
-bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, std::vector<uint32_t> &storage,
+bool rewriteShader(DevicePipelines &device, const uint32_t *&code, size_t &bytes, SharedWords &storage,
                    std::optional<spirv::PipelineStage> pipelineStage = std::nullopt);
 
 // Stages with rewritten inline shader modules (VkShaderModuleCreateInfo in a stage's pNext chain). Other modules are
@@ -45,7 +48,7 @@ private:
     DevicePipelines &device_;
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
     std::deque<Chain> chains_;
-    std::deque<std::vector<uint32_t>> words_;
+    std::deque<SharedWords> words_;
     bool changed_ = false;
 };
 

@@ -16,6 +16,10 @@ using Region = VkStridedDeviceAddressRegionKHR;
 // Capacity for the hit records of an indirect command, whose number only the GPU knows.
 constexpr uint32_t kIndirectCapacity = 16 * 1024 * 1024;
 constexpr uint32_t kIndirectThreads = 4096;
+constexpr uint32_t kBytesOfThread = 128; // that each thread of hit_records.comp copies
+constexpr uint32_t kRecordsOfThread = 8; // where the driver has copied them
+// The driver copies larger tables. A smaller one is copied faster by the shader, with a barrier less.
+constexpr VkDeviceSize kLeastTransfer = 16 * 1024;
 constexpr VkDeviceSize kCommandBytes = 256;
 static_assert(sizeof(VkTraceRaysIndirectCommand2KHR) <= kCommandBytes);
 
@@ -42,23 +46,10 @@ shared::HitRecordsPush pushOf(const DevicePipelines &device, const RayTracingPip
     return push;
 }
 
-VkDeviceAddress allocate(const DevicePipelines &device, CommandState &state, VkDeviceSize bytes)
+void reportNoMemory(const DevicePipelines &device)
 {
-    state.scratch.restart();
-    const VkDeviceAddress address = state.scratch.allocate(bytes);
-    if (!address)
-        device.driver.report().error("VELLUM-out-of-memory",
-                                     "no memory for hit records: hits through null ones ignore opacity micromaps");
-    return address;
-}
-
-bool run(DevicePipelines &device, VkCommandBuffer commandBuffer, const shared::HitRecordsPush &push, uint64_t threads)
-{
-    InjectedWork work(device.commands, commandBuffer);
-    work.barrier();
-    const bool copied = work.dispatch(InjectedShader::HitRecords, push, threads, 64);
-    work.barrier();
-    return copied;
+    device.driver.report().error("VELLUM-out-of-memory",
+                                 "no memory for hit records: hits through null ones ignore opacity micromaps");
 }
 
 // The number of a table's records that hold a whole handle.
@@ -67,6 +58,41 @@ uint64_t recordsOf(const Region &table)
     if (table.deviceAddress == 0 || table.size < kGroupHandleBytes)
         return 0;
     return table.stride == 0 ? 1 : 1 + (table.size - kGroupHandleBytes) / table.stride;
+}
+
+// Runs the shader between barriers.
+bool run(InjectedWork &work, const shared::HitRecordsPush &push, uint64_t threads)
+{
+    work.barrier();
+    const bool copied = work.dispatch(InjectedShader::HitRecords, push, threads, 64);
+    work.barrier();
+    return copied;
+}
+
+// Writes the copy of a table: its records and up to `reached` ones, with the layer's record in place of null ones.
+bool write(DevicePipelines &device, VkCommandBuffer commandBuffer, const Region &table,
+           const HitTableCopies::Copy &copy, uint64_t reached, shared::HitRecordsPush push)
+{
+    push.source = table.deviceAddress;
+    push.target = copy.address;
+    push.size = static_cast<uint32_t>(table.size);
+    push.stride = static_cast<uint32_t>(table.stride);
+    push.capacity = static_cast<uint32_t>(copy.bytes);
+    const uint64_t records =
+        std::max(recordsOf(table), std::min(reached, recordsOf({copy.address, table.stride, copy.bytes})));
+    InjectedWork work(device.commands, commandBuffer);
+    const AddressMap::Location source =
+        table.size < kLeastTransfer
+            ? AddressMap::Location{}
+            : device.buffers.addresses.covering(table.deviceAddress, table.size, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+    if (!source.buffer)
+        return run(work, push, std::max(table.size, records * table.stride) / kBytesOfThread + 1);
+    device.commands.states.keep(commandBuffer, source.owner);
+    const VkBufferCopy region{source.offset, copy.offset, table.size};
+    work.barrier();
+    device.driver.next.CmdCopyBuffer(commandBuffer, source.buffer, copy.buffer, 1, &region);
+    push.copied = 1;
+    return run(work, push, records / kRecordsOfThread + 1);
 }
 
 // The hit table that the driver gets. The layer's any-hit shader runs for every triangle that a ray meets, and the
@@ -97,15 +123,19 @@ Region driverTable(DevicePipelines &device, VkCommandBuffer commandBuffer, const
         const VkDeviceSize needed = std::max(reached * table.stride, table.size);
         bytes += std::clamp(needed - table.size, kLeastPadding, kMostPadding);
     }
-    push.source = table.deviceAddress;
-    push.target = allocate(device, *state, bytes);
-    push.size = static_cast<uint32_t>(table.size);
-    push.stride = static_cast<uint32_t>(table.stride);
-    push.capacity = static_cast<uint32_t>(bytes);
-    const Region copy{push.target, table.stride, bytes};
-    if (!push.target || !run(device, commandBuffer, push, std::max(records, std::min(reached, recordsOf(copy)))))
+    const HitTableCopies::Copy copy = state->hitTables.get(
+        {table.deviceAddress, table.size, table.stride, pipeline->standIn.address(), push.reach}, bytes);
+    if (!copy.address) {
+        reportNoMemory(device);
         return table;
-    return copy;
+    }
+    const Region region{copy.address, table.stride, copy.bytes};
+    if (copy.isCurrent)
+        return region;
+    if (write(device, commandBuffer, table, copy, reached, push))
+        return region;
+    state->hitTables.forget();
+    return table;
 }
 
 } // namespace
@@ -134,10 +164,14 @@ void cmdTraceRaysIndirect2(DevicePipelines &device, VkCommandBuffer commandBuffe
     if (pipeline && !state->inheritsConditionalRendering) {
         shared::HitRecordsPush push = pushOf(device, *pipeline);
         push.command = command;
-        push.commandCopy = allocate(device, *state, kCommandBytes + kIndirectCapacity);
+        state->scratch.restart();
+        push.commandCopy = state->scratch.allocate(kCommandBytes + kIndirectCapacity);
         push.target = push.commandCopy + kCommandBytes;
         push.capacity = kIndirectCapacity;
-        if (push.commandCopy && run(device, commandBuffer, push, kIndirectThreads))
+        if (!push.commandCopy)
+            reportNoMemory(device);
+        InjectedWork work(device.commands, commandBuffer);
+        if (push.commandCopy && run(work, push, kIndirectThreads))
             command = push.commandCopy;
     }
     device.driver.next.CmdTraceRaysIndirect2KHR(commandBuffer, command);

@@ -3,8 +3,11 @@
 
 #include <set>
 
+#include "layer/base/pipeline_info.h"
 #include "layer/pipelines/device_pipelines.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
+
+#include "shaders/any_hit.h"
 
 namespace vellum::layer
 {
@@ -13,25 +16,13 @@ namespace
 
 using spirv::Prologue;
 
-uint32_t executionModelOf(VkShaderStageFlagBits stage)
-{
-    switch (stage) {
-    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return spv::ExecutionModelRayGenerationKHR;
-    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return spv::ExecutionModelIntersectionKHR;
-    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return spv::ExecutionModelAnyHitKHR;
-    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return spv::ExecutionModelClosestHitKHR;
-    case VK_SHADER_STAGE_MISS_BIT_KHR: return spv::ExecutionModelMissKHR;
-    default: return spv::ExecutionModelCallableKHR;
-    }
-}
-
 Prologue hitPrologue(const VkRayTracingShaderGroupCreateInfoKHR &group)
 {
     return group.type == VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR ? Prologue::BoxHits
                                                                                    : Prologue::TriangleHits;
 }
 
-// Of a stage that no group of its pipeline names.
+// For a stage that no group of its pipeline names.
 Prologue prologueFor(VkShaderStageFlagBits stage)
 {
     return stage == VK_SHADER_STAGE_ANY_HIT_BIT_KHR        ? Prologue::EitherHits
@@ -52,7 +43,7 @@ RewrittenModules::~RewrittenModules()
 VkResult RewrittenModules::rewrite(VkPipelineShaderStageCreateInfo &stage, Prologue prologue,
                                    const spirv::HiddenFlags &hidden)
 {
-    const spirv::PipelineStage target{stage.pName, executionModelOf(stage.stage), prologue, hidden};
+    const spirv::PipelineStage target{stage.pName, executionModelOf(stage.stage).value_or(0), prologue, hidden};
     const auto original = device_.rayTracingModules.get(stage.module);
     if (!original) {
         bool inlined = false;
@@ -65,18 +56,38 @@ VkResult RewrittenModules::rewrite(VkPipelineShaderStageCreateInfo &stage, Prolo
     if (!module) {
         const uint32_t *code = original->words.data();
         size_t bytes = original->words.size() * 4;
-        std::vector<uint32_t> storage;
+        SharedWords storage;
         if (!rewriteShader(device_, code, bytes, storage, target))
             return VK_ERROR_UNKNOWN;
-        const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, bytes, code};
-        VkShaderModule created = VK_NULL_HANDLE;
-        const VkResult result = device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &created);
-        if (result != VK_SUCCESS)
+        if (const VkResult result = create({code, bytes / 4}, module); result != VK_SUCCESS)
             return result;
-        module = created;
     }
     stage.module = module;
     return VK_SUCCESS;
+}
+
+VkShaderModule RewrittenModules::ownAnyHit(Prologue prologue, const spirv::HiddenFlags &hidden)
+{
+    VkShaderModule &module = modules_[{VK_NULL_HANDLE, VK_SHADER_STAGE_ANY_HIT_BIT_KHR, prologue, hidden, "main"}];
+    if (module)
+        return module;
+    const spirv::PipelineStage stage{"main", spv::ExecutionModelAnyHitKHR, prologue, hidden};
+    const auto result = device_.rewriteCache.rewrite(any_hit, rewriteOptions(device_, stage));
+    if (result->status != spirv::RewriteResult::Status::Rewritten || create(result->words, module) != VK_SUCCESS)
+        device_.driver.report().error("VELLUM-any-hit-shader",
+                                      "the driver could not create the module of the layer's any-hit shader");
+    return module;
+}
+
+VkResult RewrittenModules::create(std::span<const uint32_t> words, VkShaderModule &module)
+{
+    const VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, words.size_bytes(),
+                                        words.data()};
+    VkShaderModule created = VK_NULL_HANDLE;
+    const VkResult result = device_.driver.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &created);
+    if (result == VK_SUCCESS)
+        module = created;
+    return result;
 }
 
 spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
@@ -85,7 +96,7 @@ spirv::PayloadTypes payloadTypes(const DevicePipelines &device, const VkRayTraci
     spirv::PayloadTypes types;
     for (uint32_t i = 0; i < info.stageCount; ++i)
         incoming.push_back(types.add(stageCode(device, info.pStages[i]), info.pStages[i].pName,
-                                     executionModelOf(info.pStages[i].stage)));
+                                     executionModelOf(info.pStages[i].stage).value_or(0)));
     for (uint32_t i = 0; info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
         const auto library = device.rayTracingPipelines.get(info.pLibraryInfo->pLibraries[i]);
         if (!library)
@@ -204,13 +215,9 @@ bool MicromapStages::addOwnAnyHit(const Key &key)
     const auto [known, isNew] = index_.try_emplace(key, static_cast<uint32_t>(stages.size()));
     if (!isNew)
         return true;
-    const VkShaderModule module =
-        device_.anyHitModules.get(std::get<Prologue>(key), hiddenFor(key), rewriteOptions(device_));
-    if (!module) {
-        device_.driver.report().error("VELLUM-any-hit-shader",
-                                      "the driver could not create the module of the layer's any-hit shader");
+    const VkShaderModule module = modules_.ownAnyHit(std::get<Prologue>(key), hiddenFor(key));
+    if (!module)
         return false;
-    }
     stages.push_back({VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, VK_SHADER_STAGE_ANY_HIT_BIT_KHR,
                       module, "main", nullptr});
     return true;

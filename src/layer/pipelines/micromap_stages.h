@@ -33,8 +33,12 @@ public:
     // Replaces the code of a stage. VK_PIPELINE_COMPILE_REQUIRED if the stage has a module identifier and no code.
     VkResult rewrite(VkPipelineShaderStageCreateInfo &stage, spirv::Prologue prologue,
                      const spirv::HiddenFlags &hidden);
+    // The layer's any-hit shader, for hit groups without one. VK_NULL_HANDLE if the driver could not create it, after a
+    // message.
+    VkShaderModule ownAnyHit(spirv::Prologue prologue, const spirv::HiddenFlags &hidden);
 
 private:
+    VkResult create(std::span<const uint32_t> words, VkShaderModule &module);
     using Key = std::tuple<VkShaderModule, VkShaderStageFlagBits, spirv::Prologue, spirv::HiddenFlags, std::string>;
 
     DevicePipelines &device_;

@@ -7,9 +7,9 @@
 #include <span>
 
 #include "core/hash.h"
+#include "layer/pipelines/binaries.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "layer/pipelines/driver_stages.h"
-#include "layer/pipelines/shader_binary.h"
 
 namespace vellum::layer
 {
@@ -174,7 +174,7 @@ void getShaderModuleCreateInfoIdentifier(DevicePipelines &device, VkDevice handl
                                          VkShaderModuleIdentifierEXT *identifier)
 {
     VkShaderModuleCreateInfo driverInfo = *info;
-    std::vector<uint32_t> storage;
+    SharedWords storage;
     const bool known = rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage);
     device.driver.next.GetShaderModuleCreateInfoIdentifierEXT(handle, &driverInfo, identifier);
     if (known)

@@ -35,7 +35,7 @@ bool tolerateMixedSpecialIndex(const Driver &driver, const char *id, const char 
 // be created.
 bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
                         const char *command);
-// The same for a shader object. Removes the flag, which the driver does not know.
+// As above, for a shader object. Removes the flag, which the driver does not know.
 bool checkShaderFlags(const Driver &driver, VkShaderCreateInfoEXT &info);
 
 } // namespace vellum::layer

@@ -3,7 +3,6 @@
 // driver does not get ray flags that would bypass it.
 #pragma once
 
-#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -45,7 +44,7 @@ struct RayTracingPipeline {
     uint32_t mostStride = 0;      // largest SBT stride of its rays; 15 if unknown
     HiddenInBinary hidden;        // how the ray flags of its rays travel
     spirv::PayloadTypes payloads; // of its rays, if flags travel in payloads
-    // Of a library: the application's stages, then those of its own libraries, and the number of the driver's.
+    // For a library: the application's stages, then those of its own libraries, and the number of the driver's.
     std::vector<LibraryStage> stages;
     uint32_t driverStages = 0;
 
@@ -55,14 +54,6 @@ struct RayTracingPipeline {
     }
 };
 
-// pipeline_creation.cpp
-VkResult createRayTracingPipelines(DevicePipelines &, VkDevice, VkDeferredOperationKHR, VkPipelineCache, uint32_t,
-                                   const VkRayTracingPipelineCreateInfoKHR *, const VkAllocationCallbacks *,
-                                   VkPipeline *);
-// Calls `use` with the driver's create info. VK_PIPELINE_COMPILE_REQUIRED if code that must be rewritten is missing.
-VkResult
-withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR &info,
-               const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use);
 // The application's SPIR-V of a stage; empty if the stage has a module identifier. Valid as long as the stage's module.
 std::span<const uint32_t> stageCode(const DevicePipelines &device, const VkPipelineShaderStageCreateInfo &stage);
 // The flags of the rays that a stage traces.

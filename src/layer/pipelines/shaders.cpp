@@ -5,9 +5,8 @@
 #include <memory>
 
 #include "layer/base/undo.h"
+#include "layer/pipelines/binaries.h"
 #include "layer/pipelines/device_pipelines.h"
-#include "layer/pipelines/pipeline_binaries.h"
-#include "layer/pipelines/shader_binary.h"
 #include "spirv/module/scan.h"
 
 namespace vellum::layer
@@ -42,7 +41,7 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
                             const VkAllocationCallbacks *allocator, VkShaderModule *module)
 {
     VkShaderModuleCreateInfo driverInfo = *info;
-    std::vector<uint32_t> storage;
+    SharedWords storage;
     const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
     const spirv::ModuleScan scan = spirv::scan(words);
     if ((scan.tracesRays || device.driver.translated()) &&
@@ -125,7 +124,7 @@ VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count,
                        const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
     std::vector<VkShaderCreateInfoEXT> own(infos, infos + count);
-    std::deque<std::vector<uint32_t>> storage;
+    std::deque<SharedWords> storage;
     const auto prepare = [&](VkShaderCreateInfoEXT &info) {
         if (device.driver.providesMicromaps() && !checkShaderFlags(device.driver, info))
             return VK_ERROR_VALIDATION_FAILED_EXT;

@@ -20,7 +20,7 @@ namespace vellum::layer
 
 struct DevicePipelines;
 
-// What the create info of a compute or graphics pipeline points to once it is one for the driver.
+// Owns all that the create info of a compute or graphics pipeline points to once it is one for the driver.
 class DriverPipelineInfo
 {
 public:

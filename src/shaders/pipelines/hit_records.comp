@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #version 460
 #extension GL_GOOGLE_include_directive : require
-// Copies the hit records of a shader binding table, with the record of the layer's group in place of null handles, and
-// after the table's end as far as instances may reach: a hit without shaders still has to look up micromaps. The table is
-// named by the push constants, or by a VkTraceRaysIndirectCommand2KHR in memory; the copy of that names the copied table.
+// Copies the hit records of a shader binding table, unless the driver has done that. Writes the record of the layer's group
+// in place of null handles, and after the table's end as far as instances may reach: a hit without shaders still has to look
+// up micromaps. The table is named by the push constants, or by a VkTraceRaysIndirectCommand2KHR in memory; the copy of that
+// names the copied table.
 #include "shared.h"
 #include "push.h"
 #include "base/memory.glsl"
@@ -12,6 +13,9 @@ layout(local_size_x = 64) in;
 
 const uint kHandleBytes = 32u;
 const uint kHandleWords = kHandleBytes / 4u;
+const uint kUnitBytes = 16u;
+const uint kHandleUnits = kHandleBytes / kUnitBytes;
+const uint kUnitsOfThread = 8u; // in a row of workgroups' units
 const uint kCommandWords = 26u;
 const uint kHitWord = 10u; // of the command: hit records' address, size and stride, 64 bits each
 const uint kHitWords = 6u;
@@ -20,6 +24,49 @@ layout(push_constant, std430) uniform Push
 {
     HitRecordsPush push;
 };
+
+layout(buffer_reference, std430, buffer_reference_align = 16) buffer Units { uvec4 at[]; };
+
+// Copies a table whose address and stride are multiples of 16 bytes, as on all known drivers, and writes the records up to
+// `recordsWritten`. A workgroup copies a contiguous piece.
+void copyUnits(uvec2 source, uint size, uint stride, uint records, uint recordsWritten)
+{
+    const uint groups = gl_NumWorkGroups.x * gl_NumWorkGroups.y;
+    const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    const uint bytes = min(size, records * stride); // without a part of a record behind the last one
+    const uint whole = bytes / kUnitBytes;
+    const uint unitsOfRecord = stride / kUnitBytes;
+    const uint step = gl_WorkGroupSize.x % unitsOfRecord;
+    const uint padding = records * unitsOfRecord; // where it begins
+    const uint end = recordsWritten > records ? (recordsWritten - 1u) * unitsOfRecord + kHandleUnits : whole;
+    const uint unitsOfGroup = gl_WorkGroupSize.x * kUnitsOfThread;
+    Units from = Units(source);
+    Units to = Units(push.target);
+    for (uint begin = group * unitsOfGroup; begin < end; begin += groups * unitsOfGroup) {
+        uint unit = begin + gl_LocalInvocationIndex;
+        uint inRecord = unit % unitsOfRecord;
+        for (uint i = 0u; i < kUnitsOfThread; ++i) {
+            const bool inHandle = inRecord < kHandleUnits;
+            if (unit < whole) {
+                uvec4 value = from.at[unit];
+                if (inHandle && unit - inRecord + kHandleUnits <= whole) {
+                    const uvec4 other = from.at[unit + 1u - 2u * inRecord];
+                    if (all(equal(value | other, uvec4(0u))))
+                        value = Units(push.standIn).at[inRecord];
+                }
+                to.at[unit] = value;
+            } else if (inHandle && unit >= padding && unit < end) {
+                to.at[unit] = Units(push.standIn).at[inRecord];
+            }
+            unit += gl_WorkGroupSize.x;
+            inRecord += step;
+            inRecord -= inRecord >= unitsOfRecord ? unitsOfRecord : 0u;
+        }
+    }
+    if (group == 0u && gl_LocalInvocationIndex == 0u)
+        for (uint w = whole * (kUnitBytes / 4u); w < bytes / 4u; ++w)
+            Words(push.target).w[w] = Words(source).w[w];
+}
 
 void copyRecord(uvec2 from, uvec2 to, uint words)
 {
@@ -36,6 +83,18 @@ void writeStandIn(uvec2 to)
 {
     for (uint w = 0u; w < kHandleWords; ++w)
         Words(to).w[w] = Words(push.standIn).w[w];
+}
+
+// Replaces a null handle in the copy.
+void patchRecord(uvec2 at)
+{
+    uint bits = Words(at).w[0]; // others are seldom needed
+    if (bits != 0u)
+        return;
+    for (uint w = 1u; w < kHandleWords; ++w)
+        bits |= Words(at).w[w];
+    if (bits == 0u)
+        writeStandIn(at);
 }
 
 // Number of records that hold a whole handle.
@@ -92,9 +151,15 @@ void main()
         stride = size;
     else
         all = max(records, min(Words(push.recordOffset).w[0] + push.reach + 1u, recordsOf(push.capacity, stride)));
+    if (push.copied == 0u && ((source.x | stride) & (kUnitBytes - 1u)) == 0u) {
+        copyUnits(source, size, stride, records, all);
+        return;
+    }
     for (uint record = thread; record < all; record += threads) {
         const uvec2 target = elementAddress(push.target, record, stride);
-        if (record < records)
+        if (record < records && push.copied != 0u)
+            patchRecord(target);
+        else if (record < records)
             copyRecord(elementAddress(source, record, stride), target, min(stride, size - record * stride) / 4u);
         else
             writeStandIn(target);

@@ -146,7 +146,7 @@ uint vellumCustomIndex(const in uint slot)
     return InstanceWords(vellumRecord(slot)).w[0] & kCustomIndexMask;
 }
 
-// Whether CullNoOpaque culls a box; of the flags that are hidden from the driver, only this one culls boxes. False if the
+// Returns whether CullNoOpaque culls a box; of the flags that are hidden from the driver, only this one culls boxes. False if the
 // layer does not know the build of the boxes; then the any-hit shader, which runs for non-opaque boxes, decides.
 bool vellumCullsBox(const in uint slot, const in uint geometry, const in uint rayFlags)
 {

@@ -3,23 +3,13 @@
 
 #include <string>
 
-#include "spirv/module/module.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/micromap_mode.h"
+#include "spirv/module/numbers.h"
 
 namespace vellum::spirv
 {
 namespace
 {
-
-constexpr const char *kKhr = "SPV_KHR_opacity_micromap";
-constexpr const char *kExt = "SPV_EXT_opacity_micromap";
-
-bool isMode(Words in)
-{
-    const uint32_t opcode = opcodeOf(in);
-    return (opcode == spv::OpExecutionMode || opcode == spv::OpExecutionModeId) && in.size() > 2 &&
-           in[2] == kExecutionModeOpacityMicromapId;
-}
 
 bool isCapability(Words in, uint32_t capability)
 {
@@ -51,12 +41,13 @@ TranslateResult translateToExt(std::span<const uint32_t> words)
     bool declares = false;
     visitDeclarations(words, [&](Words in) {
         hasQueries = hasQueries || isCapability(in, spv::CapabilityRayQueryKHR);
-        declares = declares || isMode(in);
-        changes = changes || isMode(in) || isCapability(in, kCapabilityOpacityMicromapExecutionMode);
+        declares = declares || isMicromapMode(in);
+        changes =
+            changes || isMicromapMode(in) || isCapability(in, spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR);
         if (opcodeOf(in) == spv::OpExtension) {
             const std::string text = textOf(in.subspan(1));
-            hasExt = hasExt || text == kExt;
-            changes = changes || text == kKhr;
+            hasExt = hasExt || text == kExtExtension;
+            changes = changes || text == kKhrExtension;
         }
     });
     result.queriesForget = hasQueries && !declares;
@@ -64,13 +55,13 @@ TranslateResult translateToExt(std::span<const uint32_t> words)
         return result;
     result.words.assign(words.begin(), words.begin() + kHeaderWords);
     const size_t functions = visitDeclarations(words, [&](Words in) {
-        if (isMode(in) || isCapability(in, kCapabilityOpacityMicromapExecutionMode))
+        if (isMicromapMode(in) || isCapability(in, spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR))
             return;
-        if (opcodeOf(in) == spv::OpExtension && textOf(in.subspan(1)) == kKhr) {
+        if (opcodeOf(in) == spv::OpExtension && textOf(in.subspan(1)) == kKhrExtension) {
             if (hasExt)
                 return;
             hasExt = true;
-            const std::vector<uint32_t> text = stringWords(kExt);
+            const std::vector<uint32_t> text = stringWords(kExtExtension);
             result.words.push_back(static_cast<uint32_t>(text.size() + 1) << 16 | spv::OpExtension);
             result.words.insert(result.words.end(), text.begin(), text.end());
             return;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/module/link.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 #include <algorithm>
 

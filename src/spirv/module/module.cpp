@@ -1,36 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/module/module.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace vellum::spirv
 {
 namespace
 {
 
-// Universal limit of ids (SPIR-V specification, 2.17). It also bounds what a hostile header makes us allocate.
-constexpr uint32_t kMaxBound = 4'194'303;
-
-struct Shape {
-    bool hasResult = false, hasType = false;
+// Instructions with a result and no type, and with both, in the registry's grammar: the first and last opcode of each
+// range (tests/structure/check_spirv_numbers.py).
+struct Opcodes {
+    uint16_t first, last;
 };
+constexpr Opcodes kResults[] = {
+    {7, 7},       {11, 11},     {19, 38},     {73, 73},     {248, 248},   {322, 322},   {327, 327},
+    {4163, 4163}, {4190, 4190}, {4417, 4417}, {4456, 4456}, {4472, 4472}, {5076, 5076}, {5103, 5104},
+    {5115, 5115}, {5281, 5281}, {5288, 5288}, {5313, 5313}, {5341, 5341}, {5358, 5358}, {5370, 5371},
+    {5609, 5609}, {5700, 5712}, {5911, 5913}, {6086, 6086}, {6199, 6199},
+};
+constexpr Opcodes kTypedResults[] = {
+    {1, 1},       {12, 12},     {41, 46},     {48, 52},     {54, 55},     {57, 57},     {59, 61},     {65, 70},
+    {77, 84},     {86, 98},     {100, 107},   {109, 124},   {126, 152},   {154, 191},   {194, 205},   {207, 215},
+    {227, 227},   {229, 242},   {245, 245},   {259, 259},   {261, 271},   {274, 279},   {282, 286},   {291, 296},
+    {299, 300},   {303, 316},   {318, 318},   {320, 321},   {323, 326},   {328, 328},   {333, 366},   {400, 403},
+    {4160, 4162}, {4164, 4164}, {4166, 4166}, {4181, 4181}, {4183, 4184}, {4195, 4195}, {4418, 4425}, {4427, 4434},
+    {4447, 4447}, {4450, 4455}, {4457, 4457}, {4459, 4463}, {4477, 4477}, {4479, 4483}, {4497, 4497}, {4500, 4503},
+    {4540, 4542}, {4545, 4545}, {5000, 5007}, {5011, 5012}, {5056, 5056}, {5074, 5074}, {5078, 5078}, {5090, 5090},
+    {5101, 5101}, {5110, 5111}, {5119, 5119}, {5126, 5126}, {5129, 5129}, {5147, 5148}, {5158, 5159}, {5252, 5255},
+    {5257, 5258}, {5265, 5265}, {5267, 5278}, {5283, 5283}, {5289, 5289}, {5292, 5293}, {5296, 5296}, {5300, 5302},
+    {5307, 5308}, {5320, 5320}, {5322, 5334}, {5340, 5340}, {5345, 5352}, {5359, 5359}, {5361, 5363}, {5366, 5367},
+    {5369, 5369}, {5372, 5379}, {5381, 5382}, {5384, 5384}, {5390, 5396}, {5398, 5398}, {5427, 5439}, {5571, 5575},
+    {5577, 5577}, {5580, 5580}, {5585, 5598}, {5600, 5601}, {5610, 5611}, {5614, 5615}, {5631, 5631}, {5699, 5699},
+    {5713, 5816}, {5818, 5819}, {5840, 5843}, {5846, 5882}, {5923, 5934}, {5938, 5938}, {5949, 5949}, {6016, 6032},
+    {6035, 6035}, {6116, 6117}, {6145, 6145}, {6163, 6163}, {6165, 6165}, {6237, 6237}, {6242, 6242}, {6244, 6244},
+    {6251, 6254}, {6258, 6258}, {6401, 6408}, {6426, 6426}, {6428, 6428}, {6529, 6531}, {6916, 6918},
+};
+constexpr uint32_t kOpcodes = std::end(kTypedResults)[-1].last + 1u;
+static_assert(std::end(kResults)[-1].last < kOpcodes);
 
-// Whether the operands of an opcode begin with a result type and a result. Installed headers may be too old for some.
-Shape shapeOf(uint32_t opcode)
-{
-    switch (opcode) {
-    case kOpTypeHitObjectEXT: return {true, false};
-    case kOpHitObjectGetInstanceCustomIndexNV:
-    case kOpHitObjectGetInstanceCustomIndexEXT:
-    case kOpHitObjectGetRayFlagsEXT: return {true, true};
-    default: break;
-    }
-    Shape shape;
-    spv::HasResultAndType(static_cast<spv::Op>(opcode), &shape.hasResult, &shape.hasType);
-    return shape;
-}
+constexpr auto kShapes = [] {
+    std::array<ResultShape, kOpcodes> shapes{};
+    for (const Opcodes &range : kResults)
+        for (uint32_t opcode = range.first; opcode <= range.last; ++opcode)
+            shapes[opcode] = {.hasResult = true};
+    for (const Opcodes &range : kTypedResults)
+        for (uint32_t opcode = range.first; opcode <= range.last; ++opcode)
+            shapes[opcode] = {.hasResult = true, .hasType = true};
+    return shapes;
+}();
 
 // The section of an opcode; nothing for those that can be in several (OpLine, OpExtInst, OpUndef...) and unknown ones.
 std::optional<Section> sectionOf(uint32_t opcode)
@@ -62,7 +83,7 @@ std::optional<Section> sectionOf(uint32_t opcode)
     default: break;
     }
     // Types (also those of extensions) and constants. OpExtInst may carry debug information about other sections.
-    if (opcode == spv::OpTypeForwardPointer || (shapeOf(opcode).hasResult && opcode != spv::OpExtInst))
+    if (opcode == spv::OpTypeForwardPointer || (resultShape(opcode).hasResult && opcode != spv::OpExtInst))
         return Section::Globals;
     return {};
 }
@@ -93,8 +114,8 @@ uint32_t minimumWords(uint32_t opcode)
     case spv::OpSwitch:
     case spv::OpCopyMemory:
     case spv::OpConstantNull:
-    case kOpHitObjectRecordMissEXT:
-    case kOpHitObjectRecordMissMotionEXT: return 3;
+    case spv::OpHitObjectRecordMissEXT:
+    case spv::OpHitObjectRecordMissMotionEXT: return 3;
     case spv::OpEntryPoint:
     case spv::OpTypeInt:
     case spv::OpTypeVector:
@@ -111,27 +132,32 @@ uint32_t minimumWords(uint32_t opcode)
     case spv::OpRayQueryProceedKHR:
     case spv::OpRayQueryGetRayFlagsKHR:
     case spv::OpRayQueryGetIntersectionCandidateAABBOpaqueKHR:
-    case kOpHitObjectTraceRayNV:
-    case kOpHitObjectTraceRayMotionNV:
-    case kOpHitObjectTraceRayEXT:
-    case kOpHitObjectTraceRayMotionEXT:
-    case kOpHitObjectTraceReorderExecuteEXT:
-    case kOpHitObjectTraceMotionReorderExecuteEXT:
-    case kOpHitObjectGetInstanceCustomIndexNV:
-    case kOpHitObjectGetInstanceCustomIndexEXT:
-    case kOpHitObjectGetRayFlagsEXT: return 4;
+    case spv::OpHitObjectTraceRayNV:
+    case spv::OpHitObjectTraceRayMotionNV:
+    case spv::OpHitObjectTraceRayEXT:
+    case spv::OpHitObjectTraceRayMotionEXT:
+    case spv::OpHitObjectTraceReorderExecuteEXT:
+    case spv::OpHitObjectTraceMotionReorderExecuteEXT:
+    case spv::OpHitObjectGetInstanceCustomIndexNV:
+    case spv::OpHitObjectGetInstanceCustomIndexEXT:
+    case spv::OpHitObjectGetRayFlagsEXT: return 4;
     case spv::OpFunction:
     case spv::OpExtInst:
     case spv::OpRayQueryGetIntersectionTypeKHR:
     case spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR: return 5;
     case spv::OpRayQueryInitializeKHR: return 9;
     case spv::OpTraceRayKHR: return 12;
-    case kOpTraceRayMotionNV: return 13;
+    case spv::OpTraceRayMotionNV: return 13;
     default: return 1;
     }
 }
 
 } // namespace
+
+ResultShape resultShape(uint32_t opcode)
+{
+    return opcode < kOpcodes ? kShapes[opcode] : ResultShape{};
+}
 
 std::optional<Module> Module::parse(Words words, std::string &error)
 {
@@ -188,6 +214,8 @@ bool Module::split(Words words, std::string &error)
                     before.erase(others, before.end());
                 }
                 current = *s;
+                if (current == Section::Functions)
+                    moveLines();
             }
             known = s ? section(current).size() + 1 : known;
         }
@@ -214,11 +242,21 @@ bool Module::split(Words words, std::string &error)
     return error.empty();
 }
 
+// OpLine before the first function belongs to the function.
+void Module::moveLines()
+{
+    auto &globals = section(Section::Globals);
+    const auto isLine = [](Instruction in) { return in.opcode == spv::OpLine || in.opcode == spv::OpNoLine; };
+    const auto lines = std::find_if_not(globals.rbegin(), globals.rend(), isLine).base();
+    section(Section::Functions).assign(lines, globals.end());
+    globals.erase(lines, globals.end());
+}
+
 bool Module::define(Instruction in, bool global, std::string &error)
 {
     const Id id = result(in);
     if (id == 0) {
-        if (shapeOf(in.opcode).hasResult)
+        if (resultShape(in.opcode).hasResult)
             error = "instruction lacks its result id";
         return error.empty();
     }
@@ -264,13 +302,13 @@ std::string Module::string(Instruction in, uint32_t i) const
 
 Id Module::result(Instruction in) const
 {
-    const Shape shape = shapeOf(in.opcode);
+    const ResultShape shape = resultShape(in.opcode);
     return shape.hasResult ? word(in, shape.hasType ? 2 : 1) : 0;
 }
 
 Id Module::resultType(Instruction in) const
 {
-    return shapeOf(in.opcode).hasType ? word(in, 1) : 0;
+    return resultShape(in.opcode).hasType ? word(in, 1) : 0;
 }
 
 Instruction Module::make(uint32_t opcode, Words operands)
@@ -335,6 +373,12 @@ bool Module::hasCapability(uint32_t capability) const
     return std::ranges::any_of(section(Section::Capabilities), [&](Instruction in) {
         return in.opcode == spv::OpCapability && word(in, 1) == capability;
     });
+}
+
+bool Module::hasExtension(const char *name) const
+{
+    return std::ranges::any_of(section(Section::Extensions),
+                               [&](Instruction in) { return in.opcode == spv::OpExtension && string(in, 1) == name; });
 }
 
 std::vector<uint32_t> stringWords(const char *text)

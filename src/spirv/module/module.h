@@ -43,6 +43,14 @@ struct Instruction {
     uint16_t opcode = 0;
 };
 
+// The operands of an instruction begin with a result type, if it has one, and a result. Unknown opcodes have neither.
+struct ResultShape {
+    bool hasResult = false, hasType = false;
+};
+ResultShape resultShape(uint32_t opcode);
+
+// Universal limit of ids (SPIR-V specification, 2.17). It also bounds what a hostile header makes us allocate.
+inline constexpr uint32_t kMaxBound = 4'194'303;
 inline constexpr size_t kMaxInstructionWords = 65535;
 inline constexpr const char *kTooLongInterface = "an entry point has too long an interface";
 
@@ -57,6 +65,7 @@ public:
     std::vector<uint32_t> serialize() const;
 
     uint32_t version() const { return version_; }
+    uint32_t bound() const { return bound_; }
     std::vector<Instruction> &section(Section s) { return sections_[static_cast<size_t>(s)]; }
     const std::vector<Instruction> &section(Section s) const { return sections_[static_cast<size_t>(s)]; }
 
@@ -95,12 +104,14 @@ public:
     void set(Instruction in, uint32_t i, uint32_t value);
 
     bool hasCapability(uint32_t capability) const;
+    bool hasExtension(const char *name) const;
     // Adds module-scope variables to the interfaces of all entry points, where the version of SPIR-V wants that:
     // from 1.4 on an interface has all that the entry point uses. False if one gets too long.
     bool addToInterfaces(const std::vector<Id> &variables);
 
 private:
     bool split(Words words, std::string &error);
+    void moveLines();
     bool define(Instruction in, bool global, std::string &error);
     bool checkReferences(std::string &error) const;
 

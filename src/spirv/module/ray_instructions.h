@@ -16,8 +16,10 @@ struct RayInstruction {
     uint32_t query = 0;   // the ray query that the hit object is made from
     bool empties = false; // makes an empty hit object
 
+    // It traces a ray, and may call shaders for it.
+    [[nodiscard]] bool traces() const { return payload != 0 && flags != 0; }
     // The SBT stride of a traced ray, which follows flags, cull mask and SBT offset.
-    [[nodiscard]] uint32_t stride() const { return payload != 0 && flags != 0 ? flags + 3 : 0; }
+    [[nodiscard]] uint32_t stride() const { return traces() ? flags + 3 : 0; }
     // It calls shaders for a hit object that was made before.
     [[nodiscard]] bool onlyExecutes() const { return payload != 0 && flags == 0; }
 };

@@ -5,7 +5,7 @@
 #include <optional>
 #include <unordered_map>
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/ray_instructions.h"
 #include "spirv/module/words.h"
 
@@ -28,10 +28,10 @@ bool declaresRays(uint32_t capability)
     switch (capability) {
     case spv::CapabilityRayQueryKHR:
     case spv::CapabilityRayTracingKHR:
-    case kCapabilityRayTraversalPrimitiveCulling:
-    case kCapabilityRayQueryPositionFetch:
-    case kCapabilityOpacityMicromap:
-    case kCapabilityOpacityMicromapExecutionMode: return true;
+    case spv::CapabilityRayTraversalPrimitiveCullingKHR:
+    case spv::CapabilityRayQueryPositionFetchKHR:
+    case spv::CapabilityRayTracingOpacityMicromapKHR:
+    case spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR: return true;
     default: return false;
     }
 }
@@ -135,7 +135,7 @@ bool forcesTwoStatesWithoutCapability(std::span<const uint32_t> words)
     visitInstructions(words, [&](Words in) {
         const uint32_t opcode = opcodeOf(in);
         if (opcode == spv::OpCapability && in.size() == 2)
-            capability = capability || in[1] == kCapabilityOpacityMicromap;
+            capability = capability || in[1] == spv::CapabilityRayTracingOpacityMicromapKHR;
         else if (opcode == spv::OpConstant && in.size() == 4)
             constants[in[2]] = in[3];
         const auto ray = rayInstruction(opcode);

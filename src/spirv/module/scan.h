@@ -28,7 +28,8 @@ struct ModuleScan {
 };
 ModuleScan scan(std::span<const uint32_t> words);
 
-// Whether rays have the constant flag ForceOpacityMicromap2State, and the module lacks the capability that it needs.
+// Returns whether rays have the constant flag ForceOpacityMicromap2State, and the module lacks the capability that it
+// needs.
 bool forcesTwoStatesWithoutCapability(std::span<const uint32_t> words);
 
 } // namespace vellum::spirv

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/module/types.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 
 namespace vellum::spirv
 {

@@ -33,7 +33,7 @@ public:
     // constants are all else: the application may still change them.
     std::optional<uint32_t> valueOf(Id id) const;
 
-    // What `get` can look up.
+    // Returns whether `get` can look up such an instruction.
     static bool isUnique(uint32_t opcode);
 
 private:

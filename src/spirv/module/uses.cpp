@@ -1,18 +1,64 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "spirv/module/uses.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/ray_instructions.h"
 
 namespace vellum::spirv
 {
+
+CallGraph::CallGraph(const Module &module)
+{
+    Id caller = 0;
+    for (const Instruction in : module.section(Section::Functions)) {
+        if (in.opcode == spv::OpFunction)
+            caller = module.result(in);
+        if (in.opcode != spv::OpFunctionCall)
+            continue;
+        callees_[caller].insert(module.word(in, 3));
+        callers_[module.word(in, 3)].insert(caller);
+    }
+}
+
+const std::set<Id> &CallGraph::callees(Id function) const
+{
+    static const std::set<Id> kNone;
+    const auto found = callees_.find(function);
+    return found == callees_.end() ? kNone : found->second;
+}
+
+std::set<Id> CallGraph::reachedFrom(std::vector<Id> functions) const
+{
+    return closure(callees_, std::move(functions));
+}
+
+std::set<Id> CallGraph::reaching(std::vector<Id> functions) const
+{
+    return closure(callers_, std::move(functions));
+}
+
+std::set<Id> CallGraph::closure(const Neighbours &neighbours, std::vector<Id> functions)
+{
+    std::set<Id> reached;
+    while (!functions.empty()) {
+        const Id next = functions.back();
+        functions.pop_back();
+        if (!reached.insert(next).second)
+            continue;
+        if (const auto found = neighbours.find(next); found != neighbours.end())
+            functions.insert(functions.end(), found->second.begin(), found->second.end());
+    }
+    return reached;
+}
+
 namespace
 {
 
 // Longest chain of copies that is followed. In a malformed module an id can be a copy of itself.
 constexpr int kMaxCopies = 64;
 
-// Whether an instruction has the pointer among its operands. Other words may be literals that are equal to the id.
+// Returns whether an instruction has the pointer among its operands. Other words may be literals that are equal to the
+// id.
 bool hasOperand(const Module &module, Instruction in, Id pointer)
 {
     const auto among = [&](uint32_t first, uint32_t last) {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visits the words of SPIR-V, instruction by instruction, without parsing it as a Module (module.h). Needs no headers
-// of SPIR-V.
+// Visits the words of SPIR-V, instruction by instruction, without parsing it as a Module (module.h).
 #pragma once
 
 #include <cstddef>
@@ -8,17 +7,20 @@
 #include <span>
 #include <string>
 
+#include "spirv/module/numbers.h"
+
 namespace vellum::spirv
 {
 
 using Words = std::span<const uint32_t>;
 
 inline constexpr size_t kHeaderWords = 5;
-inline constexpr uint32_t kMagicNumber = 0x07230203;
+inline constexpr uint32_t kVersion14 = 0x00010400;
+inline constexpr uint32_t kVersion15 = 0x00010500;
 
 inline bool isSpirv(Words words)
 {
-    return words.size() >= kHeaderWords && words[0] == kMagicNumber;
+    return words.size() >= kHeaderWords && words[0] == spv::MagicNumber;
 }
 
 inline uint32_t opcodeOf(Words instruction)

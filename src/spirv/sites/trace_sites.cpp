@@ -5,9 +5,8 @@
 
 #include "spirv/module/code.h"
 #include "spirv/module/link.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/ray_instructions.h"
-#include "spirv/module/reach.h"
 #include "spirv/module/uses.h"
 
 #include "shaders/traced.h"
@@ -23,7 +22,7 @@ uint32_t structureOperand(Instruction in)
     if (in.opcode == spv::OpRayQueryInitializeKHR)
         return 2;
     const auto ray = rayInstruction(in.opcode);
-    return ray && ray->payload != 0 && ray->flags > 1 ? ray->flags - 1 : 0;
+    return ray && ray->traces() ? ray->flags - 1 : 0;
 }
 
 std::optional<uint32_t> decorationOf(const Module &module, Id id, uint32_t decoration)
@@ -63,7 +62,7 @@ std::set<Id> functionsOf(const Module &module, const StageName &stage)
     for (const Instruction in : module.section(Section::EntryPoints))
         if (in.opcode == spv::OpEntryPoint && module.word(in, 1) == stage.executionModel &&
             module.string(in, 3) == stage.entryPoint)
-            return reachedFrom(module, {module.word(in, 2)});
+            return CallGraph(module).reachedFrom({module.word(in, 2)});
     return {};
 }
 

@@ -6,7 +6,6 @@
 
 #include "layer/base/pnext.h"
 #include "spirv/module/code.h"
-#include "spirv/module/integers.h"
 #include "spirv/module/ray_instructions.h"
 
 namespace faults
@@ -15,6 +14,7 @@ namespace
 {
 
 using namespace vellum::spirv;
+namespace spv = vellum::spv;
 using vellum::layer::Chain;
 constexpr Level kLevel = Level::Shaders;
 
@@ -94,7 +94,7 @@ std::vector<uint32_t> withTrueMode(Words words)
     std::vector<uint32_t> out(words.begin(), words.end());
     Id operand = 0;
     visitInstructions(words, [&](Words instruction) {
-        if (opcodeOf(instruction) == spv::OpExecutionModeId && instruction[2] == kExecutionModeOpacityMicromapId)
+        if (opcodeOf(instruction) == spv::OpExecutionModeId && instruction[2] == spv::ExecutionModeOpacityMicromapIdKHR)
             operand = instruction[3];
         if (opcodeOf(instruction) == spv::OpSpecConstantFalse && instruction[2] == operand) {
             uint32_t &first = out[static_cast<size_t>(instruction.data() - words.data())];

@@ -9,7 +9,7 @@
 
 #include "layer/base/pnext.h"
 #include "spirv/module/module.h"
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/types.h"
 
 namespace forcing
@@ -19,6 +19,7 @@ namespace
 
 using vellum::layer::Chain;
 namespace spirv = vellum::spirv;
+namespace spv = vellum::spv;
 using Words = std::vector<uint32_t>;
 
 // The module with the execution mode; empty where it has no ray queries, or declares the mode itself.
@@ -29,14 +30,15 @@ Words withExecutionMode(const void *code, size_t bytes)
     std::optional<spirv::Module> module =
         spirv::Module::parse({static_cast<const uint32_t *>(code), bytes / sizeof(uint32_t)}, error);
     if (!module || !module->hasCapability(kRayQuery) ||
-        module->hasCapability(spirv::kCapabilityOpacityMicromapExecutionMode))
+        module->hasCapability(spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR))
         return {};
     const spirv::Id yes = spirv::Types(*module).constantTrue();
-    module->append(spirv::Section::Capabilities, spv::OpCapability, {spirv::kCapabilityOpacityMicromapExecutionMode});
+    module->append(spirv::Section::Capabilities, spv::OpCapability,
+                   {spv::CapabilityRayTracingOpacityMicromapExecutionModeKHR});
     module->append(spirv::Section::Extensions, spv::OpExtension, spirv::stringWords("SPV_KHR_opacity_micromap"));
     for (const spirv::Instruction entry : module->section(spirv::Section::EntryPoints))
         module->append(spirv::Section::ExecutionModes, kOpExecutionModeId,
-                       {module->word(entry, 2), spirv::kExecutionModeOpacityMicromapId, yes});
+                       {module->word(entry, 2), spv::ExecutionModeOpacityMicromapIdKHR, yes});
     ++counts.shaders;
     return module->serialize();
 }

@@ -2,7 +2,7 @@
 // Pipelines of all kinds, shader objects, and stack sizes.
 #include "layers/spy.h"
 
-#include "spirv/module/opcodes.h"
+#include "spirv/module/numbers.h"
 #include "spirv/module/scan.h"
 #include "spirv/payload_types.h"
 

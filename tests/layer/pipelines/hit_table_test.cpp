@@ -295,6 +295,241 @@ TEST_F(HitTables, OfACommandBufferThatMayRunTwice)
     }
 }
 
+// A table that changes between two traces of a command buffer, which is submitted twice. Each kind of dependency that
+// makes the change visible is as weak as the specification allows.
+class ChangedHitTables : public HitTables
+{
+protected:
+    void SetUp() override
+    {
+        HitTables::SetUp();
+        if (IsSkipped())
+            return;
+        tracer_.emplace(gpu());
+        scene_.emplace(gpu());
+        stride_ = tracer_->table().hit.stride;
+        source_ = Buffer(gpu(), stride_ * 4, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
+        table_ = Buffer(gpu(), stride_ * 2 + 256,
+                        VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
+                            VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
+        base_ = (table_.address() + 63) / 64 * 64;
+        std::memset(source_.bytes(), 0, stride_ * 4);
+        put(0, 2, 100);
+        put(1, 3, 101);
+        put(2, std::nullopt, 100);
+        put(3, 3, 101);
+    }
+    void TearDown() override
+    {
+        table_ = {};
+        source_ = {};
+        scene_.reset();
+        tracer_.reset();
+        HitTables::TearDown();
+    }
+
+    void put(size_t record, std::optional<uint32_t> group, uint32_t data)
+    {
+        const size_t handle = gpu().pipelineProperties().shaderGroupHandleSize;
+        uint8_t *at = source_.bytes() + record * stride_;
+        if (group)
+            std::memcpy(at, tracer_->pipeline().groupHandles(*group).data(), handle);
+        std::memcpy(at + handle, &data, sizeof data);
+    }
+
+    // Copies a content into the table: one that has all records, or one that lacks that of triangles.
+    void write(VkCommandBuffer commands, bool lacks) const
+    {
+        const VkBufferCopy region{lacks ? 2 * stride_ : 0, base_ - table_.address(), stride_ * 2};
+        vkCmdCopyBuffer(commands, source_.handle(), table_.handle(), 1, &region);
+    }
+
+    void traceOnce(VkCommandBuffer commands)
+    {
+        const BindingTable &own = tracer_->table();
+        const VkStridedDeviceAddressRegionKHR hit{base_, stride_, stride_ * 2};
+        tracer_->bind(commands);
+        gpu().vk().CmdTraceRaysKHR(commands, &own.raygen, &own.miss, &hit, &own.callable, tracer_->rayCount(), 1, 1);
+    }
+
+    // A barrier that makes nothing visible to reads of tables.
+    static void order(VkCommandBuffer commands, VkPipelineStageFlags from, VkPipelineStageFlags to,
+                      VkAccessFlags written, VkAccessFlags writes)
+    {
+        const auto memory = vkInit<VkMemoryBarrier>({.srcAccessMask = written, .dstAccessMask = writes});
+        vkCmdPipelineBarrier(commands, from, to, 0, 1, &memory, 0, nullptr, 0, nullptr);
+    }
+
+    // Traces, changes the table, calls show(commands), and traces again.
+    template <typename Show>
+    void expectChange(const char *name, Show show)
+    {
+        SCOPED_TRACE(name);
+        for (const bool lacks : {false, true}) {
+            tracer_->prepare(scene_->tlas(), scene_->rays(0), 4);
+            VkCommandBuffer commands = gpu().begin(0);
+            write(commands, !lacks);
+            barrier(commands);
+            traceOnce(commands);
+            order(commands, kTraces, VK_PIPELINE_STAGE_TRANSFER_BIT, 0, VK_ACCESS_TRANSFER_WRITE_BIT);
+            write(commands, lacks);
+            show(commands);
+            order(commands, kTraces, kTraces, VK_ACCESS_SHADER_WRITE_BIT, VK_ACCESS_SHADER_WRITE_BIT);
+            traceOnce(commands);
+            barrier(commands);
+            gpu().end(commands);
+            for (int i = 0; i < 2; ++i) {
+                tracer_->clearResults();
+                gpu().execute(commands);
+                scene_->expect(tracer_->results(), 0, {.triangleAnyHit = !lacks, .triangleClosestHit = !lacks});
+            }
+            vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+        }
+    }
+
+    static constexpr VkPipelineStageFlags kCopies = VK_PIPELINE_STAGE_TRANSFER_BIT;
+    static constexpr VkPipelineStageFlags kTraces = VK_PIPELINE_STAGE_RAY_TRACING_SHADER_BIT_KHR;
+    const VkMemoryBarrier memory_ = vkInit<VkMemoryBarrier>(
+        {.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT, .dstAccessMask = VK_ACCESS_SHADER_READ_BIT});
+    std::optional<PipelineTracer> tracer_;
+    std::optional<PipelineScene> scene_;
+    VkDeviceSize stride_ = 0;
+    VkDeviceAddress base_ = 0;
+    Buffer source_, table_;
+};
+
+TEST_F(ChangedHitTables, ShownByBarriers)
+{
+    expectChange("memory barrier", [&](VkCommandBuffer commands) {
+        vkCmdPipelineBarrier(commands, kCopies, kTraces, 0, 1, &memory_, 0, nullptr, 0, nullptr);
+    });
+    expectChange("buffer barrier", [&](VkCommandBuffer commands) {
+        const auto buffer = vkInit<VkBufferMemoryBarrier>({.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT,
+                                                           .dstAccessMask = VK_ACCESS_SHADER_READ_BIT,
+                                                           .srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                                           .dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED,
+                                                           .buffer = table_.handle(),
+                                                           .offset = 0,
+                                                           .size = VK_WHOLE_SIZE});
+        vkCmdPipelineBarrier(commands, kCopies, kTraces, 0, 0, nullptr, 1, &buffer, 0, nullptr);
+    });
+    const std::pair<VkPipelineStageFlags2, VkAccessFlags2> kinds[] = {
+        {VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR, VK_ACCESS_2_SHADER_BINDING_TABLE_READ_BIT_KHR},
+        {VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR, VK_ACCESS_2_SHADER_READ_BIT},
+        {VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT, VK_ACCESS_2_MEMORY_READ_BIT}};
+    for (const auto &[stage, access] : kinds)
+        expectChange("barrier 2", [stage, access](VkCommandBuffer commands) {
+            const auto memory = vkInit<VkMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
+                                                          .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+                                                          .dstStageMask = stage,
+                                                          .dstAccessMask = access});
+            const auto info = vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &memory});
+            vkCmdPipelineBarrier2(commands, &info);
+        });
+}
+
+TEST_F(ChangedHitTables, ShownByEvents)
+{
+    const auto eventInfo = vkInit<VkEventCreateInfo>();
+    VkEvent event = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateEvent(gpu().device(), &eventInfo, nullptr, &event));
+    expectChange("event", [&](VkCommandBuffer commands) {
+        vkCmdResetEvent(commands, event, kCopies);
+        vkCmdPipelineBarrier(commands, kCopies, kCopies, 0, 0, nullptr, 0, nullptr, 0, nullptr);
+        vkCmdSetEvent(commands, event, kCopies);
+        vkCmdWaitEvents(commands, 1, &event, kCopies, kTraces, 1, &memory_, 0, nullptr, 0, nullptr);
+    });
+    expectChange("event 2", [&](VkCommandBuffer commands) {
+        const auto memory = vkInit<VkMemoryBarrier2>({.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT,
+                                                      .srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT,
+                                                      .dstStageMask = VK_PIPELINE_STAGE_2_RAY_TRACING_SHADER_BIT_KHR,
+                                                      .dstAccessMask = VK_ACCESS_2_SHADER_READ_BIT});
+        const auto info = vkInit<VkDependencyInfo>({.memoryBarrierCount = 1, .pMemoryBarriers = &memory});
+        vkCmdResetEvent2(commands, event, VK_PIPELINE_STAGE_2_COPY_BIT);
+        vkCmdPipelineBarrier(commands, kCopies, kCopies, 0, 0, nullptr, 0, nullptr, 0, nullptr);
+        vkCmdSetEvent2(commands, event, &info);
+        vkCmdWaitEvents2(commands, 1, &event, &info);
+    });
+    vkDestroyEvent(gpu().device(), event, nullptr);
+}
+
+// The dependencies of a render pass without attachments.
+TEST_F(ChangedHitTables, ShownByRenderPasses)
+{
+    const VkSubpassDescription subpass{.pipelineBindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS};
+    constexpr VkPipelineStageFlags kGraphics = VK_PIPELINE_STAGE_ALL_GRAPHICS_BIT;
+    const VkSubpassDependency dependencies[] = {
+        {VK_SUBPASS_EXTERNAL, 0, kCopies, kGraphics, VK_ACCESS_TRANSFER_WRITE_BIT, VK_ACCESS_SHADER_READ_BIT, 0},
+        {0, VK_SUBPASS_EXTERNAL, kGraphics, kTraces, 0, VK_ACCESS_SHADER_READ_BIT, 0}};
+    const auto passInfo = vkInit<VkRenderPassCreateInfo>(
+        {.subpassCount = 1, .pSubpasses = &subpass, .dependencyCount = 2, .pDependencies = dependencies});
+    VkRenderPass pass = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateRenderPass(gpu().device(), &passInfo, nullptr, &pass));
+    const auto framebufferInfo =
+        vkInit<VkFramebufferCreateInfo>({.renderPass = pass, .width = 1, .height = 1, .layers = 1});
+    VkFramebuffer framebuffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateFramebuffer(gpu().device(), &framebufferInfo, nullptr, &framebuffer));
+    const auto beginInfo =
+        vkInit<VkRenderPassBeginInfo>({.renderPass = pass, .framebuffer = framebuffer, .renderArea = {{0, 0}, {1, 1}}});
+    expectChange("render pass", [&](VkCommandBuffer commands) {
+        vkCmdBeginRenderPass(commands, &beginInfo, VK_SUBPASS_CONTENTS_INLINE);
+        vkCmdEndRenderPass(commands);
+    });
+    expectChange("render pass 2", [&](VkCommandBuffer commands) {
+        const auto subpassBegin = vkInit<VkSubpassBeginInfo>({.contents = VK_SUBPASS_CONTENTS_INLINE});
+        const auto subpassEnd = vkInit<VkSubpassEndInfo>();
+        vkCmdBeginRenderPass2(commands, &beginInfo, &subpassBegin);
+        vkCmdEndRenderPass2(commands, &subpassEnd);
+    });
+    vkDestroyFramebuffer(gpu().device(), framebuffer, nullptr);
+    vkDestroyRenderPass(gpu().device(), pass, nullptr);
+}
+
+// The barrier is in a secondary command buffer.
+TEST_F(ChangedHitTables, ShownBySecondaryCommandBuffers)
+{
+    const auto info = vkInit<VkCommandBufferAllocateInfo>(
+        {.commandPool = gpu().pool(), .level = VK_COMMAND_BUFFER_LEVEL_SECONDARY, .commandBufferCount = 1});
+    VkCommandBuffer secondary = VK_NULL_HANDLE;
+    VT_CHECK(vkAllocateCommandBuffers(gpu().device(), &info, &secondary));
+    const auto inherited = vkInit<VkCommandBufferInheritanceInfo>();
+    const auto begin = vkInit<VkCommandBufferBeginInfo>(
+        {.flags = VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT, .pInheritanceInfo = &inherited});
+    VT_CHECK(vkBeginCommandBuffer(secondary, &begin));
+    vkCmdPipelineBarrier(secondary, kCopies, kTraces, 0, 1, &memory_, 0, nullptr, 0, nullptr);
+    VT_CHECK(vkEndCommandBuffer(secondary));
+    expectChange("secondary", [&](VkCommandBuffer commands) { vkCmdExecuteCommands(commands, 1, &secondary); });
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &secondary);
+}
+
+// Traces of two tables in turns, with nothing between that could change them; another pipeline with the same table, and
+// a top-level structure whose instances reach further, built between two traces.
+TEST_F(ChangedHitTables, TablesInTurns)
+{
+    constexpr uint32_t kRecord = 5000;
+    PipelineTracer other(gpu());
+    const PipelineScene far(gpu(), {.triangleRecord = kRecord});
+    tracer_->prepare(scene_->tlas(), scene_->rays(0), 4);
+    other.prepare(far.tlas(), far.rays(kRaySkipClosestHit | kRayOpaque), 4);
+    VkCommandBuffer commands = gpu().begin(0);
+    write(commands, true);
+    barrier(commands);
+    for (int i = 0; i < 3; ++i) {
+        traceOnce(commands);
+        other.bind(commands);
+        other.dispatch(commands);
+        order(commands, kTraces, kTraces, VK_ACCESS_SHADER_WRITE_BIT, VK_ACCESS_SHADER_WRITE_BIT);
+    }
+    barrier(commands);
+    gpu().end(commands);
+    tracer_->clearResults();
+    other.clearResults();
+    gpu().execute(commands);
+    scene_->expect(tracer_->results(), 0, {.triangleAnyHit = false, .triangleClosestHit = false});
+    far.expect(other.results(), kRaySkipClosestHit | kRayOpaque);
+    vkFreeCommandBuffers(gpu().device(), gpu().pool(), 1, &commands);
+}
+
 // Memory for the tables of indirect traces, whose size only the GPU knows, on a device with 8 GiB.
 class HitTablesOfManyCommandBuffers : public HitTables
 {
@@ -398,8 +633,10 @@ TEST_F(HitTablesBadInput, BeyondTheBuffer)
 class HitTablesOfGeometries : public HitTables
 {
 protected:
-    // `together`: the top-level structure is built in the submission that traces.
-    void expectHits(uint32_t geometries, uint32_t record, const PipelineTracerSetup &setup, bool together)
+    // `together`: the top-level structure is built in the submission that traces; `before`: so that it has traced with
+    // the same table before.
+    void expectHits(uint32_t geometries, uint32_t record, const PipelineTracerSetup &setup, bool together,
+                    bool before = false)
     {
         std::vector<Geometry> row(geometries);
         std::vector<Ray> rays(geometries);
@@ -426,9 +663,18 @@ protected:
         tracer.prepare(tlas, rays, 4);
         tracer.clearResults();
         gpu().submit([&](VkCommandBuffer commands) {
+            if (before) {
+                const BindingTable &table = tracer.table();
+                tracer.bind(commands);
+                gpu().vk().CmdTraceRaysKHR(commands, &table.raygen, &table.miss, &table.hit, &table.callable, 0, 1, 1);
+            }
             if (together)
                 tlas.record(commands);
-            barrier(commands);
+            const auto memory =
+                vkInit<VkMemoryBarrier>({.srcAccessMask = VK_ACCESS_ACCELERATION_STRUCTURE_WRITE_BIT_KHR,
+                                         .dstAccessMask = VK_ACCESS_ACCELERATION_STRUCTURE_READ_BIT_KHR});
+            vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_ACCELERATION_STRUCTURE_BUILD_BIT_KHR,
+                                 VK_PIPELINE_STAGE_RAY_TRACING_SHADER_BIT_KHR, 0, 1, &memory, 0, nullptr, 0, nullptr);
             tracer.bind(commands);
             tracer.dispatch(commands);
             barrier(commands);
@@ -449,7 +695,8 @@ TEST_F(HitTablesOfGeometries, Many)
 // The device does not know the offset before the trace is recorded.
 TEST_F(HitTablesOfGeometries, BuiltInTheSameSubmission)
 {
-    expectHits(3, 200, {}, true);
+    expectHits(3, 200, {}, true, true);
+    expectHits(3, 220, {}, true);
     expectHits(3, 10'000'000, {.groups = {{}}}, true);
 }
 

@@ -17,7 +17,7 @@
 #include "layer/validation/model/contents.h"
 #include "layer/validation/model/descriptors.h"
 #include "layer/validation/model/structure_records.h"
-#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/micromap_mode.h"
 #include "vk/newer.h"
 
 namespace vellum::layer

@@ -2,13 +2,11 @@
 #include "layer/validation/rules/pipeline_rules.h"
 
 #include <algorithm>
-#include <cstring>
 #include <span>
 
 #include "core/opacity.h"
-#include "layer/base/pnext.h"
+#include "layer/base/pipeline_info.h"
 #include "layer/validation/model/device_model.h"
-#include "spirv/module/opcodes.h"
 #include "spirv/module/scan.h"
 
 namespace vellum::layer
@@ -30,27 +28,6 @@ VkFlags64 flagsOf(const Info &info)
     return flags2 ? flags2->flags : info.flags;
 }
 
-uint32_t modelOf(VkShaderStageFlagBits stage)
-{
-    switch (static_cast<uint32_t>(stage)) {
-    case VK_SHADER_STAGE_VERTEX_BIT: return spv::ExecutionModelVertex;
-    case VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT: return spv::ExecutionModelTessellationControl;
-    case VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT: return spv::ExecutionModelTessellationEvaluation;
-    case VK_SHADER_STAGE_GEOMETRY_BIT: return spv::ExecutionModelGeometry;
-    case VK_SHADER_STAGE_FRAGMENT_BIT: return spv::ExecutionModelFragment;
-    case VK_SHADER_STAGE_COMPUTE_BIT: return spv::ExecutionModelGLCompute;
-    case VK_SHADER_STAGE_TASK_BIT_EXT: return spv::ExecutionModelTaskEXT;
-    case VK_SHADER_STAGE_MESH_BIT_EXT: return spv::ExecutionModelMeshEXT;
-    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return spv::ExecutionModelRayGenerationKHR;
-    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return spv::ExecutionModelIntersectionKHR;
-    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return spv::ExecutionModelAnyHitKHR;
-    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return spv::ExecutionModelClosestHitKHR;
-    case VK_SHADER_STAGE_MISS_BIT_KHR: return spv::ExecutionModelMissKHR;
-    case VK_SHADER_STAGE_CALLABLE_BIT_KHR: return spv::ExecutionModelCallableKHR;
-    default: return UINT32_MAX;
-    }
-}
-
 std::vector<spirv::EntryPoint> entryPointsOf(std::span<const uint32_t> words)
 {
     std::string error;
@@ -58,22 +35,6 @@ std::vector<spirv::EntryPoint> entryPointsOf(std::span<const uint32_t> words)
     std::erase_if(entryPoints,
                   [](const spirv::EntryPoint &entry) { return entry.mode.when == spirv::MicromapMode::When::Absent; });
     return entryPoints;
-}
-
-// Whether the mode's operand is true with these specialization constants; false if that is unknown.
-bool isTrue(const spirv::MicromapMode &mode, const VkSpecializationInfo *constants)
-{
-    if (mode.when != spirv::MicromapMode::When::Specialized)
-        return mode.when == spirv::MicromapMode::When::Always;
-    for (uint32_t i = 0; constants && i < constants->mapEntryCount; ++i) {
-        const VkSpecializationMapEntry &entry = constants->pMapEntries[i];
-        if (entry.constantID != mode.constantId || entry.size != sizeof(VkBool32))
-            continue;
-        VkBool32 value = VK_FALSE;
-        std::memcpy(&value, static_cast<const char *>(constants->pData) + entry.offset, sizeof value);
-        return value != VK_FALSE;
-    }
-    return mode.initial;
 }
 
 void checkWords(DeviceModel &device, const Place &place, std::span<const uint32_t> words)
@@ -101,8 +62,8 @@ void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderS
     if (!entryPoints || (flags & kNoMicromaps) == 0)
         return;
     for (const spirv::EntryPoint &entry : *entryPoints) {
-        if (entry.name == stage.pName && entry.model == modelOf(stage.stage) &&
-            isTrue(entry.mode, stage.pSpecializationInfo))
+        if (entry.name == stage.pName && entry.model == executionModelOf(stage.stage) &&
+            valueOf(entry.mode, stage.pSpecializationInfo).value_or(false))
             device.fault(
                 place, "VUID-RuntimeSpirv-micromap-11630",
                 "entry point " + entry.name +

@@ -2,11 +2,10 @@
 #include "layer/validation/traces/traced_code.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "core/hash.h"
 #include "layer/base/pipeline_info.h"
-#include "spirv/mode/micromap_mode.h"
+#include "spirv/module/micromap_mode.h"
 #include "spirv/module/scan.h"
 
 namespace vellum::layer
@@ -24,28 +23,6 @@ constexpr VkFlags64 kUntouched = VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQ
                                  | VkFlags64{0x4000000000}  // INDIRECT_BINDABLE_BIT_EXT
                                  | VkFlags64{0x1000000000}; // DESCRIPTOR_HEAP_BIT_EXT
 
-std::optional<uint32_t> executionModel(VkShaderStageFlagBits stage)
-{
-    switch (static_cast<uint32_t>(stage)) {
-    case VK_SHADER_STAGE_VERTEX_BIT: return 0;
-    case VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT: return 1;
-    case VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT: return 2;
-    case VK_SHADER_STAGE_GEOMETRY_BIT: return 3;
-    case VK_SHADER_STAGE_FRAGMENT_BIT: return 4;
-    case VK_SHADER_STAGE_COMPUTE_BIT:
-    case VK_SHADER_STAGE_SUBPASS_SHADING_BIT_HUAWEI: return 5;
-    case VK_SHADER_STAGE_RAYGEN_BIT_KHR: return 5313;
-    case VK_SHADER_STAGE_INTERSECTION_BIT_KHR: return 5314;
-    case VK_SHADER_STAGE_ANY_HIT_BIT_KHR: return 5315;
-    case VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR: return 5316;
-    case VK_SHADER_STAGE_MISS_BIT_KHR: return 5317;
-    case VK_SHADER_STAGE_CALLABLE_BIT_KHR: return 5318;
-    case VK_SHADER_STAGE_TASK_BIT_EXT: return 5364;
-    case VK_SHADER_STAGE_MESH_BIT_EXT: return 5365;
-    default: return {};
-    }
-}
-
 // One shader of a pipeline, or a shader object.
 struct Stage {
     VkShaderStageFlagBits stage;
@@ -54,21 +31,6 @@ struct Stage {
     const VkSpecializationInfo *specialization;
     VkFlags64 flags; // of the pipeline
 };
-
-// The value of a boolean specialization constant.
-bool specialized(const Stage &stage, const spirv::MicromapMode &mode)
-{
-    const VkSpecializationInfo *info = stage.specialization;
-    for (uint32_t i = 0; info && i < info->mapEntryCount; ++i) {
-        const VkSpecializationMapEntry &entry = info->pMapEntries[i];
-        VkBool32 value = VK_FALSE;
-        if (entry.constantID != mode.constantId || entry.size != sizeof value)
-            continue;
-        std::memcpy(&value, static_cast<const std::byte *>(info->pData) + entry.offset, sizeof value);
-        return value != VK_FALSE;
-    }
-    return mode.initial;
-}
 
 // Whether the stage has the execution mode with a true operand. Nothing: not known.
 std::optional<bool> declaresMode(const Stage &stage, const spirv::StageName &name)
@@ -80,16 +42,7 @@ std::optional<bool> declaresMode(const Stage &stage, const spirv::StageName &nam
     const auto entry = std::ranges::find_if(*entries, [&name](const spirv::EntryPoint &e) {
         return e.model == name.executionModel && e.name == name.entryPoint;
     });
-    using When = spirv::MicromapMode::When;
-    if (entry == entries->end())
-        return {};
-    switch (entry->mode.when) {
-    case When::Absent:
-    case When::Never: return false;
-    case When::Always: return true;
-    case When::Specialized: return specialized(stage, entry->mode);
-    default: return {};
-    }
+    return entry == entries->end() ? std::nullopt : valueOf(entry->mode, stage.specialization);
 }
 
 // The rules that may be broken where a shader traces rays.
@@ -108,7 +61,7 @@ uint32_t rulesOf(const EnabledFeatures &enabled, bool query, bool hasMode, VkFla
 // The words of a copy of the shader with marks, and its sites. Empty: no rule can be broken, or it cannot be seen.
 std::vector<uint32_t> withMarks(DeviceTraces &traces, const Stage &stage, std::vector<TracingSite> &sites)
 {
-    const auto model = executionModel(stage.stage);
+    const auto model = executionModelOf(stage.stage);
     if (!traces.device.checks.gpu || !model ||
         (traces.device.facts.storingStages & static_cast<VkShaderStageFlags>(stage.stage)) == 0 ||
         (stage.flags & kUntouched) != 0)

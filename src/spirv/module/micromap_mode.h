@@ -10,8 +10,13 @@
 #include <string>
 #include <vector>
 
+#include "spirv/module/module.h"
+
 namespace vellum::spirv
 {
+
+inline constexpr const char *kKhrExtension = "SPV_KHR_opacity_micromap";
+inline constexpr const char *kExtExtension = "SPV_EXT_opacity_micromap";
 
 // How an entry point declares whether its ray queries use micromaps.
 struct MicromapMode {
@@ -29,15 +34,29 @@ struct MicromapMode {
     bool operator==(const MicromapMode &) const = default;
 };
 
+// OpExecutionMode or OpExecutionModeId with OpacityMicromapIdKHR.
+bool isMicromapMode(Words instruction);
+
+// The execution modes of a module, in its order.
+struct DeclaredMode {
+    Id function = 0; // of the entry point
+    Id operand = 0;  // 0 if it has none that is an id
+};
+std::vector<DeclaredMode> declaredModes(const Module &module);
+
+// The meaning of an execution mode's operand.
+MicromapMode micromapMode(const Module &module, Id operand);
+
 struct EntryPoint {
     std::string name;
-    uint32_t model = 0;   // SPIR-V's execution model
+    uint32_t model = 0; // SPIR-V's execution model
+    Id function = 0;
     bool queries = false; // it has ray queries, itself or in functions that it calls
     bool traces = false;  // it traces rays of a ray tracing pipeline
     MicromapMode mode;
 };
 
-// Nothing for words that are malformed in what is read here; sets `error`. Reads nothing outside `words`.
+// Nothing for words that Module::parse rejects; sets `error`. Reads nothing outside `words`.
 std::optional<std::vector<EntryPoint>> readEntryPoints(std::span<const uint32_t> words, std::string &error);
 
 struct ModeEdit {
