@@ -6,15 +6,15 @@
 #include <functional>
 #include <vector>
 
-#include "cli/renderer/renderer.h"
+#include "render/renderer.h"
 
 namespace vellum::bench
 {
 
 // Both of an instance with the layer, each with its extension enabled.
 struct ApiDevices {
-    cli::Device &khr;
-    cli::Device &ext;
+    gpu::Device &khr;
+    gpu::Device &ext;
 };
 
 struct ApiResult {
@@ -28,8 +28,8 @@ struct ApiResult {
 };
 
 // Each frame with KHR lies between two with EXT.
-std::vector<ApiResult> compareApis(const ApiDevices &devices, const cli::RenderScene &scene,
-                                   cli::RenderSettings settings, const std::vector<uint32_t> &levels,
+std::vector<ApiResult> compareApis(const ApiDevices &devices, const render::RenderScene &scene,
+                                   render::RenderSettings settings, const std::vector<uint32_t> &levels,
                                    unsigned repetitions,
                                    const std::function<void(size_t done, size_t total)> &progress);
 

@@ -16,12 +16,12 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "cli/base/statistics.h"
-#include "cli/bench/pipeline_timing.h"
+#include "base/statistics.h"
+#include "cli/bench/timing.h"
 #include "cli/render_command.h"
 #include "cli/render_options.h"
-#include "cli/vulkan/layer_path.h"
 #include "command_cases.h"
+#include "gpu/layer_path.h"
 
 namespace
 {
@@ -131,34 +131,34 @@ std::vector<Times> measure(const CommandCase &command, const std::vector<std::un
         std::rethrow_exception(failure);
     std::vector<Times> result;
     for (const auto &times : all)
-        result.push_back({cli::median(times), *std::max_element(times.begin(), times.end())});
+        result.push_back({median(times), *std::max_element(times.begin(), times.end())});
     return result;
 }
 
 void run(const BenchOptions &options)
 {
     cli::disableShaderCaches();
-    cli::offerLayer(options.layerFolder);
-    const cli::Instance without(false);
-    const cli::Instance with(true);
-    const cli::DeviceInfo off = cli::chooseDevice(without, options.device);
-    const cli::DeviceInfo on = cli::chooseDevice(with, options.device);
-    std::unique_ptr<cli::Instance> validating; // the setting is read when the instance is made
+    gpu::offerLayer(options.layerFolder);
+    const gpu::Instance without(false);
+    const gpu::Instance with(true);
+    const gpu::DeviceInfo off = gpu::DeviceSelection(options.device).from(without);
+    const gpu::DeviceInfo on = gpu::DeviceSelection(options.device).from(with);
+    std::unique_ptr<gpu::Instance> validating; // the setting is read when the instance is made
     std::vector<std::unique_ptr<CommandSide>> sides;
-    const auto add = [&](const char *name, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> api) {
+    const auto add = [&](const char *name, const gpu::DeviceInfo &info, std::optional<gpu::Api> api) {
         sides.push_back(std::make_unique<CommandSide>(name, info, api, options.objects));
     };
     add("no layer", off, std::nullopt);
     add("no layer again", off, std::nullopt);
     add("layer, no extension", on, std::nullopt);
-    if (on.has(cli::MicromapApi::Ext))
-        add("layer, ext", on, cli::MicromapApi::Ext);
-    if (on.has(cli::MicromapApi::Khr))
-        add("layer, khr", on, cli::MicromapApi::Khr);
+    if (on.has(gpu::Api::Ext))
+        add("layer, ext", on, gpu::Api::Ext);
+    if (on.has(gpu::Api::Khr))
+        add("layer, khr", on, gpu::Api::Khr);
     if (!options.validate.empty()) {
         setenv("VELLUM_VALIDATE", options.validate.c_str(), 1);
-        validating = std::make_unique<cli::Instance>(true);
-        add("layer, khr, validate", cli::chooseDevice(*validating, options.device), cli::MicromapApi::Khr);
+        validating = std::make_unique<gpu::Instance>(true);
+        add("layer, khr, validate", gpu::DeviceSelection(options.device).from(*validating), gpu::Api::Khr);
     }
     fmt::print("{}, {}\n{} repetitions of {} calls, {} thread(s), {} command buffers, buffers and structures besides. "
                "Nanoseconds "

@@ -20,7 +20,7 @@ namespace vellum::bench
 namespace
 {
 
-using cli::check;
+using gpu::checkResult;
 
 constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT |
                                       VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT |
@@ -29,17 +29,17 @@ constexpr VkBufferUsageFlags kUsage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFF
 bool hasExtension(VkPhysicalDevice device, const char *name)
 {
     uint32_t count = 0;
-    check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr), "listing device extensions");
+    checkResult(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr), "listing device extensions");
     std::vector<VkExtensionProperties> extensions(count);
-    check(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()),
-          "listing device extensions");
+    checkResult(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()),
+                "listing device extensions");
     return std::any_of(extensions.begin(), extensions.end(),
                        [name](const auto &e) { return std::string_view(e.extensionName) == name; });
 }
 
 } // namespace
 
-CommandSide::CommandSide(std::string sideName, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> micromaps,
+CommandSide::CommandSide(std::string sideName, const gpu::DeviceInfo &info, std::optional<gpu::Api> micromaps,
                          uint32_t objects)
     : name(std::move(sideName)), api(micromaps), physical_(info.handle)
 {
@@ -47,7 +47,7 @@ CommandSide::CommandSide(std::string sideName, const cli::DeviceInfo &info, std:
     createObjects(objects);
 }
 
-void CommandSide::createDevice(const cli::DeviceInfo &info)
+void CommandSide::createDevice(const gpu::DeviceInfo &info)
 {
     auto addressCommands = vkInit<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>({.deviceAddressCommands = VK_TRUE});
     auto khr = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>({.micromap = VK_TRUE});
@@ -72,10 +72,10 @@ void CommandSide::createDevice(const cli::DeviceInfo &info)
     };
     if (hasExtension(physical_, VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME))
         add(conditional, VK_EXT_CONDITIONAL_RENDERING_EXTENSION_NAME);
-    if (api == cli::MicromapApi::Khr) {
+    if (api == gpu::Api::Khr) {
         add(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
         add(khr, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
-    } else if (api == cli::MicromapApi::Ext) {
+    } else if (api == gpu::Api::Ext) {
         add(ext, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
     }
     const float priority = 1;
@@ -85,14 +85,14 @@ void CommandSide::createDevice(const cli::DeviceInfo &info)
                                                   .pQueueCreateInfos = &queueInfo,
                                                   .enabledExtensionCount = static_cast<uint32_t>(extensions.size()),
                                                   .ppEnabledExtensionNames = extensions.data()});
-    check(vkCreateDevice(info.handle, &deviceInfo, nullptr, &device), "creating a Vulkan device");
+    checkResult(vkCreateDevice(info.handle, &deviceInfo, nullptr, &device), "creating a Vulkan device");
     const auto load = [this](auto &function, const char *command) {
         function = reinterpret_cast<std::remove_reference_t<decltype(function)>>(vkGetDeviceProcAddr(device, command));
     };
 #define VELLUM_LOAD(command)                                                                                           \
     load(vk.command, "vk" #command);                                                                                   \
     if (!vk.command)                                                                                                   \
-        throw cli::Error("the device lacks the command vk" #command);
+        throw Error("the device lacks the command vk" #command);
     VELLUM_BENCH_COMMANDS(VELLUM_LOAD)
 #undef VELLUM_LOAD
 #define VELLUM_LOAD(command) load(vk.command, "vk" #command);
@@ -109,11 +109,12 @@ void CommandSide::createObjects(uint32_t objects)
         {1, VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1,
          VK_SHADER_STAGE_COMPUTE_BIT | VK_SHADER_STAGE_RAYGEN_BIT_KHR, nullptr}};
     const auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 2, .pBindings = bindings});
-    check(vk.CreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout), "creating a descriptor set layout");
+    checkResult(vk.CreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout),
+                "creating a descriptor set layout");
     const VkPushConstantRange range{VK_SHADER_STAGE_ALL, 0, 128};
     const auto layoutInfo = vkInit<VkPipelineLayoutCreateInfo>(
         {.setLayoutCount = 1, .pSetLayouts = &setLayout, .pushConstantRangeCount = 1, .pPushConstantRanges = &range});
-    check(vk.CreatePipelineLayout(device, &layoutInfo, nullptr, &layout), "creating a pipeline layout");
+    checkResult(vk.CreatePipelineLayout(device, &layoutInfo, nullptr, &layout), "creating a pipeline layout");
     plain = makeModule(command_bench_compute, sizeof command_bench_compute);
     queries = makeModule(command_bench_queries, sizeof command_bench_queries);
     vertex = makeModule(command_bench_vertex, sizeof command_bench_vertex);
@@ -132,21 +133,21 @@ void CommandSide::createObjects(uint32_t objects)
                                     VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT);
     auto structureInfo = vkInit<VkAccelerationStructureCreateInfoKHR>(
         {.buffer = storage.buffer, .size = 16384, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
-    check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structure),
-          "creating an acceleration structure");
+    checkResult(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structure),
+                "creating an acceleration structure");
     const auto queryInfo = vkInit<VkQueryPoolCreateInfo>({.queryType = VK_QUERY_TYPE_TIMESTAMP, .queryCount = 64});
-    check(vk.CreateQueryPool(device, &queryInfo, nullptr, &timestamps), "creating a query pool");
+    checkResult(vk.CreateQueryPool(device, &queryInfo, nullptr, &timestamps), "creating a query pool");
     const auto eventInfo = vkInit<VkEventCreateInfo>();
-    check(vk.CreateEvent(device, &eventInfo, nullptr, &event), "creating an event");
+    checkResult(vk.CreateEvent(device, &eventInfo, nullptr, &event), "creating an event");
     const auto fenceInfo = vkInit<VkFenceCreateInfo>({.flags = VK_FENCE_CREATE_SIGNALED_BIT});
-    check(vk.CreateFence(device, &fenceInfo, nullptr, &fence), "creating a fence");
+    checkResult(vk.CreateFence(device, &fenceInfo, nullptr, &fence), "creating a fence");
     const auto slotInfo = vkInit<VkPrivateDataSlotCreateInfo>();
-    check(vk.CreatePrivateDataSlot(device, &slotInfo, nullptr, &slot), "creating a private data slot");
+    checkResult(vk.CreatePrivateDataSlot(device, &slotInfo, nullptr, &slot), "creating a private data slot");
 
     secondaryPool = makePool();
     secondary = allocate(secondaryPool, VK_COMMAND_BUFFER_LEVEL_SECONDARY);
     begin(secondary, VK_COMMAND_BUFFER_USAGE_SIMULTANEOUS_USE_BIT);
-    check(vk.EndCommandBuffer(secondary), "recording");
+    checkResult(vk.EndCommandBuffer(secondary), "recording");
     constexpr VkDeviceSize kSmall = 256;
     manyStorage_ =
         makeBuffer((VkDeviceSize{objects} + 1) * kSmall,
@@ -155,8 +156,8 @@ void CommandSide::createObjects(uint32_t objects)
     structureInfo.size = kSmall;
     for (uint32_t i = 0; i < objects; ++i) {
         structureInfo.offset = i * kSmall;
-        check(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structures_.emplace_back()),
-              "creating an acceleration structure");
+        checkResult(vk.CreateAccelerationStructureKHR(device, &structureInfo, nullptr, &structures_.emplace_back()),
+                    "creating an acceleration structure");
         const auto query =
             vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = structures_.back()});
         (void)vk.GetAccelerationStructureDeviceAddressKHR(device, &query);
@@ -197,7 +198,7 @@ VkCommandPool CommandSide::makePool() const
 {
     const auto info = vkInit<VkCommandPoolCreateInfo>({.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT});
     VkCommandPool pool = VK_NULL_HANDLE;
-    check(vk.CreateCommandPool(device, &info, nullptr, &pool), "creating a command pool");
+    checkResult(vk.CreateCommandPool(device, &info, nullptr, &pool), "creating a command pool");
     return pool;
 }
 
@@ -207,7 +208,7 @@ VkCommandBuffer CommandSide::allocate(VkCommandPool pool, VkCommandBufferLevel l
         vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool, .level = level, .commandBufferCount = 1});
     VkCommandBuffer commands = VK_NULL_HANDLE;
     // Of the loader, like the queue.
-    check(vkAllocateCommandBuffers(device, &info, &commands), "allocating a command buffer");
+    checkResult(vkAllocateCommandBuffers(device, &info, &commands), "allocating a command buffer");
     return commands;
 }
 
@@ -215,14 +216,14 @@ void CommandSide::begin(VkCommandBuffer commands, VkCommandBufferUsageFlags flag
 {
     const auto inherited = vkInit<VkCommandBufferInheritanceInfo>();
     const auto info = vkInit<VkCommandBufferBeginInfo>({.flags = flags, .pInheritanceInfo = &inherited});
-    check(vk.BeginCommandBuffer(commands, &info), "recording");
+    checkResult(vk.BeginCommandBuffer(commands, &info), "recording");
 }
 
 BenchBuffer CommandSide::makeBuffer(VkDeviceSize bytes, VkBufferUsageFlags usage) const
 {
     BenchBuffer result;
     auto info = vkInit<VkBufferCreateInfo>({.size = bytes, .usage = usage});
-    check(vk.CreateBuffer(device, &info, nullptr, &result.buffer), "creating a buffer");
+    checkResult(vk.CreateBuffer(device, &info, nullptr, &result.buffer), "creating a buffer");
     VkMemoryRequirements needs{};
     vk.GetBufferMemoryRequirements(device, result.buffer, &needs);
     VkPhysicalDeviceMemoryProperties memory{};
@@ -234,8 +235,8 @@ BenchBuffer CommandSide::makeBuffer(VkDeviceSize bytes, VkBufferUsageFlags usage
     const auto flags = vkInit<VkMemoryAllocateFlagsInfo>({.flags = VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT});
     const auto allocation =
         vkInit<VkMemoryAllocateInfo>({.pNext = &flags, .allocationSize = needs.size, .memoryTypeIndex = type});
-    check(vk.AllocateMemory(device, &allocation, nullptr, &result.memory), "allocating memory");
-    check(vk.BindBufferMemory(device, result.buffer, result.memory, 0), "binding memory");
+    checkResult(vk.AllocateMemory(device, &allocation, nullptr, &result.memory), "allocating memory");
+    checkResult(vk.BindBufferMemory(device, result.buffer, result.memory, 0), "binding memory");
     const auto query = vkInit<VkBufferDeviceAddressInfo>({.buffer = result.buffer});
     result.address = vk.GetBufferDeviceAddress(device, &query);
     return result;
@@ -251,7 +252,7 @@ VkShaderModule CommandSide::makeModule(const uint32_t *words, size_t bytes) cons
 {
     const auto info = vkInit<VkShaderModuleCreateInfo>({.codeSize = bytes, .pCode = words});
     VkShaderModule module = VK_NULL_HANDLE;
-    check(vk.CreateShaderModule(device, &info, nullptr, &module), "creating a shader module");
+    checkResult(vk.CreateShaderModule(device, &info, nullptr, &module), "creating a shader module");
     return module;
 }
 
@@ -262,7 +263,7 @@ VkPipeline CommandSide::makeCompute(VkShaderModule module) const
              {.stage = VK_SHADER_STAGE_COMPUTE_BIT, .module = module, .pName = "main"}),
          .layout = layout});
     VkPipeline pipeline = VK_NULL_HANDLE;
-    check(vk.CreateComputePipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "creating a pipeline");
+    checkResult(vk.CreateComputePipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "creating a pipeline");
     return pipeline;
 }
 
@@ -300,7 +301,8 @@ VkPipeline CommandSide::makeGraphics() const
                                                       .pColorBlendState = &blend,
                                                       .layout = layout});
     VkPipeline pipeline = VK_NULL_HANDLE;
-    check(vk.CreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "creating a pipeline");
+    checkResult(vk.CreateGraphicsPipelines(device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
+                "creating a pipeline");
     return pipeline;
 }
 
@@ -338,8 +340,8 @@ VkPipeline CommandSide::makeRayTracing(bool micromaps) const
          .maxPipelineRayRecursionDepth = 1,
          .layout = layout});
     VkPipeline pipeline = VK_NULL_HANDLE;
-    check(vk.CreateRayTracingPipelinesKHR(device, VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
-          "creating a pipeline");
+    checkResult(vk.CreateRayTracingPipelinesKHR(device, VK_NULL_HANDLE, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
+                "creating a pipeline");
     return pipeline;
 }
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/vulkan/context.h"
+#include "gpu/device.h"
 #include "vk/vk_init.h"
 
 namespace vellum::bench
@@ -109,7 +109,7 @@ class CommandSide
 {
 public:
     // `objects`: so many buffers, command buffers and acceleration structures are there besides those that are used.
-    CommandSide(std::string name, const cli::DeviceInfo &info, std::optional<cli::MicromapApi> api, uint32_t objects);
+    CommandSide(std::string name, const gpu::DeviceInfo &info, std::optional<gpu::Api> api, uint32_t objects);
     ~CommandSide();
     CommandSide(const CommandSide &) = delete;
     CommandSide &operator=(const CommandSide &) = delete;
@@ -125,7 +125,7 @@ public:
     [[nodiscard]] VkPipeline makeRayTracing(bool micromaps) const;
 
     std::string name;
-    std::optional<cli::MicromapApi> api; // the layer provides it
+    std::optional<gpu::Api> api; // the layer provides it
     VkDevice device = VK_NULL_HANDLE;
     VkQueue queue = VK_NULL_HANDLE;
     CommandTable vk;
@@ -145,7 +145,7 @@ public:
     VkPrivateDataSlot slot = VK_NULL_HANDLE;
 
 private:
-    void createDevice(const cli::DeviceInfo &info);
+    void createDevice(const gpu::DeviceInfo &info);
     void createObjects(uint32_t objects);
 
     VkPhysicalDevice physical_ = VK_NULL_HANDLE;

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "cli/base/paired_timing.h"
+#include "base/statistics.h"
 #include "cli/render_command.h"
 #include "cli/render_options.h"
 #include "layer_comparison.h"
@@ -25,7 +25,7 @@ double processorMilliseconds(const std::function<void()> &work)
 }
 
 // One triangle, so that next to nothing is the scene's.
-cli::RenderScene smallestScene()
+render::RenderScene smallestScene()
 {
     Scene scene;
     scene.materials.emplace_back();
@@ -34,40 +34,40 @@ cli::RenderScene smallestScene()
     triangle.uvs.resize(3);
     triangle.indices = {0, 1, 2};
     scene.makeOneMesh();
-    return cli::prepareScene(std::move(scene), 1);
+    return render::prepareScene(std::move(scene), 1);
 }
 
 struct Step {
     const char *name;
-    std::function<void(cli::Device &)> work;
+    std::function<void(gpu::Device &)> work;
 };
 
 struct Api {
     const char *name;
-    std::optional<cli::MicromapApi> api;
+    std::optional<gpu::Api> api;
 };
 constexpr Api kApis[] = {
     {"neither", std::nullopt},
-    {"ext", cli::MicromapApi::Ext},
-    {"khr", cli::MicromapApi::Khr},
+    {"ext", gpu::Api::Ext},
+    {"khr", gpu::Api::Khr},
 };
 
-void run(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetitions)
+void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetitions)
 {
-    const cli::RenderScene scene = smallestScene();
-    cli::RenderSettings settings;
+    const render::RenderScene scene = smallestScene();
+    render::RenderSettings settings;
     settings.width = settings.height = 8;
     std::vector<Step> steps = {
-        {"the device alone", [](cli::Device &) {}},
-        {"and a first build", [&](cli::Device &device) { const cli::World world(device, scene, {}); }},
+        {"the device alone", [](gpu::Device &) {}},
+        {"and a first build", [&](gpu::Device &device) { const render::World world(device, scene, {}); }},
         {"and a first pipeline with ray queries",
-         [&](cli::Device &device) { const cli::Renderer renderer(device, scene, {}, settings); }},
+         [&](gpu::Device &device) { const render::Renderer renderer(device, scene, {}, settings); }},
     };
-    cli::RenderSettings pipelines = settings;
-    pipelines.trace = cli::Trace::Pipeline;
+    render::RenderSettings pipelines = settings;
+    pipelines.trace = render::Trace::Pipeline;
     if (on.rayTracingPipelines)
         steps.push_back({"and a first ray tracing pipeline",
-                         [&](cli::Device &device) { const cli::Renderer renderer(device, scene, {}, pipelines); }});
+                         [&](gpu::Device &device) { const render::Renderer renderer(device, scene, {}, pipelines); }});
     fmt::print("{}, {}, median of {}, milliseconds of CPU\n\n"
                "| what is made and destroyed | extension | layer off | layer on | on - off | on/off |\n"
                "|---|---|--:|--:|--:|--:|\n",
@@ -76,13 +76,13 @@ void run(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetit
         for (const Api &api : kApis) {
             if (api.api && !on.has(*api.api))
                 continue;
-            const auto measure = [&](const cli::DeviceInfo &info, std::optional<cli::MicromapApi> micromaps) {
+            const auto measure = [&](const gpu::DeviceInfo &info, std::optional<gpu::Api> micromaps) {
                 return processorMilliseconds([&] {
-                    cli::Device device(info, {micromaps, info.rayTracingPipelines});
+                    gpu::Device device(info, micromaps);
                     step.work(device);
                 });
             };
-            cli::PairedTiming times([&] { return measure(off, std::nullopt); }, [&] { return measure(on, api.api); });
+            PairedTiming times([&] { return measure(off, std::nullopt); }, [&] { return measure(on, api.api); });
             for (unsigned r = 0; r < repetitions; ++r)
                 times.measure();
             fmt::print("| {} | {} | {:.1f} | {:.1f} | {:.1f} | {:.3f} |\n", step.name, api.name, times.a(), times.b(),

@@ -5,11 +5,11 @@
 #include <fmt/format.h>
 
 #include "api_bench.h"
-#include "cli/base/progress.h"
-#include "cli/bench/pipeline_timing.h"
+#include "base/progress.h"
+#include "cli/bench/timing.h"
 #include "cli/render_command.h"
 #include "cli/render_options.h"
-#include "cli/vulkan/layer_path.h"
+#include "gpu/layer_path.h"
 #include "scene_bench.h"
 
 namespace
@@ -24,19 +24,19 @@ struct Options {
     unsigned repetitions = 5;
     std::vector<uint32_t> levels = {3, 5, 7};
     std::vector<uint32_t> instances = {1, 9};
-    cli::MicromapApi api = cli::MicromapApi::Khr;
+    gpu::Api api = gpu::Api::Khr;
     std::optional<std::string> device;
     std::optional<std::filesystem::path> layerFolder;
 };
 
-const char *nameOf(cli::Trace trace)
+const char *nameOf(render::Trace trace)
 {
-    return trace == cli::Trace::Query ? "query" : "pipeline";
+    return trace == render::Trace::Query ? "query" : "pipeline";
 }
 
 struct Row {
     std::string name;
-    cli::Trace trace;
+    render::Trace trace;
     uint32_t instances;
     bench::SceneResult result;
 };
@@ -75,7 +75,7 @@ void printCreation(const std::vector<cli::PipelineTiming> &results)
     fmt::print("\nAim for pipelines: at most 1.3.\n");
 }
 
-void printApis(const std::string &scene, cli::Trace trace, const std::vector<bench::ApiResult> &results)
+void printApis(const std::string &scene, render::Trace trace, const std::vector<bench::ApiResult> &results)
 {
     for (const bench::ApiResult &r : results)
         fmt::print("| {} | {} | {} | {} | {} / {} | {:.3f} / {:.3f} | {:.1f} / {:.1f} | {:.3f} | {} |\n", scene,
@@ -104,16 +104,16 @@ bool wants(const Options &options, const char *part)
     return std::find(options.parts.begin(), options.parts.end(), part) != options.parts.end();
 }
 
-std::vector<Row> measureFrames(const Options &options, const cli::TimedDevices &devices, cli::RenderSettings settings,
-                               const std::vector<cli::Trace> &traces)
+std::vector<Row> measureFrames(const Options &options, const cli::TimedDevices &devices,
+                               render::RenderSettings settings, const std::vector<render::Trace> &traces)
 {
     std::vector<Row> rows;
     for (const auto &file : scenesOf(options)) {
         const std::string name = file ? file->stem().string() : "grove";
         for (const uint32_t copies : options.instances) {
-            const cli::RenderScene scene = cli::prepareScene(cli::loadScene(file), copies);
-            for (const cli::Trace trace : traces) {
-                cli::Progress progress(fmt::format("{} x {}, {}", name, copies, nameOf(trace)));
+            const render::RenderScene scene = render::prepareScene(cli::loadScene(file), copies);
+            for (const render::Trace trace : traces) {
+                ProgressLine progress(fmt::format("{} x {}, {}", name, copies, nameOf(trace)));
                 settings.trace = trace;
                 rows.push_back({name, trace, copies,
                                 bench::measureScene(devices, scene, settings, options.levels, options.repetitions,
@@ -124,20 +124,20 @@ std::vector<Row> measureFrames(const Options &options, const cli::TimedDevices &
     return rows;
 }
 
-void measureApis(const Options &options, const cli::DeviceInfo &info, cli::RenderSettings settings)
+void measureApis(const Options &options, const gpu::DeviceInfo &info, render::RenderSettings settings)
 {
-    cli::Device khr(info, {cli::MicromapApi::Khr, info.rayTracingPipelines});
-    cli::Device ext(info, {cli::MicromapApi::Ext, info.rayTracingPipelines});
-    std::vector<cli::Trace> traces = {cli::Trace::Query};
+    gpu::Device khr(info, gpu::Api::Khr);
+    gpu::Device ext(info, gpu::Api::Ext);
+    std::vector<render::Trace> traces = {render::Trace::Query};
     if (info.rayTracingPipelines)
-        traces.push_back(cli::Trace::Pipeline);
+        traces.push_back(render::Trace::Pipeline);
     fmt::print("| scene | rays by | level | alpha test | micromap bytes khr / ext | candidates/ray khr / ext "
                "| ms khr / ext | time khr/ext | differing pixels |\n|---|---|--:|---|--:|--:|--:|--:|--:|\n");
     for (const auto &file : scenesOf(options)) {
         const std::string name = file ? file->stem().string() : "grove";
-        const cli::RenderScene scene = cli::prepareScene(cli::loadScene(file), 1);
-        for (const cli::Trace trace : traces) {
-            cli::Progress progress(fmt::format("{}, {}, both extensions", name, nameOf(trace)));
+        const render::RenderScene scene = render::prepareScene(cli::loadScene(file), 1);
+        for (const render::Trace trace : traces) {
+            ProgressLine progress(fmt::format("{}, {}, both extensions", name, nameOf(trace)));
             settings.trace = trace;
             const auto results = bench::compareApis({khr, ext}, scene, settings, options.levels, options.repetitions,
                                                     [&](size_t done, size_t all) { progress.update(done, all); });
@@ -149,30 +149,30 @@ void measureApis(const Options &options, const cli::DeviceInfo &info, cli::Rende
 
 void run(const Options &options)
 {
-    cli::RenderSettings settings;
+    render::RenderSettings settings;
     cli::parseSize(options.size, settings);
     cli::disableShaderCaches();
-    cli::offerLayer(options.layerFolder);
-    const cli::Instance without(false);
-    const cli::Instance with(true);
-    const cli::DeviceInfo info = cli::chooseDevice(with, options.device);
-    cli::requireMicromaps(info, options.api, with.layerEnabled());
+    gpu::offerLayer(options.layerFolder);
+    const gpu::Instance without(false);
+    const gpu::Instance with(true);
+    const gpu::DeviceInfo info = gpu::DeviceSelection(options.device).from(with);
+    gpu::requireMicromaps(info, options.api, with.hasLayers());
     const bool both = info.khrMicromaps && info.extMicromaps;
     const bool pipelines = info.rayTracingPipelines;
-    cli::Device bare(cli::chooseDevice(without, options.device), {std::nullopt, pipelines});
-    cli::Device layered(info, {options.api, pipelines});
+    gpu::Device bare(gpu::DeviceSelection(options.device).from(without), std::nullopt);
+    gpu::Device layered(info, options.api);
     const cli::TimedDevices devices{bare, layered};
-    fmt::print("{}, micromaps: {}, {}. {} x {} pixels, median of {}.{}{}\n\n", info.name, cli::nameOf(options.api),
+    fmt::print("{}, micromaps: {}, {}. {} x {} pixels, median of {}.{}{}\n\n", info.name, gpu::extensionOf(options.api),
                info.implementation, settings.width, settings.height, options.repetitions,
                pipelines ? "" : " There are no ray tracing pipelines.",
                both ? "" : " There is only one of the extensions.");
     std::fflush(stdout);
 
-    std::vector<cli::Trace> traces;
+    std::vector<render::Trace> traces;
     if (wants(options, "queries"))
-        traces.push_back(cli::Trace::Query);
+        traces.push_back(render::Trace::Query);
     if (wants(options, "pipelines") && pipelines)
-        traces.push_back(cli::Trace::Pipeline);
+        traces.push_back(render::Trace::Pipeline);
     if (!traces.empty()) {
         const std::vector<Row> rows = measureFrames(options, devices, settings, traces);
         printLevels(rows);
@@ -182,16 +182,16 @@ void run(const Options &options)
     if (wants(options, "apis") && both)
         measureApis(options, info, settings);
     if (wants(options, "creation")) {
-        std::vector<cli::Trace> all = {cli::Trace::Query};
+        std::vector<render::Trace> all = {render::Trace::Query};
         if (pipelines)
-            all.push_back(cli::Trace::Pipeline);
-        const cli::RenderScene scene = cli::prepareScene(cli::loadScene(scenesOf(options).front()), 1);
-        const cli::Progress progress("making pipelines");
+            all.push_back(render::Trace::Pipeline);
+        const render::RenderScene scene = render::prepareScene(cli::loadScene(scenesOf(options).front()), 1);
+        const ProgressLine progress("making pipelines");
         std::vector<cli::PipelineTiming> results;
-        for (const cli::Trace trace : all)
-            for (const cli::PipelineTiming &timing :
-                 cli::measurePipelines(devices, scene, trace, options.levels.front(), [] {},
-                                       [&](size_t pairs) { return pairs < options.repetitions; }))
+        for (const render::Trace trace : all)
+            for (const cli::PipelineTiming &timing : cli::measurePipelines(
+                     devices, scene, trace, options.levels.front(), [] {},
+                     [&](size_t pairs) { return pairs < options.repetitions; }))
                 results.push_back(timing);
         printCreation(results);
     }

@@ -35,8 +35,8 @@ double median(std::vector<double> values)
 class HitTableBench
 {
 public:
-    HitTableBench(const cli::DeviceInfo &on, unsigned repetitions)
-        : side_("micromaps", on, cli::MicromapApi::Khr, 0), repetitions_(repetitions), pool_(side_.makePool()),
+    HitTableBench(const gpu::DeviceInfo &on, unsigned repetitions)
+        : side_("micromaps", on, gpu::Api::Khr, 0), repetitions_(repetitions), pool_(side_.makePool()),
           commands_(side_.allocate(pool_, VK_COMMAND_BUFFER_LEVEL_PRIMARY)), micromaps_(side_.makeRayTracing(true))
     {
     }
@@ -82,7 +82,7 @@ private:
             bytes, VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
                        VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
         void *data = nullptr;
-        cli::check(side_.vk.MapMemory(side_.device, made.memory, 0, VK_WHOLE_SIZE, 0, &data), "mapping memory");
+        gpu::checkResult(side_.vk.MapMemory(side_.device, made.memory, 0, VK_WHOLE_SIZE, 0, &data), "mapping memory");
         std::memset(data, 1, bytes);
         side_.vk.UnmapMemory(side_.device, made.memory);
         return made;
@@ -111,10 +111,10 @@ private:
         const auto start = std::chrono::steady_clock::now();
         side_.begin(commands_, VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT);
         record(commands_);
-        cli::check(side_.vk.EndCommandBuffer(commands_), "recording");
+        gpu::checkResult(side_.vk.EndCommandBuffer(commands_), "recording");
         const auto submit = vkInit<VkSubmitInfo>({.commandBufferCount = 1, .pCommandBuffers = &commands_});
-        cli::check(side_.vk.QueueSubmit(side_.queue, 1, &submit, VK_NULL_HANDLE), "submitting");
-        cli::check(side_.vk.DeviceWaitIdle(side_.device), "waiting");
+        gpu::checkResult(side_.vk.QueueSubmit(side_.queue, 1, &submit, VK_NULL_HANDLE), "submitting");
+        gpu::checkResult(side_.vk.DeviceWaitIdle(side_.device), "waiting");
         return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     }
 
@@ -125,7 +125,7 @@ private:
     VkPipeline micromaps_;
 };
 
-void run(const cli::DeviceInfo &, const cli::DeviceInfo &on, unsigned repetitions)
+void run(const gpu::DeviceInfo &, const gpu::DeviceInfo &on, unsigned repetitions)
 {
     HitTableBench bench(on, repetitions);
     fmt::print(

@@ -5,8 +5,8 @@
 
 #include <CLI/CLI.hpp>
 
-#include "cli/bench/pipeline_timing.h"
-#include "cli/vulkan/layer_path.h"
+#include "cli/bench/timing.h"
+#include "gpu/layer_path.h"
 
 namespace vellum::bench
 {
@@ -24,10 +24,10 @@ int compareDevices(int argc, char **argv, const char *program, const char *descr
     CLI11_PARSE(app, argc, argv);
     try {
         cli::disableShaderCaches();
-        cli::offerLayer(layerFolder);
-        const cli::Instance without(false);
-        const cli::Instance with(true);
-        comparison(cli::chooseDevice(without, device), cli::chooseDevice(with, device), repetitions);
+        gpu::offerLayer(layerFolder);
+        const gpu::Instance without(false);
+        const gpu::Instance with(true);
+        comparison(gpu::DeviceSelection(device).from(without), gpu::DeviceSelection(device).from(with), repetitions);
         return 0;
     } catch (const std::exception &error) {
         std::fprintf(stderr, "%s: %s\n", program, error.what());

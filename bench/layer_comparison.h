@@ -7,7 +7,7 @@
 namespace vellum::bench
 {
 
-using Comparison = void (*)(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetitions);
+using Comparison = void (*)(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetitions);
 
 // The main() of such a program: reads its command line and runs `comparison` on the device that the user wants, without
 // caches of pipelines. Returns the exit status.

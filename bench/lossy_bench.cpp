@@ -6,10 +6,10 @@
 
 #include "cli/render_command.h"
 #include "cli/render_options.h"
-#include "cli/vulkan/layer_path.h"
 #include "core/curve.h"
 #include "core/lossy.h"
 #include "core/micromap_memory.h"
+#include "gpu/layer_path.h"
 #include "scene_bench.h"
 
 namespace
@@ -90,8 +90,8 @@ struct Measured {
     double perRay = 0;
 };
 
-Measured measure(cli::Device &device, const cli::RenderScene &scene, const std::vector<Micromap> &micromaps,
-                 const cli::RenderSettings &settings)
+Measured measure(gpu::Device &device, const render::RenderScene &scene, const std::vector<Micromap> &micromaps,
+                 const render::RenderSettings &settings)
 {
     Measured result;
     std::vector<const Micromap *> pointers;
@@ -99,28 +99,28 @@ Measured measure(cli::Device &device, const cli::RenderScene &scene, const std::
         result.bytes += compactedBytes(m);
         pointers.push_back(m.indices.empty() ? nullptr : &m);
     }
-    result.perRay = cli::Renderer(device, scene, pointers, settings).count().perRay();
+    result.perRay = render::Renderer(device, scene, pointers, settings).count().perRay();
     return result;
 }
 
 void run(const Options &options)
 {
-    cli::RenderSettings settings;
+    render::RenderSettings settings;
     cli::parseSize(options.size, settings);
-    cli::offerLayer(std::nullopt);
-    const cli::Instance instance(true);
-    cli::Device device(cli::chooseDevice(instance, std::nullopt), {cli::MicromapApi::Khr, false});
+    gpu::offerLayer(std::nullopt);
+    const gpu::Instance instance(true);
+    gpu::Device device(gpu::DeviceSelection().from(instance), gpu::Api::Khr);
     fmt::print("| scene | cut | level | price | bytes lossless | bytes lossy | lossy/lossless | calls/ray lossless | "
                "calls/ray lossy | more calls |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n");
     for (const std::filesystem::path &file : options.files) {
         for (const uint32_t pieces : options.cuts) {
             Scene loaded = cli::loadScene(file);
             cut(loaded, pieces);
-            const cli::RenderScene scene = cli::prepareScene(std::move(loaded), options.instances);
+            const render::RenderScene scene = render::prepareScene(std::move(loaded), options.instances);
             for (const uint32_t level : options.levels) {
                 BakeOptions bake;
                 bake.level = level;
-                const cli::BakedScene baked = cli::bakeScene(scene.scene, bake);
+                const render::BakedScene baked = render::bakeScene(scene.scene, bake);
                 std::vector<Micromap> lossless;
                 for (const std::optional<BakeResult> &r : baked.results)
                     lossless.push_back(r ? r->micromap : Micromap{});

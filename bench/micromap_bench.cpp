@@ -6,26 +6,21 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstring>
 #include <functional>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "cli/base/statistics.h"
-#include "cli/render_command.h"
-#include "cli/vulkan/layer_path.h"
-#include "cli/vulkan/resources.h"
+#include "base/statistics.h"
 #include "core/micromap.h"
-#include "vk/vk_init.h"
+#include "gpu/layer_path.h"
+#include "gpu/scene.h"
 
 namespace
 {
 
 using namespace vellum;
-using cli::Buffer;
-
-constexpr VkDeviceSize kAlignment = 256;
-constexpr VkBufferUsageFlags kAddress = VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
 struct Flags {
     const char *name;
@@ -73,88 +68,63 @@ VkDeviceSize bytesOf(const Micromap &input)
 class Build
 {
 public:
-    Build(cli::Device &device, const Micromap &input, VkBuildMicromapFlagsEXT flags)
-        : device_(device), data_(cli::uploadBuffer(device, std::as_bytes(std::span(input.data)), kInput, kAlignment)),
-          triangles_(cli::uploadBuffer(device, std::as_bytes(std::span(input.triangles)), kInput, kAlignment))
+    Build(gpu::Device &device, const Micromap &input, VkBuildMicromapFlagsEXT flags)
+        : device_(device), micromap_(device, inputOf(input), flags), commands_(device.begin(0))
     {
-        for (const MicromapUsage &u : input.buildUsage())
-            usage_.push_back({u.count, u.subdivisionLevel, static_cast<uint32_t>(u.format)});
-        info_ = vkInit<VkMicromapBuildInfoEXT>(
-            {.flags = flags, .usageCountsCount = static_cast<uint32_t>(usage_.size()), .pUsageCounts = usage_.data()});
-        info_.data.deviceAddress = data_.address(kAlignment);
-        info_.triangleArray.deviceAddress = triangles_.address(kAlignment);
-        info_.triangleArrayStride = sizeof(VkMicromapTriangleEXT);
-        auto sizes = vkInit<VkMicromapBuildSizesInfoEXT>();
-        const cli::DeviceFunctions &vk = device.functions();
-        vk.getMicromapBuildSizes(device.handle(), VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info_, &sizes);
-        storage_ = Buffer(device, sizes.micromapSize, kAddress | VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT,
-                          Buffer::Place::Device);
-        auto create = vkInit<VkMicromapCreateInfoEXT>({.buffer = storage_.handle(), .size = sizes.micromapSize});
-        cli::check(vk.createMicromap(device.handle(), &create, nullptr, &micromap_), "creating a micromap");
-        const VkDeviceSize alignment = std::max(kAlignment, device.scratchAlignment());
-        scratch_ = Buffer(device, sizes.buildScratchSize + alignment, kAddress | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT,
-                          Buffer::Place::Device);
-        info_.dstMicromap = micromap_;
-        info_.scratchData.deviceAddress = scratch_.address(alignment);
-        commands_ = device.allocateCommands();
-        auto begin = vkInit<VkCommandBufferBeginInfo>();
-        cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
-        vk.cmdBuildMicromaps(commands_, 1, &info_);
-        cli::check(vkEndCommandBuffer(commands_), "recording");
+        micromap_.record(commands_);
+        device.end(commands_);
     }
-    ~Build() { device_.functions().destroyMicromap(device_.handle(), micromap_, nullptr); }
-    Build(const Build &) = delete;
-    Build &operator=(const Build &) = delete;
 
-    [[nodiscard]] const Buffer &data() const { return data_; }
-    [[nodiscard]] const Buffer &triangles() const { return triangles_; }
     double run()
     {
-        return seconds([this] { device_.submitAndWait(commands_); });
+        return seconds([this] { device_.execute(commands_); });
     }
 
 private:
-    static constexpr VkBufferUsageFlags kInput =
-        kAddress | VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT;
-    cli::Device &device_;
-    Buffer data_, triangles_, storage_, scratch_;
-    std::vector<VkMicromapUsageEXT> usage_;
-    VkMicromapBuildInfoEXT info_{};
-    VkMicromapEXT micromap_ = VK_NULL_HANDLE;
-    VkCommandBuffer commands_ = VK_NULL_HANDLE;
-};
-
-class Copy
-{
-public:
-    Copy(cli::Device &device, const Build &build, const Micromap &input)
-        : device_(device), to_(device, bytesOf(input), VK_BUFFER_USAGE_TRANSFER_DST_BIT, Buffer::Place::Device),
-          commands_(device.allocateCommands())
+    static gpu::MicromapInput inputOf(const Micromap &from)
     {
-        auto begin = vkInit<VkCommandBufferBeginInfo>();
-        cli::check(vkBeginCommandBuffer(commands_, &begin), "recording");
-        const VkDeviceSize data = input.data.size();
-        const VkBufferCopy regions[]{{0, 0, data}, {0, data, bytesOf(input) - data}};
-        vkCmdCopyBuffer(commands_, build.data().handle(), to_.handle(), 1, &regions[0]);
-        vkCmdCopyBuffer(commands_, build.triangles().handle(), to_.handle(), 1, &regions[1]);
-        cli::check(vkEndCommandBuffer(commands_), "recording");
-    }
-    double run()
-    {
-        return seconds([this] { device_.submitAndWait(commands_); });
+        gpu::MicromapInput input;
+        input.data = from.data;
+        input.triangles.resize(from.triangles.size());
+        std::memcpy(input.triangles.data(), from.triangles.data(),
+                    input.triangles.size() * sizeof(VkMicromapTriangleEXT));
+        return input;
     }
 
-private:
-    cli::Device &device_;
-    Buffer to_;
+    gpu::Device &device_;
+    gpu::Micromap micromap_;
     VkCommandBuffer commands_;
 };
 
-void measure(cli::Device &device, uint32_t level, Format format, const Flags &flags, size_t bytes, unsigned repetitions)
+// A copy of as many bytes as a build reads.
+class Copy
+{
+public:
+    Copy(gpu::Device &device, const Micromap &input)
+        : device_(device), from_(device, bytesOf(input), VK_BUFFER_USAGE_TRANSFER_SRC_BIT, gpu::Buffer::Place::Device),
+          to_(device, bytesOf(input), VK_BUFFER_USAGE_TRANSFER_DST_BIT, gpu::Buffer::Place::Device),
+          commands_(device.begin(0))
+    {
+        const VkBufferCopy region{0, 0, bytesOf(input)};
+        vkCmdCopyBuffer(commands_, from_.handle(), to_.handle(), 1, &region);
+        device.end(commands_);
+    }
+    double run()
+    {
+        return seconds([this] { device_.execute(commands_); });
+    }
+
+private:
+    gpu::Device &device_;
+    gpu::Buffer from_, to_;
+    VkCommandBuffer commands_;
+};
+
+void measure(gpu::Device &device, uint32_t level, Format format, const Flags &flags, size_t bytes, unsigned repetitions)
 {
     const Micromap input = inputOf(level, format, bytes);
     Build build(device, input, flags.bits);
-    Copy copy(device, build, input);
+    Copy copy(device, input);
     build.run();
     copy.run();
     std::vector<double> builds;
@@ -166,12 +136,12 @@ void measure(cli::Device &device, uint32_t level, Format format, const Flags &fl
         ratios.push_back(copies.back() / builds.back());
     }
     const auto rate = [&](std::vector<double> &times) {
-        return static_cast<double>(bytesOf(input)) / cli::median(times) * 1e-9;
+        return static_cast<double>(bytesOf(input)) / median(times) * 1e-9;
     };
     const auto fastest = [](const std::vector<double> &times) { return *std::min_element(times.begin(), times.end()); };
     fmt::print("| {} | {}-state | {} | {} | {:.1f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", level,
                format == Format::TwoState ? 2 : 4, flags.name, input.triangles.size(),
-               static_cast<double>(bytesOf(input)) * 1e-6, rate(builds), rate(copies), cli::median(ratios),
+               static_cast<double>(bytesOf(input)) * 1e-6, rate(builds), rate(copies), median(ratios),
                fastest(copies) / fastest(builds));
     std::fflush(stdout);
 }
@@ -189,10 +159,10 @@ int main(int argc, char **argv)
     app.add_option("--repetitions", repetitions, "builds of each kind");
     CLI11_PARSE(app, argc, argv);
     try {
-        if (const auto folder = cli::findLayerFolder())
-            cli::addLayerFolder(*folder);
-        const cli::Instance instance(true);
-        cli::Device device(cli::chooseDevice(instance, std::nullopt), {cli::MicromapApi::Ext, false});
+        if (const auto folder = gpu::findLayerFolder())
+            gpu::addLayerFolder(*folder);
+        const gpu::Instance instance(true);
+        gpu::Device device(gpu::DeviceSelection().from(instance), gpu::Api::Ext);
         fmt::print("| level | format | flags | triangles | MB | build, GB/s | copy, GB/s | build/copy | fastest |\n"
                    "|--:|---|---|--:|--:|--:|--:|--:|--:|\n");
         for (const Flags &flags : kFlags)

@@ -1,48 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene_bench.h"
 
-#include "cli/base/paired_timing.h"
+#include "base/statistics.h"
 
 namespace vellum::bench
 {
 namespace
 {
 
-using cli::Renderer;
+using render::Renderer;
 
 using Micromaps = std::vector<const Micromap *>;
 
 // A renderer, and the one without the layer that it is compared to.
 struct Variant {
-    Variant(std::unique_ptr<Renderer> own, Renderer &other, double &median)
+    Variant(std::unique_ptr<render::Renderer> own, render::Renderer &other, double &median)
         : renderer(std::move(own)), compared(&other), result(&median),
           times([&other] { return other.frame(); }, [r = renderer.get()] { return r->frame(); })
     {
     }
-    std::unique_ptr<Renderer> renderer;
-    Renderer *compared;
+    std::unique_ptr<render::Renderer> renderer;
+    render::Renderer *compared;
     double *result; // where the median goes
-    cli::PairedTiming times;
+    PairedTiming times;
 };
 
 } // namespace
 
-SceneResult measureScene(const cli::TimedDevices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
-                         const std::vector<uint32_t> &levels, unsigned repetitions,
+SceneResult measureScene(const cli::TimedDevices &devices, const render::RenderScene &scene,
+                         render::RenderSettings settings, const std::vector<uint32_t> &levels, unsigned repetitions,
                          const std::function<void(size_t done, size_t total)> &progress)
 {
     SceneResult result;
     result.levels.resize(levels.size());
     settings.heavy = false;
-    Renderer plain(devices.bare, scene, {}, settings);
+    render::Renderer plain(devices.bare, scene, {}, settings);
     settings.heavy = true;
-    Renderer heavy(devices.bare, scene, {}, settings);
+    render::Renderer heavy(devices.bare, scene, {}, settings);
     result.candidatesPerRay = plain.count().perRay();
 
     std::vector<Variant> variants;
-    const auto add = [&](const Micromaps &micromaps, bool isHeavy, double &ratio) -> Renderer & {
+    const auto add = [&](const Micromaps &micromaps, bool isHeavy, double &ratio) -> render::Renderer & {
         settings.heavy = isHeavy;
-        variants.emplace_back(std::make_unique<Renderer>(devices.layered, scene, micromaps, settings),
+        variants.emplace_back(std::make_unique<render::Renderer>(devices.layered, scene, micromaps, settings),
                               isHeavy ? heavy : plain, ratio);
         return *variants.back().renderer;
     };
@@ -51,10 +51,10 @@ SceneResult measureScene(const cli::TimedDevices &devices, const cli::RenderScen
         level.level = levels[i];
         BakeOptions options;
         options.level = levels[i];
-        const cli::BakedScene baked = cli::bakeScene(scene.scene, options);
+        const render::BakedScene baked = render::bakeScene(scene.scene, options);
         const auto shares = baked.stateShares();
         level.unknown = shares[2] + shares[3];
-        Renderer &omm = add(baked.micromaps(), false, level.plainRatio);
+        render::Renderer &omm = add(baked.micromaps(), false, level.plainRatio);
         level.candidatesPerRay = omm.count().perRay();
         level.bytes = omm.micromapBytes();
         add(baked.micromaps(), true, level.heavyRatio);

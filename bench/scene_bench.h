@@ -7,9 +7,9 @@
 #include <memory>
 #include <vector>
 
-#include "cli/bench/pipeline_timing.h"
-#include "cli/renderer/renderer.h"
-#include "cli/scene/baked_scene.h"
+#include "cli/bench/timing.h"
+#include "render/baked_scene.h"
+#include "render/renderer.h"
 
 namespace vellum::bench
 {
@@ -33,8 +33,8 @@ struct SceneResult {
 
 // Renders each variant `repetitions` times, every frame between two of the alpha test without the layer, to which it is
 // compared: the machine's other work hits both. Ratios are medians.
-SceneResult measureScene(const cli::TimedDevices &devices, const cli::RenderScene &scene, cli::RenderSettings settings,
-                         const std::vector<uint32_t> &levels, unsigned repetitions,
+SceneResult measureScene(const cli::TimedDevices &devices, const render::RenderScene &scene,
+                         render::RenderSettings settings, const std::vector<uint32_t> &levels, unsigned repetitions,
                          const std::function<void(size_t done, size_t total)> &progress);
 
 } // namespace vellum::bench

@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
-#include "cli/base/paired_timing.h"
-#include "cli/bench/structure_timing.h"
+#include "base/statistics.h"
+#include "cli/bench/timing.h"
 #include "layer_comparison.h"
 
 namespace
@@ -15,14 +15,14 @@ namespace
 
 using namespace vellum;
 
-void run(const cli::DeviceInfo &off, const cli::DeviceInfo &on, unsigned repetitions)
+void run(const gpu::DeviceInfo &off, const gpu::DeviceInfo &on, unsigned repetitions)
 {
-    cli::TimedWorld bare(off, std::nullopt), layered(on, cli::MicromapApi::Khr);
+    cli::TimedWorld bare(off, std::nullopt), layered(on, gpu::Api::Khr);
     fmt::print("{}, {}, medians of {}, milliseconds\n\n"
                "| what is built | layer off | layer on | on - off | on/off |\n|---|--:|--:|--:|--:|\n",
                on.name, on.implementation, repetitions);
     const auto row = [&](const std::string &name, cli::TimedBuilds &bareBuilds, cli::TimedBuilds &layeredBuilds) {
-        cli::PairedTiming times([&] { return bareBuilds.run().wall; }, [&] { return layeredBuilds.run().wall; });
+        PairedTiming times([&] { return bareBuilds.run().wall; }, [&] { return layeredBuilds.run().wall; });
         for (unsigned r = 0; r < repetitions; ++r)
             times.measure();
         fmt::print("| {} | {:.3f} | {:.3f} | {:.3f} | {:.2f} |\n", name, times.a(), times.b(), times.b() - times.a(),

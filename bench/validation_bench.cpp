@@ -9,18 +9,18 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
-#include "cli/base/paired_timing.h"
-#include "cli/bench/pipeline_timing.h"
+#include "base/statistics.h"
+#include "cli/bench/timing.h"
 #include "cli/render_command.h"
-#include "cli/scene/baked_scene.h"
-#include "cli/vulkan/layer_path.h"
+#include "gpu/layer_path.h"
+#include "render/baked_scene.h"
 
 namespace
 {
 
 using namespace vellum;
 
-constexpr cli::MicromapApi kApi = cli::MicromapApi::Khr;
+constexpr gpu::Api kApi = gpu::Api::Khr;
 
 double milliseconds(const std::function<void()> &work)
 {
@@ -34,13 +34,13 @@ struct Side {
     Side(const char *validate, const std::optional<std::string> &wanted)
     {
         setenv("VELLUM_VALIDATE", validate, 1); // read when the instance is made
-        instance = std::make_unique<cli::Instance>(true);
-        info = cli::chooseDevice(*instance, wanted);
-        device = std::make_unique<cli::Device>(info, cli::DeviceNeeds{kApi, info.rayTracingPipelines});
+        instance = std::make_unique<gpu::Instance>(true);
+        info = gpu::DeviceSelection(wanted).from(*instance);
+        device = std::make_unique<gpu::Device>(info, kApi);
     }
-    std::unique_ptr<cli::Instance> instance;
-    cli::DeviceInfo info;
-    std::unique_ptr<cli::Device> device;
+    std::unique_ptr<gpu::Instance> instance;
+    gpu::DeviceInfo info;
+    std::unique_ptr<gpu::Device> device;
 };
 
 void compare(const Side &off, const Side &on, const char *parts, unsigned repetitions)
@@ -48,30 +48,29 @@ void compare(const Side &off, const Side &on, const char *parts, unsigned repeti
     const auto row = [&](const std::string &what, const std::function<double(const Side &)> &measure) {
         measure(off);
         measure(on);
-        cli::PairedTiming times([&] { return measure(off); }, [&] { return measure(on); });
+        PairedTiming times([&] { return measure(off); }, [&] { return measure(on); });
         for (unsigned r = 0; r < repetitions; ++r)
             times.measure();
         fmt::print("| {} | {} | {:.2f} | {:.2f} | {:.3f} |\n", what, parts, times.a(), times.b(), times.ratio().middle);
         std::fflush(stdout);
     };
-    row("a device, made and destroyed", [](const Side &side) {
-        return milliseconds([&] { const cli::Device device(side.info, {kApi, side.info.rayTracingPipelines}); });
-    });
-    const cli::RenderScene scene = cli::prepareScene(cli::loadScene(std::nullopt), 9);
-    const cli::BakedScene baked = cli::bakeScene(scene.scene, {});
+    row("a device, made and destroyed",
+        [](const Side &side) { return milliseconds([&] { const gpu::Device device(side.info, kApi); }); });
+    const render::RenderScene scene = render::prepareScene(cli::loadScene(std::nullopt), 9);
+    const render::BakedScene baked = render::bakeScene(scene.scene, {});
     row("the builds of a scene", [&](const Side &side) {
-        return milliseconds([&] { const cli::World world(*side.device, scene, baked.micromaps()); });
+        return milliseconds([&] { const render::World world(*side.device, scene, baked.micromaps()); });
     });
-    for (const cli::Trace trace : {cli::Trace::Query, cli::Trace::Pipeline}) {
-        if (trace == cli::Trace::Pipeline && !off.info.rayTracingPipelines)
+    for (const render::Trace trace : {render::Trace::Query, render::Trace::Pipeline}) {
+        if (trace == render::Trace::Pipeline && !off.info.rayTracingPipelines)
             continue;
-        cli::RenderSettings settings;
+        render::RenderSettings settings;
         settings.width = 320;
         settings.height = 180;
         settings.trace = trace;
-        cli::Renderer first(*off.device, scene, baked.micromaps(), settings);
-        cli::Renderer second(*on.device, scene, baked.micromaps(), settings);
-        row(trace == cli::Trace::Query ? "a frame by ray queries" : "a frame by a pipeline",
+        render::Renderer first(*off.device, scene, baked.micromaps(), settings);
+        render::Renderer second(*on.device, scene, baked.micromaps(), settings);
+        row(trace == render::Trace::Query ? "a frame by ray queries" : "a frame by a pipeline",
             [&](const Side &side) { return (&side == &off ? first : second).frame(); });
     }
 }
@@ -80,8 +79,8 @@ void run(const std::vector<std::string> &parts, const std::optional<std::string>
 {
     cli::disableShaderCaches();
     const Side off("none", device);
-    const cli::DeviceInfo &info = off.info;
-    cli::requireMicromaps(info, kApi, off.instance->layerEnabled());
+    const gpu::DeviceInfo &info = off.info;
+    gpu::requireMicromaps(info, kApi, off.instance->hasLayers());
     fmt::print(
         "{}, {}, medians of {}, milliseconds\n\n| what | validate | off | on | on/off |\n|---|---|--:|--:|--:|\n",
         info.name, info.implementation, repetitions);
@@ -106,7 +105,7 @@ int main(int argc, char **argv)
     app.add_option("--layer-path", layerFolder, "Folder of the layer's manifest");
     CLI11_PARSE(app, argc, argv);
     try {
-        cli::offerLayer(layerFolder);
+        gpu::offerLayer(layerFolder);
         run(parts, device, repetitions);
         return 0;
     } catch (const std::exception &error) {

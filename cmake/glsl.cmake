@@ -36,7 +36,7 @@ function(vellum_embed_glsl TARGET)
   string(REPLACE spv ";--target-env;spirv" glslang_env ${ARG_TARGET_ENV}) # glslang names the two parts separately
   set_property(TARGET ${TARGET} APPEND PROPERTY VELLUM_SHADERS ${ARG_NAME})
   set(compile ${GLSLANG} --quiet --target-env ${glslang_env} -I${PROJECT_SOURCE_DIR}/src/core
-      -I${PROJECT_SOURCE_DIR}/src/shaders -I${PROJECT_SOURCE_DIR}/src/check/shaders ${ARG_FLAGS} ${ARG_SOURCE})
+      -I${PROJECT_SOURCE_DIR}/src/shaders -I${PROJECT_SOURCE_DIR}/src/gpu/shaders ${ARG_FLAGS} ${ARG_SOURCE})
   set(out ${CMAKE_CURRENT_BINARY_DIR}/shaders/${ARG_NAME}.h)
   if(ARG_OPACITY_MICROMAP_MODE)
     set(out ${CMAKE_CURRENT_BINARY_DIR}/modules/${ARG_NAME}.plain.spv)

@@ -11,10 +11,10 @@
 
 #include "bake/bake.h"
 #include "bake_work.h"
-#include "cli/vulkan/context.h"
-#include "cli/vulkan/resources.h"
 #include "core/curve.h"
+#include "gpu/device.h"
 #include "process_times.h"
+#include "render/texture.h"
 #include "vellum/gpu_bake.h"
 #include "vk/vk_init.h"
 
@@ -22,7 +22,7 @@ namespace
 {
 
 using namespace vellum;
-using cli::Buffer;
+using gpu::Buffer;
 
 struct Settings {
     size_t triangles = 10000;
@@ -38,34 +38,35 @@ struct Settings {
 class GpuBake
 {
 public:
-    GpuBake(cli::Device &device, const cli::Texture &texture, uint32_t size, const std::vector<TriangleUvs> &triangles)
+    GpuBake(gpu::Device &device, const render::Texture &texture, uint32_t size,
+            const std::vector<TriangleUvs> &triangles)
         : device_(device), count_(static_cast<uint32_t>(triangles.size())),
-          uvs_(cli::uploadBuffer(device, std::as_bytes(std::span(triangles)), kUsage)),
-          result_(device, sizeof(GpuBakeResult), kUsage, Buffer::Place::Device),
-          indices_(device, 4 * VkDeviceSize{count_}, kUsage, Buffer::Place::Device)
+          uvs_(device.upload(std::span(triangles), kUsage)),
+          result_(device, sizeof(GpuBakeResult), kUsage, gpu::Buffer::Place::Device),
+          indices_(device, 4 * VkDeviceSize{count_}, kUsage, gpu::Buffer::Place::Device)
     {
-        cli::check(GpuBaker::create({device.handle(), vkGetDeviceProcAddr}, baker_), "creating the GPU baker");
+        CHECK_VK(GpuBaker::create({device.device(), vkGetDeviceProcAddr}, baker_));
         GpuAlphaInfo info;
         info.view = texture.view();
         info.width = info.height = size;
-        cli::check(baker_->createAlpha(info, alpha_), "creating the GPU baker's image");
-        scratch_ = Buffer(device, GpuBaker::scratchBytes(info, count_), kUsage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
-                          Buffer::Place::Device);
+        CHECK_VK(baker_->createAlpha(info, alpha_));
+        scratch_ = gpu::Buffer(device, GpuBaker::scratchBytes(info, count_),
+                               kUsage | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT, gpu::Buffer::Place::Device);
     }
 
     // Sizes first, as capacity for all would take most of the memory.
     void prepare(const GpuBakeOptions &options)
     {
-        device_.run([&](VkCommandBuffer commands) {
+        device_.submit([&](VkCommandBuffer commands) {
             if (!baker_->recordSizes(commands, *alpha_, input(), options, scratch(), result_.address()))
-                throw cli::Error("the GPU baker does not take these options");
+                throw std::runtime_error("the GPU baker does not take these options");
         });
         GpuBakeResult result{};
-        const std::vector<uint32_t> words = cli::downloadWords(device_, result_, sizeof result / 4);
+        const std::vector<uint32_t> words = result_.words(sizeof result / 4);
         std::memcpy(&result, words.data(), sizeof result);
         output_.triangles = result.triangles;
-        data_ = Buffer(device_, GpuBaker::dataBytes(output_, options.format), kUsage, Buffer::Place::Device);
-        records_ = Buffer(device_, GpuBaker::recordBytes(output_), kUsage, Buffer::Place::Device);
+        data_ = gpu::Buffer(device_, GpuBaker::dataBytes(output_, options.format), kUsage, gpu::Buffer::Place::Device);
+        records_ = gpu::Buffer(device_, GpuBaker::recordBytes(output_), kUsage, gpu::Buffer::Place::Device);
         output_.data = data_.address();
         output_.records = records_.address();
         output_.indices = indices_.address();
@@ -73,9 +74,9 @@ public:
 
     void run(const GpuBakeOptions &options)
     {
-        device_.run([&](VkCommandBuffer commands) {
+        device_.submit([&](VkCommandBuffer commands) {
             if (!baker_->record(commands, *alpha_, input(), options, scratch(), output_, result_.address()))
-                throw cli::Error("the GPU baker does not take these options");
+                throw std::runtime_error("the GPU baker does not take these options");
             const auto all = vkInit<VkMemoryBarrier>(
                 {.srcAccessMask = VK_ACCESS_SHADER_WRITE_BIT, .dstAccessMask = VK_ACCESS_MEMORY_READ_BIT});
             vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0,
@@ -86,16 +87,14 @@ public:
     [[nodiscard]] Micromap read()
     {
         Micromap micromap;
-        const std::vector<uint32_t> indices = cli::downloadWords(device_, indices_, count_);
+        const std::vector<uint32_t> indices = indices_.words(count_);
         micromap.indices.assign(indices.begin(), indices.end());
-        const std::vector<uint32_t> records =
-            cli::downloadWords(device_, records_, static_cast<size_t>(GpuBaker::recordBytes(output_) / 4));
+        const std::vector<uint32_t> records = records_.words(static_cast<size_t>(GpuBaker::recordBytes(output_) / 4));
         for (size_t i = 0; i + 1 < records.size(); i += 2)
             micromap.triangles.push_back({records[i], static_cast<uint16_t>(records[i + 1] & 0xffffu),
                                           static_cast<Format>(records[i + 1] >> 16)});
-        const std::vector<uint32_t> data = cli::downloadWords(
-            device_, data_,
-            static_cast<size_t>(GpuBaker::dataBytes(output_, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) / 4));
+        const std::vector<uint32_t> data =
+            data_.words(static_cast<size_t>(GpuBaker::dataBytes(output_, VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT) / 4));
         micromap.data.resize(data.size() * 4);
         std::memcpy(micromap.data.data(), data.data(), micromap.data.size());
         return micromap;
@@ -117,9 +116,9 @@ private:
     }
     [[nodiscard]] GpuBaker::Scratch scratch() const { return {scratch_.handle(), 0, scratch_.address()}; }
 
-    cli::Device &device_;
+    gpu::Device &device_;
     uint32_t count_;
-    Buffer uvs_, result_, indices_, scratch_, data_, records_;
+    gpu::Buffer uvs_, result_, indices_, scratch_, data_, records_;
     std::unique_ptr<GpuBaker> baker_;
     std::unique_ptr<GpuAlpha> alpha_;
     GpuBakeOutput output_;
@@ -213,10 +212,10 @@ try {
     app.add_option("--device", settings.device, "Number or part of the name of the Vulkan device");
     CLI11_PARSE(app, argc, argv);
 
-    const cli::Instance instance(false);
-    const cli::DeviceInfo info = cli::chooseDevice(
-        instance, settings.device.empty() ? std::nullopt : std::optional<std::string>(settings.device));
-    cli::Device device(info, cli::DeviceNeeds{});
+    const gpu::Instance instance(false);
+    const gpu::DeviceInfo info =
+        (settings.device.empty() ? gpu::DeviceSelection() : gpu::DeviceSelection(settings.device)).from(instance);
+    gpu::Device device(info, std::nullopt);
     const bench::BakeWork work = bench::leaves(settings.size, settings.triangles);
     const bench::BakeMesh &mesh = work.meshes.front();
     Image image;
@@ -224,7 +223,7 @@ try {
     image.rgba.assign(size_t{settings.size} * settings.size * 4, 255);
     for (size_t i = 0; i < mesh.alpha.size(); ++i)
         image.rgba[4 * i + 3] = mesh.alpha[i];
-    const cli::Texture texture(device, image, Material{});
+    const render::Texture texture(device, image, Material{});
     GpuBake gpu(device, texture, settings.size, mesh.triangles);
     fmt::print("{}\n{:>5} {:>12} {:>10} {:>12} {:>10} {:>10} {:>12} {:>6} {:>12}\n", info.name, "level", "CPU baker",
                "wall", "GPU baker", "wall", "unknown", "needless/M", "wrong", "more/M");

@@ -20,7 +20,7 @@ class VellumConan(ConanFile):
     topics = ("vulkan", "ray-tracing", "opacity-micromap", "gltf")
     package_type = "library"
     settings = "os", "arch", "compiler", "build_type"
-    # tools: the command vellum, the Vulkan layer and libvellum_gltf. The build then needs Python and the fonts DejaVu Sans.
+    # tools: the command vellum, the Vulkan layer and libvellum_gltf. The build then needs Python.
     options = {"shared": [True, False], "fPIC": [True, False], "tools": [True, False],
                "images": [True, False], "meshes": [True, False]}
     default_options = {"shared": True, "fPIC": True, "tools": False, "images": True, "meshes": True,

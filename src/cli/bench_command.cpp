@@ -5,12 +5,11 @@
 #include <fmt/format.h>
 #include <rapidjson/document.h>
 
-#include "cli/base/error.h"
+#include "base/error.h"
+#include "base/process.h"
+#include "base/progress.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/output_file.h"
-#include "cli/base/progress.h"
-#include "cli/base/standard_streams.h"
-#include "cli/base/system/interrupt.h"
+#include "cli/base/files.h"
 #include "cli/bench/bench_report.h"
 #include "core/utf8_path.h"
 
@@ -45,7 +44,7 @@ Found foundBy(const PartResult &result)
 // Who implements micromaps for the device, and which extension is used.
 struct Implementation {
     const char *setting; // of the layer
-    MicromapApi api;
+    gpu::Api api;
 };
 
 // The parts that measure, with the seconds of each. The self-check is first: of a wrong device no time matters.
@@ -53,18 +52,18 @@ std::vector<Part> partsOf(const std::vector<Implementation> &implementations, bo
 {
     struct Share {
         PartKind kind;
-        Trace trace;
+        render::Trace trace;
         double part;
     };
-    constexpr Share kShares[] = {{PartKind::Check, Trace::Query, 1},
-                                 {PartKind::Frames, Trace::Query, 4},
-                                 {PartKind::Frames, Trace::Pipeline, 4},
-                                 {PartKind::Builds, Trace::Query, 2},
-                                 {PartKind::Pipelines, Trace::Query, 1}};
+    constexpr Share kShares[] = {{PartKind::Check, render::Trace::Query, 1},
+                                 {PartKind::Frames, render::Trace::Query, 4},
+                                 {PartKind::Frames, render::Trace::Pipeline, 4},
+                                 {PartKind::Builds, render::Trace::Query, 2},
+                                 {PartKind::Pipelines, render::Trace::Query, 1}};
     std::vector<Part> parts;
     double all = 0;
     for (const Share &share : kShares) {
-        if (share.kind == PartKind::Frames && share.trace == Trace::Pipeline && !rayTracingPipelines)
+        if (share.kind == PartKind::Frames && share.trace == render::Trace::Pipeline && !rayTracingPipelines)
             continue;
         for (const Implementation &one : implementations) {
             parts.push_back({share.kind, one.setting, one.api, share.trace, share.part});
@@ -90,15 +89,15 @@ public:
         fmt::print("Device: {}\n", emulated.name);
         std::fflush(stdout);
         if (emulated.khr == "emulated")
-            implementations.push_back({"emulated", MicromapApi::Khr});
+            implementations.push_back({"emulated", gpu::Api::Khr});
         if (describe("ext").khr == "translated")
-            implementations.push_back({"ext", MicromapApi::Khr});
+            implementations.push_back({"ext", gpu::Api::Khr});
         const Found own = describe("driver");
         pipelines_ = pipelines_ || own.rayTracingPipelines;
         if (own.khr == "driver")
-            implementations.push_back({"driver", MicromapApi::Khr});
+            implementations.push_back({"driver", gpu::Api::Khr});
         else if (own.ext == "driver")
-            implementations.push_back({"driver", MicromapApi::Ext});
+            implementations.push_back({"driver", gpu::Api::Ext});
         return implementations;
     }
     void measure(const std::vector<Implementation> &implementations)
@@ -108,7 +107,7 @@ public:
         for (const Part &part : parts) {
             if (Interruptible::interrupted())
                 return;
-            Progress progress(fmt::format("vellum bench: {}", part.name()));
+            ProgressLine progress(fmt::format("vellum bench: {}", part.name()));
             results_.push_back(runPartProcess(part, options_.device, options_.timeout, [&] {
                 progress.update(static_cast<size_t>(elapsed()), static_cast<size_t>(options_.seconds) + 1);
             }));
@@ -123,7 +122,7 @@ public:
 private:
     Found describe(const char *implementation)
     {
-        const Part part{PartKind::Device, implementation, MicromapApi::Khr, Trace::Query, 5};
+        const Part part{PartKind::Device, implementation, gpu::Api::Khr, render::Trace::Query, 5};
         PartResult result = runPartProcess(part, options_.device, options_.timeout, [] {});
         if (result.rows.empty() && results_.empty())
             throw Error("no device can be measured: " + result.failure);
@@ -148,8 +147,6 @@ void write(const std::filesystem::path &path, const std::string &text)
 
 int benchCommand(const BenchOptions &options)
 {
-    if (options.part)
-        return runPart(*options.part, options.device);
     const std::filesystem::path page = outputFor(options.output, "vellum-bench.html");
     std::filesystem::path data = page;
     data.replace_extension(".json");

@@ -10,10 +10,10 @@ namespace vellum::cli
 struct BenchOptions {
     std::optional<std::filesystem::path> output; // the page; the JSON is beside it
     BenchDevice device;
-    double seconds = 180;     // of all parts together
-    double timeout = 60;      // without progress, after which a part counts as hung
-    bool force = false;       // replaces any file
-    std::optional<Part> part; // only this, in this process
+    double seconds = 180; // of all parts together
+    double timeout = 60;  // without progress, after which a part counts as hung
+    bool force = false;   // replaces any file
+    bool worker = false;  // a process of another one
 };
 
 // Measures, prints the verdict on stdout, and writes the report. Returns the exit code.

@@ -2,10 +2,9 @@
 #include <memory>
 
 #include "cli/bench_command.h"
-#include "cli/options/checks.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 #include "cli/render_options.h"
 
 namespace vellum::cli
@@ -33,26 +32,11 @@ Examples:
       longer, another device
 )";
 
-// The options of a process that measures one part.
-struct PartWords {
-    std::string kind, implementation = "auto", api = "khr", trace = "query";
-};
-
-Part partOf(const PartWords &words, double seconds)
-{
-    size_t kind = 0;
-    while (words.kind != kPartNames[kind])
-        ++kind;
-    return {static_cast<PartKind>(kind), words.implementation, micromapApis().at(words.api),
-            words.trace == "query" ? Trace::Query : Trace::Pipeline, seconds};
-}
-
 } // namespace
 
 std::function<int()> declareBenchCommand(CLI::App &app)
 {
     const auto options = std::make_shared<BenchOptions>();
-    const auto part = std::make_shared<PartWords>();
     CLI::App &command = *app.add_subcommand("bench", "Measures micromaps on a GPU, and writes a report to send");
     command.footer(kBenchDetails);
     command.option_defaults()->group(kOutput);
@@ -71,16 +55,8 @@ std::function<int()> declareBenchCommand(CLI::App &app)
         .add_option("--timeout", options->timeout,
                     "Seconds without progress, after which a part counts as hung and is ended; a slow one goes on [60]")
         ->check(between(0.1, 86400));
-    command.option_defaults()->group(""); // for its own processes
-    takesWords(*command.add_option("--part", part->kind), {std::begin(kPartNames), std::end(kPartNames)});
-    takesWords(*command.add_option("--implementation", part->implementation), {"auto", "driver", "ext", "emulated"});
-    takesWords(*command.add_option("--api", part->api), {"khr", "ext"});
-    takesWords(*command.add_option("--trace", part->trace), {"query", "pipeline"});
-    return [options, part] {
-        if (!part->kind.empty())
-            options->part = partOf(*part, options->seconds);
-        return benchCommand(*options);
-    };
+    command.add_flag("--worker", options->worker, "")->group(""); // for its own processes
+    return [options] { return options->worker ? runPartWorker(options->device) : benchCommand(*options); };
 }
 
 } // namespace vellum::cli

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/base/system/streams.h"
-#include "cli/base/system/this_process.h"
+#include "base/files.h"
+#include "base/process.h"
 #include "cli/check_options.h"
 
 #include <algorithm>
@@ -9,20 +9,18 @@
 #include <fmt/format.h>
 #include <set>
 
-#include "cli/base/error.h"
+#include "base/error.h"
+#include "base/progress.h"
+#include "base/text.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/numbers.h"
-#include "cli/base/progress.h"
-#include "cli/base/report_parts.h"
-#include "cli/base/system/interrupt.h"
-#include "cli/check/formats.h"
-#include "cli/check/output_folder.h"
+#include "cli/check/results.h"
 #include "cli/check/runner.h"
 #include "cli/check/schedule.h"
 #include "cli/check/worker.h"
-#include "cli/options/checks.h"
-#include "cli/vulkan/layer_path.h"
+#include "cli/options/options.h"
 #include "core/utf8_path.h"
+#include "gpu/layer_path.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {
@@ -35,7 +33,7 @@ constexpr double kSecondsBetweenWrites = 30;
 void prepareEnvironment(const CheckOptions &options)
 {
     if (options.layer)
-        offerLayer(options.layerFolder);
+        gpu::offerLayer(options.layerFolder);
     if (!variable("VELLUM_MESSAGE_LIMIT"))
         setVariable("VELLUM_MESSAGE_LIMIT", "0"); // what the layer reports fails a case, whatever it reported before
     if (!options.implementation.empty())
@@ -108,7 +106,7 @@ Expectations expectationsOf(const CheckOptions &options)
 RunSettings settingsOf(const CheckOptions &options, const DeviceSummary &device)
 {
     RunSettings settings;
-    settings.worker = {.device = std::to_string(device.number), .layer = options.layer};
+    settings.worker = {.device = gpu::DeviceSelection(std::to_string(device.number)), .layer = options.layer};
     settings.seed = options.seed;
     settings.jobs = options.jobs;
     settings.timeout = options.timeout;
@@ -322,7 +320,7 @@ int runCases(const CheckOptions &options, const DeviceSummary &device, CaseSelec
     skipMissing(device, selection, results);
     Schedule schedule = makeSchedule(selection);
     const RunSettings settings = settingsOf(options, device);
-    auto progress = std::make_optional<Progress>("checking", options.progress);
+    auto progress = std::make_optional<ProgressLine>("checking", options.progress);
     const RunProgress standing(settings, schedule, results);
     Runner *running = nullptr;
     Runner runner(

@@ -5,12 +5,11 @@
 #include <memory>
 #include <thread>
 
-#include "cli/base/error.h"
-#include "cli/base/output_file.h"
-#include "cli/options/checks.h"
+#include "base/error.h"
+#include "cli/base/files.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 
 namespace vellum::cli
 {

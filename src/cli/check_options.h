@@ -8,11 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "gpu/instance.h"
+
 namespace vellum::cli
 {
 
 struct CheckOptions {
-    std::optional<std::string> device;
+    gpu::DeviceSelection device;
     std::optional<std::string> api; // ext, khr or both; what the device has without
     bool layer = true;
     std::string implementation;                       // empty: not given

@@ -4,14 +4,14 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "cli/base/error.h"
+#include "base/error.h"
+#include "base/version.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/version.h"
-#include "cli/options/checks.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 #include "gltf/micromaps/stored_micromaps.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {

@@ -3,15 +3,14 @@
 #include <cstdio>
 #include <memory>
 
-#include "cli/base/error.h"
+#include "base/error.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/input_files.h"
-#include "cli/base/standard_streams.h"
+#include "cli/base/files.h"
 #include "cli/info/file_report.h"
 #include "cli/info/loader_report.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 #include "gltf/file/gltf_error.h"
 
 namespace vellum::cli

@@ -4,24 +4,21 @@
 #include <memory>
 #include <optional>
 
-#include "cli/bake/bake_options.h"
-#include "cli/bake/exclusions.h"
-#include "cli/base/error.h"
+#include "base/error.h"
+#include "base/picture.h"
+#include "base/progress.h"
+#include "base/text.h"
+#include "cli/bake/bake.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/numbers.h"
-#include "cli/base/output_file.h"
-#include "cli/base/progress.h"
-#include "cli/base/report_parts.h"
-#include "cli/base/standard_streams.h"
-#include "cli/inspect/drawing/uv_picture.h"
-#include "cli/inspect/page.h"
-#include "cli/inspect/tally.h"
-#include "cli/options/checks.h"
+#include "cli/base/files.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
-#include "cli/picture/png.h"
+#include "cli/options/options.h"
 #include "core/utf8_path.h"
+#include "inspect/page.h"
+#include "inspect/report_parts.h"
+#include "inspect/tally.h"
+#include "inspect/uv_picture.h"
 
 namespace vellum::cli
 {
@@ -38,9 +35,9 @@ Without OUT, NAME.html is written beside the input. An existing file is replaced
 Examples:
   vellum inspect ash.omm.glb
       writes the page ash.omm.html
-  vellum inspect ash.omm.glb ash.png
+  vellum inspect ash.omm.glb ash.svg
       the whole UV space of each material as a picture
-  vellum inspect ash.omm.glb --picture leaf.png --mesh 0 --primitive 1 --triangle 40-47
+  vellum inspect ash.omm.glb --picture leaf.svg --mesh 0 --primitive 1 --triangle 40-47
       eight triangles, and the texture around them
   vellum inspect ash.glb --bake --level 5
       what vellum bake would make of a file with these options
@@ -52,8 +49,8 @@ struct InspectOptions {
     std::optional<std::filesystem::path> output;  // -o
     std::optional<std::filesystem::path> html;
     std::optional<std::filesystem::path> picture;
-    UvPictureOptions drawing;
-    Selection selection;
+    inspect::UvPictureOptions drawing;
+    inspect::Selection selection;
     bool bake = false;
     bool force = false;
     bool json = false;
@@ -68,12 +65,17 @@ void declareOutputs(CLI::App &command, InspectOptions &options)
 {
     command.option_defaults()->group(kOutput);
     command
-        .add_option("-o,--output", options.output,
-                    "The page to write, or the picture if it ends in .png; a folder, or - for the page to stdout "
-                    "[NAME.html beside the input]")
+        .add_option(
+            "-o,--output", options.output,
+            "The page to write, or the picture if it ends in .svg or .png; a folder, or - for the page to stdout "
+            "[NAME.html beside the input]")
         ->type_name("OUT");
     command.add_option("--html", options.html, "The page to write, or -")->type_name("FILE");
-    command.add_option("--picture", options.picture, "The PNG to write, or -; no page then, unless --html is given")
+    command
+        .add_option(
+            "--picture", options.picture,
+            "The SVG to write, or a PNG, which has no names and numbers, or - for the PNG; no page then, unless --html "
+            "is given")
         ->type_name("FILE");
     command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
     command.add_option("--size", options.drawing.edge, "Longer side of each material in the picture, in pixels [1024]")
@@ -111,16 +113,16 @@ std::function<void()> declareInspect(CLI::App &command, InspectOptions &options)
     return finish;
 }
 
-void printShares(const Tally &tally)
+void printShares(const inspect::Tally &tally)
 {
     const auto &s = tally.states;
     fmt::print("states      {} transparent, {} opaque, {} unknown, of triangles, each counted alike\n", percent(s[0]),
                percent(s[1]), percent(s[2] + s[3]));
 }
 
-void printFile(const InspectedFile &file)
+void printFile(const inspect::InspectedFile &file)
 {
-    const Tally tally = tallyOf(file);
+    const inspect::Tally tally = inspect::tallyOf(file);
     fmt::print("file        {}: {}, {}\n", file.name, counted(file.bytes, "byte"),
                file.baked ? "baked in memory" : file.stored.extension);
     fmt::print("micromaps   {} of {}: {}, {} with a special index\n", file.primitives.size(),
@@ -138,14 +140,14 @@ void printFile(const InspectedFile &file)
                grouped(tally.recordsUsed * sizeof(MicromapTriangle)), grouped(tally.indexBytes));
     for (const SkippedPrimitive &skipped : file.skipped)
         fmt::print("skipped     {}\n", describe(skipped));
-    for (const InspectedMaterial &material : file.materials)
+    for (const inspect::InspectedMaterial &material : file.materials)
         if (!material.problem.empty())
             fmt::print("warning     shown without the texture: {}\n", material.problem);
 }
 
-void printJson(const InspectOptions &options, const InspectedFile &file)
+void printJson(const InspectOptions &options, const inspect::InspectedFile &file)
 {
-    const Tally tally = tallyOf(file);
+    const inspect::Tally tally = inspect::tallyOf(file);
     JsonWriter json;
     beginReport(json, "inspect");
     json.key("files").beginArray().beginObject().member("file", utf8Text(options.input)).member("bytes", file.bytes);
@@ -183,8 +185,9 @@ void placeOutputs(InspectOptions &options)
         throw UsageError("reading from stdin needs an output: -o FILE");
     std::filesystem::path standard = options.input;
     const std::filesystem::path output = outputFor(said, standard.replace_extension(".html"));
-    checkSuffix(output, {".html", ".htm", ".png"});
-    auto &place = suffixOf(output) == ".png" ? options.picture : options.html;
+    checkSuffix(output, {".html", ".htm", ".svg", ".png"});
+    const bool picture = suffixOf(output) == ".svg" || suffixOf(output) == ".png";
+    auto &place = picture ? options.picture : options.html;
     if (place)
         throw UsageError(std::string("--output and ") + (&place == &options.html ? "--html" : "--picture") +
                          " exclude each other");
@@ -199,18 +202,18 @@ bool writesToStdout(const InspectOptions &options)
 void finishInspect(InspectOptions &options)
 {
     placeOutputs(options);
-    Selection &selection = options.selection;
+    inspect::Selection &selection = options.selection;
     for (const auto &[text, option, ranges] : {std::tuple(&options.meshes, "--mesh", &selection.meshes),
                                                {&options.primitives, "--primitive", &selection.primitives},
                                                {&options.triangles, "--triangle", &selection.triangles}})
         if (!text->empty())
-            *ranges = parseRanges(*text, option);
+            *ranges = inspect::parseRanges(*text, option);
     if (writesToStdout(options) && (options.json || options.html == options.picture))
         throw UsageError("stdout takes only one of the page, the picture and --json");
     if (options.html)
         checkSuffix(*options.html, {".html", ".htm"});
     if (options.picture)
-        checkSuffix(*options.picture, {".png"});
+        checkSuffix(*options.picture, {".svg", ".png"});
     options.drawing.outlines = !options.noOutlines;
     options.drawing.whole = selection.meshes.empty() && selection.primitives.empty() && selection.triangles.empty();
     for (const auto &path : {options.html, options.picture})
@@ -230,16 +233,23 @@ int inspectCommand(InspectOptions &options)
     UnmatchedExclusions exclusions(options.baking);
     exclusions.note(document);
     exclusions.print();
-    const InspectedFile file = inspectFile(document, options.selection, options.bake ? &options.baking : nullptr);
+    const inspect::InspectedFile file =
+        inspect::inspectFile(document, options.selection, options.bake ? &options.baking : nullptr);
     if (!options.json)
         printFile(file);
     if (options.picture) {
-        const Progress progress("drawing");
-        writeData(*options.picture, encodePng(drawUvSpace(file, options.drawing)), data);
+        const ProgressLine progress("drawing");
+        const LabelledPicture drawing = inspect::drawUvSpace(file, options.drawing);
+        if (suffixOf(*options.picture) == ".svg") {
+            const std::string svg = encodeSvg(drawing);
+            writeData(*options.picture, {reinterpret_cast<const uint8_t *>(svg.data()), svg.size()}, data);
+        } else {
+            writeData(*options.picture, encodePng(drawing.picture), data);
+        }
     }
     if (options.html) {
-        const Progress progress("drawing");
-        const std::string page = makePage(document, file);
+        const ProgressLine progress("drawing");
+        const std::string page = inspect::makePage(document, file);
         writeData(*options.html, {reinterpret_cast<const uint8_t *>(page.data()), page.size()}, data);
     }
     if (options.json)

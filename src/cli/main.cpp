@@ -4,23 +4,23 @@
 #include <new>
 #include <stdexcept>
 
-#include "cli/base/error.h"
+#include "base/error.h"
+#include "base/process.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/system/this_process.h"
 #include "cli/command_line.h"
 
 int main(int argc, char **argv)
 {
     auto code = vellum::cli::ExitCode::Failed;
     try {
-        const int result = vellum::cli::runCommandLine(vellum::cli::prepareProcess(argc, argv));
+        const int result = vellum::cli::runCommandLine(vellum::prepareProcess(argc, argv));
         // A full disk behind a redirection is noticed when the last bytes are written.
         if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0)
             return result;
         std::fprintf(stderr, "vellum: stdout cannot be written\n");
     } catch (const std::bad_alloc &) {
         std::fprintf(stderr, "vellum: out of memory\n");
-    } catch (const vellum::cli::UsageError &error) {
+    } catch (const vellum::UsageError &error) {
         std::fprintf(stderr, "vellum: %s\n", error.what());
         code = vellum::cli::ExitCode::Usage;
     } catch (const std::logic_error &error) { // such as "stoul", which tells users nothing

@@ -7,20 +7,19 @@
 #include <fmt/format.h>
 #include <numeric>
 
+#include "base/error.h"
+#include "base/picture.h"
+#include "base/progress.h"
+#include "base/statistics.h"
+#include "base/text.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/numbers.h"
-#include "cli/base/output_file.h"
-#include "cli/base/paired_timing.h"
-#include "cli/base/progress.h"
-#include "cli/base/report_parts.h"
-#include "cli/base/standard_streams.h"
-#include "cli/picture/heat.h"
-#include "cli/picture/png.h"
-#include "cli/renderer/state_table.h"
-#include "cli/scene/baked_scene.h"
-#include "cli/scene/grove.h"
-#include "cli/vulkan/layer_path.h"
+#include "cli/base/files.h"
 #include "core/utf8_path.h"
+#include "gpu/layer_path.h"
+#include "inspect/report_parts.h"
+#include "render/baked_scene.h"
+#include "render/grove.h"
+#include "render/heat.h"
 
 namespace vellum::cli
 {
@@ -52,7 +51,7 @@ bool tracesMicromaps(const RenderOptions &options)
            options.sideBySide;
 }
 
-std::string describeInstances(const RenderOptions &options, const RenderScene &scene)
+std::string describeInstances(const RenderOptions &options, const render::RenderScene &scene)
 {
     std::string text;
     if (scene.scene.instances.size() > scene.scene.meshes.size())
@@ -63,22 +62,22 @@ std::string describeInstances(const RenderOptions &options, const RenderScene &s
     return text;
 }
 
-void printScene(const RenderOptions &options, const DeviceInfo &device, const RenderScene &scene)
+void printScene(const RenderOptions &options, const gpu::DeviceInfo &device, const render::RenderScene &scene)
 {
     fmt::print("device      {}\n", device.name);
     fmt::print("rays        by {}\n",
-               options.settings.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline");
+               options.settings.trace == render::Trace::Query ? "ray queries" : "a ray tracing pipeline");
     fmt::print("micromaps   {}\n", options.mode == Mode::Alpha ? "not used"
                                    : !tracesMicromaps(options)
                                        ? "drawn, not used by the rays"
-                                       : fmt::format("{}, {}", nameOf(options.api), device.implementation));
+                                       : fmt::format("{}, {}", gpu::extensionOf(options.api), device.implementation));
     fmt::print("scene       {}: {} masked and {} solid triangles{}\n",
                options.input ? utf8Text(options.input->filename()) : "the built-in grove",
                grouped(scene.maskedTriangles()), grouped(scene.solidTriangles()), describeInstances(options, scene));
     std::fflush(stdout);
 }
 
-void printMicromaps(const RenderOptions &options, const Scene &scene, const BakedScene &baked)
+void printMicromaps(const RenderOptions &options, const Scene &scene, const render::BakedScene &baked)
 {
     const auto shares = baked.stateShares();
     const std::string states = fmt::format("{} transparent, {} opaque, {} unknown, of micro-triangles",
@@ -97,7 +96,7 @@ void printMicromaps(const RenderOptions &options, const Scene &scene, const Bake
 }
 
 // Masked geometries without a micromap: the shader samples their texture.
-void printTestedOnly(const RenderScene &scene, const BakedScene &baked)
+void printTestedOnly(const render::RenderScene &scene, const render::BakedScene &baked)
 {
     size_t without = 0;
     for (size_t i = 0; i < baked.results.size(); ++i)
@@ -108,12 +107,12 @@ void printTestedOnly(const RenderScene &scene, const BakedScene &baked)
                    baked.extension.empty() ? ", whose vertices have alphas" : "; --bake makes some");
 }
 
-BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
+render::BakedScene bakeWithProgress(const RenderOptions &options, const Scene &scene)
 {
-    Progress progress("baking");
+    ProgressLine progress("baking");
     BakeOptions bake = options.bake;
     bake.progress = [&](size_t done, size_t total) { progress.update(done, total); };
-    return bakeScene(scene, bake);
+    return render::bakeScene(scene, bake);
 }
 
 void writePicture(const std::filesystem::path &path, const Picture &picture, std::optional<DataOutput> &data)
@@ -124,27 +123,38 @@ void writePicture(const std::filesystem::path &path, const Picture &picture, std
     std::fflush(stdout); // timing may follow
 }
 
-DeviceNeeds needsOf(const RenderOptions &options, bool micromaps)
+// With its labels where the file is an SVG.
+void writeLabelled(const std::filesystem::path &path, const LabelledPicture &labelled, std::optional<DataOutput> &data)
 {
-    return {micromaps ? std::optional(options.api) : std::nullopt, options.settings.trace == Trace::Pipeline};
+    if (suffixOf(path) == ".png" || isStandardStream(path))
+        return writePicture(path, labelled.picture, data);
+    const std::string svg = encodeSvg(labelled);
+    writeData(path, {reinterpret_cast<const uint8_t *>(svg.data()), svg.size()}, data);
+    fmt::print("wrote       {}\n", utf8Text(path));
+    std::fflush(stdout);
 }
 
-int renderOne(const RenderOptions &options, Device &device, const RenderScene &scene,
+std::optional<gpu::Api> apiOf(const RenderOptions &options, bool micromaps)
+{
+    return micromaps ? std::optional(options.api) : std::nullopt;
+}
+
+int renderOne(const RenderOptions &options, gpu::Device &device, const render::RenderScene &scene,
               const std::vector<const Micromap *> &micromaps, std::optional<DataOutput> &data)
 {
-    std::unique_ptr<Renderer> renderer;
+    std::unique_ptr<render::Renderer> renderer;
     std::vector<double> times;
     const uint32_t frames = options.frames.value_or(5);
     {
-        Progress progress("rendering");
-        renderer = std::make_unique<Renderer>(device, scene, micromaps, options.settings);
+        ProgressLine progress("rendering");
+        renderer = std::make_unique<render::Renderer>(device, scene, micromaps, options.settings);
         for (uint32_t i = 0; i < frames; ++i) {
             times.push_back(renderer->frame());
             progress.update(i + 1, frames);
         }
     }
     fmt::print("frame       {:.2f} ms, the median of {}\n", median(times), frames);
-    const CandidateCount count = renderer->count();
+    const render::CandidateCount count = renderer->count();
     fmt::print("candidates  {:.3f} per ray handed to the shader\n", count.perRay());
     if (!micromaps.empty())
         fmt::print("memory      {} bytes of micromaps\n", grouped(renderer->micromapBytes()));
@@ -154,10 +164,11 @@ int renderOne(const RenderOptions &options, Device &device, const RenderScene &s
 
 // Two renderers of one picture: without micromaps and with them.
 struct Contest {
-    Device plain, enabled; // the plain one enables no extension for micromaps and pays nothing for it
-    Renderer alpha, omm;
-    Contest(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked)
-        : plain(info, needsOf(options, false)), enabled(info, needsOf(options, true)),
+    gpu::Device plain, enabled; // the plain one enables no extension for micromaps and pays nothing for it
+    render::Renderer alpha, omm;
+    Contest(const RenderOptions &options, const gpu::DeviceInfo &info, const render::RenderScene &scene,
+            const render::BakedScene &baked)
+        : plain(info, apiOf(options, false)), enabled(info, apiOf(options, true)),
           alpha(plain, scene, {}, options.settings), omm(enabled, scene, baked.micromaps(), options.settings)
     {
     }
@@ -171,9 +182,9 @@ PairedTiming timeFrames(const RenderOptions &options, Contest &contest)
     constexpr double kMost = 99;
     constexpr double kUncertainty = 0.007;
     constexpr double kMilliseconds = 60'000;
-    Progress progress("timing");
+    ProgressLine progress("timing");
     double spent = 0;
-    const auto timed = [&](Renderer &renderer) {
+    const auto timed = [&](render::Renderer &renderer) {
         return [&] {
             const double time = renderer.frame();
             spent += time;
@@ -217,15 +228,15 @@ void printComparison(const RenderOptions &options, Contest &contest, const Paire
         ratio.middle, timing.pairs(), ratio.low, ratio.high);
 }
 
-void writeComparison(const RenderOptions &options, const DeviceInfo &device, Contest &contest,
+void writeComparison(const RenderOptions &options, const gpu::DeviceInfo &device, Contest &contest,
                      const PairedTiming &timing, const Difference &difference, DataOutput &data)
 {
     const Quartiles ratio = timing.ratio();
     JsonWriter json;
     beginReport(json, "render");
     json.member("file", options.input ? utf8Text(*options.input) : "").member("device", device.name);
-    json.member("extension", nameOf(options.api)).member("implementation", device.implementation);
-    json.member("trace", options.settings.trace == Trace::Query ? "query" : "pipeline");
+    json.member("extension", gpu::extensionOf(options.api)).member("implementation", device.implementation);
+    json.member("trace", options.settings.trace == render::Trace::Query ? "query" : "pipeline");
     json.member("width", options.settings.width).member("height", options.settings.height);
     json.key("outputs").beginArray();
     for (const auto &path : picturesOf(options, difference.pixels != 0))
@@ -240,13 +251,13 @@ void writeComparison(const RenderOptions &options, const DeviceInfo &device, Con
     data.finish();
 }
 
-int renderBoth(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked,
-               std::optional<DataOutput> &data)
+int renderBoth(const RenderOptions &options, const gpu::DeviceInfo &info, const render::RenderScene &scene,
+               const render::BakedScene &baked, std::optional<DataOutput> &data)
 {
     std::unique_ptr<Contest> contest;
     Picture pictures[2];
     {
-        const Progress progress("rendering");
+        const ProgressLine progress("rendering");
         contest = std::make_unique<Contest>(options, info, scene, baked);
         // These frames also warm up.
         contest->alpha.frame();
@@ -268,20 +279,20 @@ int renderBoth(const RenderOptions &options, const DeviceInfo &info, const Rende
     return 0;
 }
 
-int renderStates(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene,
-                 const BakedScene &baked, std::optional<DataOutput> &data)
+int renderStates(const RenderOptions &options, const gpu::DeviceInfo &info, const render::RenderScene &scene,
+                 const render::BakedScene &baked, std::optional<DataOutput> &data)
 {
     const auto draw = [&](bool states) {
-        RenderSettings settings = options.settings;
+        render::RenderSettings settings = options.settings;
         settings.paintStates = states;
-        Device device(info, needsOf(options, !states));
-        Renderer renderer(device, scene, baked.micromaps(), settings);
+        gpu::Device device(info, apiOf(options, !states));
+        render::Renderer renderer(device, scene, baked.micromaps(), settings);
         renderer.frame();
         return renderer.picture();
     };
     Picture picture;
     {
-        const Progress progress("rendering");
+        const ProgressLine progress("rendering");
         picture = draw(true);
         if (options.sideBySide)
             picture = sideBySide(draw(false), picture);
@@ -294,16 +305,16 @@ int renderStates(const RenderOptions &options, const DeviceInfo &info, const Ren
     return 0;
 }
 
-int renderHeat(const RenderOptions &options, const DeviceInfo &info, const RenderScene &scene, const BakedScene &baked,
-               std::optional<DataOutput> &data)
+int renderHeat(const RenderOptions &options, const gpu::DeviceInfo &info, const render::RenderScene &scene,
+               const render::BakedScene &baked, std::optional<DataOutput> &data)
 {
-    std::vector<HeatMap> maps;
+    std::vector<render::HeatMap> maps;
     {
-        const Progress progress("rendering");
+        const ProgressLine progress("rendering");
         const auto measure = [&](bool micromaps) {
-            Device device(info, needsOf(options, micromaps));
-            Renderer renderer(device, scene, micromaps ? baked.micromaps() : std::vector<const Micromap *>(),
-                              options.settings);
+            gpu::Device device(info, apiOf(options, micromaps));
+            render::Renderer renderer(device, scene, micromaps ? baked.micromaps() : std::vector<const Micromap *>(),
+                                      options.settings);
             maps.push_back({options.settings.width, options.settings.height, renderer.candidatesPerPixel(),
                             micromaps ? "with micromaps" : "without micromaps"});
         };
@@ -311,14 +322,14 @@ int renderHeat(const RenderOptions &options, const DeviceInfo &info, const Rende
             measure(false);
         measure(true);
     }
-    for (HeatMap &map : maps) {
+    for (render::HeatMap &map : maps) {
         const double mean =
             std::accumulate(map.values.begin(), map.values.end(), 0.0) / static_cast<double>(map.values.size());
         fmt::print("candidates  {:.3f} per pixel on average, at most {:.0f}, {}\n", mean,
                    *std::max_element(map.values.begin(), map.values.end()), map.title);
         map.title += fmt::format(": {:.2f}", mean);
     }
-    writePicture(options.output, drawHeat(maps, heatScale(maps), "candidates per pixel"), data);
+    writeLabelled(options.output, render::drawHeat(maps, render::heatScale(maps), "candidates per pixel"), data);
     return 0;
 }
 
@@ -331,7 +342,7 @@ struct Loaded {
 Loaded load(const RenderOptions &options)
 {
     if (!options.input)
-        return {makeGrove(), {}};
+        return {render::makeGrove(), {}};
     const Document document = openDocument(*options.input);
     const bool wanted = options.mode != Mode::Alpha && !options.bakeAnew;
     return {readScene(document), wanted ? readMicromaps(document) : StoredMicromaps{}};
@@ -341,7 +352,7 @@ Loaded load(const RenderOptions &options)
 
 Scene loadScene(const std::optional<std::filesystem::path> &file)
 {
-    return file ? readGltf(*file) : makeGrove();
+    return file ? readGltf(*file) : render::makeGrove();
 }
 
 int renderCommand(const RenderOptions &options)
@@ -355,30 +366,30 @@ int renderCommand(const RenderOptions &options)
         data.emplace(DataOutput::Reports::ToStderr);
     if (options.quiet && !options.json)
         discardReports();
-    RenderScene scene;
+    render::RenderScene scene;
     StoredMicromaps stored;
     {
-        const Progress progress("reading");
+        const ProgressLine progress("reading");
         Loaded loaded = load(options);
         stored = std::move(loaded.stored);
-        scene = prepareScene(std::move(loaded.scene), options.instances);
+        scene = render::prepareScene(std::move(loaded.scene), options.instances);
     }
     if (options.layer)
-        offerLayer(options.layerFolder);
-    const Instance instance(options.layer);
-    const DeviceInfo info = chooseDevice(instance, options.device);
+        gpu::offerLayer(options.layerFolder);
+    const gpu::Instance instance(options.layer);
+    const gpu::DeviceInfo info = options.device.from(instance);
     if (tracesMicromaps(options))
-        requireMicromaps(info, options.api, instance.layerEnabled());
-    if (options.settings.trace == Trace::Pipeline && !info.rayTracingPipelines)
+        gpu::requireMicromaps(info, options.api, instance.hasLayers());
+    if (options.settings.trace == render::Trace::Pipeline && !info.rayTracingPipelines)
         throw Error(info.name +
                     " has no ray tracing pipelines (VK_KHR_ray_tracing_pipeline); --trace query does without");
     printScene(options, info, scene);
     if (options.mode == Mode::Alpha) {
-        Device device(info, needsOf(options, false));
+        gpu::Device device(info, apiOf(options, false));
         return renderOne(options, device, scene, {}, data);
     }
-    const BakedScene baked =
-        stored.extension.empty() ? bakeWithProgress(options, scene.scene) : storedScene(scene.scene, stored);
+    const render::BakedScene baked =
+        stored.extension.empty() ? bakeWithProgress(options, scene.scene) : render::storedScene(scene.scene, stored);
     printMicromaps(options, scene.scene, baked);
     printTestedOnly(scene, baked);
     if (options.mode == Mode::Compare)
@@ -387,7 +398,7 @@ int renderCommand(const RenderOptions &options)
         return renderStates(options, info, scene, baked, data);
     if (options.mode == Mode::Heat)
         return renderHeat(options, info, scene, baked, data);
-    Device device(info, needsOf(options, true));
+    gpu::Device device(info, apiOf(options, true));
     return renderOne(options, device, scene, baked.micromaps(), data);
 }
 

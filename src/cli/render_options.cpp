@@ -4,14 +4,12 @@
 #include <map>
 #include <memory>
 
-#include "cli/bake/bake_options.h"
-#include "cli/base/error.h"
-#include "cli/base/output_file.h"
-#include "cli/base/standard_streams.h"
-#include "cli/options/checks.h"
+#include "base/error.h"
+#include "cli/bake/bake.h"
+#include "cli/base/files.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 #include "cli/render_command.h"
 
 namespace vellum::cli
@@ -25,15 +23,15 @@ VK_LAYER_VELLUM_opacity_micromap, which is enabled by default, provides it. The 
 whose implementation of it was used. The device needs Vulkan 1.3 with ray queries, and ray tracing pipelines for --trace
 pipeline; Mesa's lavapipe is one that runs on any processor.
 
-Without OUT, NAME.png is written beside the input, and vellum.png in the current folder for the built-in scene. An existing
-file is replaced only if vellum wrote it, or with --force.
+Without OUT, NAME.png (with --mode heat NAME.svg) is written beside the input, and vellum.png in the current folder for the
+built-in scene. An existing file is replaced only if vellum wrote it, or with --force.
 
 Modes:
   alpha    no micromaps: the shader samples the texture for every candidate
   omm      micromaps: it samples the texture only where they are unknown
   compare  both, with a table of times, candidates per ray and differing pixels
   states   the states of the micromaps in colours, which are printed
-  heat     how many candidates the shader is handed at each pixel
+  heat     how many candidates the shader is handed at each pixel, with a legend: an SVG
 
 Examples:
   vellum render
@@ -65,7 +63,8 @@ const std::map<std::string, Mode> kModes = {{"alpha", Mode::Alpha},
                                             {"compare", Mode::Compare},
                                             {"states", Mode::States},
                                             {"heat", Mode::Heat}};
-const std::map<std::string, Trace> kTraces = {{"query", Trace::Query}, {"pipeline", Trace::Pipeline}};
+const std::map<std::string, render::Trace> kTraces = {{"query", render::Trace::Query},
+                                                      {"pipeline", render::Trace::Pipeline}};
 
 // What CLI11 stores as text.
 struct RawOptions {
@@ -91,7 +90,7 @@ void declareFiles(CLI::App &command, RenderOptions &options, RawOptions &raw)
         .add_option(
             "-o,--output", raw.output,
             "The PNG to write, a folder, or - for stdout; compare also writes NAME-alpha.png, and NAME-difference.png "
-            "if there is any [NAME.png beside the input, or vellum.png]")
+            "if there is any; heat writes an SVG, whose legend a PNG lacks [NAME.png beside the input, or vellum.png]")
         ->take_last()
         ->type_name("OUT");
     command.add_flag("--force", options.force, "Replace existing files, whoever wrote them");
@@ -168,24 +167,26 @@ void declareDevice(CLI::App &command, RenderOptions &options, RawOptions &raw)
 // Beside the input, or in the current folder.
 std::filesystem::path standardOutput(const RenderOptions &options)
 {
+    const char *suffix = options.mode == Mode::Heat ? ".svg" : ".png";
     if (!options.input || isStandardStream(*options.input))
-        return "vellum.png";
+        return std::string("vellum") + suffix;
     std::filesystem::path output = *options.input;
-    return output.replace_extension(".png");
+    return output.replace_extension(suffix);
 }
 
 void checkTogether(const RenderOptions &options, const RawOptions &raw)
 {
     if (raw.operand && raw.output)
         throw UsageError("OUT and --output exclude each other");
-    checkSuffix(options.output, {".png"});
+    checkSuffix(options.output, options.mode == Mode::Heat ? std::initializer_list<std::string>{".svg", ".png"}
+                                                           : std::initializer_list<std::string>{".png"});
     if (isStandardStream(options.output) && options.mode == Mode::Compare)
         throw UsageError("--mode compare writes several pictures, so not to stdout");
     if (options.json && options.mode != Mode::Compare)
         throw UsageError("--json is for --mode compare");
     if (options.sideBySide && options.mode != Mode::States && options.mode != Mode::Heat)
         throw UsageError("--side-by-side is for --mode states and --mode heat");
-    if (options.mode == Mode::States && options.settings.trace != Trace::Query)
+    if (options.mode == Mode::States && options.settings.trace != render::Trace::Query)
         throw UsageError("--mode states draws by ray queries, without --trace pipeline");
     if ((options.mode == Mode::States || options.mode == Mode::Heat) && options.frames)
         throw UsageError("--mode " + raw.mode + " times nothing, so it takes no --frames");
@@ -209,13 +210,13 @@ void finishRender(RenderOptions &options, const RawOptions &raw)
 
 } // namespace
 
-const std::map<std::string, MicromapApi> &micromapApis()
+const std::map<std::string, gpu::Api> &micromapApis()
 {
-    static const std::map<std::string, MicromapApi> apis = {{"khr", MicromapApi::Khr}, {"ext", MicromapApi::Ext}};
+    static const std::map<std::string, gpu::Api> apis = {{"khr", gpu::Api::Khr}, {"ext", gpu::Api::Ext}};
     return apis;
 }
 
-void parseSize(const std::string &text, RenderSettings &settings)
+void parseSize(const std::string &text, render::RenderSettings &settings)
 {
     unsigned width = 0;
     unsigned height = 0;

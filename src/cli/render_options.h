@@ -9,7 +9,7 @@
 #include <string>
 
 #include "bake/bake.h"
-#include "cli/renderer/renderer.h"
+#include "render/renderer.h"
 
 namespace vellum::cli
 {
@@ -20,8 +20,8 @@ struct RenderOptions {
     std::optional<std::filesystem::path> input; // the built-in grove without
     std::filesystem::path output;
     Mode mode = Mode::Micromaps;
-    MicromapApi api = MicromapApi::Khr;
-    RenderSettings settings;
+    gpu::Api api = gpu::Api::Khr;
+    render::RenderSettings settings;
     BakeOptions bake;
     uint32_t instances = 1;
     std::optional<uint32_t> frames; // to time, or pairs of them; without, as many as it takes
@@ -31,15 +31,15 @@ struct RenderOptions {
     bool force = false; // replaces any file
     bool json = false;  // with Mode::Compare
     bool quiet = false;
-    std::optional<std::string> device;
+    gpu::DeviceSelection device;
     bool layer = true;
     std::optional<std::filesystem::path> layerFolder; // instead of the one next to the program
 };
 
 // What --api takes.
-const std::map<std::string, MicromapApi> &micromapApis();
+const std::map<std::string, gpu::Api> &micromapApis();
 
 // "1280x720". Throws UsageError.
-void parseSize(const std::string &text, RenderSettings &settings);
+void parseSize(const std::string &text, render::RenderSettings &settings);
 
 } // namespace vellum::cli

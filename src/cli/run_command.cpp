@@ -6,19 +6,17 @@
 #include <fstream>
 #include <memory>
 
-#include "cli/base/error.h"
+#include "base/error.h"
+#include "base/files.h"
+#include "base/process.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/system/child_process.h"
-#include "cli/base/system/files.h"
-#include "cli/base/system/this_process.h"
 #include "cli/info/manifests.h"
-#include "cli/options/checks.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 #include "cli/run/message_summary.h"
-#include "cli/vulkan/layer_path.h"
 #include "core/utf8_path.h"
+#include "gpu/layer_path.h"
 
 namespace vellum::cli
 {
@@ -88,16 +86,16 @@ void turnLayerOn(const std::optional<std::filesystem::path> &given)
 {
     if (environmentIsIgnored())
         throw Error("programs that run as administrator ignore the variables that turn the layer on");
-    const std::optional<std::filesystem::path> folder = given ? given : findLayerFolder();
+    const std::optional<std::filesystem::path> folder = given ? given : gpu::findLayerFolder();
     const std::vector<Manifest> manifests = findLayerManifests(folder.value_or(""));
     if (manifests.empty())
         throw Error("the layer is not found; name the folder of its manifest by --layer-path");
     if (folder)
-        addLayerFolder(std::filesystem::absolute(*folder));
+        gpu::addLayerFolder(std::filesystem::absolute(*folder));
     const std::string others = variable("VK_INSTANCE_LAYERS").value_or("");
     const std::string separator(1, kListSeparator);
-    if ((separator + others + separator).find(separator + kLayerName + separator) == std::string::npos)
-        setVariable("VK_INSTANCE_LAYERS", kLayerName + (others.empty() ? "" : separator + others));
+    if ((separator + others + separator).find(separator + gpu::kLayerName + separator) == std::string::npos)
+        setVariable("VK_INSTANCE_LAYERS", gpu::kLayerName + (others.empty() ? "" : separator + others));
 }
 
 void applySettings(const RunOptions &options)

@@ -6,14 +6,12 @@
 #include <memory>
 #include <optional>
 
-#include "cli/base/error.h"
+#include "base/error.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/output_file.h"
-#include "cli/base/standard_streams.h"
-#include "cli/options/checks.h"
+#include "cli/base/files.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 #include "cli/spirv/module_file.h"
 #include "cli/spirv/report.h"
 #include "cli/spirv/stages.h"

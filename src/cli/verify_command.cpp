@@ -3,14 +3,12 @@
 #include <fmt/format.h>
 #include <memory>
 
-#include "cli/base/error.h"
-#include "cli/base/input_files.h"
-#include "cli/base/progress.h"
-#include "cli/base/standard_streams.h"
-#include "cli/options/checks.h"
+#include "base/error.h"
+#include "base/progress.h"
+#include "cli/base/files.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 #include "cli/verify/verify_report.h"
 
 namespace vellum::cli
@@ -76,17 +74,10 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
         ->type_name("COUNT");
     command.add_flag("-v,--verbose", options.verbose, "List primitives without findings, however many there are");
     command.add_flag("--json", options.json, "Print JSON instead of a table");
-    command.option_defaults()->group(kTolerances);
     verify::Tolerances &tolerances = options.file.tolerances;
-    CLI::Option &exact = *command.add_flag("--exact", options.exact, "No tolerances: all four are 0");
-    const auto add = [&](const char *name, double &value, const char *type, const char *text) {
-        command.add_option(name, value, text)->check(between(0, 1024))->type_name(type)->excludes(&exact);
-    };
-    add("--value-tolerance", tolerances.value, "ALPHA", "Of filtered alpha [2/255]");
-    add("--subtexel-tolerance", tolerances.subtexel, "TEXELS", "Of a sample's position [1/16]");
-    add("--barycentric-tolerance", tolerances.barycentric, "DISTANCE", "Of a hit's position, in barycentrics [1e-5]");
-    add("--interpolation-tolerance", tolerances.interpolation, "RATIO",
-        "Of texture coordinates, relative to the largest of a triangle [2^-20]");
+    addToleranceOptions(command, options.exact,
+                        {&tolerances.value, &tolerances.subtexel, &tolerances.barycentric, &tolerances.interpolation},
+                        1024);
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
     command.add_option("-j,--threads", options.file.threads, "Number of threads [one for each processor]")
@@ -97,7 +88,7 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
 VerifiedFile verifyFile(const std::filesystem::path &path, const VerifyOptions &options)
 {
     VerifiedFile file{utf8Text(path), {}, {}, {}};
-    Progress progress("verifying " + file.path);
+    ProgressLine progress("verifying " + file.path);
     verify::FileOptions fileOptions = options.file;
     fileOptions.progress = [&](size_t done, size_t total) { progress.update(done, total); };
     try {

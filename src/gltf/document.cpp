@@ -3,7 +3,7 @@
 
 #include "core/utf8_path.h"
 #include "gltf/file/outside_file.h"
-#include "gltf/file/printable.h"
+#include "base/text.h"
 
 namespace vellum
 {

@@ -5,7 +5,7 @@
 #include "core/portable_math.h"
 #include "gltf/data/image.h"
 #include "gltf/file/outside_file.h"
-#include "gltf/file/printable.h"
+#include "base/text.h"
 #include "gltf/primitive.h"
 
 namespace vellum

@@ -12,12 +12,13 @@
 #include <sys/resource.h>
 #endif
 
-#include "cli/base/error.h"
-#include "cli/base/output_file.h"
+#include "base/error.h"
+#include "cli/base/files.h"
 #include "cli/bench/bench_report.h"
-#include "cli/bench/part_process.h"
+#include "cli/bench/part.h"
 #include "glb_file.h"
 
+using namespace vellum;
 using namespace vellum::cli;
 
 TEST(BenchReport, SelfChecksPass)
@@ -58,7 +59,7 @@ std::string frameRow(unsigned level, bool heavy, double low, double middle, doub
 PartResult framesOf(std::vector<std::string> rows)
 {
     PartResult result;
-    result.part = {PartKind::Frames, "emulated", MicromapApi::Khr, Trace::Query, 30};
+    result.part = {PartKind::Frames, "emulated", gpu::Api::Khr, render::Trace::Query, 30};
     result.rows = std::move(rows);
     result.seconds = 30;
     return result;
@@ -86,7 +87,7 @@ TEST(BenchReport, TheVerdictHasTheSlowestBuildAndItsRange)
 {
     const auto sentence = [](const char *ratio) {
         PartResult builds;
-        builds.part = {PartKind::Builds, "ext", MicromapApi::Khr, Trace::Query, 30};
+        builds.part = {PartKind::Builds, "ext", gpu::Api::Khr, render::Trace::Query, 30};
         builds.rows = {
             R"({"row":"build","what":"fast","withLayer":1,"withoutLayer":1,"ratio":[0.9,1,1.1]})",
             fmt::format(R"({{"row":"build","what":"slow","withLayer":2.5,"withoutLayer":2,"ratio":{}}})", ratio)};
@@ -140,7 +141,9 @@ TEST(BenchReport, ASlowPartIsCompleteAndNamed)
 // A part that is slow goes on; one that makes no progress is ended, whatever its driver prints.
 TEST(BenchReport, SlowIsNotHung)
 {
-    const auto run = [](const char *behaviour) { return runPartProcess({}, {behaviour, {}}, 2, [] {}); };
+    const auto run = [](const char *behaviour) {
+        return runPartProcess({}, {gpu::DeviceSelection(behaviour), {}}, 2, [] {});
+    };
     const PartResult slow = run("slow");
     EXPECT_EQ(slow.failure, "");
     EXPECT_EQ(slow.rows, std::vector<std::string>{R"({"row":"frame"})"});
@@ -182,9 +185,9 @@ int main(int count, char **words)
     const bool slow = std::ranges::find(arguments, "slow") != arguments.end();
     for (int i = 0; !slow || i < 15; ++i) {
         std::this_thread::sleep_for(std::chrono::milliseconds(200));
-        std::printf("%s\n", slow ? kProgressLine : R"({"frame":"of a driver"})");
+        std::printf("%s\n", slow ? kProgressEvent : R"({"frame":"of a driver"})");
         std::fflush(stdout);
     }
-    std::puts(R"({"row":"frame"})");
+    std::puts(rowEvent(R"({"row":"frame"})").c_str());
     return 0;
 }

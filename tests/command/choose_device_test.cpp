@@ -2,9 +2,9 @@
 // Which device --device takes, with devices that are made up.
 #include <gtest/gtest.h>
 
-#include "cli/vulkan/context.h"
+#include "gpu/instance.h"
 
-using namespace vellum::cli;
+using namespace vellum::gpu;
 
 namespace
 {
@@ -33,8 +33,8 @@ DeviceInfo device(const char *name, VkPhysicalDeviceType type, bool rayQuery = t
 std::string chosen(const std::vector<DeviceInfo> &list, const std::optional<std::string> &wish)
 {
     try {
-        return std::to_string(chooseDevice(list, wish).number);
-    } catch (const Error &error) {
+        return std::to_string(DeviceSelection(wish).from(list).number);
+    } catch (const std::runtime_error &error) {
         return error.what();
     }
 }

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <windows.h>
 
-#include "cli/base/system/windows_text.h"
+#include "base/windows_text.h"
 #include "glb_file.h"
 
 namespace vellum::test
@@ -27,10 +27,10 @@ public:
     explicit Environment(const std::vector<std::pair<std::string, std::string>> &variables)
     {
         for (const auto &[name, value] : variables) {
-            before_.emplace_back(cli::wide(name), std::wstring(32767, L'\0'));
+            before_.emplace_back(wide(name), std::wstring(32767, L'\0'));
             auto &[wideName, old] = before_.back();
             old.resize(GetEnvironmentVariableW(wideName.c_str(), old.data(), static_cast<DWORD>(old.size())));
-            SetEnvironmentVariableW(wideName.c_str(), cli::wide(value).c_str());
+            SetEnvironmentVariableW(wideName.c_str(), wide(value).c_str());
         }
     }
     ~Environment()
@@ -70,7 +70,7 @@ Outcome runVellum(const std::vector<std::string> &arguments,
     start.hStdInput = openInherited(input == "/dev/null" ? "NUL" : input, GENERIC_READ, OPEN_EXISTING);
     start.hStdOutput = openInherited(folder / "output", GENERIC_WRITE, CREATE_ALWAYS);
     start.hStdError = openInherited(folder / "errors", GENERIC_WRITE, CREATE_ALWAYS);
-    std::wstring line = cli::commandLineOf(words);
+    std::wstring line = commandLineOf(words);
     PROCESS_INFORMATION started{};
     const std::wstring program = std::filesystem::path(VELLUM_COMMAND).wstring();
     const BOOL runs =

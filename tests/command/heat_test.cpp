@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // `vellum render --mode heat`, and the colours of its maps.
 #include <cmath>
+#include <fstream>
+#include <iterator>
 
-#include "cli/picture/heat.h"
 #include "png_file.h"
+#include "render/heat.h"
 #include "rendering.h"
 
 using namespace vellum;
@@ -55,24 +57,34 @@ uint32_t pixelOf(const Rgb &color)
 
 TEST(HeatColors, GetLighterByEvenSteps)
 {
-    EXPECT_LT(lightnessOf(cli::heatColor(0)), 3);
-    EXPECT_GT(lightnessOf(cli::heatColor(1)), 90);
+    EXPECT_LT(lightnessOf(render::heatColor(0)), 3);
+    EXPECT_GT(lightnessOf(render::heatColor(1)), 90);
     for (int i = 0; i < 20; ++i) {
-        const double step = lightnessOf(cli::heatColor(static_cast<float>(i + 1) / 20)) -
-                            lightnessOf(cli::heatColor(static_cast<float>(i) / 20));
+        const double step = lightnessOf(render::heatColor(static_cast<float>(i + 1) / 20)) -
+                            lightnessOf(render::heatColor(static_cast<float>(i) / 20));
         EXPECT_GT(step, 1) << i;
         EXPECT_LT(step, 8) << i;
     }
-    EXPECT_EQ(cli::heatColor(-1), cli::heatColor(0));
-    EXPECT_EQ(cli::heatColor(2), cli::heatColor(1));
+    EXPECT_EQ(render::heatColor(-1), render::heatColor(0));
+    EXPECT_EQ(render::heatColor(2), render::heatColor(1));
 }
 
 TEST(HeatColors, TheScaleLeavesOutFewPixels)
 {
     std::vector<float> values(10000, 3);
     values[17] = 500;
-    EXPECT_EQ(cli::heatScale({{100, 100, values, ""}}), 3);
-    EXPECT_EQ(cli::heatScale({{1, 1, {0}, ""}}), 1);
+    EXPECT_EQ(render::heatScale({{100, 100, values, ""}}), 3);
+    EXPECT_EQ(render::heatScale({{1, 1, {0}, ""}}), 1);
+}
+
+TEST_F(Heat, HasTitlesAndALegendAsAnSvg)
+{
+    const std::filesystem::path file = folder / "a.svg";
+    ASSERT_EQ(render({"--mode", "heat", "--side-by-side", "--level", "3", "--output", file.string()}).exitCode, 0);
+    std::ifstream stream(file);
+    const std::string svg{std::istreambuf_iterator<char>(stream), {}};
+    for (const char *text : {">without m", ">with m", ">candidates per pixel<", ">0<"})
+        EXPECT_NE(svg.find(text), std::string::npos) << text;
 }
 
 TEST_F(Heat, WithoutAndWithMicromapsInOneScale)
@@ -80,7 +92,7 @@ TEST_F(Heat, WithoutAndWithMicromapsInOneScale)
     for (const char *trace : {"query", "pipeline"}) {
         const Png png = draw({"--trace", trace, "--side-by-side"});
         EXPECT_EQ(png.width, 192u);
-        EXPECT_EQ(png.height, cli::kHeatHead + 64 + cli::kHeatFoot); // titles and legend
+        EXPECT_EQ(png.height, render::kHeatHead + 64 + render::kHeatFoot); // titles and legend
         const double without = meanOf("without micromaps");
         const double with = meanOf(", with micromaps");
         EXPECT_GT(without, 0.2) << outcome.output;
@@ -89,9 +101,9 @@ TEST_F(Heat, WithoutAndWithMicromapsInOneScale)
 
         // The halves of the picture say the same: how many pixels are dark, with no candidate at all.
         size_t dark[2] = {};
-        for (size_t y = cli::kHeatHead; y < cli::kHeatHead + 64; ++y)
+        for (size_t y = render::kHeatHead; y < render::kHeatHead + 64; ++y)
             for (size_t x = 0; x < 192; ++x)
-                dark[x / 96] += pixelOf(png.pixels[y * 192 + x]) == cli::heatColor(0) ? 1u : 0u;
+                dark[x / 96] += pixelOf(png.pixels[y * 192 + x]) == render::heatColor(0) ? 1u : 0u;
         EXPECT_GT(dark[0], 500u) << trace; // the sky
         EXPECT_GT(dark[1], dark[0] + 200) << trace;
     }

@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 #include <thread>
 
-#include "cli/base/paired_timing.h"
+#include "base/statistics.h"
 
-using namespace vellum::cli;
+using namespace vellum;
 
 namespace
 {

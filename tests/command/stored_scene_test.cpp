@@ -2,11 +2,11 @@
 // Micromaps that a file has for the geometries of a scene.
 #include <gtest/gtest.h>
 
-#include "cli/scene/baked_scene.h"
 #include "gltf/file/gltf_error.h"
+#include "render/baked_scene.h"
 
 using namespace vellum;
-using namespace vellum::cli;
+using namespace vellum::render;
 
 // Many primitives of a small file may share one large micromap triangle; each copy of it takes memory.
 TEST(StoredScene, CopiesAreBounded)

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "check/gpu/pipeline_builder.h"
+#include "gpu/pipeline_builder.h"
 #include "harness/harness.h"
 #include "modules.h"
 

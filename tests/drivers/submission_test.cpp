@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/pipeline_tracer.h"
 #include "harness/harness.h"
 
 namespace vellum::test

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fuzz target of what is done with a glTF file that can be read: baking, verifying, and the page and the picture of
 // `vellum inspect`. The first byte says what the rest is, as in gltf_fuzz.cpp.
-#include "cli/base/error.h"
-#include "cli/inspect/drawing/uv_picture.h"
-#include "cli/inspect/page.h"
+#include "base/error.h"
+#include "inspect/uv_picture.h"
+#include "inspect/page.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf_input.h"
 #include "verify/file.h"
@@ -17,11 +17,11 @@ namespace
 void inspect(const Document &document, const DocumentBakeOptions *bake)
 {
     try {
-        const cli::InspectedFile file = cli::inspectFile(document, {}, bake);
-        const cli::PageLimits limits{.stateBytes = 4096, .triangles = 1000, .thumbnails = 2, .textureEdge = 16};
-        FUZZ_CHECK(!cli::makePage(document, file, limits).empty());
-        FUZZ_CHECK(cli::drawUvSpace(file, {.edge = 64, .whole = false}).width != 0);
-    } catch (const cli::Error &) {
+        const inspect::InspectedFile file = inspect::inspectFile(document, {}, bake);
+        const inspect::PageLimits limits{.stateBytes = 4096, .triangles = 1000, .thumbnails = 2, .textureEdge = 16};
+        FUZZ_CHECK(!inspect::makePage(document, file, limits).empty());
+        FUZZ_CHECK(inspect::drawUvSpace(file, {.edge = 64, .whole = false}).picture.width != 0);
+    } catch (const Error &) {
         // nothing to look at
     }
 }

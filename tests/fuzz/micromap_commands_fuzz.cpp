@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "check.h"
-#include "check/gpu/pieces.h"
+#include "gpu/pieces.h"
 #include "core/records.h"
 #include "fake_device.h"
 #include "layer/micromaps/micromap.h"
@@ -72,7 +72,7 @@ private:
     Reader &input_;
     std::vector<VkMicromapEXT> micromaps_;
     std::map<VkMicromapEXT, size_t> room_; // bytes
-    std::optional<vellum::check::Pieces> packed_;
+    std::optional<vellum::gpu::Pieces> packed_;
     VkBuffer packedBuffer_ = VK_NULL_HANDLE;
     std::vector<VkMicromapUsageEXT> usages_;
     std::vector<const VkMicromapUsageEXT *> usagePointers_;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "bake/bake.h"
-#include "check/gpu/scene.h"
+#include "gpu/scene.h"
 #include "harness/harness.h"
 #include "vellum/gpu_bake.h"
 

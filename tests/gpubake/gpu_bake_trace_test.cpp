@@ -3,7 +3,7 @@
 #include <array>
 
 #include "bake_cases.h"
-#include "check/gpu/tracer.h"
+#include "gpu/tracer.h"
 #include "gpu_bake_run.h"
 #include "harness/harness.h"
 

@@ -5,16 +5,16 @@
 
 #include <gtest/gtest.h>
 
-#include "cli/base/error.h"
-#include "cli/inspect/encoding.h"
-#include "cli/inspect/page_data.h"
-#include "cli/inspect/tally.h"
-#include "gltf/file/json_writer.h"
+#include "base/error.h"
+#include "base/text.h"
+#include "base/json_writer.h"
 #include "gltf/file/outside_file.h"
+#include "inspect/page_data.h"
+#include "inspect/tally.h"
 #include "made_up_file.h"
 
 using namespace vellum;
-using namespace vellum::cli;
+using namespace vellum::inspect;
 using namespace vellum::test;
 
 namespace
@@ -138,8 +138,8 @@ TEST(InspectEncoding, TextIsHarmlessInPages)
     EXPECT_EQ(jsonString("a\"b\\c\n&'"), R"("a\u0022b\u005cc\u000a\u0026\u0027")");
     EXPECT_EQ(jsonString("\xc3\xa9\xf0\x9f\x8d\x82"), R"("\u00e9\ud83c\udf42")");
     EXPECT_EQ(jsonString("\xe2\x80\xa8"), R"("\u2028")");
-    EXPECT_EQ(htmlText("<b> & \"x\""), "&#60;b&#62; &#38; &#34;x&#34;");
-    EXPECT_EQ(htmlText("\xc3\xa9"), "&#233;");
+    EXPECT_EQ(markupText("<b> & \"x\""), "&#60;b&#62; &#38; &#34;x&#34;");
+    EXPECT_EQ(markupText("\xc3\xa9"), "&#233;");
 }
 
 TEST(InspectEncoding, WhatIsNoUtf8IsReplaced)
@@ -149,7 +149,7 @@ TEST(InspectEncoding, WhatIsNoUtf8IsReplaced)
     EXPECT_EQ(jsonString("\xc0\xaf"), R"("\ufffd\ufffd")") << "too long a form of /";
     EXPECT_EQ(jsonString("\xed\xa0\x80").substr(0, 7), "\"\\ufffd") << "half of a pair";
     EXPECT_EQ(jsonString("\xf7\xbf\xbf\xbf").substr(0, 7), "\"\\ufffd") << "above U+10FFFF";
-    EXPECT_EQ(htmlText(std::string_view("\0", 1)), "&#65533;");
+    EXPECT_EQ(markupText(std::string_view("\0", 1)), "&#65533;");
 }
 
 TEST(InspectSelection, Ranges)

@@ -93,6 +93,21 @@ TEST_F(InspectCommand, WritesToStdout)
     EXPECT_FALSE(std::filesystem::exists("-"));
 }
 
+TEST_F(InspectCommand, LabelsASvg)
+{
+    const std::filesystem::path picture = folder / "card.svg";
+    const std::vector<std::string> words = {"inspect", write(cardGlb()).string(), picture.string(), "--bake", "--size",
+                                            "128"};
+    const Outcome outcome = runVellum(words);
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.errors;
+    const std::string svg = text(picture);
+    EXPECT_NE(svg.find("<image "), std::string::npos);
+    EXPECT_NE(svg.find("unknown, opaque"), std::string::npos) << "the legend";
+    EXPECT_EQ(runVellum(words).exitCode, 0) << "its own file is replaced";
+    writeFile(picture, {'<', 's', 'v', 'g', '/', '>'});
+    EXPECT_EQ(runVellum(words).exitCode, 1) << "another program's is not";
+}
+
 TEST_F(InspectCommand, WritesPageAndPicture)
 {
     const Outcome outcome = runVellum({"inspect", write(cardGlb()).string(), "--bake", "--html", page().string(),

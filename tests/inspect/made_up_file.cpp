@@ -6,7 +6,7 @@
 namespace vellum::test
 {
 
-cli::InspectedFile madeUpFile()
+inspect::InspectedFile madeUpFile()
 {
     StoredMicromap micromap;
     micromap.triangles = {{1, 2, Format::FourState}, {5, 3, Format::TwoState}};
@@ -15,7 +15,7 @@ cli::InspectedFile madeUpFile()
         writeState(micromap.data.data() + 1, i, Format::FourState, static_cast<State>(i % 4));
     for (uint32_t i = 0; i < 64; ++i)
         writeState(micromap.data.data() + 5, i, Format::TwoState, i < 32 ? State::Opaque : State::Transparent);
-    cli::InspectedFile file;
+    inspect::InspectedFile file;
     file.name = "made up";
     file.bytes = 1000;
     file.stored.extension = "EXT_mesh_opacity_micromap";

@@ -2,7 +2,7 @@
 // An InspectedFile made up for tests.
 #pragma once
 
-#include "cli/inspect/inspected_file.h"
+#include "inspect/inspected_file.h"
 
 namespace vellum::test
 {
@@ -11,6 +11,6 @@ namespace vellum::test
 // i % 4, and a 2-state one of level 3, which is opaque in its first half. One primitive with five triangles: a square
 // of the first and the second, the second a second time, one that is opaque all over, and one that is
 // unknown-transparent and has coordinates that are no numbers.
-cli::InspectedFile madeUpFile();
+inspect::InspectedFile madeUpFile();
 
 } // namespace vellum::test

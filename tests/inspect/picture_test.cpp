@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pixels of pictures in UV space, and what text in them takes.
+// Pixels and labels of pictures in UV space, and files of them.
+#include <algorithm>
 #include <array>
 
 #include <gtest/gtest.h>
 
-#include "cli/inspect/drawing/uv_panel.h"
-#include "cli/inspect/drawing/uv_picture.h"
-#include "cli/picture/text.h"
+#include "base/picture.h"
+#include "inspect/uv_picture.h"
 #include "made_up_file.h"
 
 using namespace vellum;
-using namespace vellum::cli;
+using namespace vellum::inspect;
 using namespace vellum::test;
 
 namespace
@@ -83,41 +83,54 @@ TEST(UvPicture, TheFirstOfSeveralTrianglesKeepsItsPixels)
 TEST(UvPicture, PanelsWithScalesAndALegend)
 {
     InspectedFile file = madeUpFile();
-    const Picture picture = drawUvSpace(file, {.edge = 200, .outlines = true, .whole = true});
+    const LabelledPicture drawing = drawUvSpace(file, {.edge = 200, .outlines = true, .whole = true});
+    const Picture &picture = drawing.picture;
+    const auto labels = [&](const std::string &text) {
+        return std::ranges::count_if(drawing.labels, [&](const Label &label) { return label.text.starts_with(text); });
+    };
+    EXPECT_EQ(labels("0"), 2) << "the origins of u and v";
+    for (const char *state : {"opaque  ", "transparent  ", "unknown, opaque  ", "unknown, transparent  "})
+        EXPECT_EQ(labels(state), 1) << state;
+    EXPECT_EQ(labels(file.materials[0].material.name.empty() ? "default material" : file.materials[0].material.name),
+              1);
+    for (const Label &label : drawing.labels) {
+        EXPECT_LT(label.x, picture.width) << label.text;
+        EXPECT_LT(label.y, picture.height) << label.text;
+    }
     EXPECT_GT(picture.width, 200u);
     EXPECT_GT(picture.height, 200u);
     EXPECT_EQ(picture.pixels.size(), size_t{picture.width} * picture.height);
     // Coordinates from here to the ends of what a float can be are drawn, too.
     file.primitives[0].uvs[0] = {{{-3e38f, 3e38f}, {3e38f, 0}, {1e-38f, -3e38f}}};
-    EXPECT_GT(drawUvSpace(file, {.edge = 200, .outlines = true, .whole = false}).width, 200u);
+    EXPECT_GT(drawUvSpace(file, {.edge = 200, .outlines = true, .whole = false}).picture.width, 200u);
 }
 
-TEST(PictureText, WidthsAndFitting)
+TEST(PictureText, FitsANameOfAnyLength)
 {
-    EXPECT_EQ(textWidth("", Font::Normal), 0);
-    EXPECT_GT(textWidth("WW", Font::Normal), textWidth("ii", Font::Normal));
-    EXPECT_EQ(textWidth("\xc3\xa9", Font::Normal), textWidth("?", Font::Normal));
-    EXPECT_EQ(fitText("leaf", Font::Normal, 1000), "leaf");
-    const std::string fitting = fitText("a long name of a material", Font::Normal, 80);
-    EXPECT_LE(textWidth(fitting, Font::Normal), 80);
-    EXPECT_EQ(fitting.substr(fitting.size() - 3), "...");
-    Picture picture{20, 20, std::vector<uint32_t>(400, 0xffffffffu)};
-    drawText(picture, -5, 18, "Vellum", Font::Title, 0xff000000u); // reaches over both sides
-    EXPECT_NE(picture.pixels, std::vector<uint32_t>(400, 0xffffffffu));
-}
-
-// By a walk over the text: this one would take hours by taking off a letter at a time.
-TEST(Text, FitsALongName)
-{
-    const std::string longName(3000000, 'm');
-    const std::string fitting = fitText(longName, Font::Title, 200);
-    EXPECT_LE(textWidth(fitting, Font::Title), 200);
-    EXPECT_GT(textWidth("m" + fitting, Font::Title), 200);
+    EXPECT_EQ(textWidth("", 14), 0);
+    EXPECT_EQ(textWidth("\xc3\xa9", 14), textWidth("e", 14));
+    EXPECT_EQ(fitText("leaf", 14, 1000), "leaf");
+    const std::string fitting = fitText(std::string(3000000, 'm'), 19, 200);
+    EXPECT_LE(textWidth(fitting, 19), 200);
+    EXPECT_GT(textWidth("m" + fitting, 19), 200);
     EXPECT_TRUE(fitting.ends_with("m...")) << fitting;
-    EXPECT_EQ(fitText("short", Font::Title, 200), "short");
-    // The dots are there only where they are needed.
-    const int width = textWidth("a name", Font::Small);
-    EXPECT_EQ(fitText("a name", Font::Small, width), "a name");
-    EXPECT_NE(fitText("a name", Font::Small, width - 1), "a name");
-    EXPECT_EQ(fitText("a name", Font::Small, 0), "...");
+    const double width = textWidth("a name", 12);
+    EXPECT_EQ(fitText("a name", 12, width + 0.1), "a name");
+    EXPECT_NE(fitText("a name", 12, width - 1), "a name");
+    EXPECT_EQ(fitText("a name", 12, 0), "...");
+    EXPECT_EQ(fitText("\xc3\xa9\xc3\xa9\xc3\xa9\xc3\xa9\xc3\xa9", 10, 25), "\xc3\xa9..."); // whole characters
+}
+
+TEST(PictureText, IsMarkupInAnSvg)
+{
+    LabelledPicture drawing{{2, 1, {0xff0000ffu, 0xff00ff00u}}, {}};
+    drawing.labels.push_back({1, 2, "<b> & \"leaf\"", 12, 0x123456, Label::Anchor::Middle, true});
+    const std::string svg = encodeSvg(drawing);
+    EXPECT_TRUE(svg.starts_with(kSvgMark));
+    EXPECT_NE(svg.find("width=\"2\" height=\"1\""), std::string::npos) << svg;
+    EXPECT_NE(svg.find("href=\"data:image/png;base64,iVBOR"), std::string::npos) << svg;
+    EXPECT_NE(svg.find("<text x=\"1\" y=\"2\" font-size=\"12\" fill=\"#123456\" text-anchor=\"middle\" "
+                       "font-weight=\"bold\">&#60;b&#62; &#38; &#34;leaf&#34;</text>"),
+              std::string::npos)
+        << svg;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Random scenes, traced by ray queries through the layer and by the oracle, compared ray by ray: the candidates handed
 // to the shader and the hit that stays.
-#include "check/gpu/arena.h"
+#include "gpu/arena.h"
 #include "check/groups/random_case.h"
 #include "check/oracle/query_judge.h"
 #include "compare_scenes.h"

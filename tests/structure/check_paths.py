@@ -15,9 +15,10 @@ import re
 import findings
 
 CLI11 = "src/cli/options/cli11.h"
-SOURCES = ("src/cli", "src/check", "src/verify", "src/gltf", "src/gltflibrary", "src/library", "src/layer")
+COMMAND = ("src/cli/", "src/base/", "src/render/", "src/inspect/", "src/job/")
+SOURCES = (*COMMAND, "src/gpu", "src/check", "src/verify", "src/gltf", "src/gltflibrary", "src/library", "src/layer")
 POSIX = re.compile(r"_posix\.(cpp|h)$")
-# Values of JSON have a function of that name as well, though not in the command.
+# Values of JSON have a function of that name as well, though not in the command and its parts.
 STRING = re.compile(r"(?:\.|->)(?:generic_)?string\(\)")
 STRING_OF_PATH = re.compile(r"(?:[pP]ath|[fF]older|[fF]ile|[iI]nput|[oO]utput|[sS]tem|[eE]xtension)_?(?:\(\))?"
                             r"(?:\.|->)(?:generic_)?string\(\)")
@@ -27,7 +28,7 @@ MADE = re.compile(r"\b(?:fs|filesystem)::path[({](?![)}\"L]|u8)")
 def findings_of(name, text):
     if "#include <CLI/CLI.hpp>" in text and name != CLI11:
         yield f"{name}: includes <CLI/CLI.hpp>, not {CLI11}"
-    string = STRING if name.startswith("src/cli/") else STRING_OF_PATH
+    string = STRING if name.startswith(COMMAND) else STRING_OF_PATH
     for number, line in enumerate(text.splitlines(), 1):
         code = re.sub(r"//.*", "", line)
         if string.search(code):

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wrong pipelines, shader objects and shader modules.
-#include "check/gpu/execution_mode.h"
-#include "check/gpu/pipeline_builder.h"
-#include "check/gpu/programs/graphics.h"
-#include "check/gpu/tracer.h"
+#include "gpu/execution_mode.h"
+#include "gpu/pipeline_builder.h"
+#include "gpu/programs/graphics.h"
+#include "gpu/tracer.h"
 #include "range_commands.h"
 
 #include "shaders/empty_raygen.h"

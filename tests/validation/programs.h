@@ -7,8 +7,8 @@
 #include <span>
 #include <string>
 
-#include "check/gpu/micromap_commands.h"
-#include "check/gpu/scene.h"
+#include "gpu/micromap_commands.h"
+#include "gpu/scene.h"
 #include "harness/harness.h"
 
 namespace vt

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wrong serialized data, memory and objects that are too small for copies, and deserialized structures without their
 // micromaps.
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "recorded.h"
 
 namespace vt

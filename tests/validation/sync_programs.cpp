@@ -4,7 +4,7 @@
 
 #include <thread>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 
 namespace vt
 {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "check/case/case.h"
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 
 namespace vellum::check
 {

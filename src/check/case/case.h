@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "check/gpu/programs/pipeline_libraries.h"
+#include "gpu/programs/pipeline_libraries.h"
 #include "check/oracle/pipeline_judge.h"
 
 namespace vellum::check

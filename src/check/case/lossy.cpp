@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "check/case/names.h"
-#include "check/gpu/programs/stage_program.h"
+#include "gpu/programs/stage_program.h"
 #include "check/oracle/scene_build.h"
 
 namespace vellum::check

@@ -3,8 +3,8 @@
 
 #include "check/case/trace.h"
 #include "check/case/tracing_modules.h"
-#include "check/gpu/execution_mode.h"
-#include "check/gpu/programs/pipeline_libraries.h"
+#include "gpu/execution_mode.h"
+#include "gpu/programs/pipeline_libraries.h"
 #include "check/oracle/pipeline_judge.h"
 
 namespace vellum::check

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "check/case/case.h"
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/pipeline_tracer.h"
 
 namespace vellum::check
 {

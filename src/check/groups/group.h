@@ -12,10 +12,12 @@
 #include <string_view>
 #include <vector>
 
-#include "check/gpu/api.h"
+#include "gpu/instance.h"
 
 namespace vellum::check
 {
+
+using namespace gpu;
 
 enum class Status {
     Pass,

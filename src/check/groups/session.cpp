@@ -5,13 +5,6 @@
 
 namespace vellum::check
 {
-namespace
-{
-
-constexpr const char *kLayer = "VK_LAYER_VELLUM_opacity_micromap";
-
-} // namespace
-
 Session::Session(const SessionOptions &options) : options_(options)
 {
     limits_ = limitsOf(device(Memory::Apart));
@@ -21,21 +14,23 @@ Device &Session::device(Memory memory)
 {
     std::unique_ptr<Device> &device = devices_[memory];
     if (!device) {
-        DeviceOptions options{.physicalDevice = options_.device,
-                              .api = options_.api,
-                              .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
-                                             VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5",
-                                             "VK_EXT_shader_object", "VK_KHR_ray_tracing_position_fetch"},
-                              .memory = memory};
+        InstanceOptions instance;
         if (options_.layer)
-            options.layers.emplace_back(kLayer);
-        options.onMessage = [this](const Message &message) {
+            instance.layers.emplace_back(kLayerName);
+        instance.onMessage = [this](const Message &message) {
             if (message.severity < VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
                 return;
             const std::lock_guard lock(mutex_);
             errors_.push_back(message.id + ": " + message.text);
         };
-        device = std::make_unique<Device>(options);
+        device = std::make_unique<Device>(
+            std::move(instance),
+            DeviceOptions{.physicalDevice = options_.device,
+                          .api = options_.api,
+                          .extensions = {VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME,
+                                         VK_EXT_MESH_SHADER_EXTENSION_NAME, "VK_KHR_maintenance5",
+                                         "VK_EXT_shader_object", "VK_KHR_ray_tracing_position_fetch"},
+                          .memory = memory});
     }
     return *device;
 }

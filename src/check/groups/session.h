@@ -5,7 +5,7 @@
 #include <map>
 #include <utility>
 
-#include "check/gpu/device.h"
+#include "gpu/device.h"
 #include "check/groups/group.h"
 #include "check/groups/random_case.h"
 

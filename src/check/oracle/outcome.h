@@ -5,7 +5,12 @@
 
 #include <cstdint>
 
-#include "check/gpu/tracer.h"
+#include "gpu/tracer.h"
+
+namespace vellum::check
+{
+using namespace gpu;
+} // namespace vellum::check
 
 namespace vellum::check::oracle
 {

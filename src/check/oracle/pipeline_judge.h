@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "check/gpu/pipeline_tracer.h"
 #include "check/oracle/scene_build.h"
+#include "gpu/pipeline_tracer.h"
 
 namespace vellum::check::oracle
 {

@@ -7,7 +7,12 @@
 #include <optional>
 #include <vector>
 
-#include "check/gpu/tracer.h"
+#include "gpu/tracer.h"
+
+namespace vellum::check
+{
+using namespace gpu;
+} // namespace vellum::check
 
 namespace vellum::check::oracle
 {

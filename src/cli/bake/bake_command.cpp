@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/bake/bake_command.h"
+#include "cli/bake/bake.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -8,13 +8,12 @@
 #include <optional>
 #include <thread>
 
+#include "base/error.h"
+#include "base/process.h"
+#include "base/progress.h"
 #include "cli/bake/bake_report.h"
-#include "cli/bake/exclusions.h"
-#include "cli/base/error.h"
 #include "cli/base/exit_code.h"
-#include "cli/base/progress.h"
-#include "cli/base/standard_streams.h"
-#include "cli/base/system/interrupt.h"
+#include "cli/base/files.h"
 #include "core/parallel.h"
 #include "core/utf8_path.h"
 
@@ -45,7 +44,7 @@ private:
     std::vector<size_t> order_; // the largest first
     unsigned threads_;
     std::mutex reporting_;
-    Progress progress_;
+    ProgressLine progress_;
     double total_ = 0;
     double done_ = 0;
     std::vector<double> shares_; // of each file, done

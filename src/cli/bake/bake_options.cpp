@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/bake/bake_options.h"
+#include "cli/bake/bake.h"
 
 #include <algorithm>
 #include <charconv>
@@ -7,14 +7,11 @@
 #include <map>
 #include <memory>
 
-#include "cli/bake/bake_command.h"
-#include "cli/base/error.h"
-#include "cli/base/output_file.h"
-#include "cli/base/standard_streams.h"
-#include "cli/options/checks.h"
+#include "base/error.h"
+#include "cli/base/files.h"
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
-#include "cli/options/help.h"
+#include "cli/options/options.h"
 
 namespace vellum::cli
 {
@@ -152,24 +149,6 @@ void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
         ->type_name("SHARE");
 }
 
-void declareTolerances(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
-{
-    command.option_defaults()->group(kTolerances);
-    CLI::Option &exact = *command.add_flag("--exact", raw.exact, "No tolerances: what is true in exact arithmetic");
-    const auto add = [&](const char *name, double &value, const CLI::Validator &check, const char *type,
-                         const char *text) {
-        command.add_option(name, value, text)->check(check)->type_name(type)->excludes(&exact);
-    };
-    add("--value-tolerance", bake.valueTolerance, atLeast(0), "ALPHA",
-        "Largest error of filtered alpha on a GPU [2/255]");
-    add("--subtexel-tolerance", bake.subtexelTolerance, between(0, 1024), "TEXELS",
-        "Largest error of a sample's position [1/16]");
-    add("--barycentric-tolerance", bake.barycentricTolerance, between(0, 1), "DISTANCE",
-        "How far outside of a micro-triangle a hit of it may be, in barycentrics [1e-5]");
-    add("--interpolation-tolerance", bake.interpolationTolerance, between(0, 0x1p-10), "RATIO",
-        "Largest error of interpolated texture coordinates, relative to the largest of a triangle [2^-20]");
-}
-
 void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
 {
     BakeOptions &bake = options.bake;
@@ -215,7 +194,10 @@ std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &opti
     const auto raw = std::make_shared<RawBakeOptions>();
     declareSelection(command, options);
     declareQuality(command, options.bake, *raw);
-    declareTolerances(command, options.bake, *raw);
+    BakeOptions &bake = options.bake;
+    addToleranceOptions(
+        command, raw->exact,
+        {&bake.valueTolerance, &bake.subtexelTolerance, &bake.barycentricTolerance, &bake.interpolationTolerance});
     return [&options, raw] { finishBaking(options, *raw); };
 }
 

@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cstdio>
 #include <map>
 #include <optional>
 
-#include "cli/bake/bake_command.h"
-#include "cli/base/error.h"
-#include "cli/base/input_files.h"
-#include "cli/base/output_file.h"
-#include "cli/base/standard_streams.h"
-#include "cli/base/system/files.h"
+#include "base/error.h"
+#include "base/files.h"
+#include "base/text.h"
+#include "cli/bake/bake.h"
+#include "cli/base/files.h"
 #include "core/utf8_path.h"
 #include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/output_files.h"
 #include "gltf/micromaps/document_writer.h"
+#include "gltf/primitive.h"
 
 namespace vellum::cli
 {
@@ -182,6 +183,34 @@ std::vector<BakeJob> planBake(const BakeCommandOptions &options)
     for (size_t i = 0; i < jobs.size(); ++i)
         jobs[i].problem = conflicts.problemOf(i);
     return jobs;
+}
+
+void UnmatchedExclusions::note(const Document &document)
+{
+    const std::lock_guard lock(noting_);
+    const auto eraseMatched = [](std::vector<std::string> &patterns, const std::string &name) {
+        std::erase_if(patterns, [&](const std::string &pattern) { return matchesPattern(name, pattern); });
+    };
+    const gltf_json::Model &model = document.model();
+    for (size_t i = 0; i < model.materials.size(); ++i)
+        eraseMatched(materials_, materialName(model, i));
+    for (const gltf_json::Mesh &mesh : model.meshes)
+        eraseMatched(meshes_, mesh.name);
+}
+
+void UnmatchedExclusions::noteUnread()
+{
+    const std::lock_guard lock(noting_);
+    materials_.clear();
+    meshes_.clear();
+}
+
+void UnmatchedExclusions::print() const
+{
+    for (const std::string &pattern : materials_)
+        std::fprintf(stderr, "vellum: --exclude-material %s matches no material\n", pattern.c_str());
+    for (const std::string &pattern : meshes_)
+        std::fprintf(stderr, "vellum: --exclude-mesh %s matches no mesh\n", pattern.c_str());
 }
 
 } // namespace vellum::cli

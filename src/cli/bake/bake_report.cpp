@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <numeric>
 
-#include "cli/base/numbers.h"
+#include "base/text.h"
 #include "core/utf8_path.h"
 
 namespace vellum::cli

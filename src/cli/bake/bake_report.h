@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "cli/bake/bake_command.h"
-#include "cli/base/report_parts.h"
+#include "cli/bake/bake.h"
 #include "gltf/micromaps/known_surface.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {

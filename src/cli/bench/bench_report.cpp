@@ -7,10 +7,10 @@
 #include <optional>
 #include <rapidjson/document.h>
 
-#include "cli/base/report_parts.h"
-#include "cli/base/statistics.h"
-#include "cli/base/version.h"
+#include "base/statistics.h"
+#include "base/version.h"
 #include "cli/bench/bench_page_files.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {
@@ -57,7 +57,7 @@ std::string comparison(const Quartiles &quartiles, const char *words)
 // "emulated micromaps", "the driver's micromaps"
 std::string implementationOf(const Part &part)
 {
-    const std::string api = part.api == MicromapApi::Khr ? "KHR" : "EXT";
+    const std::string api = part.api == gpu::Api::Khr ? "KHR" : "EXT";
     if (part.implementation == "emulated")
         return "emulated micromaps (" + api + ")";
     return part.implementation == "ext" ? "KHR micromaps translated to the driver's EXT"
@@ -88,9 +88,10 @@ void addFrames(const PartResult &result, std::vector<std::string> &verdict)
                                   comparison({1 / ratio->high, 1 / ratio->middle, 1 / ratio->low}, "fast"));
         }
         if (!levels.empty())
-            verdict.push_back(fmt::format("By {}, {} beside a {} alpha test: {}.",
-                                          result.part.trace == Trace::Query ? "ray queries" : "a ray tracing pipeline",
-                                          implementationOf(result.part), heavy ? "heavy" : "plain", levels));
+            verdict.push_back(
+                fmt::format("By {}, {} beside a {} alpha test: {}.",
+                            result.part.trace == render::Trace::Query ? "ray queries" : "a ray tracing pipeline",
+                            implementationOf(result.part), heavy ? "heavy" : "plain", levels));
     }
     uint64_t differing = 0;
     for (const Row &row : rows)
@@ -190,8 +191,8 @@ std::string benchJson(const std::vector<PartResult> &results, const std::vector<
     json.member("seconds", seconds).values("verdict", verdict);
     json.list("parts", results, [&](const PartResult &result) {
         json.beginObject().member("name", result.part.name()).member("implementation", result.part.implementation);
-        json.member("api", result.part.api == MicromapApi::Khr ? "khr" : "ext");
-        json.member("trace", result.part.trace == Trace::Query ? "query" : "pipeline");
+        json.member("api", result.part.api == gpu::Api::Khr ? "khr" : "ext");
+        json.member("trace", result.part.trace == render::Trace::Query ? "query" : "pipeline");
         json.member("failure", result.failure).member("seconds", result.seconds).member("others", result.others);
         json.list("rows", result.rows, [&](const std::string &row) { json.json(row); });
         json.end();

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/bench/part_process.h"
+#include "cli/bench/part.h"
 
 namespace vellum::cli
 {

@@ -5,18 +5,22 @@
 #include <chrono>
 #include <cstdlib>
 #include <fmt/format.h>
+#include <iterator>
+#include <string_view>
 
+#include "base/error.h"
+#include "base/json_reader.h"
+#include "base/json_writer.h"
+#include "base/process.h"
+#include "base/statistics.h"
 #include "check/groups/group.h"
-#include "cli/base/paired_timing.h"
-#include "cli/base/system/child_process.h"
-#include "cli/base/system/this_process.h"
-#include "cli/bench/pipeline_timing.h"
-#include "cli/bench/structure_timing.h"
+#include "cli/bench/timing.h"
 #include "cli/info/device_details.h"
-#include "cli/scene/baked_scene.h"
-#include "cli/scene/grove.h"
-#include "cli/vulkan/layer_path.h"
-#include "gltf/file/json_writer.h"
+#include "core/utf8_path.h"
+#include "gpu/layer_path.h"
+#include "job/worker.h"
+#include "render/baked_scene.h"
+#include "render/grove.h"
 
 namespace vellum::cli
 {
@@ -37,16 +41,18 @@ private:
     std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-// A row, printed when it is complete. Html: so that the report can hold it as it is.
+// Where the part's events go.
+job::Events *events = nullptr;
+
+// A row, sent when it is complete. Html: so that the report can hold it as it is.
 template <typename Write>
-void printRow(const char *kind, Write &&write)
+void sendRow(const char *kind, Write &&write)
 {
     JsonWriter json(JsonStyle::Html);
     json.beginObject().member("row", kind);
     write(json);
     json.end();
-    fmt::print("{}\n", json.text());
-    std::fflush(stdout);
+    events->send(rowEvent(json.text()));
 }
 
 // Something was completed: the device does not hang.
@@ -58,8 +64,7 @@ void reportProgress()
         return;
     first = false;
     sinceLast = Clock();
-    fmt::print("{}\n", kProgressLine);
-    std::fflush(stdout);
+    events->send(kProgressEvent);
 }
 
 void writeQuartiles(JsonWriter &json, const char *name, const Quartiles &quartiles)
@@ -70,37 +75,35 @@ void writeQuartiles(JsonWriter &json, const char *name, const Quartiles &quartil
 // The two devices that are compared: without the layer, and with micromaps by one implementation.
 struct Devices {
     explicit Devices(const Part &part, const BenchDevice &wanted)
-        : without(false), with(true), bareInfo(chooseDevice(without, wanted.device)),
-          layeredInfo(chooseDevice(with, wanted.device))
+        : without(false), with(true), bareInfo(wanted.device.from(without)), layeredInfo(wanted.device.from(with))
     {
-        requireMicromaps(layeredInfo, part.api, with.layerEnabled());
+        gpu::requireMicromaps(layeredInfo, part.api, with.hasLayers());
     }
-    void create(MicromapApi api)
+    void create(gpu::Api api)
     {
-        bare = std::make_unique<Device>(bareInfo, DeviceNeeds{std::nullopt, bareInfo.rayTracingPipelines});
-        layered = std::make_unique<Device>(layeredInfo, DeviceNeeds{api, layeredInfo.rayTracingPipelines});
+        bare = std::make_unique<gpu::Device>(bareInfo, std::nullopt);
+        layered = std::make_unique<gpu::Device>(layeredInfo, api);
     }
-    Instance without, with;
-    DeviceInfo bareInfo, layeredInfo;
-    std::unique_ptr<Device> bare, layered;
+    gpu::Instance without, with;
+    gpu::DeviceInfo bareInfo, layeredInfo;
+    std::unique_ptr<gpu::Device> bare, layered;
 };
 
 // --- device ---
 
 void describe(const BenchDevice &wanted)
 {
-    const Instance instance(true);
-    const DeviceInfo chosen = chooseDevice(instance, wanted.device);
+    const gpu::Instance instance(true);
+    const gpu::DeviceInfo chosen = wanted.device.from(instance);
     const DeviceDetails details = describeDevices(instance).at(chosen.number);
-    printRow("device", [&](JsonWriter &json) { writeMembers(details, json); });
+    sendRow("device", [&](JsonWriter &json) { writeMembers(details, json); });
 }
 
 // --- self-check ---
 
 void selfCheck(const Part &part, const BenchDevice &wanted)
 {
-    const check::Api api = part.api == MicromapApi::Khr ? check::Api::Khr : check::Api::Ext;
-    const auto session = check::openSession({chooseDevice(Instance(true), wanted.device).number, api, true});
+    const auto session = check::openSession({wanted.device.from(gpu::Instance(true)).number, part.api, true});
     const Clock clock;
     uint64_t passed = 0, failed = 0, skipped = 0, rays = 0;
     std::string first;
@@ -119,7 +122,7 @@ void selfCheck(const Part &part, const BenchDevice &wanted)
                 break;
         }
     }
-    printRow("check", [&](JsonWriter &json) {
+    sendRow("check", [&](JsonWriter &json) {
         json.member("passed", passed).member("failed", failed).member("skipped", skipped).member("rays", rays);
         json.member("firstFailure", first);
     });
@@ -131,7 +134,7 @@ void selfCheck(const Part &part, const BenchDevice &wanted)
 class Timed
 {
 public:
-    double add(Milliseconds milliseconds)
+    double add(gpu::Milliseconds milliseconds)
     {
         reportProgress();
         walls_.push_back(milliseconds.wall);
@@ -145,18 +148,18 @@ private:
 
 // The largest picture of which a frame takes no longer than some milliseconds, or the smallest: systems reset a device
 // that works too long on one submission.
-RenderSettings settingsFor(Device &device, const RenderScene &scene, Trace trace)
+render::RenderSettings settingsFor(gpu::Device &device, const render::RenderScene &scene, render::Trace trace)
 {
     constexpr std::pair<uint32_t, uint32_t> kSizes[] = {{160, 90}, {320, 180}, {640, 360}, {1280, 720}};
     constexpr double kLongest = 40;
-    RenderSettings settings;
+    render::RenderSettings settings;
     settings.trace = trace;
     for (const auto &[width, height] : kSizes) {
-        RenderSettings larger = settings;
+        render::RenderSettings larger = settings;
         larger.width = width;
         larger.height = height;
         larger.heavy = true;
-        Renderer renderer(device, scene, {}, larger);
+        render::Renderer renderer(device, scene, {}, larger);
         renderer.frame(); // warms up
         reportProgress();
         const bool longer = renderer.frame() > kLongest;
@@ -177,11 +180,11 @@ struct FrameFacts {
     uint64_t differingPixels = 0;
 };
 
-FrameFacts factsOf(Renderer &alpha, Renderer &micromaps)
+FrameFacts factsOf(render::Renderer &alpha, render::Renderer &micromaps)
 {
     FrameFacts facts;
     size_t side = 0;
-    for (Renderer *renderer : {&alpha, &micromaps}) {
+    for (render::Renderer *renderer : {&alpha, &micromaps}) {
         renderer->frame();
         reportProgress();
         facts.candidatesPerRay[side++] = renderer->count().perRay();
@@ -196,20 +199,20 @@ void measureFrames(const Part &part, const BenchDevice &wanted)
     const Clock clock;
     Devices devices(part, wanted);
     devices.create(part.api);
-    const RenderScene scene = prepareScene(makeGrove(), 1);
-    RenderSettings settings = settingsFor(*devices.bare, scene, part.trace);
+    const render::RenderScene scene = render::prepareScene(render::makeGrove(), 1);
+    render::RenderSettings settings = settingsFor(*devices.bare, scene, part.trace);
     size_t left = 2 * std::size(kLevels);
     for (const uint32_t level : kLevels) {
         BakeOptions options;
         options.level = level;
-        const BakedScene baked = bakeScene(scene.scene, options);
+        const render::BakedScene baked = render::bakeScene(scene.scene, options);
         reportProgress();
         std::optional<FrameFacts> facts;
         for (const bool heavy : {false, true}) {
             settings.heavy = heavy;
-            Renderer alpha(*devices.bare, scene, {}, settings);
+            render::Renderer alpha(*devices.bare, scene, {}, settings);
             reportProgress();
-            Renderer micromaps(*devices.layered, scene, baked.micromaps(), settings);
+            render::Renderer micromaps(*devices.layered, scene, baked.micromaps(), settings);
             reportProgress();
             if (!facts)
                 facts = factsOf(alpha, micromaps);
@@ -220,7 +223,7 @@ void measureFrames(const Part &part, const BenchDevice &wanted)
             do {
                 times.measure();
             } while (times.pairs() < 101 && (times.pairs() < 5 || clock.seconds() < end));
-            printRow("frame", [&](JsonWriter &json) {
+            sendRow("frame", [&](JsonWriter &json) {
                 json.member("level", level).member("heavy", heavy);
                 json.member("width", settings.width).member("height", settings.height);
                 json.member("alpha", times.a()).member("micromaps", times.b());
@@ -257,7 +260,7 @@ Micromap repeated(const Micromap &micromap, size_t times)
 }
 
 // One of about 1,000 triangles.
-void measureMicromaps(Device &device, const BakedScene &baked, uint32_t level, double seconds)
+void measureMicromaps(gpu::Device &device, const render::BakedScene &baked, uint32_t level, double seconds)
 {
     const std::vector<const Micromap *> all = baked.micromaps();
     const auto one =
@@ -269,9 +272,9 @@ void measureMicromaps(Device &device, const BakedScene &baked, uint32_t level, d
     Timed wall;
     const Clock clock;
     do {
-        times.push_back(wall.add(makeMicromap(device, large)->buildTime()));
+        times.push_back(wall.add(render::DeviceMicromap(device, large).build()));
     } while (times.size() < 5 || clock.seconds() < seconds);
-    printRow("micromap", [&](JsonWriter &json) {
+    sendRow("micromap", [&](JsonWriter &json) {
         json.member("level", level).member("triangles", large.triangles.size()).member("wall", wall.wall());
         writeQuartiles(json, "milliseconds", quartiles(times));
     });
@@ -291,7 +294,7 @@ void measureBuilds(const Part &part, const BenchDevice &wanted)
         do {
             times.measure();
         } while (times.pairs() < 3 || (clock.seconds() < share && times.pairs() < 501));
-        printRow("build", [&](JsonWriter &json) {
+        sendRow("build", [&](JsonWriter &json) {
             json.member("what", what).member("structures", count);
             json.member("withoutLayer", times.a()).member("withLayer", times.b());
             json.member("withoutLayerWall", bareTimes.wall()).member("withLayerWall", layeredTimes.wall());
@@ -304,11 +307,11 @@ void measureBuilds(const Part &part, const BenchDevice &wanted)
                       layered.top(count));
     compareBuilds("1000 BLASes of one triangle", 1000, bare.bottoms(1000), layered.bottoms(1000));
     devices.create(part.api);
-    const RenderScene scene = prepareScene(makeGrove(), 1);
+    const render::RenderScene scene = render::prepareScene(render::makeGrove(), 1);
     for (const uint32_t level : kLevels) {
         BakeOptions options;
         options.level = level;
-        measureMicromaps(*devices.layered, bakeScene(scene.scene, options), level, share);
+        measureMicromaps(*devices.layered, render::bakeScene(scene.scene, options), level, share);
     }
 }
 
@@ -318,19 +321,19 @@ void measurePipelineCreation(const Part &part, const BenchDevice &wanted)
 {
     Devices devices(part, wanted);
     devices.create(part.api);
-    std::vector<Trace> traces = {Trace::Query};
+    std::vector<render::Trace> traces = {render::Trace::Query};
     if (devices.layeredInfo.rayTracingPipelines)
-        traces.push_back(Trace::Pipeline);
-    const RenderScene scene = prepareScene(makeGrove(), 1);
+        traces.push_back(render::Trace::Pipeline);
+    const render::RenderScene scene = render::prepareScene(render::makeGrove(), 1);
     const double share = part.seconds / static_cast<double>(traces.size());
-    for (const Trace trace : traces) {
+    for (const render::Trace trace : traces) {
         const Clock clock;
         const auto timings =
             measurePipelines({*devices.bare, *devices.layered}, scene, trace, kLevels[0], reportProgress,
                              [&](size_t pairs) { return pairs < 3 || (pairs < 21 && clock.seconds() < share); });
         for (const PipelineTiming &timing : timings) {
-            printRow("pipeline", [&](JsonWriter &json) {
-                json.member("trace", trace == Trace::Query ? "query" : "pipeline");
+            sendRow("pipeline", [&](JsonWriter &json) {
+                json.member("trace", trace == render::Trace::Query ? "query" : "pipeline");
                 json.member("withMicromaps", timing.micromaps);
                 json.member("withoutLayer", timing.bare).member("withLayer", timing.layered);
                 json.member("ratio", timing.ratio);
@@ -345,18 +348,18 @@ std::string Part::name() const
 {
     std::string name = kPartNames[static_cast<size_t>(kind)];
     if (kind == PartKind::Frames)
-        name += trace == Trace::Query ? "-query" : "-pipeline";
+        name += trace == render::Trace::Query ? "-query" : "-pipeline";
     name += "-" + implementation;
-    return kind == PartKind::Device ? name : name + (api == MicromapApi::Khr ? "-khr" : "-ext");
+    return kind == PartKind::Device ? name : name + (api == gpu::Api::Khr ? "-khr" : "-ext");
 }
 
-int runPart(const Part &part, const BenchDevice &device)
+void runPart(const Part &part, const BenchDevice &device, job::Events &output)
 {
-    endWithParent();
+    events = &output;
     setVariable("VELLUM_IMPLEMENTATION", part.implementation);
     if (part.kind == PartKind::Pipelines)
         disableShaderCaches();
-    offerLayer(device.layerFolder);
+    gpu::offerLayer(device.layerFolder);
     switch (part.kind) {
     case PartKind::Device: describe(device); break;
     case PartKind::Check: selfCheck(part, device); break;
@@ -364,7 +367,133 @@ int runPart(const Part &part, const BenchDevice &device)
     case PartKind::Builds: measureBuilds(part, device); break;
     case PartKind::Pipelines: measurePipelineCreation(part, device); break;
     }
-    return 0;
+}
+
+namespace
+{
+
+constexpr std::string_view kRowEvent = R"({"event":"row","row":)"; // and the row, and a brace
+
+std::vector<std::string> argumentsOf(const BenchDevice &device)
+{
+    std::vector<std::string> words = {"bench", "--worker"};
+    if (device.device.text())
+        words.insert(words.end(), {"--device", *device.device.text()});
+    if (device.layerFolder)
+        words.insert(words.end(), {"--layer-path", utf8Text(*device.layerFolder)});
+    return words;
+}
+
+std::string write(const Part &part)
+{
+    JsonWriter json(JsonStyle::Compact);
+    json.beginObject().member("part", kPartNames[static_cast<size_t>(part.kind)]);
+    json.member("implementation", part.implementation).member("api", part.api == gpu::Api::Khr ? "khr" : "ext");
+    json.member("trace", part.trace == render::Trace::Query ? "query" : "pipeline");
+    return json.member("milliseconds", hexadecimal(static_cast<uint64_t>(1000 * part.seconds))).end().text();
+}
+
+Part parsePart(const std::string &request)
+{
+    const JsonReader reader(request);
+    const auto kind = std::ranges::find(kPartNames, reader.text("part"));
+    if (kind == std::end(kPartNames))
+        throw Error("there is no part " + reader.text("part"));
+    return {static_cast<PartKind>(kind - std::begin(kPartNames)), reader.text("implementation"),
+            reader.text("api") == "khr" ? gpu::Api::Khr : gpu::Api::Ext,
+            reader.text("trace") == "query" ? render::Trace::Query : render::Trace::Pipeline,
+            static_cast<double>(reader.hexNumber("milliseconds")) / 1000};
+}
+
+// The row of an event; nothing of another line. A driver may print as well, in the middle of a line too.
+std::optional<std::string> rowOf(const std::string &line)
+{
+    rapidjson::Document event;
+    if (!line.starts_with(kRowEvent) ||
+        event.Parse<rapidjson::kParseIterativeFlag>(line.data(), line.size()).HasParseError() ||
+        !event["row"].IsObject() || !event["row"].HasMember("row") || !event["row"]["row"].IsString())
+        return std::nullopt;
+    return line.substr(kRowEvent.size(), line.size() - kRowEvent.size() - 1);
+}
+
+// The message of a worker that ended by an exception; nothing of another line.
+std::optional<std::string> errorOf(const std::string &line)
+{
+    if (!line.starts_with(R"({"event":"error")"))
+        return std::nullopt;
+    try {
+        return JsonReader(line).text("message");
+    } catch (const Error &) {
+        return std::nullopt;
+    }
+}
+
+// In words; empty for success.
+std::string failureOf(const ProcessEnd &end)
+{
+    return !end.crash.empty() ? "crashed: " + end.crash
+           : end.code == 0    ? ""
+                              : fmt::format("ended with code {}", end.code);
+}
+
+} // namespace
+
+std::string rowEvent(const std::string &row)
+{
+    return std::string(kRowEvent) + row + "}";
+}
+
+int runPartWorker(const BenchDevice &device)
+{
+    return job::answerRequests(
+        [&](const std::string &request, job::Events &events) { runPart(parsePart(request), device, events); });
+}
+
+PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
+                          const std::function<void()> &progress)
+{
+    constexpr double kSecondsOfLook = 0.1;
+    PartResult result;
+    result.part = part;
+    result.others = shareOfOthers(kSecondsOfLook);
+    const auto begin = std::chrono::steady_clock::now();
+    const auto elapsed = [&] {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    };
+    std::optional<job::Worker> worker;
+    try {
+        worker.emplace(argumentsOf(device));
+    } catch (const Error &error) { // a limit of processes or of files
+        result.failure = error.what();
+        return result;
+    }
+    worker->send(write(part));
+    worker->endRequests();
+    const ChildProcess *const process = &worker->process();
+    std::optional<ProcessEnd> end;
+    std::optional<std::string> error;
+    for (double last = 0; !end && elapsed() < last + timeout && !Interruptible::interrupted(); progress()) {
+        ChildProcess::waitForAny({&process, 1}, 200);
+        end = process->end(); // first: what was written before it is read below
+        for (const std::string &line : worker->read()) {
+            if (std::optional<std::string> row = rowOf(line))
+                result.rows.push_back(std::move(*row));
+            else if (const auto message = errorOf(line))
+                error = message;
+            else if (line != kProgressEvent)
+                continue; // a driver that hangs may print
+            last = elapsed();
+        }
+    }
+    if (Interruptible::interrupted()) // which may have ended the process as well
+        result.failure = "interrupted";
+    else
+        result.failure =
+            end ? error.value_or(failureOf(*end)) : fmt::format("hung: no progress for {:g} seconds", timeout);
+    result.seconds = elapsed();
+    worker.reset();
+    result.others = (result.others + shareOfOthers(kSecondsOfLook)) / 2;
+    return result;
 }
 
 } // namespace vellum::cli

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // What `vellum bench` measures, in parts. Each part runs in a process of its own, since a driver may hang, crash or
-// lose the device. Its results are rows: JSON objects, one a line on stdout, each whole before the next begins. Between
-// them are lines that report progress.
+// lose the device. Its results are rows: JSON objects.
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
-#include "cli/renderer/trace_pipeline.h"
-#include "cli/vulkan/context.h"
+#include "gpu/device.h"
+#include "job/worker.h"
+#include "render/trace_pipeline.h"
 
 namespace vellum::cli
 {
@@ -26,9 +28,9 @@ inline constexpr const char *kPartNames[] = {"device", "check", "frames", "build
 struct Part {
     PartKind kind = PartKind::Device;
     std::string implementation = "auto"; // the layer's setting
-    MicromapApi api = MicromapApi::Khr;
-    Trace trace = Trace::Query; // of frames
-    double seconds = 10;        // that it should take
+    gpu::Api api = gpu::Api::Khr;
+    render::Trace trace = render::Trace::Query; // of frames
+    double seconds = 10;                        // that it should take
 
     // "frames-query-emulated-khr"; "device-auto"
     [[nodiscard]] std::string name() const;
@@ -36,14 +38,29 @@ struct Part {
 
 // Which device, and where the layer is.
 struct BenchDevice {
-    std::optional<std::string> device;
+    gpu::DeviceSelection device;
     std::optional<std::filesystem::path> layerFolder;
 };
 
-// The line of a part that has completed a frame, a build, a pipeline or a case since the last such line.
-inline constexpr const char *kProgressLine = R"({"progress":true})";
+// A worker process measures parts (job/worker.h). Its events: a row, or that it has completed a frame, a build, a
+// pipeline or a case since the last event.
+std::string rowEvent(const std::string &row);
+inline constexpr const char *kProgressEvent = R"({"event":"progress"})";
 
-// Measures in this process. Returns the exit code.
-int runPart(const Part &part, const BenchDevice &device);
+// Answers requests for parts. Returns the exit code.
+int runPartWorker(const BenchDevice &device);
+
+struct PartResult {
+    Part part;
+    std::vector<std::string> rows; // JSON objects, all that were complete
+    std::string failure;           // how it ended, in words; empty for success
+    double seconds = 0;
+    double others = 0; // the share of the processors that other programs took before it and after it
+};
+
+// Measures a part in a worker, `vellum bench --worker`, and ends it if it reports neither a row nor progress for
+// `timeout` seconds, or if this process is interrupted. `progress` is called now and then.
+PartResult runPartProcess(const Part &part, const BenchDevice &device, double timeout,
+                          const std::function<void()> &progress);
 
 } // namespace vellum::cli

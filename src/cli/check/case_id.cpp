@@ -5,6 +5,7 @@
 #include <charconv>
 #include <fmt/format.h>
 
+#include "base/text.h"
 #include "core/hash.h"
 
 namespace vellum::cli
@@ -26,11 +27,6 @@ std::optional<uint32_t> parseNumber(std::string_view text)
 const char *nameOf(check::Api api)
 {
     return api == check::Api::Khr ? "khr" : "ext";
-}
-
-const char *extensionOf(check::Api api)
-{
-    return api == check::Api::Khr ? "VK_KHR_opacity_micromap" : "VK_EXT_opacity_micromap";
 }
 
 std::string nameOf(check::Api api, const check::Group &group)
@@ -94,20 +90,6 @@ uint64_t seedOf(uint64_t seed, const CaseId &id)
     // So that the seed alone determines the kind.
     const uint64_t kinds = id.group->kinds;
     return kinds == 1 ? mixed : mixed / 2 / kinds * kinds + id.number % kinds;
-}
-
-std::string hexadecimal(uint64_t number)
-{
-    return fmt::format("{:#018x}", number);
-}
-
-std::optional<uint64_t> parseHexadecimal(std::string_view text)
-{
-    if (!text.starts_with("0x"))
-        return std::nullopt;
-    uint64_t number = 0;
-    const auto [end, error] = std::from_chars(text.data() + 2, text.data() + text.size(), number, 16);
-    return error == std::errc() && end == text.data() + text.size() ? std::optional(number) : std::nullopt;
 }
 
 } // namespace vellum::cli

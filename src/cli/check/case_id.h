@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "base/text.h"
 #include "check/groups/group.h"
 
 namespace vellum::cli
@@ -22,8 +23,6 @@ struct CaseId {
 };
 
 const char *nameOf(check::Api api);
-// The name of the extension: "VK_KHR_opacity_micromap".
-const char *extensionOf(check::Api api);
 // "khr.resolution-query"
 std::string nameOf(check::Api api, const check::Group &group);
 std::string nameOf(const CaseId &id);
@@ -37,9 +36,5 @@ const check::Group *findGroup(std::string_view name);
 
 // Depends on nothing else, so that a case stays the same from one run and one machine to the next.
 uint64_t seedOf(uint64_t seed, const CaseId &id);
-
-// "0x0123456789abcdef": numbers of 64 bits are strings in JSON.
-std::string hexadecimal(uint64_t number);
-std::optional<uint64_t> parseHexadecimal(std::string_view text);
 
 } // namespace vellum::cli

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/check/device.h"
+#include "cli/check/protocol.h"
 
-#include "check/gpu/known_faults.h"
-#include "cli/vulkan/context.h"
+#include "gpu/device.h"
+#include "gpu/known_faults.h"
 
 namespace vellum::cli
 {
 
 DeviceSummary describeDevice(const WorkerOptions &options)
 {
-    const Instance instance(options.layer);
-    const DeviceInfo device = chooseDevice(instance, options.device);
+    const gpu::Instance instance(options.layer);
+    const gpu::DeviceInfo device = options.device.from(instance);
     DeviceSummary summary{device.number,       device.name,         device.implementation,
                           device.khrMicromaps, device.extMicromaps, {}};
     for (const check::KnownFault &fault : check::knownFaults(device.handle, true))

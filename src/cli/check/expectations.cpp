@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "cli/base/error.h"
+#include "base/error.h"
 #include "cli/check/case_id.h"
 #include "core/utf8_path.h"
 

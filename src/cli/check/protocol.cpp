@@ -3,17 +3,16 @@
 
 #include <array>
 #include <charconv>
-#include <rapidjson/document.h>
-#include <rapidjson/stringbuffer.h>
-#include <rapidjson/writer.h>
 
-#include "cli/base/error.h"
-#include "cli/base/input_files.h"
-#include "cli/base/report_parts.h"
+#include "base/error.h"
+#include "base/json_reader.h"
+#include "base/json_writer.h"
+#include "cli/base/files.h"
 #include "cli/check/case_id.h"
 #include "cli/check/expectations.h"
 #include "core/utf8_path.h"
-#include "gltf/file/json_writer.h"
+#include "inspect/report_parts.h"
+#include "job/worker.h"
 
 namespace vellum::cli
 {
@@ -48,61 +47,6 @@ std::string bytesOf(const std::string &hex)
     return bytes;
 }
 
-// A JSON object whose members are read; what is missing is an error.
-class Reader
-{
-public:
-    explicit Reader(const std::string &text)
-    {
-        document_.Parse(text.data(), text.size());
-        if (document_.HasParseError() || !document_.IsObject())
-            throw Error("no JSON object");
-    }
-
-    [[nodiscard]] std::string text(const char *name) const { return textOf(document_, name); }
-    static std::string textOf(const rapidjson::Value &object, const char *name)
-    {
-        const auto member = object.FindMember(name);
-        if (member == object.MemberEnd() || !member->value.IsString())
-            throw Error(std::string("no string \"") + name + "\"");
-        return {member->value.GetString(), member->value.GetStringLength()};
-    }
-    [[nodiscard]] uint64_t hexNumber(const char *name) const
-    {
-        const std::optional<uint64_t> number = parseHexadecimal(text(name));
-        if (!number)
-            throw Error(std::string("\"") + name + "\" must be a hexadecimal number");
-        return *number;
-    }
-    // What add(object) makes of each object of an array.
-    template <typename Add>
-    void forEach(const char *name, Add &&add) const
-    {
-        const auto member = document_.FindMember(name);
-        if (member == document_.MemberEnd() || !member->value.IsArray())
-            throw Error(std::string("no array \"") + name + "\"");
-        for (const rapidjson::Value &element : member->value.GetArray()) {
-            if (!element.IsObject())
-                throw Error(std::string("no object in \"") + name + "\"");
-            add(element);
-        }
-    }
-    // A member as JSON; empty if there is none.
-    [[nodiscard]] std::string json(const char *name) const
-    {
-        const auto member = document_.FindMember(name);
-        if (member == document_.MemberEnd())
-            return {};
-        rapidjson::StringBuffer buffer;
-        rapidjson::Writer<rapidjson::StringBuffer> writer(buffer);
-        member->value.Accept(writer);
-        return {buffer.GetString(), buffer.GetSize()};
-    }
-
-private:
-    rapidjson::Document document_;
-};
-
 template <typename Kind, typename Names>
 Kind kindOf(const std::string &name, const Names &names)
 {
@@ -129,12 +73,12 @@ void writeOutcome(const check::Outcome &outcome, JsonWriter &json)
     });
 }
 
-check::Outcome readOutcome(const Reader &reader)
+check::Outcome readOutcome(const JsonReader &reader)
 {
     check::Outcome outcome{statusOf(reader.text("status")), reader.text("cause"),     reader.text("detail"),
                            reader.text("reproducer"),       reader.hexNumber("rays"), {}};
     reader.forEach("files", [&](const rapidjson::Value &file) {
-        outcome.files.push_back({Reader::textOf(file, "extension"), bytesOf(Reader::textOf(file, "hex"))});
+        outcome.files.push_back({JsonReader::textOf(file, "extension"), bytesOf(JsonReader::textOf(file, "hex"))});
     });
     return outcome;
 }
@@ -153,7 +97,7 @@ std::string write(const Request &request)
 
 Request parseRequest(const std::string &line)
 {
-    const Reader reader(line);
+    const JsonReader reader(line);
     return {kindOf<Request::Kind>(reader.text("request"), kRequests),
             reader.text("group"),
             reader.hexNumber("seed"),
@@ -178,7 +122,7 @@ std::string write(const Event &event)
         break;
     case Event::Kind::Begin: break;
     case Event::Kind::End: writeOutcome(event.outcome, json); break;
-    case Event::Kind::Error: json.member("message", event.message); break;
+    case Event::Kind::Error: return job::errorEvent(event.message);
     }
     json.end();
     return json.text();
@@ -186,7 +130,7 @@ std::string write(const Event &event)
 
 Event parseEvent(const std::string &line)
 {
-    const Reader reader(line);
+    const JsonReader reader(line);
     Event event;
     event.kind = kindOf<Event::Kind>(reader.text("event"), kEvents);
     switch (event.kind) {
@@ -198,7 +142,8 @@ Event parseEvent(const std::string &line)
                         reader.text("ext") == "yes",
                         {}};
         reader.forEach("knownFaults", [&](const rapidjson::Value &fault) {
-            event.device.knownFaults.push_back({Reader::textOf(fault, "text"), Reader::textOf(fault, "response")});
+            event.device.knownFaults.push_back(
+                {JsonReader::textOf(fault, "text"), JsonReader::textOf(fault, "response")});
         });
         break;
     case Event::Kind::Begin: break;
@@ -229,7 +174,7 @@ Reproducer readReproducer(const std::filesystem::path &path)
         throw UsageError(error.what());
     }
     try {
-        const Reader reader(text);
+        const JsonReader reader(text);
         if (reader.text("command") != "check --replay")
             throw Error("no reproducer of vellum check");
         if (const std::string schema = reader.text("schema"); schema != kReportSchema)

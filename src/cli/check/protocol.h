@@ -9,13 +9,14 @@
 #include <vector>
 
 #include "check/groups/group.h"
+#include "gpu/instance.h"
 
 namespace vellum::cli
 {
 
 // What a worker process tests.
 struct WorkerOptions {
-    std::optional<std::string> device; // as --device names it; its number once it is chosen
+    gpu::DeviceSelection device; // as --device names it; its number once it is chosen
     check::Api api = check::Api::Khr;
     bool layer = true; // whether our layer is enabled
 };
@@ -55,6 +56,9 @@ struct DeviceSummary {
 
     [[nodiscard]] bool has(check::Api api) const { return api == check::Api::Khr ? khr : ext; }
 };
+
+// Loads the drivers. Throws an exception where there is no such device.
+DeviceSummary describeDevice(const WorkerOptions &options);
 
 // From the worker.
 struct Event {

@@ -2,6 +2,14 @@
 #include "cli/check/results.h"
 
 #include <algorithm>
+#include <fmt/format.h>
+
+#include "base/error.h"
+#include "base/json_writer.h"
+#include "base/text.h"
+#include "cli/base/files.h"
+#include "core/utf8_path.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {
@@ -105,6 +113,304 @@ CheckTally tallyOf(const std::vector<CaseResult> &results, const std::vector<Pla
         std::stable_sort(causes->begin(), causes->end(),
                          [](const CauseTally &a, const CauseTally &b) { return a.count > b.count; });
     return tally;
+}
+
+namespace
+{
+
+constexpr const char *kNotRun = "Missing";
+
+std::vector<const CaseResult *> byName(const std::vector<CaseResult> &results)
+{
+    std::vector<std::pair<std::string, const CaseResult *>> named;
+    for (const CaseResult &result : results)
+        named.emplace_back(nameOf(result.id), &result);
+    std::sort(named.begin(), named.end());
+    std::vector<const CaseResult *> sorted;
+    for (const auto &[name, result] : named)
+        sorted.push_back(result);
+    return sorted;
+}
+
+const char *statusOf(const CaseResult &result)
+{
+    return result.verdict == Verdict::Missing ? kNotRun : nameOf(result.status);
+}
+
+// Text or an attribute of XML 1.0, which has no way to write control characters.
+std::string xml(const std::string &text)
+{
+    std::string result;
+    for (const char c : text) {
+        switch (c) {
+        case '&': result += "&amp;"; break;
+        case '<': result += "&lt;"; break;
+        case '>': result += "&gt;"; break;
+        case '"': result += "&quot;"; break;
+        case '\n': result += "&#10;"; break;
+        default: result += static_cast<uint8_t>(c) < 0x20 && c != '\t' ? '?' : c;
+        }
+    }
+    return result;
+}
+
+std::string junitCase(const CaseResult &result)
+{
+    std::string text = fmt::format(R"(    <testcase classname="{}.{}" name="{}" time="{:.3f}")", nameOf(result.id.api),
+                                   result.id.group->name, nameOf(result.id), result.seconds);
+    if (!isSuccess(result.verdict))
+        return text + fmt::format("><failure type=\"{}\" message=\"{}\">{}</failure></testcase>\n",
+                                  nameOf(result.verdict), xml(causeOf(result)),
+                                  xml(result.details != nullptr ? result.details->text : ""));
+    if (result.verdict == Verdict::Skip)
+        return text + fmt::format("><skipped message=\"{}\"/></testcase>\n", xml(result.cause()));
+    if (result.verdict != Verdict::Pass)
+        return text + fmt::format("><system-out>{}: {}</system-out></testcase>\n", nameOf(result.verdict),
+                                  xml(causeOf(result)));
+    return text + "/>\n";
+}
+
+void writeGroup(const GroupTally &group, JsonWriter &json)
+{
+    using check::Status;
+    json.beginObject().member("api", nameOf(group.api)).member("group", group.group->name);
+    json.member("planned", group.planned).member("cases", group.cases);
+    json.member("pass", group.count({Status::Pass})).member("fail", group.count({Status::Fail}));
+    json.member("skip", group.count({Status::Skip})).member("crash", group.count({Status::Crash}));
+    json.member("timeout", group.count({Status::Timeout})).member("deviceLost", group.count({Status::DeviceLost}));
+    json.member("rays", group.rays).member("seconds", group.seconds).end();
+}
+
+void writeCauses(const char *name, const std::vector<CauseTally> &causes, JsonWriter &json)
+{
+    json.list(name, causes, [&](const CauseTally &cause) {
+        json.beginObject().member("cause", cause.cause).member("cases", cause.count);
+        json.member("case", nameOf(cause.first->id));
+        if (const auto &details = cause.first->details; details != nullptr) {
+            json.member("detail", details->text);
+            if (!details->reproducer.empty())
+                json.member("reproducer", details->reproducer);
+        }
+        json.end();
+    });
+}
+
+void appendCauses(const char *heading, const std::vector<CauseTally> &causes, std::string &text)
+{
+    if (causes.empty())
+        return;
+    text += fmt::format("\n{}:\n", heading);
+    for (const CauseTally &cause : causes) {
+        text += fmt::format("  {}\n    {}, the first of which is {}\n", cause.cause, counted(cause.count, "case"),
+                            nameOf(cause.first->id));
+        if (const auto &details = cause.first->details; details != nullptr && !details->reproducer.empty())
+            text += fmt::format("    vellum check --replay {}\n", details->reproducer);
+    }
+}
+
+// "2 expected failures, 1 flake"; empty if everything is as the table says.
+std::string otherVerdicts(const CheckTally &tally)
+{
+    std::string text;
+    const auto add = [&](std::initializer_list<Verdict> verdicts, const char *one, const char *many) {
+        size_t sum = 0;
+        for (const Verdict verdict : verdicts)
+            if (const auto found = tally.verdicts.find(verdict); found != tally.verdicts.end())
+                sum += found->second;
+        if (sum != 0)
+            text += (text.empty() ? "" : ", ") + counted(sum, one, many);
+    };
+    add({Verdict::ExpectedFail}, "expected failure", nullptr);
+    add({Verdict::ImprovedToPass, Verdict::ImprovedToFail, Verdict::ImprovedToSkip}, "unexpected improvement", nullptr);
+    add({Verdict::Flake}, "flake", nullptr);
+    add({Verdict::KnownFlake}, "known flake", nullptr);
+    add({Verdict::Missing}, "case not run", "cases not run");
+    return text;
+}
+
+// Groups of which fewer cases were tested than a quick run has; empty if there are none.
+std::string littleTested(const CheckTally &tally)
+{
+    std::string few;
+    std::string none;
+    for (const GroupTally &group : tally.groups) {
+        if (group.tested() >= group.least())
+            continue;
+        std::string &list = group.tested() == 0 ? none : few;
+        list += (list.empty() ? "" : ", ") + nameOf(group.api, *group.group);
+        std::string reasons = group.tested() == 0 ? "" : fmt::format("{} of {}", group.tested(), group.planned);
+        if (const size_t skipped = group.count({check::Status::Skip}); skipped != 0)
+            reasons += fmt::format("{}{} skipped", reasons.empty() ? "" : ", ", skipped);
+        list += reasons.empty() ? "" : " (" + reasons + ")";
+    }
+    return (few.empty() ? "" : "\nlittle tested: " + few + "\n") + (none.empty() ? "" : "\nnot tested: " + none + "\n");
+}
+
+} // namespace
+
+std::string resultsCsv(const std::vector<CaseResult> &results)
+{
+    std::string text;
+    for (const CaseResult *result : byName(results))
+        text += fmt::format("{},{},{:.6f}\n", nameOf(result->id), nameOf(result->verdict), result->seconds);
+    return text;
+}
+
+std::string failuresCsv(const std::vector<CaseResult> &results)
+{
+    std::string text;
+    for (const CaseResult *result : byName(results))
+        if (!isSuccess(result->verdict))
+            text += fmt::format("{},{}\n", nameOf(result->id), nameOf(result->verdict));
+    return text;
+}
+
+std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &results)
+{
+    std::string properties;
+    for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
+        properties += fmt::format("      <property name=\"known fault\" value=\"{}: {}\"/>\n", xml(fault.text),
+                                  xml(fault.response));
+    if (!properties.empty())
+        properties = "    <properties>\n" + properties + "    </properties>\n";
+    std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"vellum check\">\n";
+    for (const GroupTally &group : tallyOf(results, facts.plan).groups) {
+        std::string cases;
+        size_t failures = 0;
+        size_t skipped = 0;
+        for (const CaseResult &result : results) {
+            if (result.id.api != group.api || result.id.group != group.group)
+                continue;
+            cases += junitCase(result);
+            failures += isSuccess(result.verdict) ? 0U : 1U;
+            skipped += result.verdict == Verdict::Skip ? 1U : 0U;
+        }
+        text +=
+            fmt::format("  <testsuite name=\"{}.{}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\" time=\"{:.3f}\">\n",
+                        nameOf(group.api), group.group->name, group.cases, failures, skipped, group.seconds);
+        text += properties + cases + "  </testsuite>\n";
+    }
+    return text + "</testsuites>\n";
+}
+
+std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &results)
+{
+    const CheckTally tally = tallyOf(results, facts.plan);
+    JsonWriter json;
+    beginReport(json, "check");
+    json.member("device", facts.device.name).member("implementation", facts.device.implementation);
+    json.member("seed", std::to_string(facts.seed)).member("seconds", facts.seconds);
+    json.member("interrupted", facts.interrupted);
+    json.list("knownFaults", facts.device.knownFaults, [&](const DeviceSummary::Fault &fault) {
+        json.beginObject().member("fault", fault.text).member("response", fault.response).end();
+    });
+    json.list("groups", tally.groups, [&](const GroupTally &group) { writeGroup(group, json); });
+    std::vector<CauseTally> failures = tally.failures;
+    failures.insert(failures.end(), tally.improvements.begin(), tally.improvements.end());
+    writeCauses("failures", failures, json);
+    writeCauses("flakes", tally.flakes, json);
+    writeCauses("skips", tally.skips, json);
+    json.list("cases", byName(results), [&](const CaseResult *result) {
+        json.beginObject().member("case", nameOf(result->id)).member("result", nameOf(result->verdict));
+        json.member("status", statusOf(*result)).member("seconds", result->seconds).member("rays", result->rays);
+        if (!result->cause().empty())
+            json.member("cause", result->cause());
+        json.end();
+    });
+    json.end();
+    return json.text() + "\n";
+}
+
+std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &results)
+{
+    using check::Status;
+    const CheckTally tally = tallyOf(results, facts.plan);
+    size_t width = 5;
+    for (const GroupTally &group : tally.groups)
+        width = std::max(width, group.group->name.size() + 4);
+    std::string text = fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9}\n", "group", width, "cases",
+                                   "pass", "fail", "skip", "crash", "timeout", "rays", "seconds");
+    for (const GroupTally &group : tally.groups)
+        text +=
+            fmt::format("{:<{}} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>14} {:>9.1f}\n",
+                        fmt::format("{}.{}", nameOf(group.api), group.group->name), width, grouped(group.cases),
+                        grouped(group.count({Status::Pass})), grouped(group.count({Status::Fail})),
+                        grouped(group.count({Status::Skip})), grouped(group.count({Status::Crash, Status::DeviceLost})),
+                        grouped(group.count({Status::Timeout})), grouped(group.rays), group.seconds);
+    appendCauses("failures", tally.failures, text);
+    appendCauses("better than the baseline, which is to be updated", tally.improvements, text);
+    appendCauses("flakes", tally.flakes, text);
+    appendCauses("skipped", tally.skips, text);
+    text += littleTested(tally);
+    if (!facts.device.knownFaults.empty())
+        text += "\nknown faults of the device, and what is therefore not tested:\n";
+    for (const DeviceSummary::Fault &fault : facts.device.knownFaults)
+        text += fmt::format("  {}\n    {}\n", fault.text, fault.response);
+    const std::string others = otherVerdicts(tally);
+    size_t failures = 0;
+    for (const auto &[verdict, number] : tally.verdicts)
+        failures += isSuccess(verdict) || isImprovement(verdict) ? 0U : number;
+    size_t tested = 0;
+    size_t skipped = 0;
+    for (const GroupTally &group : tally.groups) {
+        tested += group.tested();
+        skipped += group.count({Status::Skip});
+    }
+    text += fmt::format(
+        "\n{}{}: {} in {:.1f} s{}, {}{}\n", facts.device.name, facts.interrupted ? ", interrupted" : "",
+        counted(tested, "case"), facts.seconds, skipped == 0 ? "" : fmt::format(", {} skipped", grouped(skipped)),
+        failures == 0 ? "no failure" : counted(failures, "failure"), others.empty() ? "" : " (" + others + ")");
+    return text;
+}
+
+namespace
+{
+
+constexpr const char *kResults = "results.json";
+constexpr const char *kFailures = "failures";
+
+} // namespace
+
+void writeText(const std::filesystem::path &path, const std::string &text)
+{
+    writeWhole(path, {reinterpret_cast<const uint8_t *>(text.data()), text.size()});
+}
+
+OutputFolder::OutputFolder(std::filesystem::path path, bool force) : path_(std::move(path))
+{
+    std::error_code error;
+    if (std::filesystem::exists(path_, error) && !std::filesystem::is_directory(path_, error))
+        throw Error(utf8Text(path_) + " cannot be written: it is not a directory");
+    const bool foreign = std::filesystem::is_directory(path_, error) && !std::filesystem::is_empty(path_, error) &&
+                         !std::filesystem::exists(path_ / kResults, error);
+    if (foreign && !force)
+        throw Error(utf8Text(path_) + " has files that vellum check did not write; --force writes into it");
+    std::filesystem::create_directories(path_ / kFailures, error);
+    if (error)
+        throw Error(utf8Text(path_) + " cannot be written: " + error.message());
+}
+
+std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
+{
+    if (++written_[causeOf(finished.outcome)] > kMostReproducers)
+        return {};
+    const std::string name = nameOf(finished.id);
+    const std::filesystem::path path = path_ / kFailures / (name + ".json");
+    // What is larger is not shrunk: the seed makes it.
+    const std::string &shrunk = finished.outcome.reproducer;
+    writeText(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
+                                     shrunk.size() <= kMostReproducerBytes ? shrunk : std::string()}));
+    for (const check::OutcomeFile &file : finished.outcome.files)
+        writeText(path_ / kFailures / (name + "." + file.extension), file.bytes);
+    return utf8Text(path);
+}
+
+void OutputFolder::writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const
+{
+    writeText(path_ / "results.csv", resultsCsv(results));
+    writeText(path_ / "failures.csv", failuresCsv(results));
+    writeText(path_ / "junit.xml", junitXml(facts, results));
+    writeText(path_ / kResults, resultsJson(facts, results));
 }
 
 } // namespace vellum::cli

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What became of the cases.
+// Results of cases, put together, in the forms in which they are printed and written.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
 #include <initializer_list>
 #include <map>
 #include <memory>
@@ -12,6 +13,9 @@
 
 #include "cli/check/case_id.h"
 #include "cli/check/expectations.h"
+#include "cli/check/protocol.h"
+#include "cli/check/results.h"
+#include "cli/check/runner.h"
 
 namespace vellum::cli
 {
@@ -78,5 +82,49 @@ struct CheckTally {
 };
 // Points to elements of `results`. Groups of the plan that have no result are in the tally as well.
 CheckTally tallyOf(const std::vector<CaseResult> &results, const std::vector<PlannedGroup> &plan = {});
+
+// What is known about a run as a whole.
+struct RunFacts {
+    DeviceSummary device;
+    uint64_t seed = 0;
+    std::vector<PlannedGroup> plan;
+    double seconds = 0;
+    bool interrupted = false;
+};
+
+// deqp-runner's results.csv: name,status,seconds, by name.
+std::string resultsCsv(const std::vector<CaseResult> &results);
+// deqp-runner's failures.csv: name,status of what is no success. It can be the next run's baseline.
+std::string failuresCsv(const std::vector<CaseResult> &results);
+// JUnit's XML, a test suite for each group and extension.
+std::string junitXml(const RunFacts &facts, const std::vector<CaseResult> &results);
+// src/cli/schema.json describes it.
+std::string resultsJson(const RunFacts &facts, const std::vector<CaseResult> &results);
+
+// For people: a table of groups and a list of causes.
+std::string resultsTable(const RunFacts &facts, const std::vector<CaseResult> &results);
+
+class OutputFolder
+{
+public:
+    // Throws Error for a folder with files that are not of an earlier run, unless `force` is set.
+    OutputFolder(std::filesystem::path path, bool force);
+
+    // Writes the reproducer of a failure and what explains it, for the first failures with each cause. Returns its
+    // path; empty if there is none.
+    std::string writeFailure(const Finished &finished, uint64_t seed);
+    // Writes results.csv, failures.csv, junit.xml and results.json. Throws Error.
+    void writeResults(const RunFacts &facts, const std::vector<CaseResult> &results) const;
+
+private:
+    static constexpr size_t kMostReproducers = 3;
+    static constexpr size_t kMostReproducerBytes = 65000; // of a case
+
+    std::filesystem::path path_;
+    std::map<std::string, size_t> written_; // reproducers, by cause
+};
+
+// The file appears whole. Throws Error.
+void writeText(const std::filesystem::path &path, const std::string &text);
 
 } // namespace vellum::cli

@@ -7,8 +7,8 @@
 #include <memory>
 #include <utility>
 
-#include "cli/base/error.h"
-#include "cli/base/system/interrupt.h"
+#include "base/error.h"
+#include "base/process.h"
 #include "cli/check/worker_process.h"
 
 namespace vellum::cli

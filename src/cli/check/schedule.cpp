@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "gltf/micromaps/name_pattern.h"
+#include "base/text.h"
 
 namespace vellum::cli
 {

@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/check/worker.h"
 
-#include <charconv>
 #include <exception>
-#include <iostream>
 #include <string>
 
-#include "cli/base/error.h"
-#include "cli/base/exit_code.h"
-#include "cli/base/standard_streams.h"
-#include "cli/base/system/child_process.h"
+#include "base/error.h"
 #include "cli/check/case_id.h"
-#include "cli/check/device.h"
 #include "cli/check/protocol.h"
-#include "cli/check/separate_runs.h"
+#include "cli/check/worker_process.h"
 
 namespace vellum::cli
 {
@@ -25,20 +19,15 @@ class Worker
 public:
     explicit Worker(const WorkerOptions &options) : options_(options) {}
 
-    void send(const Event &event)
+    void answer(const Request &request, job::Events &events)
     {
-        events_.write(write(event) + "\n");
-        events_.finish();
-    }
-
-    void answer(const Request &request)
-    {
+        const auto send = [&events](const Event &event) { events.send(write(event)); };
         if (request.kind == Request::Kind::Describe) {
             send({Event::Kind::Device, describeDevice(options_), {}, {}});
             return;
         }
         if (request.kind == Request::Kind::Separate) {
-            send({Event::Kind::End, {}, runSeparately(request), {}});
+            send({Event::Kind::End, {}, runSeparately(request, events), {}});
             return;
         }
         if (session_ == nullptr)
@@ -50,19 +39,17 @@ public:
 private:
     [[nodiscard]] uint32_t chosenDevice() const
     {
-        const std::string text = options_.device.value_or("");
-        uint32_t number = 0;
-        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-        if (error != std::errc() || end != text.data() + text.size())
+        const std::optional<uint32_t> number = options_.device.number();
+        if (!number)
             throw Error("a worker takes a device by its number");
-        return number;
+        return *number;
     }
 
-    check::Outcome runSeparately(const Request &request)
+    check::Outcome runSeparately(const Request &request, job::Events &events)
     {
         SeparateRuns runs(options_, request.timeout);
         const std::string made = runs.make(request.group, request.seed);
-        send({Event::Kind::Begin, {}, {}, {}});
+        events.send(write(Event{.kind = Event::Kind::Begin}));
         return check::runSeparately(made, options_.api, request.shrinkSeconds,
                                     [&](const std::string &reproducer) { return runs.run(reproducer); });
     }
@@ -99,7 +86,6 @@ private:
     }
 
     WorkerOptions options_;
-    DataOutput events_{DataOutput::Reports::ToStderr};
     std::shared_ptr<check::Session> session_;
 };
 
@@ -107,20 +93,9 @@ private:
 
 int runWorker(const WorkerOptions &options)
 {
-    endWithParent();
     Worker worker(options);
-    bool asked = false;
-    for (std::string line; std::getline(std::cin, line); asked = true) {
-        try {
-            worker.answer(parseRequest(line));
-        } catch (const std::exception &error) {
-            worker.send({Event::Kind::Error, {}, {}, error.what()});
-            return static_cast<int>(ExitCode::Failed);
-        }
-    }
-    if (!asked)
-        throw UsageError("--worker is for vellum check itself");
-    return static_cast<int>(ExitCode::Success);
+    return job::answerRequests(
+        [&](const std::string &request, job::Events &events) { worker.answer(parseRequest(request), events); });
 }
 
 } // namespace vellum::cli

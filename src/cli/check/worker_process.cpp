@@ -4,8 +4,8 @@
 #include <chrono>
 #include <utility>
 
-#include "cli/base/error.h"
-#include "cli/base/system/interrupt.h"
+#include "base/error.h"
+#include "base/files.h"
 #include "cli/check/case_id.h"
 
 namespace vellum::cli
@@ -13,14 +13,13 @@ namespace vellum::cli
 namespace
 {
 
-constexpr size_t kMostPrinted = 4096;
 constexpr int kMillisecondsBetweenChecks = 20;
 
 std::vector<std::string> argumentsOf(const WorkerOptions &options)
 {
     std::vector<std::string> arguments = {"check", "--worker", "--api", nameOf(options.api)};
-    if (options.device)
-        arguments.insert(arguments.end(), {"--device", *options.device});
+    if (options.device.text())
+        arguments.insert(arguments.end(), {"--device", *options.device.text()});
     if (!options.layer)
         arguments.emplace_back("--no-layer");
     return arguments;
@@ -42,42 +41,18 @@ std::string assertionIn(const std::string &printed)
 
 } // namespace
 
-WorkerProcess::WorkerProcess(const WorkerOptions &options) : process_(argumentsOf(options)) {}
-
-void WorkerProcess::send(const Request &request)
-{
-    printed_.clear();
-    process_.write(write(request) + "\n");
-}
+WorkerProcess::WorkerProcess(const WorkerOptions &options) : Worker(argumentsOf(options)) {}
 
 std::vector<Event> WorkerProcess::read()
 {
-    process_.read(line_, printed_);
-    if (printed_.size() > kMostPrinted)
-        printed_.erase(0, printed_.size() - kMostPrinted);
     std::vector<Event> events;
-    for (size_t end = line_.find('\n'); end != std::string::npos; end = line_.find('\n')) {
+    for (const std::string &line : Worker::read()) {
         try {
-            events.push_back(parseEvent(line_.substr(0, end)));
+            events.push_back(parseEvent(line));
         } catch (const Error &) { // a driver writes where it should not
         }
-        line_.erase(0, end + 1);
     }
     return events;
-}
-
-void WorkerProcess::startWaiting()
-{
-    waitingSince_ = std::chrono::steady_clock::now();
-    waitedBefore_ = process_.waitedForProcessor();
-}
-
-bool WorkerProcess::isLate(double seconds) const
-{
-    constexpr double kMostTimes = 5;
-    const double passed = std::chrono::duration<double>(std::chrono::steady_clock::now() - waitingSince_).count();
-    return passed > seconds &&
-           (passed > kMostTimes * seconds || passed - (process_.waitedForProcessor() - waitedBefore_) > seconds);
 }
 
 std::string causeOfEnd(const ProcessEnd &end, const std::string &printed)
@@ -115,6 +90,40 @@ Answer waitForAnswer(WorkerProcess &worker, double seconds)
             return {{}, end};
     }
     return {};
+}
+
+std::string SeparateRuns::make(const std::string &group, uint64_t seed)
+{
+    const check::Outcome outcome = outcomeOf({.kind = Request::Kind::Make, .group = group, .seed = seed});
+    if (outcome.status != check::Status::Pass)
+        throw Error(outcome.cause.empty() ? "timeout" : outcome.cause);
+    return outcome.reproducer;
+}
+
+check::Outcome SeparateRuns::run(const std::string &reproducer)
+{
+    const SharedText document(write(Reproducer{.api = options_.api, .shrunk = reproducer}));
+    return outcomeOf({.kind = Request::Kind::Replay, .document = document.path()});
+}
+
+check::Outcome SeparateRuns::outcomeOf(const Request &request)
+{
+    if (process_ == nullptr)
+        process_ = std::make_unique<WorkerProcess>(options_);
+    process_->send(request);
+    const Answer answer = waitForAnswer(*process_, timeout_);
+    const std::string printed = process_->printed();
+    const bool alive = answer.event && answer.event->kind == Event::Kind::End &&
+                       answer.event->outcome.status != check::Status::DeviceLost;
+    if (!alive)
+        process_.reset();
+    if (answer.event)
+        return answer.event->kind == Event::Kind::End
+                   ? answer.event->outcome
+                   : outcomeOfEnd(check::Status::Crash, answer.event->message, printed);
+    if (answer.end)
+        return outcomeOfEnd(check::Status::Crash, causeOfEnd(*answer.end, printed), printed);
+    return outcomeOfEnd(check::Status::Timeout, "", printed);
 }
 
 } // namespace vellum::cli

@@ -1,45 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-// A worker process, seen from `vellum check`.
+// Worker processes of `vellum check`.
 #pragma once
 
 #include <chrono>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "cli/base/system/child_process.h"
 #include "cli/check/protocol.h"
+#include "job/worker.h"
 
 namespace vellum::cli
 {
 
-class WorkerProcess
+class WorkerProcess : public job::Worker
 {
 public:
     // Starts `vellum check --worker` with these options. Throws Error.
     explicit WorkerProcess(const WorkerOptions &options);
 
-    void send(const Request &request);
-    // The worker ends when it has answered.
-    void endRequests() { process_.closeInput(); }
-    [[nodiscard]] const ChildProcess &process() const { return process_; }
-
+    void send(const Request &request) { Worker::send(write(request)); }
     // The events that have come.
     std::vector<Event> read();
-    // Begins to count the time that the worker needs for the next event.
-    void startWaiting();
-    // Whether that is more than so many seconds. Time in which its threads wait for a processor does not count, so that
-    // a case does not time out because the machine is busy, except that five times the seconds are always enough.
-    [[nodiscard]] bool isLate(double seconds) const;
-    // The end of what the driver printed since the last request.
-    [[nodiscard]] const std::string &printed() const { return printed_; }
-
-private:
-    ChildProcess process_;
-    std::string line_; // begun
-    std::string printed_;
-    std::chrono::steady_clock::time_point waitingSince_{};
-    double waitedBefore_ = 0;
 };
 
 // What a worker answers to a request.
@@ -54,5 +37,24 @@ Answer waitForAnswer(WorkerProcess &worker, double seconds);
 check::Outcome outcomeOfEnd(check::Status status, std::string cause, const std::string &printed);
 // What became of the worker, with the failed assertion that a driver has printed.
 std::string causeOfEnd(const ProcessEnd &end, const std::string &printed);
+
+// Cases in worker processes that they may end.
+class SeparateRuns
+{
+public:
+    SeparateRuns(WorkerOptions options, double timeout) : options_(std::move(options)), timeout_(timeout) {}
+
+    // The case of a group as a reproducer; it does not run. Throws Error.
+    std::string make(const std::string &group, uint64_t seed);
+    // Runs one. Another process follows one that has ended.
+    check::Outcome run(const std::string &reproducer);
+
+private:
+    check::Outcome outcomeOf(const Request &request);
+
+    WorkerOptions options_;
+    double timeout_;
+    std::unique_ptr<WorkerProcess> process_;
+};
 
 } // namespace vellum::cli

@@ -151,10 +151,10 @@ const char *codeOf(Provider provider)
 
 } // namespace
 
-std::vector<DeviceDetails> describeDevices(const Instance &instance)
+std::vector<DeviceDetails> describeDevices(const gpu::Instance &instance)
 {
     std::vector<DeviceDetails> all;
-    for (const DeviceInfo &info : listDevices(instance)) {
+    for (const gpu::DeviceInfo &info : gpu::listDevices(instance)) {
         VkPhysicalDeviceProperties properties;
         vkGetPhysicalDeviceProperties(info.handle, &properties);
         DeviceDetails &details = all.emplace_back();

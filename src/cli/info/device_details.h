@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/vulkan/context.h"
-#include "gltf/file/json_writer.h"
+#include "base/json_writer.h"
+#include "gpu/device.h"
 
 namespace vellum::cli
 {
@@ -45,7 +45,7 @@ struct DeviceDetails {
 };
 
 // Of each device of `instance`, in the order of listDevices.
-std::vector<DeviceDetails> describeDevices(const Instance &instance);
+std::vector<DeviceDetails> describeDevices(const gpu::Instance &instance);
 
 // As members of the JSON object that is open.
 void writeMembers(const DeviceDetails &details, JsonWriter &json);

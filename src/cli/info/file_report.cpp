@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <set>
 
-#include "cli/base/numbers.h"
+#include "base/text.h"
 #include "core/utf8_path.h"
 #include "gltf/alpha_textures.h"
 #include "gltf/data/image.h"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/base/report_parts.h"
-#include "gltf/file/json_writer.h"
+#include "base/json_writer.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {

@@ -5,11 +5,12 @@
 #include <cstring>
 #include <fmt/format.h>
 
-#include "cli/base/system/this_process.h"
-#include "cli/base/version.h"
+#include "base/process.h"
+#include "base/version.h"
 #include "cli/info/loader_system.h"
-#include "cli/vulkan/layer_path.h"
 #include "core/utf8_path.h"
+#include "gpu/layer_path.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {
@@ -29,7 +30,7 @@ bool loaderFindsLayer()
     std::vector<VkLayerProperties> layers(count);
     vkEnumerateInstanceLayerProperties(&count, layers.data());
     return std::any_of(layers.begin(), layers.end(),
-                       [](const VkLayerProperties &l) { return std::strcmp(l.layerName, kLayerName) == 0; });
+                       [](const VkLayerProperties &l) { return std::strcmp(l.layerName, gpu::kLayerName) == 0; });
 }
 
 bool names(const char *name, const char *what)
@@ -46,7 +47,7 @@ std::vector<std::string> commandsToTurnOn(const LoaderReport &report, const std:
         commands.push_back(commandToSet(name, utf8Text(folder), isSet(name)));
     }
     if (!report.layerOnByVariable)
-        commands.push_back(commandToSet("VK_INSTANCE_LAYERS", kLayerName, isSet("VK_INSTANCE_LAYERS")));
+        commands.push_back(commandToSet("VK_INSTANCE_LAYERS", gpu::kLayerName, isSet("VK_INSTANCE_LAYERS")));
     return commands;
 }
 
@@ -93,9 +94,9 @@ void findDevices(LoaderReport &report)
 {
     std::vector<DeviceDetails> plain;
     try {
-        const Instance instance(false);
+        const gpu::Instance instance(false);
         plain = describeDevices(instance);
-    } catch (const Error &error) {
+    } catch (const std::runtime_error &error) {
         if (report.problems.empty()) // else they say why
             report.problems.push_back(error.what());
         return;
@@ -104,12 +105,12 @@ void findDevices(LoaderReport &report)
     if (report.layers.empty())
         return;
     try {
-        const Instance instance(true);
-        report.layerLoads = instance.layerEnabled();
+        const gpu::Instance instance(true);
+        report.layerLoads = instance.hasLayers();
         if (!report.layerLoads)
             return;
         report.devices = describeDevices(instance);
-    } catch (const Error &error) {
+    } catch (const std::runtime_error &error) {
         if (report.problems.empty())
             report.problems.push_back(error.what());
         return;
@@ -180,18 +181,19 @@ LoaderReport reportLoader(const std::optional<std::filesystem::path> &wish)
     vkEnumerateInstanceVersion(&version);
     report.loaderVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(version), VK_API_VERSION_MINOR(version),
                                        VK_API_VERSION_PATCH(version));
-    const std::filesystem::path folder = wish ? *wish : findLayerFolder().value_or(std::filesystem::path());
+    const std::filesystem::path folder = wish ? *wish : gpu::findLayerFolder().value_or(std::filesystem::path());
     report.drivers = findDriverManifests();
     report.layers = findLayerManifests(folder);
     report.layerFound = loaderFindsLayer();
-    report.layerOnByVariable = names("VK_INSTANCE_LAYERS", kLayerName) || names("VK_LOADER_LAYERS_ENABLE", kLayerName);
+    report.layerOnByVariable =
+        names("VK_INSTANCE_LAYERS", gpu::kLayerName) || names("VK_LOADER_LAYERS_ENABLE", gpu::kLayerName);
     report.turnOn = commandsToTurnOn(report, folder);
     for (const Manifest &manifest : report.drivers)
         if (!manifest.problem.empty())
             report.problems.push_back("the driver's manifest " + utf8Text(manifest.path) + ": " + manifest.problem);
     explainLayer(report, folder);
     if (!folder.empty())
-        addLayerFolder(folder);
+        gpu::addLayerFolder(folder);
     findDevices(report);
     if (report.devices.empty())
         explainNoDevice(report);

@@ -4,9 +4,9 @@
 
 #include <optional>
 
+#include "base/json_writer.h"
 #include "cli/info/device_details.h"
 #include "cli/info/manifests.h"
-#include "gltf/file/json_writer.h"
 
 namespace vellum::cli
 {

@@ -5,7 +5,8 @@
 #include <elf.h>
 #include <fstream>
 
-#include "cli/base/system/this_process.h"
+#include "base/process.h"
+#include "base/text.h"
 #include "cli/info/loader_system.h"
 #include "core/utf8_path.h"
 
@@ -45,8 +46,8 @@ std::vector<ManifestPlace> systemPlaces(ManifestKind kind)
         add(value.empty() ? standard : value);
     };
     const auto addEach = [&](const char *name, const std::string &standard) {
-        std::vector<std::string> folders = listOf(variable(name).value_or(""));
-        for (const std::string &folder : folders.empty() ? listOf(standard) : folders)
+        std::vector<std::string> folders = partsOf(variable(name).value_or(""), kListSeparator);
+        for (const std::string &folder : folders.empty() ? partsOf(standard, kListSeparator) : folders)
             add(folder);
     };
     addFrom("XDG_CONFIG_HOME", home + "/.config");

@@ -3,7 +3,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "cli/base/system/windows_text.h"
+#include "base/windows_text.h"
 #include "cli/info/loader_system.h"
 #include "core/registry_windows.h"
 #include "core/utf8_path.h"

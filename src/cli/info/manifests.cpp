@@ -5,10 +5,11 @@
 #include <fstream>
 #include <rapidjson/document.h>
 
-#include "cli/base/system/this_process.h"
+#include "base/process.h"
+#include "base/text.h"
 #include "cli/info/loader_system.h"
-#include "cli/vulkan/layer_path.h"
 #include "core/utf8_path.h"
+#include "gpu/layer_path.h"
 
 namespace vellum::cli
 {
@@ -74,7 +75,7 @@ void readManifest(Manifest &manifest, const char *kind)
 std::vector<fs::path> listedPaths(const char *name)
 {
     std::vector<fs::path> paths;
-    for (const std::string &part : listOf(variable(name).value_or("")))
+    for (const std::string &part : partsOf(variable(name).value_or(""), kListSeparator))
         paths.push_back(utf8Path(part));
     return paths;
 }
@@ -84,7 +85,7 @@ bool namesLayer(const fs::path &path)
     std::ifstream file(path, std::ios::binary);
     std::string text(kMostBytes, '\0');
     file.read(text.data(), static_cast<std::streamsize>(text.size()));
-    return text.find(kLayerName) != std::string::npos;
+    return text.find(gpu::kLayerName) != std::string::npos;
 }
 
 } // namespace

@@ -5,8 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "cli/manual/completions.h"
-#include "cli/manual/man_page.h"
+#include "cli/manual/reference.h"
 #include "core/utf8_path.h"
 
 int main(int argc, char **argv)

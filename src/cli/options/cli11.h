@@ -11,8 +11,8 @@
 namespace CLI::detail
 {
 
-// CLI11's templates look these up, and must therefore come after them. Their own conversion assigns the text, from which
-// a path of Windows would take each byte as a character.
+// CLI11's templates look these up, and must therefore come after them. Their own conversion assigns the text, from
+// which a path of Windows would take each byte as a character.
 inline bool lexical_cast(const std::string &input, std::filesystem::path &output)
 {
     output = vellum::utf8Path(input);

@@ -3,9 +3,8 @@
 
 #include <cstring>
 
-#include "cli/base/error.h"
-#include "cli/base/input_files.h"
-#include "cli/base/standard_streams.h"
+#include "base/error.h"
+#include "cli/base/files.h"
 #include "core/utf8_path.h"
 #include "spirv/module/module.h"
 

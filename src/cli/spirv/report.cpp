@@ -3,9 +3,9 @@
 
 #include <fmt/format.h>
 
-#include "cli/base/numbers.h"
-#include "cli/base/report_parts.h"
+#include "base/text.h"
 #include "cli/spirv/stages.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {

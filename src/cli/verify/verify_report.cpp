@@ -5,8 +5,8 @@
 #include <cmath>
 #include <fmt/format.h>
 
-#include "cli/base/numbers.h"
-#include "cli/base/report_parts.h"
+#include "base/text.h"
+#include "inspect/report_parts.h"
 
 namespace vellum::cli
 {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "cli/base/exit_code.h"
-#include "cli/base/report_parts.h"
 #include "gltf/micromaps/known_surface.h"
+#include "inspect/report_parts.h"
 #include "verify/file.h"
 
 namespace vellum::cli

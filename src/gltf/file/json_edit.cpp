@@ -2,7 +2,7 @@
 #include "gltf/file/json_edit.h"
 
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/json_writer.h"
+#include "base/json_writer.h"
 
 namespace vellum
 {

@@ -5,6 +5,7 @@
 #include <array>
 #include <iterator>
 
+#include "base/text.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/input_file.h"
 #include "gltf/file/relative_uri.h"
@@ -18,14 +19,12 @@ constexpr uintmax_t kMostBytes = 0x7fffffff;
 
 constexpr uint8_t kNoDigit = 64;
 
-constexpr std::string_view kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-
 constexpr std::array<uint8_t, 256> base64Digits()
 {
     std::array<uint8_t, 256> digits{};
     digits.fill(kNoDigit);
-    for (size_t i = 0; i < kAlphabet.size(); ++i)
-        digits[static_cast<unsigned char>(kAlphabet[i])] = static_cast<uint8_t>(i);
+    for (size_t i = 0; i < kBase64Alphabet.size(); ++i)
+        digits[static_cast<unsigned char>(kBase64Alphabet[i])] = static_cast<uint8_t>(i);
     return digits;
 }
 
@@ -104,20 +103,6 @@ void InputFile::requireBeside(const std::filesystem::path &model) const
         inside = isIn(real, InputFile(model).realPath().parent_path());
     if (!inside)
         throw GltfUnsupported("a link leads out of the file's folder");
-}
-
-std::string base64Encoded(std::span<const uint8_t> bytes)
-{
-    std::string text;
-    text.reserve((bytes.size() + 2) / 3 * 4);
-    for (size_t i = 0; i < bytes.size(); i += 3) {
-        uint32_t word = 0;
-        for (size_t k = 0; k < 3; ++k)
-            word = word << 8 | (i + k < bytes.size() ? bytes[i + k] : 0u);
-        for (size_t k = 0; k < 4; ++k)
-            text += i + k <= bytes.size() ? kAlphabet[word >> (18 - 6 * k) & 63] : '=';
-    }
-    return text;
 }
 
 bool isDataUri(std::string_view uri)

@@ -24,8 +24,6 @@ std::filesystem::path fileOfUri(const std::filesystem::path &folder, std::string
 // (InputFile::requireBeside).
 std::vector<uint8_t> readFileOfUri(const std::filesystem::path &model, std::string_view uri);
 
-std::string base64Encoded(std::span<const uint8_t> bytes);
-
 bool isDataUri(std::string_view uri);
 
 struct DataUri {

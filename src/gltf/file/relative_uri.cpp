@@ -5,7 +5,7 @@
 #include <system_error>
 
 #include "core/utf8_path.h"
-#include "gltf/file/utf8.h"
+#include "base/text.h"
 
 namespace vellum
 {

@@ -8,7 +8,7 @@
 
 #include "gltf/alpha_textures.h"
 #include "gltf/micromaps/changing_alpha.h"
-#include "gltf/micromaps/name_pattern.h"
+#include "base/text.h"
 #include "gltf/primitive.h"
 
 namespace vellum

@@ -6,12 +6,13 @@
 #include <map>
 #include <stdexcept>
 
+#include "base/json_writer.h"
+#include "base/text.h"
 #include "core/align.h"
 #include "core/hash.h"
 #include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_edit.h"
-#include "gltf/file/json_writer.h"
 #include "gltf/file/outside_file.h"
 #include "gltf/file/relative_uri.h"
 

@@ -12,9 +12,9 @@
 
 #include "check/case/json.h"
 #include "check/groups/group.h"
-#include "cli/base/error.h"
+#include "base/error.h"
 #include "cli/check/case_id.h"
-#include "cli/check/device.h"
+#include "cli/check/protocol.h"
 #include "fake_system.h"
 
 namespace vellum::check
@@ -56,7 +56,7 @@ Outcome fail(Session &, std::string_view, uint64_t seed)
     Outcome outcome;
     outcome.status = Status::Fail;
     outcome.cause = "expected opaque, found \"transparent\" & <unknown>";
-    outcome.detail = "seed " + cli::hexadecimal(seed) + "\nsecond line";
+    outcome.detail = "seed " + hexadecimal(seed) + "\nsecond line";
     outcome.reproducer = R"({"triangles": 1})";
     outcome.rays = 3;
     outcome.files.push_back({"txt", "an account"});
@@ -148,7 +148,7 @@ Outcome writeEvents(Session &, std::string_view, uint64_t)
 // Fails the first time only.
 Outcome flake(Session &session, std::string_view group, uint64_t seed)
 {
-    const std::string mark = variable("VELLUM_FAKE_FOLDER") + "/" + cli::hexadecimal(seed);
+    const std::string mark = variable("VELLUM_FAKE_FOLDER") + "/" + hexadecimal(seed);
     const bool first = std::filesystem::create_directory(mark);
     return first ? fail(session, group, seed) : pass(session, group, seed);
 }
@@ -250,7 +250,7 @@ DeviceSummary describeDevice(const WorkerOptions &options)
     if (device == "setting")
         std::fputs("chatter\nvellum: VELLUM-setting: there is no setting VELLUM_VALIDTE\nmore", stderr);
     return {7,
-            options.device.value_or("fake"),
+            options.device.text().value_or("fake"),
             "fake",
             device != "ext",
             device != "khr",

@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "allocations/failing_allocations.h"
-#include "check/gpu/copies.h"
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/copies.h"
+#include "gpu/pipeline_tracer.h"
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"

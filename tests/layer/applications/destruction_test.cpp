@@ -9,9 +9,9 @@
 
 #include <gtest/gtest.h>
 
-#include "check/gpu/pipeline_tracer.h"
-#include "check/gpu/scene.h"
-#include "check/gpu/tracer.h"
+#include "gpu/pipeline_tracer.h"
+#include "gpu/scene.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 

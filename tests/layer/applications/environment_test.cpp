@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "check/gpu/scene.h"
-#include "check/gpu/tracer.h"
+#include "gpu/scene.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 
 using namespace vt;

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "check/gpu/pipeline_tracer.h"
-#include "check/gpu/scene.h"
+#include "gpu/pipeline_tracer.h"
+#include "gpu/scene.h"
 #include "harness/harness.h"
 
 using namespace vt;

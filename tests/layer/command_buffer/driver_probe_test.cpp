@@ -10,8 +10,8 @@
 
 #include <gtest/gtest.h>
 
-#include "check/gpu/pipeline_tracer.h"
-#include "check/gpu/scene.h"
+#include "gpu/pipeline_tracer.h"
+#include "gpu/scene.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "vk/newer.h"

@@ -3,7 +3,7 @@
 // that a family does not support.
 #include <cstring>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "check/gpu/tracer.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 
 #include "shaders/tracer_comp.h"

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "check/gpu/tracer.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 
 namespace vt

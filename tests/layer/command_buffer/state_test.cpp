@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Builds recorded between an application's state commands must not change that state.
-#include "check/gpu/programs/graphics.h"
+#include "gpu/programs/graphics.h"
 #include "command_buffer/state_scene.h"
 
 #include "harness/program/labels.h"

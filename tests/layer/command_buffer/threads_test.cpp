@@ -4,8 +4,8 @@
 #include <mutex>
 #include <thread>
 
-#include "check/gpu/copies.h"
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/copies.h"
+#include "gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"

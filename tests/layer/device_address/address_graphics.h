@@ -2,7 +2,7 @@
 // A row of 64 pixels for the tests of draws by address: shaders/address_draws.glsl draws points that write numbers.
 #pragma once
 
-#include "check/gpu/programs/graphics.h"
+#include "gpu/programs/graphics.h"
 #include "device_address/address_ranges.h"
 
 namespace vt

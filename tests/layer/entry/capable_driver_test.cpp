@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The layer on a driver with more features than lavapipe: indirect builds, and capture and replay of addresses. The
 // driver is lavapipe with the quirk "capable".
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdlib>
 
-#include "check/gpu/scene.h"
+#include "gpu/scene.h"
 #include "harness/harness.h"
 
 namespace

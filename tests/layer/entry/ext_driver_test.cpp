@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "check/gpu/copies.h"
-#include "check/gpu/execution_mode.h"
+#include "gpu/copies.h"
+#include "gpu/execution_mode.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "shaders/tracer_comp.h"

@@ -3,8 +3,8 @@
 // by a result or a message, nothing leaks, and the same works once there is memory again.
 #include <algorithm>
 
-#include "check/gpu/copies.h"
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/copies.h"
+#include "gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"

@@ -3,7 +3,7 @@
 // mock driver (layers/memory_quirk.cpp) reports what breaks their rules.
 #include <algorithm>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 
 namespace

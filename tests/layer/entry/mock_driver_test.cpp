@@ -2,7 +2,7 @@
 // The mock driver itself, without the layer: each quirk enforces what it advertises.
 #include <algorithm>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "harness/harness.h"
 
-#include "check/gpu/arena.h"
+#include "gpu/arena.h"
 
 namespace vt
 {
@@ -118,15 +118,19 @@ std::vector<std::string> layersOf(const Options &options, const std::string &qui
     return layers;
 }
 
-DeviceOptions deviceOptions(const Options &options, std::function<void(Message)> onMessage)
+InstanceOptions instanceOptions(const Options &options, std::function<void(Message)> onMessage)
 {
-    const std::string quirks = quirksOf(options);
+    return {.layers = layersOf(options, quirksOf(options)),
+            .apiVersion = usesVulkan11() ? VK_API_VERSION_1_1 : VK_API_VERSION_1_3,
+            .onMessage = std::move(onMessage)};
+}
+
+DeviceOptions deviceOptions(const Options &options)
+{
     const bool emulated = options.vellum && options.micromaps && options.micromapFeature;
     // Without the layer it is the driver that is looked at, and some write whole handles.
     const bool exact = options.memory == Memory::PackedToTheEnd && !options.vellum;
-    return {.layers = layersOf(options, quirks),
-            .apiVersion = usesVulkan11() ? VK_API_VERSION_1_1 : VK_API_VERSION_1_3,
-            .api = options.api,
+    return {.api = options.api,
             .micromaps = options.micromaps,
             .bothApis = options.bothApis,
             .micromapFeature = options.micromapFeature,
@@ -138,7 +142,6 @@ DeviceOptions deviceOptions(const Options &options, std::function<void(Message)>
             .addressedStructures = !emulated || validationOfTests() == Validation::Above,
             .extensions = extensionsOf(options),
             .memory = exact ? Memory::Packed : options.memory,
-            .onMessage = std::move(onMessage),
             .onFault = [](const std::string &what) { ADD_FAILURE() << what; }};
 }
 
@@ -240,7 +243,8 @@ std::vector<Message> Messages::takeUnexpectedMessages()
 Gpu::Gpu(const Options &options) : Gpu(options, LayerEnvironment(options)) {}
 
 Gpu::Gpu(const Options &options, const LayerEnvironment &)
-    : Device(deviceOptions(options, [this](Message m) { add(std::move(m)); })), options_(options)
+    : Device(instanceOptions(options, [this](Message m) { add(std::move(m)); }), deviceOptions(options)),
+      options_(options)
 {
 }
 

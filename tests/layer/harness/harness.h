@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Devices for the tests: an application's instance with Vellum's layer on top, the validation layer and a spy below it
-// (nearer to the driver), and every message that the layers sent. What is made on a device is in src/check/gpu.
+// (nearer to the driver), and every message that the layers sent. What is made on a device is in src/gpu.
 // With the environment variable VELLUM_TEST_VALIDATION=above the validation layer is between the tests and Vellum's
 // layer, and checks the tests instead; this needs a validation layer that knows the extensions (1.4.360).
 #pragma once
@@ -9,7 +9,7 @@
 
 #include <gtest/gtest.h>
 
-#include "check/gpu/device.h"
+#include "gpu/device.h"
 #include "check/oracle/outcome.h"
 
 namespace vt
@@ -51,7 +51,7 @@ struct Options {
     Api api = apiOfTests();    // by this extension
     bool bothApis = false;     // enable the other one, too
     bool hostCommands = true;  // enable micromapHostCommands
-    bool fewFeatures = false;  // vellum::check::DeviceOptions::fewFeatures
+    bool fewFeatures = false;  // vellum::gpu::DeviceOptions::fewFeatures
     bool validate = false;     // the layer's setting
     bool shaderObject = false; // VK_EXT_shader_object, which the oldest supported headers do not know
     bool debugMarker = false;  // VK_EXT_debug_marker, which the spy has

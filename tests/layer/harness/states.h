@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "check/gpu/scene.h"
+#include "gpu/scene.h"
 #include "harness/harness.h"
 
 namespace vt

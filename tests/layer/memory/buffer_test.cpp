@@ -3,7 +3,7 @@
 // below the layer reports usage that a buffer may not have.
 #include <array>
 
-#include "check/gpu/scene.h"
+#include "gpu/scene.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"

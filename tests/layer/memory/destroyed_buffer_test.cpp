@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <thread>
 
-#include "check/gpu/copies.h"
-#include "check/gpu/scene.h"
+#include "gpu/copies.h"
+#include "gpu/scene.h"
 #include "harness/decoys.h"
 #include "harness/program/labels.h"
 #include "harness/states.h"

@@ -3,8 +3,8 @@
 // the driver's EXT: shaders and pipelines that do not declare their use of micromaps use them.
 #include <cstdlib>
 
-#include "check/gpu/pipeline_tracer.h"
-#include "check/gpu/programs/graphics.h"
+#include "gpu/pipeline_tracer.h"
+#include "gpu/programs/graphics.h"
 #include "command_buffer/shader_objects.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"

@@ -2,9 +2,9 @@
 // A device with VK_KHR_opacity_micromap and without VK_EXT_opacity_micromap: ray queries use micromaps if the shader
 // has the execution mode OpacityMicromapIdKHR with a true operand. Also the promise that an application does not mix
 // special indices, which is part of the same extension.
-#include "check/gpu/execution_mode.h"
-#include "check/gpu/pipeline_builder.h"
-#include "check/gpu/programs/graphics.h"
+#include "gpu/execution_mode.h"
+#include "gpu/pipeline_builder.h"
+#include "gpu/programs/graphics.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 

@@ -3,8 +3,8 @@
 // there is geometry with micromaps, and the setting that uses micromaps anyway.
 #include <cstdlib>
 
-#include "check/gpu/copies.h"
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/copies.h"
+#include "gpu/pipeline_tracer.h"
 #include "command_buffer/state_scene.h"
 #include "harness/harness.h"
 

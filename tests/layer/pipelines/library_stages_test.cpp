@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <random>
 
-#include "check/gpu/programs/pipeline_libraries.h"
+#include "gpu/programs/pipeline_libraries.h"
 #include "harness/program/labels.h"
 #include "pipelines/pipeline_binaries.h"
 #include "pipelines/pipeline_scene.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "check/gpu/pipeline_builder.h"
+#include "gpu/pipeline_builder.h"
 #include "command_buffer/compute_pipeline.h"
 #include "command_buffer/shader_objects.h"
 #include "harness/harness.h"

@@ -2,7 +2,7 @@
 // Pipeline libraries: linked in any order, nested, beside groups of the pipeline's own.
 #include <algorithm>
 
-#include "check/gpu/programs/pipeline_libraries.h"
+#include "gpu/programs/pipeline_libraries.h"
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"
 #include "pipelines/pipeline_scene.h"

@@ -2,7 +2,7 @@
 // VK_KHR_ray_tracing_position_fetch beside micromaps, in pipelines and in ray queries.
 #include <random>
 
-#include "check/gpu/pipeline_builder.h"
+#include "gpu/pipeline_builder.h"
 #include "check/oracle/outcome.h"
 #include "command_buffer/compute_pipeline.h"
 #include "harness/harness.h"

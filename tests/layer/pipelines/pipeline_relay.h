@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "check/gpu/pipeline_builder.h"
+#include "gpu/pipeline_builder.h"
 #include "harness/columns.h"
 #include "harness/harness.h"
 

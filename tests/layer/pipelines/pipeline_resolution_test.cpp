@@ -3,7 +3,7 @@
 // flags at run time, constant and specialized, hit groups with and without any-hit and closest-hit shaders.
 #include <algorithm>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "pipelines/pipeline_scene.h"
 

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/pipeline_tracer.h"
 #include "check/oracle/outcome.h"
 #include "harness/harness.h"
 

@@ -17,8 +17,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "check/gpu/pipeline_tracer.h"
-#include "check/gpu/tracer.h"
+#include "gpu/pipeline_tracer.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 
 #include "harness/program/labels.h"

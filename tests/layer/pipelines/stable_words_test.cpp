@@ -14,7 +14,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "check/gpu/tracer.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 
 using namespace vt;

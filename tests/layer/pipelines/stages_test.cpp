@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray queries outside compute shaders.
-#include "check/gpu/programs/graphics.h"
+#include "gpu/programs/graphics.h"
 #include "harness/columns.h"
 
 #include "harness/program/labels.h"

@@ -3,7 +3,7 @@
 // format.
 #include <thread>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "command_buffer/inherited_condition.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"

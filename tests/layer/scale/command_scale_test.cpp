@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Thousands of command buffers and query pools.
-#include "check/gpu/pipeline_tracer.h"
+#include "gpu/pipeline_tracer.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "scale/scale.h"

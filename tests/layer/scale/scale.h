@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/mock_driver.h"
 #include "structures/footprint.h"

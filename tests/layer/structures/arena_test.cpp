@@ -2,7 +2,7 @@
 // The arena of the tests detects what it is meant to detect.
 #include <gtest/gtest-spi.h>
 
-#include "check/gpu/arena.h"
+#include "gpu/arena.h"
 #include "harness/harness.h"
 
 namespace

@@ -15,7 +15,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 
 #include "harness/program/labels.h"

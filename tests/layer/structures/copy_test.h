@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 
 namespace vt

@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "check/gpu/scene.h"
-#include "check/gpu/tracer.h"
+#include "gpu/scene.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Structures whose device address is not that of their memory; only GENERIC ones must have the latter
 // (vkGetAccelerationStructureDeviceAddressKHR). The driver is lavapipe with the quirk "elsewhere".
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 
 namespace

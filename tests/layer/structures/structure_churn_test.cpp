@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Structures that are created and destroyed again and again: memory is reused, and tables do not grow.
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"
 #include "structures/footprint.h"

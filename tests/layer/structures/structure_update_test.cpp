@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Updates of acceleration structures with micromaps: VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR with each of the
 // extension's flags, in place and into another structure, and of copies.
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "check/oracle/outcome.h"
 #include "harness/harness.h"
 #include "harness/program/labels.h"

@@ -3,7 +3,7 @@
 // indices, triangles and data that are not there as unknown-opaque: state 3.
 #pragma once
 
-#include "check/gpu/tracer.h"
+#include "gpu/tracer.h"
 #include "harness/harness.h"
 
 #include <ostream>

@@ -2,8 +2,8 @@
 // Faults of shaders.cpp, commands.cpp, state.cpp and process.cpp.
 #include "faults/cases/cases.h"
 
-#include "check/gpu/execution_mode.h"
-#include "check/gpu/programs/pipeline_libraries.h"
+#include "gpu/execution_mode.h"
+#include "gpu/programs/pipeline_libraries.h"
 #include "shaders/tracer_comp.h"
 
 namespace faults

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults of instances.cpp.
-#include "check/gpu/copies.h"
+#include "gpu/copies.h"
 #include "faults/cases/cases.h"
 
 namespace faults

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Errors of the command, each in one line for its user.
+#pragma once
+
+#include <stdexcept>
+
+namespace vellum
+{
+
+class Error : public std::runtime_error
+{
+public:
+    using std::runtime_error::runtime_error;
+};
+
+// The command line asks for something that it cannot mean: ExitCode::Usage.
+class UsageError : public Error
+{
+public:
+    using Error::Error;
+};
+
+} // namespace vellum

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files, standard streams and terminals as the system knows them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+namespace vellum
+{
+
+// The same for all names of a file.
+using FileId = std::pair<uint64_t, uint64_t>;
+// Nothing where there is no file.
+std::optional<FileId> idOf(const std::filesystem::path &path);
+
+// Why no file can be made in a folder that exists; empty where one can, as far as is known.
+std::string problemOfFolder(const std::filesystem::path &folder);
+
+// A new file, empty at first, that is removed with this object.
+class TemporaryFile
+{
+public:
+    // Throws Error.
+    TemporaryFile();
+    ~TemporaryFile();
+    TemporaryFile(const TemporaryFile &) = delete;
+    TemporaryFile &operator=(const TemporaryFile &) = delete;
+
+    [[nodiscard]] const std::filesystem::path &path() const { return path_; }
+
+private:
+    std::filesystem::path path_;
+};
+
+// A text that processes which this one starts can read from a file as long as this object exists.
+class SharedText
+{
+public:
+    // Throws Error.
+    explicit SharedText(std::string_view text);
+    ~SharedText();
+    SharedText(const SharedText &) = delete;
+    SharedText &operator=(const SharedText &) = delete;
+
+    [[nodiscard]] const std::filesystem::path &path() const { return path_; }
+
+private:
+    std::filesystem::path path_;
+    int descriptor_ = -1;
+};
+
+bool isTerminal(std::FILE *stream);
+// Columns of the terminal that stdout is; nothing where it is none.
+std::optional<size_t> terminalWidth();
+
+// Another stream to where stdout leads, which no child process inherits. Null if it cannot be made.
+std::FILE *duplicateStdout();
+// What is printed to stdout goes to stderr from now on. False if that is not possible.
+bool sendStdoutToStderr();
+// What is printed to stdout is discarded from now on. False if that is not possible.
+bool discardStdout();
+
+// As an operand: stdin, or as an output stdout.
+inline bool isStandardStream(const std::filesystem::path &path)
+{
+    return path == "-";
+}
+
+// Discards what is printed to stdout from now on, and shows no progress.
+void discardReports();
+
+// Keeps stdout for data: what is printed to it from now on goes to stderr or is discarded.
+class DataOutput
+{
+public:
+    enum class Reports { ToStderr, Discarded };
+    explicit DataOutput(Reports reports);
+    // Throws Error.
+    void write(std::span<const uint8_t> bytes);
+    void write(std::string_view text) { write({reinterpret_cast<const uint8_t *>(text.data()), text.size()}); }
+    // What was written has reached stdout. Throws Error.
+    void finish();
+
+private:
+    std::unique_ptr<std::FILE, int (*)(std::FILE *)> file_;
+};
+
+} // namespace vellum

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/files.h"
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <fcntl.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/error.h"
+#include "core/utf8_path.h"
+
+namespace vellum
+{
+std::optional<FileId> idOf(const std::filesystem::path &path)
+{
+    struct stat status {
+    };
+    if (stat(path.c_str(), &status) != 0)
+        return std::nullopt;
+    return FileId{status.st_dev, status.st_ino};
+}
+
+std::string problemOfFolder(const std::filesystem::path &folder)
+{
+    return access(folder.c_str(), W_OK) == 0 ? "" : std::strerror(errno);
+}
+
+TemporaryFile::TemporaryFile()
+{
+    std::error_code error;
+    const std::filesystem::path folder = std::filesystem::temp_directory_path(error);
+    if (error)
+        throw Error("the folder for temporary files (TMPDIR) cannot be used: " + error.message());
+    std::string name = utf8Text(folder / "vellum-XXXXXX");
+    const int descriptor = mkstemp(name.data());
+    if (descriptor < 0)
+        throw Error(name + " cannot be written");
+    close(descriptor);
+    path_ = name;
+}
+
+TemporaryFile::~TemporaryFile()
+{
+    std::error_code error;
+    std::filesystem::remove(path_, error);
+}
+
+SharedText::SharedText(std::string_view text) : descriptor_(memfd_create("vellum", MFD_CLOEXEC))
+{
+    for (size_t at = 0; at < text.size();) {
+        const ssize_t written = ::write(descriptor_, text.data() + at, text.size() - at);
+        if (written < 0 && errno != EINTR) {
+            close(descriptor_);
+            throw Error("no temporary file can be written");
+        }
+        at += written > 0 ? static_cast<size_t>(written) : 0;
+    }
+    path_ = "/proc/" + std::to_string(getpid()) + "/fd/" + std::to_string(descriptor_);
+}
+
+SharedText::~SharedText()
+{
+    close(descriptor_);
+}
+
+bool isTerminal(std::FILE *stream)
+{
+    return isatty(fileno(stream)) == 1;
+}
+
+std::optional<size_t> terminalWidth()
+{
+    winsize size{};
+    if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0)
+        return std::nullopt;
+    return size.ws_col;
+}
+
+std::FILE *duplicateStdout()
+{
+    const int copy = fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
+    return copy < 0 ? nullptr : fdopen(copy, "wb");
+}
+
+bool sendStdoutToStderr()
+{
+    return dup2(STDERR_FILENO, STDOUT_FILENO) >= 0;
+}
+
+bool discardStdout()
+{
+    return std::freopen("/dev/null", "w", stdout) != nullptr;
+}
+
+} // namespace vellum

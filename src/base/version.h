@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which vellum this is.
+#pragma once
+
+#include <string>
+
+namespace vellum
+{
+
+// "0.1.0 (0123456789ab)", with the commit if it is known.
+std::string versionText();
+
+} // namespace vellum

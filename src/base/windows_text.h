@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// UTF-8 inside, UTF-16 for Windows.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <windows.h>
+
+namespace vellum
+{
+
+std::wstring wide(std::string_view text);
+std::string utf8(std::wstring_view text);
+// What Windows says about an error; without `code` the last one of this thread.
+std::string messageOf(DWORD code);
+inline std::string lastMessage()
+{
+    return messageOf(GetLastError());
+}
+// From which CommandLineToArgvW and the C runtime make these words again.
+std::wstring commandLineOf(std::span<const std::string> words);
+
+} // namespace vellum

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// `vellum bake`: its options, what it bakes, and mistakes in what it excludes.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "gltf/micromaps/document_bake.h"
+#include "gltf/micromaps/file_bake.h"
+
+namespace CLI
+{
+class App;
+}
+
+namespace vellum::cli
+{
+
+struct BakeCommandOptions {
+    std::vector<std::filesystem::path> inputs;   // files and folders; "-" is stdin
+    std::optional<std::filesystem::path> output; // "-" is stdout
+    FileBakeOptions bake;
+    unsigned threads = 0; // 0: one for each processor
+    bool force = false;   // replaces any file
+    bool dryRun = false;  // writes nothing
+    bool requireMicromaps = false;
+    bool table = false;
+    bool json = false;
+    bool quiet = false;
+};
+
+// Declares the options that say how to bake, for every command that bakes. The function that is returned completes
+// `options` once the command line is parsed; it throws UsageError.
+std::function<void()> declareBaking(CLI::App &command, DocumentBakeOptions &options);
+
+// "auto" is no level. Throws UsageError.
+std::optional<uint32_t> parseLevel(const std::string &text);
+
+// "1500", "64K", "2M" or "1G", with steps of 1024. Throws UsageError.
+uint64_t parseBytes(const std::string &text);
+
+struct BakeJob {
+    std::filesystem::path input;
+    std::filesystem::path output;
+    std::string problem; // why it cannot be baked; empty if it can
+};
+
+// What to bake, and where to. Throws UsageError if that is unclear or two outputs are the same file. A job gets a
+// problem if it would replace a file that another one reads or writes, or one that vellum did not write.
+std::vector<BakeJob> planBake(const BakeCommandOptions &options);
+
+// Bakes all files and prints the report. Returns the exit code.
+int bakeCommand(BakeCommandOptions &options);
+
+// The patterns that match nothing in any of the documents. Several threads may note documents.
+class UnmatchedExclusions
+{
+public:
+    explicit UnmatchedExclusions(const DocumentBakeOptions &options)
+        : materials_(options.excludedMaterials), meshes_(options.excludedMeshes)
+    {
+    }
+    void note(const Document &document);
+    // A document that was not read: any pattern may match in it.
+    void noteUnread();
+    // To stderr, a line each.
+    void print() const;
+
+private:
+    std::mutex noting_;
+    std::vector<std::string> materials_;
+    std::vector<std::string> meshes_;
+};
+
+} // namespace vellum::cli

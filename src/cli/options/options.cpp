@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/options/options.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <fmt/format.h>
+#include <limits>
+#include <numeric>
+#include <sstream>
+
+#include "base/files.h"
+#include "cli/options/cli11.h"
+
+namespace vellum::cli
+{
+namespace
+{
+
+template <typename Number>
+std::optional<Number> numberIn(const std::string &text)
+{
+    Number number{};
+    const char *end = text.data() + text.size();
+    const auto [last, error] = std::from_chars(text.data(), end, number);
+    return error == std::errc() && last == end ? std::optional(number) : std::nullopt;
+}
+
+template <typename Number>
+CLI::Validator numberWhere(bool (*holds)(Number number, Number low, Number high), Number low, Number high,
+                           std::string rule)
+{
+    return CLI::Validator(
+        [=](std::string &text) {
+            const std::optional<Number> number = numberIn<Number>(text);
+            return number && holds(*number, low, high) ? std::string() : fmt::format("must be {}, got {}", rule, text);
+        },
+        "");
+}
+
+// Levenshtein's.
+size_t distance(const std::string &a, const std::string &b)
+{
+    std::vector<size_t> row(b.size() + 1);
+    std::iota(row.begin(), row.end(), size_t{0});
+    for (size_t i = 0; i < a.size(); ++i) {
+        size_t diagonal = row[0];
+        row[0] = i + 1;
+        for (size_t j = 0; j < b.size(); ++j) {
+            const size_t replaced = diagonal + (a[i] == b[j] ? 0u : 1u);
+            diagonal = row[j + 1];
+            row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+        }
+    }
+    return row.back();
+}
+
+} // namespace
+
+CLI::Validator between(double low, double high)
+{
+    return numberWhere<double>([](double n, double l, double h) { return n >= l && n <= h; }, low, high,
+                               fmt::format("between {} and {}", low, high));
+}
+
+CLI::Validator atLeast(double low)
+{
+    return numberWhere<double>([](double n, double l, double) { return n >= l && std::isfinite(n); }, low, 0,
+                               fmt::format("a number of at least {}", low));
+}
+
+CLI::Validator finite()
+{
+    return numberWhere<double>([](double n, double, double) { return std::isfinite(n); }, 0, 0, "a number");
+}
+
+CLI::Validator wholeBetween(uint64_t low, uint64_t high)
+{
+    return numberWhere<uint64_t>([](uint64_t n, uint64_t l, uint64_t h) { return n >= l && n <= h; }, low, high,
+                                 fmt::format("a whole number between {} and {}", low, high));
+}
+
+void takesWords(CLI::Option &option, const std::vector<std::string> &words)
+{
+    std::string list;
+    for (const std::string &word : words)
+        list += (list.empty() ? "" : "|") + word;
+    option.type_name(list);
+    option.check(CLI::Validator(
+        [words, list](std::string &text) {
+            if (std::find(words.begin(), words.end(), text) != words.end())
+                return std::string();
+            return fmt::format("must be one of {}, got {}{}", list, text, suggestion(text, words));
+        },
+        ""));
+}
+
+void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double *, 4> &values,
+                         std::optional<double> most)
+{
+    struct Row {
+        const char *name;
+        const char *type;
+        double most;
+        const char *text;
+    };
+    constexpr std::array<Row, 4> kRows = {{
+        {"--value-tolerance", "ALPHA", std::numeric_limits<double>::infinity(),
+         "Largest error of filtered alpha on a GPU [2/255]"},
+        {"--subtexel-tolerance", "TEXELS", 1024, "Largest error of a sample's position [1/16]"},
+        {"--barycentric-tolerance", "DISTANCE", 1,
+         "How far outside of a micro-triangle a hit of it may be, in barycentrics [1e-5]"},
+        {"--interpolation-tolerance", "RATIO", 0x1p-10,
+         "Largest error of interpolated texture coordinates, relative to the largest of a triangle [2^-20]"},
+    }};
+    command.option_defaults()->group(kTolerances);
+    CLI::Option &none = *command.add_flag("--exact", exact, "No tolerances: what is true in exact arithmetic");
+    for (size_t i = 0; i < kRows.size(); ++i) {
+        const double largest = most.value_or(kRows[i].most);
+        command.add_option(kRows[i].name, *values[i], kRows[i].text)
+            ->check(std::isinf(largest) ? atLeast(0) : between(0, largest))
+            ->type_name(kRows[i].type)
+            ->excludes(&none);
+    }
+}
+
+void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device)
+{
+    command
+        .add_option_function<std::string>(
+            "-d,--device", [&device](const std::string &text) { device = gpu::DeviceSelection(text); },
+            "The Vulkan device: its number, as vellum info prints it, or a part of its name [the most powerful]")
+        ->type_name("DEVICE");
+}
+
+std::string nearest(const std::string &word, const std::vector<std::string> &candidates)
+{
+    std::string best;
+    size_t least = word.size() / 2 + 1; // beyond that it is another word
+    for (const std::string &candidate : candidates) {
+        const bool begins = word.size() > 1 && candidate.starts_with(word);
+        const size_t away = begins ? 0 : distance(word, candidate);
+        if (away < least) {
+            least = away;
+            best = candidate;
+        }
+    }
+    return best;
+}
+
+std::string suggestion(const std::string &word, const std::vector<std::string> &candidates)
+{
+    const std::string best = nearest(word, candidates);
+    return best.empty() ? "" : "; did you mean " + best + "?";
+}
+
+namespace
+{
+
+constexpr size_t kDescriptionColumn = 28;
+
+size_t lineWidth()
+{
+    size_t width = terminalWidth().value_or(80);
+    if (const char *columns = std::getenv("COLUMNS"); columns != nullptr && std::atoi(columns) > 0)
+        width = static_cast<size_t>(std::atoi(columns));
+    return std::clamp(width, size_t{60}, size_t{100}) - 1;
+}
+
+// The words of `text` from column `indent` on, the first line at column `at`.
+std::string filled(const std::string &text, size_t indent, size_t at, size_t width)
+{
+    std::string result;
+    std::istringstream words(text);
+    bool first = true;
+    for (std::string word; words >> word; first = false) {
+        if (!first && at + 1 + word.size() > width) {
+            result += "\n" + std::string(indent, ' ');
+            at = indent;
+        } else if (!first) {
+            result += ' ';
+            ++at;
+        }
+        result += word;
+        at += word.size();
+    }
+    return result;
+}
+
+// A term and its explanation, which are two spaces apart, or any other text.
+std::string indentedLine(const std::string &line, size_t indent, size_t width)
+{
+    const size_t gap = line.find("  ", indent);
+    const size_t text = gap == std::string::npos ? indent : line.find_first_not_of(' ', gap);
+    return line.substr(0, text) + filled(line.substr(text), text == indent ? indent + 2 : text, text, width);
+}
+
+// Fills paragraphs. Indented lines and headings ("Examples:") stay lines.
+std::string wrapped(const std::string &text, size_t width)
+{
+    std::string result;
+    std::string paragraph;
+    const auto flush = [&] {
+        if (!paragraph.empty())
+            result += filled(paragraph, 0, 0, width) + "\n";
+        paragraph.clear();
+    };
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+        const size_t indent = std::min(line.find_first_not_of(' '), line.size());
+        if (line.empty() || indent != 0 || line.back() == ':') {
+            flush();
+            result += indentedLine(line, indent, width) + "\n";
+        } else {
+            paragraph += line + " ";
+        }
+    }
+    flush();
+    return result;
+}
+
+std::string namesOf(const CLI::Option &option)
+{
+    if (option.get_positional())
+        return "  " + option.get_type_name();
+    std::string names;
+    for (const std::string &name : option.get_snames())
+        names += (names.empty() ? "  -" : ", -") + name;
+    for (const std::string &name : option.get_lnames())
+        names += (names.empty() ? "      --" : ", --") + name;
+    return option.get_expected_max() > 0 ? names + " " + option.get_type_name() : names;
+}
+
+std::string row(const std::string &names, const std::string &description, size_t width)
+{
+    const bool fits = names.size() + 2 <= kDescriptionColumn;
+    return names +
+           (fits ? std::string(kDescriptionColumn - names.size(), ' ') : "\n" + std::string(kDescriptionColumn, ' ')) +
+           filled(description, kDescriptionColumn, kDescriptionColumn, width) + "\n";
+}
+
+class HelpFormatter : public CLI::FormatterBase
+{
+public:
+    std::string make_help(const CLI::App *app, std::string, CLI::AppFormatMode) const override
+    {
+        const size_t width = lineWidth();
+        std::string help = filled(app->get_description(), 0, 0, width) + ".\n\n";
+        help += filled("Usage: " + usageOf(*app), 7, 0, width) + "\n";
+        const auto subcommands = app->get_subcommands(std::function<bool(const CLI::App *)>());
+        if (!subcommands.empty())
+            help += "\nSubcommands:\n";
+        for (const CLI::App *subcommand : subcommands)
+            help += row("  " + subcommand->get_name(), subcommand->get_description(), width);
+        for (const OptionGroup &group : optionGroups(*app)) {
+            help += "\n" + group.name + ":\n";
+            for (const CLI::Option *option : group.options)
+                help += row(namesOf(*option), option->get_description(), width);
+        }
+        return help + wrapped(app->get_footer(), width);
+    }
+};
+
+} // namespace
+
+std::shared_ptr<CLI::FormatterBase> helpFormatter()
+{
+    return std::make_shared<HelpFormatter>();
+}
+
+std::string usageOf(const CLI::App &app)
+{
+    if (app.get_parent() == nullptr)
+        return "vellum SUBCOMMAND [OPTION]...";
+    std::string usage = "vellum " + app.get_name() + " [OPTION]...";
+    for (const CLI::Option *option : app.get_options())
+        if (option->get_positional())
+            usage += " " + option->get_type_name();
+    return usage;
+}
+
+std::vector<OptionGroup> optionGroups(const CLI::App &app)
+{
+    std::vector<OptionGroup> groups;
+    for (const CLI::Option *option : app.get_options()) {
+        if (option->get_group().empty()) // hidden
+            continue;
+        const auto group = std::find_if(groups.begin(), groups.end(),
+                                        [&](const OptionGroup &g) { return g.name == option->get_group(); });
+        if (group != groups.end())
+            group->options.push_back(option);
+        else
+            groups.push_back({option->get_group(), {option}});
+    }
+    std::stable_partition(groups.begin(), groups.end(), [](const OptionGroup &g) { return g.name != kGeneral; });
+    return groups;
+}
+
+std::string exitStatus(std::initializer_list<ExitCode> codes, const std::string &first)
+{
+    const auto listed = [&](ExitCode code) {
+        return codes.size() == 0 || std::find(codes.begin(), codes.end(), code) != codes.end();
+    };
+    size_t width = std::min(first.find("  "), first.size());
+    for (const ExitCodeMeaning &meaning : exitCodes())
+        if (listed(meaning.code))
+            width = std::max(width, std::to_string(static_cast<int>(meaning.code)).size());
+    std::string text = "\nExit status:\n" + (first.empty() ? "" : "  " + first + "\n");
+    for (const ExitCodeMeaning &meaning : exitCodes())
+        if (listed(meaning.code))
+            text += fmt::format("  {:<{}}  {}\n", static_cast<int>(meaning.code), width, meaning.text);
+    return text;
+}
+
+} // namespace vellum::cli

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Options: groups, checks of their values with messages that name the range ("must be between 0 and 1, got 2"), and
+// what --help prints of them: wrapped to the width of the terminal.
+#pragma once
+
+#include <array>
+#include <initializer_list>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/base/exit_code.h"
+#include "cli/options/cli11.h"
+#include "gpu/instance.h"
+
+namespace vellum::cli
+{
+
+// The groups of options. Help lists them in the order in which they are declared, kGeneral last.
+inline constexpr const char *kInput = "Input";
+inline constexpr const char *kOutput = "Output";
+inline constexpr const char *kSelection = "Selection";
+inline constexpr const char *kQuality = "Quality";
+inline constexpr const char *kTolerances = "Tolerances";
+inline constexpr const char *kPicture = "Picture";
+inline constexpr const char *kDevice = "Device";
+inline constexpr const char *kGeneral = "General";
+
+// Positional arguments have the type name that usage lines show: "IN", "[OUT]".
+std::shared_ptr<CLI::FormatterBase> helpFormatter();
+
+// "vellum bake [OPTION]... IN [OUT]"
+std::string usageOf(const CLI::App &app);
+
+struct OptionGroup {
+    std::string name;
+    std::vector<const CLI::Option *> options;
+};
+std::vector<OptionGroup> optionGroups(const CLI::App &app);
+
+// A section of help and of a manual page: "Exit status:" and these codes; all of them for an empty list. `first`: a
+// line before them, a term and its explanation.
+std::string exitStatus(std::initializer_list<ExitCode> codes, const std::string &first = {});
+
+CLI::Validator between(double low, double high);
+CLI::Validator atLeast(double low);
+CLI::Validator finite();
+CLI::Validator wholeBetween(uint64_t low, uint64_t high);
+// One of these words. Also sets the type name to them, for completions.
+void takesWords(CLI::Option &option, const std::vector<std::string> &words);
+
+// Adds --exact and the four tolerances of the baker and of the verifier: of filtered alpha, of a sample's position, of
+// barycentrics and of interpolated texture coordinates. `most`: of each, instead of what the baker takes.
+void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double *, 4> &values,
+                         std::optional<double> most = std::nullopt);
+
+// Adds --device.
+void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device);
+
+// The candidate that `word` was probably meant to be; empty if there is none.
+std::string nearest(const std::string &word, const std::vector<std::string> &candidates);
+// "; did you mean bake?"; empty if nothing is near.
+std::string suggestion(const std::string &word, const std::vector<std::string> &candidates);
+
+} // namespace vellum::cli

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// Memory as an application with an allocator packs it: everything side by side in few buffers, at the smallest allowed
+// alignments, and used again as soon as it is free. Every byte that nobody has is a guard byte, which must not change.
+#pragma once
+
+#include "gpu/device.h"
+#include "gpu/pieces.h"
+
+namespace vellum::gpu
+{
+
+// The buffers of a device with Options::memory other than Memory::Apart.
+class Arena
+{
+public:
+    struct Place {
+        size_t block = 0; // which of the arena's buffers
+        VkDeviceSize offset = 0;
+        const Buffer *buffer = nullptr;
+    };
+    struct Range {
+        VkDeviceAddress address = 0;
+        VkDeviceSize size = 0;
+    };
+
+    explicit Arena(Device &gpu) : gpu_(gpu) {}
+
+    // Whether buffers for that can be the arena's.
+    [[nodiscard]] bool packs(VkBufferUsageFlags usage) const { return (usage & ~this->usage()) == 0; }
+    Place take(VkDeviceSize size, VkDeviceSize alignment);
+    // The room is free at once: no work that uses it may be pending. Expects that the guard bytes beside it are intact.
+    void give(const Place &place);
+    [[nodiscard]] bool intactBeside(const Place &place) const;
+    void expectIntact(const std::string &when) const;
+
+    // What the arena holds before an operation, to compare with what it holds afterwards: all but the ranges that the
+    // operation may write to is as it was.
+    class Snapshot
+    {
+    public:
+        explicit Snapshot(const Arena &arena);
+        void expectOnlyChanged(std::span<const Range> ranges, const std::string &operation);
+
+    private:
+        const Arena &arena_;
+        std::vector<std::vector<uint8_t>> bytes_;
+    };
+
+    struct Counts {
+        uint64_t buffers = 0, pieces = 0, operations = 0;
+        uint64_t guardBytes = 0, otherBytes = 0; // that were checked
+    };
+    [[nodiscard]] Counts counts() const;
+
+private:
+    struct Block {
+        Block(Device &gpu, VkDeviceSize size, VkBufferUsageFlags usage)
+            : buffer(gpu, size, usage), pieces({buffer.bytes(), static_cast<size_t>(size)}, buffer.address())
+        {
+        }
+        Buffer buffer;
+        Pieces pieces;
+    };
+    [[nodiscard]] VkBufferUsageFlags usage() const;
+
+    Device &gpu_;
+    mutable std::mutex mutex_;
+    std::vector<std::unique_ptr<Block>> blocks_;
+    mutable Counts counts_;
+};
+
+// A piece of given size and alignment with guard bytes around it: of the arena where the device has one, else in the
+// middle of a buffer of its own. Memory::DeviceLocal has no guard bytes.
+class Guarded
+{
+public:
+    Guarded() = default;
+    Guarded(Device &gpu, VkDeviceSize size, VkDeviceSize alignment, VkBufferUsageFlags usage);
+    Guarded(Guarded &&other) noexcept { swap(other); }
+    Guarded &operator=(Guarded &&other) noexcept
+    {
+        Guarded(std::move(other)).swap(*this);
+        return *this;
+    }
+    ~Guarded();
+
+    [[nodiscard]] VkBuffer buffer() const { return whole().handle(); }
+    [[nodiscard]] VkDeviceSize offset() const { return place_.offset; }
+    [[nodiscard]] VkDeviceSize size() const { return size_; }
+    // Of a handle to what is here: no more than it needs; or all to the end of the buffer, or a part of that.
+    [[nodiscard]] VkDeviceSize handleSize() const
+    {
+        const VkDeviceSize end = whole().size() - place_.offset;
+        return !toTheEnd_ ? size_ : place_.offset / 512 % 2 == 0 ? end : std::min(end, size_ + size_ / 4);
+    }
+    [[nodiscard]] VkDeviceAddress address() const { return whole().address() + place_.offset; }
+    // Null on the device.
+    [[nodiscard]] uint8_t *bytes() const
+    {
+        return whole().bytes() != nullptr ? whole().bytes() + place_.offset : nullptr;
+    }
+    void write(VkDeviceSize offset, const void *content, size_t size);
+    [[nodiscard]] VkDeviceMemory memory() const { return whole().memory(); }
+    [[nodiscard]] Arena::Range range() const { return {address(), size_}; }
+    [[nodiscard]] bool intact() const;
+    // What was written to around it, in words and in parentheses.
+    [[nodiscard]] std::string damage() const;
+
+private:
+    void swap(Guarded &other) noexcept;
+    [[nodiscard]] const Buffer &whole() const { return arena_ != nullptr ? *place_.buffer : own_; }
+
+    Buffer own_;
+    Arena *arena_ = nullptr;
+    Arena::Place place_;
+    VkDeviceSize size_ = 0;
+    bool toTheEnd_ = false;
+};
+
+// Content at an address that is a multiple of 256, or of what is said.
+Guarded uploadAligned(Device &gpu, const void *content, VkDeviceSize size, VkBufferUsageFlags usage,
+                      VkDeviceSize alignment = 256);
+
+// Scratch memory that builds use one after the other, with a barrier between them. Each holds the memory it was
+// recorded with for as long as it needs it.
+class SharedScratch
+{
+public:
+    explicit SharedScratch(Device &gpu) : gpu_(gpu) {}
+    std::shared_ptr<Guarded> ofSize(VkDeviceSize size);
+
+private:
+    Device &gpu_;
+    std::shared_ptr<Guarded> piece_;
+};
+// Of its own where nothing is shared.
+std::shared_ptr<Guarded> scratchOf(Device &gpu, SharedScratch *shared, VkDeviceSize size);
+
+} // namespace vellum::gpu

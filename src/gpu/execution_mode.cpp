@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gpu/execution_mode.h"
+
+#include <cstring>
+#include <stdexcept>
+
+namespace vellum::gpu
+{
+
+namespace
+{
+
+constexpr size_t kHeader = 5; // words before the first instruction
+constexpr uint32_t kSource = 3, kExtension = 10, kEntryPoint = 15, kCapability = 17, kTypeVoid = 19, kTypeBool = 20,
+                   kTrue = 41, kFalse = 42, kConstant = 43, kSpecFalse = 49, kSpecConstant = 50, kDecorate = 71,
+                   kExecutionModeId = 331;
+constexpr uint32_t kSpecId = 1; // a decoration
+
+// OpExtension
+template <size_t kSize>
+void putExtension(std::vector<uint32_t> &out, const char (&name)[kSize])
+{
+    constexpr size_t kWords = kSize / 4 + 1;
+    out.push_back((1 + kWords) << 16 | kExtension);
+    out.resize(out.size() + kWords);
+    std::memcpy(&out[out.size() - kWords], name, kSize);
+}
+
+} // namespace
+
+std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId)
+{
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    if (mode == Mode::Absent)
+        return {words.begin(), words.end()};
+    const uint32_t constant = out[3]++;
+    uint32_t function = 0;
+    bool begun = false, decorated = mode != Mode::Specialized;
+    const auto put = [&out](uint32_t opcode, std::initializer_list<uint32_t> operands) {
+        out.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
+        out.insert(out.end(), operands);
+    };
+    put(kCapability, {6032});
+    bool named = false;
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
+        const uint32_t opcode = words[at] & 0xffff;
+        if (opcode != kCapability && !named) {
+            putExtension(out, "SPV_KHR_opacity_micromap");
+            named = true;
+        }
+        if (opcode == kEntryPoint)
+            function = words[at + 2];
+        if (opcode == kSource && !begun) {
+            put(kExecutionModeId, {function, 6031, constant});
+            begun = true;
+        }
+        if (opcode == kTypeVoid && !decorated) {
+            put(kDecorate, {constant, kSpecId, specId});
+            decorated = true;
+        }
+        out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at),
+                   words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
+        if (opcode == kTypeBool)
+            put(mode == Mode::True ? kTrue : mode == Mode::False ? kFalse : kSpecFalse, {words[at + 1], constant});
+    }
+    if (!begun || !decorated)
+        throw std::runtime_error("a module that the execution mode cannot be put into");
+    return out;
+}
+
+std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words)
+{
+    constexpr uint32_t kRayQuery = 4472, kExecutionMode = 6032;
+    bool queries = false, declared = false;
+    for (size_t at = kHeader; at < words.size() && words[at] == (2u << 16 | 17u); at += 2) {
+        queries = queries || words[at + 1] == kRayQuery;
+        declared = declared || words[at + 1] == kExecutionMode;
+    }
+    return withMode(words, queries && !declared ? Mode::True : Mode::Absent);
+}
+
+std::vector<uint32_t> withMicromapFlag(std::span<const uint32_t> words)
+{
+    constexpr uint32_t kMicromapFlag = 5381; // RayTracingOpacityMicromapEXT
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    size_t at = kHeader;
+    for (; (words[at] & 0xffff) == kCapability; at += words[at] >> 16) {
+        if (words[at + 1] == kMicromapFlag)
+            return {words.begin(), words.end()};
+        out.insert(out.end(), {words[at], words[at + 1]});
+    }
+    out.insert(out.end(), {2u << 16 | kCapability, kMicromapFlag});
+    putExtension(out, "SPV_EXT_opacity_micromap");
+    out.insert(out.end(), words.begin() + static_cast<ptrdiff_t>(at), words.end());
+    return out;
+}
+
+std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t specId, uint32_t value)
+{
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    uint32_t constant = 0;
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
+        const std::span<const uint32_t> instruction = words.subspan(at, words[at] >> 16);
+        const uint32_t opcode = instruction[0] & 0xffff;
+        if (opcode == kDecorate && instruction[2] == kSpecId && instruction[3] == specId)
+            constant = instruction[1];
+        else if (opcode == kSpecConstant && instruction[2] == constant)
+            out.insert(out.end(), {4u << 16 | kConstant, instruction[1], constant, value});
+        else
+            out.insert(out.end(), instruction.begin(), instruction.end());
+    }
+    if (constant == 0)
+        throw std::runtime_error("a module without the specialization constant");
+    return out;
+}
+
+} // namespace vellum::gpu

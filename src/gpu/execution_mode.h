@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Changes to compiled shaders: the execution mode OpacityMicromapIdKHR and the capability of its ray flag, for which
+// compilers are too old, and specialization constants made literal.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace vellum::gpu
+{
+
+enum class Mode { Absent, False, True, Specialized };
+
+// The module with the execution mode; Specialized: by the constant with that id, which is false. It must have one entry
+// point, a bool type and debug names.
+std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId = 0);
+
+// With the mode, true, where the module has ray queries.
+std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words);
+
+// With the capability RayTracingOpacityMicromapEXT, which the ray flag ForceOpacityMicromap2State needs, also where it
+// is only set at run time.
+std::vector<uint32_t> withMicromapFlag(std::span<const uint32_t> words);
+
+// The 32-bit specialization constant with that id is an ordinary constant of that value.
+std::vector<uint32_t> withLiteral(std::span<const uint32_t> words, uint32_t specId, uint32_t value);
+
+} // namespace vellum::gpu

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// Faults of drivers that have nothing to do with opacity micromaps, as each occurs without them, and documented limits
+// of Vellum's layer. What would meet one is avoided or not judged, and reports name it.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include <vulkan/vulkan.h>
+
+namespace vellum::gpu
+{
+
+enum class Fault {
+    ReportChangesAttributes,
+    SharedIntersectionStage,
+    RayGenerationInLibrary,
+    InstanceBehindInvisible,
+    AddressWithConstantFlags,
+    FirstVertexIgnored,
+    FourthComponentTransformed,
+    InactiveHideOthers,
+    LayerIntersectionShaders,
+    LayerSerializedStructures,
+    LayerMixedLibraries,
+};
+
+struct KnownFault {
+    Fault fault;
+    std::string_view text;     // what the driver or the layer does wrong
+    std::string_view response; // what is avoided or not judged
+};
+
+// Those of a device. asksTools: also of Vellum's layer, which is a tool of the device (Vulkan 1.3).
+std::vector<KnownFault> knownFaults(VkPhysicalDevice device, bool asksTools);
+
+} // namespace vellum::gpu

@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gpu/pipeline_builder.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <utility>
+
+namespace vellum::gpu
+{
+namespace
+{
+
+VkDeviceSize roundUp(VkDeviceSize value, VkDeviceSize alignment)
+{
+    return (value + alignment - 1) / alignment * alignment;
+}
+
+template <class T>
+void fill(std::vector<T> &values)
+{
+    if (!values.empty())
+        std::memset(static_cast<void *>(values.data()), 0x5a, values.size() * sizeof(T));
+}
+
+} // namespace
+
+PipelineInfo::PipelineInfo(Device &gpu, const PipelineSetup &setup) : gpu_(gpu), inlined_(setup.stages.size())
+{
+    std::vector<std::pair<const uint32_t *, VkShaderModule>> shared;
+    for (size_t i = 0; i < setup.stages.size(); ++i)
+        names_.emplace_back(setup.stages[i].entry);
+    for (size_t i = 0; i < setup.stages.size(); ++i) {
+        const PipelineStage &from = setup.stages[i];
+        auto stage = vkInit<VkPipelineShaderStageCreateInfo>(
+            {.stage = from.stage, .pName = names_[i].c_str(), .pSpecializationInfo = from.specialization});
+        if (from.inlineModule) {
+            words_.push_back(gpu.code(from.words));
+            inlined_[i] = vkInit<VkShaderModuleCreateInfo>(
+                {.codeSize = words_.back().size() * sizeof(uint32_t), .pCode = words_.back().data()});
+            stage.pNext = &inlined_[i];
+        } else {
+            const auto same = std::find_if(shared.begin(), shared.end(),
+                                           [&from](const auto &s) { return s.first == from.words.data(); });
+            if (setup.sharedModules && same != shared.end()) {
+                stage.module = same->second;
+            } else {
+                stage.module = gpu_.shader(from.words);
+                modules_.push_back(stage.module);
+                shared.emplace_back(from.words.data(), stage.module);
+            }
+        }
+        stages_.push_back(stage);
+    }
+    for (const PipelineGroup &from : setup.groups) {
+        auto group = vkInit<VkRayTracingShaderGroupCreateInfoKHR>(
+            {.type = from.general != kUnused        ? VK_RAY_TRACING_SHADER_GROUP_TYPE_GENERAL_KHR
+                     : from.intersection != kUnused ? VK_RAY_TRACING_SHADER_GROUP_TYPE_PROCEDURAL_HIT_GROUP_KHR
+                                                    : VK_RAY_TRACING_SHADER_GROUP_TYPE_TRIANGLES_HIT_GROUP_KHR,
+             .generalShader = from.general,
+             .closestHitShader = from.closestHit,
+             .anyHitShader = from.anyHit,
+             .intersectionShader = from.intersection});
+        groups_.push_back(group);
+    }
+    libraries_ = setup.libraries;
+
+    info_ = vkInit<VkRayTracingPipelineCreateInfoKHR>({.stageCount = static_cast<uint32_t>(stages_.size()),
+                                                       .pStages = stages_.data(),
+                                                       .groupCount = static_cast<uint32_t>(groups_.size()),
+                                                       .pGroups = groups_.data(),
+                                                       .maxPipelineRayRecursionDepth = setup.recursion,
+                                                       .layout = setup.layout,
+                                                       .basePipelineIndex = -1});
+    if (setup.flags2) {
+        flags2_ = vkInit<VkPipelineCreateFlags2CreateInfoKHR>({.flags = setup.flags});
+        info_.pNext = &flags2_;
+    } else {
+        info_.flags = setup.flags;
+    }
+    if (!libraries_.empty() || (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0) {
+        interface_ = vkInit<VkRayTracingPipelineInterfaceCreateInfoKHR>(
+            {.maxPipelineRayPayloadSize = setup.payloadSize, .maxPipelineRayHitAttributeSize = setup.attributeSize});
+        info_.pLibraryInterface = &interface_;
+    }
+    if (!libraries_.empty()) {
+        libraryInfo_ = vkInit<VkPipelineLibraryCreateInfoKHR>(
+            {.libraryCount = static_cast<uint32_t>(libraries_.size()), .pLibraries = libraries_.data()});
+        info_.pLibraryInfo = &libraryInfo_;
+    }
+    if (setup.dynamicStackSize) {
+        states_ = {VK_DYNAMIC_STATE_RAY_TRACING_PIPELINE_STACK_SIZE_KHR};
+        dynamic_ = vkInit<VkPipelineDynamicStateCreateInfo>({.dynamicStateCount = 1, .pDynamicStates = states_.data()});
+        info_.pDynamicState = &dynamic_;
+    }
+}
+
+PipelineInfo::~PipelineInfo()
+{
+    for (const VkShaderModule module : modules_)
+        vkDestroyShaderModule(gpu_.device(), module, nullptr);
+}
+
+void PipelineInfo::scribble()
+{
+    for (std::vector<uint32_t> &words : words_)
+        fill(words);
+    for (std::string &name : names_)
+        std::fill(name.begin(), name.end(), 'z');
+    fill(inlined_);
+    fill(stages_);
+    fill(groups_);
+    fill(libraries_);
+    fill(states_);
+    std::memset(static_cast<void *>(&info_), 0x5a, sizeof info_);
+    std::memset(static_cast<void *>(&interface_), 0x5a, sizeof interface_);
+    std::memset(static_cast<void *>(&libraryInfo_), 0x5a, sizeof libraryInfo_);
+    std::memset(static_cast<void *>(&dynamic_), 0x5a, sizeof dynamic_);
+    std::memset(static_cast<void *>(&flags2_), 0x5a, sizeof flags2_);
+}
+
+RayPipeline::RayPipeline(Device &gpu, const PipelineSetup &setup) : gpu_(&gpu)
+{
+    PipelineInfo info(gpu, setup);
+    std::vector<VkRayTracingPipelineCreateInfoKHR> infos{info.get()};
+    if ((setup.creation & kCreateSeveral) != 0) {
+        infos.insert(infos.begin(), infos[0]);
+        // VUID-VkRayTracingPipelineCreateInfoKHR-flags-07403: what is linked has the bit if the others do.
+        if (!setup.flags2 && setup.libraries.empty() && (setup.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) == 0 &&
+            gpu.options().micromaps)
+            infos[0].flags ^= kMicromapBit;
+        infos.push_back(info.get());
+        infos.back().groupCount /= 2;
+    }
+    const size_t own = infos.size() / 2;
+    VkPipelineCache cache = VK_NULL_HANDLE;
+    if ((setup.creation & kCreateCached) != 0) {
+        const auto create = vkInit<VkPipelineCacheCreateInfo>();
+        CHECK_VK(vkCreatePipelineCache(gpu.device(), &create, nullptr, &cache));
+    }
+    VkResult result = VK_SUCCESS;
+    for (int times = cache != VK_NULL_HANDLE ? 2 : 1; times > 0 && result == VK_SUCCESS; --times) {
+        std::vector<VkPipeline> pipelines(infos.size());
+        const auto create = [&](VkDeferredOperationKHR operation) {
+            return gpu.vk().CreateRayTracingPipelinesKHR(gpu.device(), operation, cache,
+                                                         static_cast<uint32_t>(infos.size()), infos.data(), nullptr,
+                                                         pipelines.data());
+        };
+        result = (setup.creation & kCreateDeferred) != 0 ? deferred(gpu, create) : create(VK_NULL_HANDLE);
+        if (times == 1)
+            pipeline_ = std::exchange(pipelines[own], VK_NULL_HANDLE);
+        for (const VkPipeline pipeline : pipelines)
+            vkDestroyPipeline(gpu.device(), pipeline, nullptr);
+    }
+    vkDestroyPipelineCache(gpu.device(), cache, nullptr);
+    checkResult(result, "vkCreateRayTracingPipelinesKHR");
+}
+
+RayPipeline::~RayPipeline()
+{
+    vkDestroyPipeline(gpu_->device(), pipeline_, nullptr);
+}
+
+std::vector<uint8_t> RayPipeline::groupHandles(uint32_t first, uint32_t count) const
+{
+    std::vector<uint8_t> handles(size_t{gpu_->pipelineProperties().shaderGroupHandleSize} * count, 0xee);
+    CHECK_VK(gpu_->vk().GetRayTracingShaderGroupHandlesKHR(gpu_->device(), pipeline_, first, count, handles.size(),
+                                                           handles.data()));
+    return handles;
+}
+
+VkDeviceSize RayPipeline::stackSize(uint32_t group, VkShaderGroupShaderKHR shader) const
+{
+    return gpu_->vk().GetRayTracingShaderGroupStackSizeKHR(gpu_->device(), pipeline_, group, shader);
+}
+
+BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records) : gpu_(gpu)
+{
+    const auto &limits = gpu.pipelineProperties();
+    const TableLayout &layout = records.layout;
+    const VkDeviceSize base = std::max(limits.shaderGroupBaseAlignment, 64u);
+    const VkDeviceSize handle = limits.shaderGroupHandleSize;
+    const VkDeviceSize alignment = std::max<VkDeviceSize>(limits.shaderGroupHandleAlignment, 4);
+    const VkDeviceSize used = handle + VkDeviceSize{records.dataWords} * 4; // of a record
+    struct Part {
+        VkStridedDeviceAddressRegionKHR *region;
+        std::vector<BindingRecord> records;
+        VkDeviceSize stride, offset = 0;
+    };
+    const VkDeviceSize stride = roundUp(used, alignment);
+    std::array<Part, 4> parts{{{&raygen, {records.raygen}, stride},
+                               {&miss, records.miss, stride + layout.missPadding * alignment},
+                               {&hit, records.hit, stride + layout.hitPadding * alignment},
+                               {&callable, records.callable, stride + layout.missPadding * alignment}}};
+    if (layout.reversed)
+        std::ranges::reverse(parts);
+    VkDeviceSize size = base * (1 + layout.before);
+    for (Part &part : parts) {
+        part.offset = size;
+        size = roundUp(size + part.stride * part.records.size(), base) + base;
+    }
+    const bool local = gpu.options().memory == Memory::DeviceLocal;
+    buffer_ = Buffer(gpu, size + base,
+                     VK_BUFFER_USAGE_SHADER_BINDING_TABLE_BIT_KHR | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT |
+                         (local ? VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT} : 0),
+                     local ? Buffer::Place::Device : Buffer::Place::Host);
+    std::vector<uint8_t> content(static_cast<size_t>(size));
+    const VkDeviceSize start = roundUp(buffer_.address(), base) - buffer_.address();
+    std::map<uint32_t, std::vector<uint8_t>> handles;
+    for (Part &part : parts) {
+        for (size_t i = 0; i < part.records.size(); ++i) {
+            const BindingRecord &record = part.records[i];
+            uint8_t *at = content.data() + part.offset + i * part.stride;
+            if (record.group) {
+                std::vector<uint8_t> &bytes = handles[*record.group];
+                if (bytes.empty())
+                    bytes = pipeline.groupHandles(*record.group);
+                std::memcpy(at, bytes.data(), static_cast<size_t>(handle));
+            }
+            if (record.data.size() > records.dataWords)
+                throw std::runtime_error("too much data in a binding table record");
+            if (!record.data.empty())
+                std::memcpy(at + handle, record.data.data(), record.data.size() * 4);
+        }
+        if (part.records.empty())
+            continue;
+        const bool cut = layout.cut && (part.region == &miss || part.region == &hit);
+        const VkDeviceSize bytes = part.stride * (part.records.size() - 1) + (cut ? used : part.stride);
+        const bool still = layout.zeroStride && part.region == &hit;
+        *part.region = {buffer_.address() + start + part.offset, still ? 0 : part.stride, bytes};
+    }
+    buffer_.write(start, content.data(), content.size());
+}
+
+void BindingTable::trace(VkCommandBuffer commands, uint32_t width, uint32_t height, uint32_t depth) const
+{
+    gpu_.vk().CmdTraceRaysKHR(commands, &raygen, &miss, &hit, &callable, width, height, depth);
+}
+
+void BindingTable::prepare(const LaunchPlan &launch, uint32_t rays)
+{
+    launch_ = launch;
+    const uint32_t rows = launch.height * launch.depth;
+    width_ = (rays + rows - 1) / rows;
+    const auto upload = [&](const auto &command) {
+        std::vector<uint8_t> bytes(size_t{4} * launch.offset + sizeof command, 0x5a);
+        std::memcpy(bytes.data() + size_t{4} * launch.offset, &command, sizeof command);
+        command_ = gpu_.upload(std::span<const uint8_t>(bytes), VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT);
+    };
+    if (launch.command == Launch::Indirect) {
+        upload(VkTraceRaysIndirectCommandKHR{width_, launch.height, launch.depth});
+    } else if (launch.command == Launch::Indirect2) {
+        upload(VkTraceRaysIndirectCommand2KHR{
+            raygen.deviceAddress, raygen.size, miss.deviceAddress, miss.size, miss.stride, hit.deviceAddress, hit.size,
+            hit.stride, callable.deviceAddress, callable.size, callable.stride, width_, launch.height, launch.depth});
+    }
+}
+
+void BindingTable::trace(VkCommandBuffer commands) const
+{
+    const VkDeviceAddress command = command_.address() + VkDeviceAddress{4} * launch_.offset;
+    if (launch_.command == Launch::Direct)
+        trace(commands, width_, launch_.height, launch_.depth);
+    else if (launch_.command == Launch::Indirect)
+        gpu_.vk().CmdTraceRaysIndirectKHR(commands, &raygen, &miss, &hit, &callable, command);
+    else
+        gpu_.vk().CmdTraceRaysIndirect2KHR(commands, command);
+}
+
+PipelineResources::PipelineResources(Device &gpu, uint32_t buffers, uint32_t pushSize,
+                                     std::span<const VkPushConstantRange> others)
+    : gpu_(gpu)
+{
+    std::vector<VkDescriptorSetLayoutBinding> bindings;
+    for (uint32_t i = 0; i <= buffers; ++i)
+        bindings.push_back({i,
+                            i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
+                            1, VK_SHADER_STAGE_ALL, nullptr});
+    auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>(
+        {.bindingCount = static_cast<uint32_t>(bindings.size()), .pBindings = bindings.data()});
+    CHECK_VK(vkCreateDescriptorSetLayout(gpu.device(), &setInfo, nullptr, &setLayout_));
+    std::vector<VkPushConstantRange> ranges(others.begin(), others.end());
+    ranges.insert(ranges.begin(), {kStages, 0, pushSize});
+    auto layout = vkInit<VkPipelineLayoutCreateInfo>({.setLayoutCount = 1,
+                                                      .pSetLayouts = &setLayout_,
+                                                      .pushConstantRangeCount = static_cast<uint32_t>(ranges.size()),
+                                                      .pPushConstantRanges = ranges.data()});
+    CHECK_VK(vkCreatePipelineLayout(gpu.device(), &layout, nullptr, &layout_));
+    const std::array<VkDescriptorPoolSize, 2> sizes{
+        {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, buffers}}};
+    auto pool = vkInit<VkDescriptorPoolCreateInfo>(
+        {.maxSets = 1, .poolSizeCount = static_cast<uint32_t>(sizes.size()), .pPoolSizes = sizes.data()});
+    CHECK_VK(vkCreateDescriptorPool(gpu.device(), &pool, nullptr, &pool_));
+    auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
+        {.descriptorPool = pool_, .descriptorSetCount = 1, .pSetLayouts = &setLayout_});
+    CHECK_VK(vkAllocateDescriptorSets(gpu.device(), &allocation, &set_));
+}
+
+PipelineResources::~PipelineResources()
+{
+    vkDestroyDescriptorPool(gpu_.device(), pool_, nullptr);
+    vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
+    vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
+}
+
+void PipelineResources::write(VkAccelerationStructureKHR scene, std::span<const Buffer *const> buffers) const
+{
+    auto structure = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
+        {.accelerationStructureCount = 1, .pAccelerationStructures = &scene});
+    auto write = vkInit<VkWriteDescriptorSet>({.pNext = &structure,
+                                               .dstSet = set_,
+                                               .descriptorCount = 1,
+                                               .descriptorType = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR});
+    vkUpdateDescriptorSets(gpu_.device(), 1, &write, 0, nullptr);
+    write.pNext = nullptr;
+    write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    for (const Buffer *buffer : buffers) {
+        const VkDescriptorBufferInfo info{buffer->handle(), 0, VK_WHOLE_SIZE};
+        ++write.dstBinding;
+        write.pBufferInfo = &info;
+        vkUpdateDescriptorSets(gpu_.device(), 1, &write, 0, nullptr);
+    }
+}
+
+void PipelineResources::bind(VkCommandBuffer commands, VkPipelineBindPoint point) const
+{
+    vkCmdBindDescriptorSets(commands, point, layout_, 0, 1, &set_, 0, nullptr);
+}
+
+} // namespace vellum::gpu

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ray tracing pipelines and shader binding tables as an application makes them.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "gpu/device.h"
+
+namespace vellum::gpu
+{
+
+inline constexpr VkPipelineCreateFlags kMicromapBit = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+inline constexpr uint32_t kUnused = VK_SHADER_UNUSED_KHR;
+
+struct PipelineStage {
+    VkShaderStageFlagBits stage;
+    std::span<const uint32_t> words;
+    const char *entry = "main";
+    const VkSpecializationInfo *specialization = nullptr;
+    bool inlineModule = false; // VkShaderModuleCreateInfo in the stage's pNext
+};
+
+// Indices of stages. A group with a general shader is a general one, with an intersection shader a procedural one,
+// every other one is for triangles.
+struct PipelineGroup {
+    uint32_t general = kUnused;
+    uint32_t closestHit = kUnused;
+    uint32_t anyHit = kUnused;
+    uint32_t intersection = kUnused;
+};
+
+enum PipelineCreation : uint32_t {
+    kCreateDeferred = 1, // by a deferred operation
+    kCreateCached = 2,   // twice with a pipeline cache; the first one is destroyed
+    kCreateSeveral = 4,  // by a command that creates others with fewer groups and, without libraries, other flags
+};
+
+struct PipelineSetup {
+    std::vector<PipelineStage> stages;
+    std::vector<PipelineGroup> groups;
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    VkPipelineCreateFlags flags = 0;
+    bool flags2 = false; // the flags come in VkPipelineCreateFlags2CreateInfo
+    uint32_t recursion = 1;
+    std::vector<VkPipeline> libraries;
+    uint32_t payloadSize = 96;
+    uint32_t attributeSize = 8;
+    bool dynamicStackSize = false;
+    bool sharedModules = false; // stages with the same words share one VkShaderModule
+    uint32_t creation = 0;      // bits of PipelineCreation
+};
+
+// Everything that VkRayTracingPipelineCreateInfoKHR points to, on the heap, to be destroyed when the test says so.
+class PipelineInfo
+{
+public:
+    PipelineInfo(Device &gpu, const PipelineSetup &setup);
+    PipelineInfo(const PipelineInfo &) = delete;
+    PipelineInfo &operator=(const PipelineInfo &) = delete;
+    ~PipelineInfo();
+    [[nodiscard]] const VkRayTracingPipelineCreateInfoKHR &get() const { return info_; }
+    [[nodiscard]] VkRayTracingPipelineCreateInfoKHR &get() { return info_; }
+    // Overwrites every array and structure that the creation may have read, as an application may afterwards.
+    void scribble();
+
+private:
+    Device &gpu_;
+    std::vector<std::vector<uint32_t>> words_;
+    std::vector<VkShaderModuleCreateInfo> inlined_;
+    std::vector<VkShaderModule> modules_;
+    std::vector<std::string> names_;
+    std::vector<VkPipelineShaderStageCreateInfo> stages_;
+    std::vector<VkRayTracingShaderGroupCreateInfoKHR> groups_;
+    std::vector<VkPipeline> libraries_;
+    std::vector<VkDynamicState> states_;
+    VkPipelineLibraryCreateInfoKHR libraryInfo_{};
+    VkRayTracingPipelineInterfaceCreateInfoKHR interface_{};
+    VkPipelineDynamicStateCreateInfo dynamic_{};
+    VkPipelineCreateFlags2CreateInfoKHR flags2_{};
+    VkRayTracingPipelineCreateInfoKHR info_{};
+};
+
+class RayPipeline
+{
+public:
+    RayPipeline(Device &gpu, const PipelineSetup &setup);
+    RayPipeline(Device &gpu, VkPipeline pipeline) : gpu_(&gpu), pipeline_(pipeline) {}
+    RayPipeline(RayPipeline &&other) noexcept : gpu_(other.gpu_), pipeline_(other.pipeline_)
+    {
+        other.pipeline_ = VK_NULL_HANDLE;
+    }
+    RayPipeline &operator=(RayPipeline &&) = delete;
+    ~RayPipeline();
+
+    [[nodiscard]] VkPipeline handle() const { return pipeline_; }
+    [[nodiscard]] std::vector<uint8_t> groupHandles(uint32_t first, uint32_t count = 1) const;
+    [[nodiscard]] VkDeviceSize stackSize(uint32_t group, VkShaderGroupShaderKHR shader) const;
+
+private:
+    Device *gpu_;
+    VkPipeline pipeline_ = VK_NULL_HANDLE;
+};
+
+// A record of a binding table: a group of the pipeline, or all zeros, and data for the shader.
+struct BindingRecord {
+    std::optional<uint32_t> group;
+    std::vector<uint32_t> data;
+};
+
+// How the regions of a table lie in their buffer.
+struct TableLayout {
+    uint32_t before = 0;                      // multiples of shaderGroupBaseAlignment before the first region
+    bool reversed = false;                    // callable, hit, miss, ray generation records
+    uint32_t missPadding = 0, hitPadding = 0; // after each record, in multiples of shaderGroupHandleAlignment
+    bool zeroStride = false;                  // of the hit region, whose first record is that of all hits
+    bool cut = false;                         // miss and hit regions end with the data of their last records
+    bool operator==(const TableLayout &) const = default;
+};
+
+struct BindingRecords {
+    BindingRecord raygen{0, {}};
+    std::vector<BindingRecord> miss, hit, callable; // the callable records have the stride of the miss records
+    uint32_t dataWords = 4;                         // space for data in each record
+    TableLayout layout{};
+};
+
+// What traces rays: vkCmdTraceRaysKHR or its indirect forms.
+enum class Launch { Direct, Indirect, Indirect2 };
+
+struct LaunchPlan {
+    Launch command = Launch::Direct;
+    uint32_t height = 1, depth = 1; // the width is what the rays then need
+    uint32_t offset = 0;            // words before the parameters of an indirect command
+
+    bool operator==(const LaunchPlan &) const = default;
+};
+
+class BindingTable
+{
+public:
+    BindingTable(Device &gpu, const RayPipeline &pipeline, const BindingRecords &records);
+    void trace(VkCommandBuffer commands, uint32_t width, uint32_t height = 1, uint32_t depth = 1) const;
+    // Prepares a trace of at least that many rays.
+    void prepare(const LaunchPlan &launch, uint32_t rays);
+    void trace(VkCommandBuffer commands) const;
+
+    VkStridedDeviceAddressRegionKHR raygen{}, miss{}, hit{}, callable{};
+
+private:
+    Device &gpu_;
+    Buffer buffer_;
+    LaunchPlan launch_;
+    uint32_t width_ = 0;
+    Buffer command_; // of an indirect trace
+};
+
+// A descriptor set layout, a pipeline layout with push constants for all ray tracing stages, and a set: binding 0 an
+// acceleration structure, bindings 1.. storage buffers.
+class PipelineResources
+{
+public:
+    PipelineResources(Device &gpu, uint32_t buffers, uint32_t pushSize,
+                      std::span<const VkPushConstantRange> others = {});
+    PipelineResources(const PipelineResources &) = delete;
+    PipelineResources &operator=(const PipelineResources &) = delete;
+    ~PipelineResources();
+    void write(VkAccelerationStructureKHR scene, std::span<const Buffer *const> buffers) const;
+    void bind(VkCommandBuffer commands, VkPipelineBindPoint point = VK_PIPELINE_BIND_POINT_RAY_TRACING_KHR) const;
+
+    static constexpr VkShaderStageFlags kStages =
+        VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
+        VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
+    [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+    [[nodiscard]] VkDescriptorSet set() const { return set_; }
+
+private:
+    Device &gpu_;
+    VkDescriptorSetLayout setLayout_ = VK_NULL_HANDLE;
+    VkPipelineLayout layout_ = VK_NULL_HANDLE;
+    VkDescriptorPool pool_ = VK_NULL_HANDLE;
+    VkDescriptorSet set_ = VK_NULL_HANDLE;
+};
+
+} // namespace vellum::gpu

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gpu/tracer.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "shaders/tracer_comp.h"
+
+namespace vellum::gpu
+{
+namespace
+{
+
+static_assert(sizeof(Ray) == 48 && sizeof(Candidate) == 32 && sizeof(RawResult) == 48);
+
+constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+
+} // namespace
+
+bool hashConfirms(uint32_t customIndex, uint32_t instance, uint32_t geometry, uint32_t primitive)
+{
+    const uint32_t h =
+        (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^ (primitive * 0x27d4eb2fu);
+    return ((h ^ (h >> 15)) & 0x40u) != 0;
+}
+
+Tracer::Tracer(Device &gpu) : Tracer(gpu, tracer_comp) {}
+
+Tracer::Tracer(Device &gpu, std::span<const uint32_t> words, const TracerSetup &setup)
+    : gpu_(gpu), pushStages_(pushStages(setup.stage))
+{
+    const VkDevice device = gpu.device();
+    std::array<VkDescriptorSetLayoutBinding, 4> bindings{};
+    for (uint32_t i = 0; i < 4; ++i)
+        bindings[i] = {i, i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
+                       VK_SHADER_STAGE_ALL, nullptr};
+    auto setInfo = vkInit<VkDescriptorSetLayoutCreateInfo>({.bindingCount = 4, .pBindings = bindings.data()});
+    CHECK_VK(vkCreateDescriptorSetLayout(device, &setInfo, nullptr, &setLayout_));
+    const VkPushConstantRange range{pushStages_, 0, sizeof(Push)};
+    auto layout = vkInit<VkPipelineLayoutCreateInfo>(
+        {.setLayoutCount = 1, .pSetLayouts = &setLayout_, .pushConstantRangeCount = 1, .pPushConstantRanges = &range});
+    CHECK_VK(vkCreatePipelineLayout(device, &layout, nullptr, &layout_));
+
+    std::array<uint32_t, 2> values{};
+    std::vector<VkSpecializationMapEntry> entries;
+    if (setup.specializedFlags) {
+        values[0] = *setup.specializedFlags;
+        entries.push_back({0, 0, sizeof(uint32_t)});
+    }
+    if (setup.specializedMode) {
+        values[1] = *setup.specializedMode;
+        entries.push_back({kModeConstant, sizeof(uint32_t), sizeof(VkBool32)});
+    }
+    const VkSpecializationInfo specialization{static_cast<uint32_t>(entries.size()), entries.data(), sizeof values,
+                                              values.data()};
+    program_ = makeStageProgram(gpu, layout_,
+                                {.stage = setup.stage,
+                                 .words = words,
+                                 .specialization = entries.empty() ? nullptr : &specialization,
+                                 .inlineModule = setup.inlineModule,
+                                 .objectLayout = setup.shaderObject ? setLayout_ : VK_NULL_HANDLE,
+                                 .pushSize = sizeof(Push)});
+
+    const std::array<VkDescriptorPoolSize, 2> sizes{
+        {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3}}};
+    auto pool = vkInit<VkDescriptorPoolCreateInfo>(
+        {.maxSets = 1, .poolSizeCount = static_cast<uint32_t>(sizes.size()), .pPoolSizes = sizes.data()});
+    CHECK_VK(vkCreateDescriptorPool(device, &pool, nullptr, &pool_));
+    auto allocation = vkInit<VkDescriptorSetAllocateInfo>(
+        {.descriptorPool = pool_, .descriptorSetCount = 1, .pSetLayouts = &setLayout_});
+    CHECK_VK(vkAllocateDescriptorSets(device, &allocation, &set_));
+}
+
+Tracer::~Tracer()
+{
+    vkDestroyDescriptorPool(gpu_.device(), pool_, nullptr);
+    vkDestroyPipelineLayout(gpu_.device(), layout_, nullptr);
+    vkDestroyDescriptorSetLayout(gpu_.device(), setLayout_, nullptr);
+}
+
+void Tracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
+{
+    rays_ = gpu_.upload(rays, kStorage);
+    results_ = Buffer(gpu_, std::max<size_t>(rays.size(), 1) * sizeof(RawResult), kStorage);
+    candidates_ = Buffer(gpu_, std::max<size_t>(rays.size() * capacity, 1) * sizeof(Candidate), kStorage);
+    push_ = {static_cast<uint32_t>(rays.size()), capacity, scene.address(), program_->helperScene()};
+
+    const VkAccelerationStructureKHR handle = scene.handle();
+    auto structure = vkInit<VkWriteDescriptorSetAccelerationStructureKHR>(
+        {.accelerationStructureCount = 1, .pAccelerationStructures = &handle});
+    const std::array<VkDescriptorBufferInfo, 3> buffers{{{rays_.handle(), 0, VK_WHOLE_SIZE},
+                                                         {results_.handle(), 0, VK_WHOLE_SIZE},
+                                                         {candidates_.handle(), 0, VK_WHOLE_SIZE}}};
+    std::array<VkWriteDescriptorSet, 4> writes{};
+    for (uint32_t i = 0; i < 4; ++i) {
+        writes[i] =
+            vkInit<VkWriteDescriptorSet>({.dstSet = set_,
+                                          .dstBinding = i,
+                                          .descriptorCount = 1,
+                                          .descriptorType = i == 0 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR
+                                                                   : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER});
+        if (i == 0)
+            writes[i].pNext = &structure;
+        else
+            writes[i].pBufferInfo = &buffers[i - 1];
+    }
+    vkUpdateDescriptorSets(gpu_.device(), 4, writes.data(), 0, nullptr);
+}
+
+void Tracer::bind(VkCommandBuffer commands) const
+{
+    program_->bind(commands);
+    vkCmdBindDescriptorSets(commands, program_->point(), layout_, 0, 1, &set_, 0, nullptr);
+    vkCmdPushConstants(commands, layout_, pushStages_, 0, sizeof(push_), &push_);
+}
+
+void Tracer::dispatch(VkCommandBuffer commands) const
+{
+    program_->launch(commands, push_.rayCount);
+}
+
+void Tracer::clearResults()
+{
+    std::memset(results_.bytes(), 0xff, static_cast<size_t>(results_.size()));
+}
+
+std::vector<Result> Tracer::results() const
+{
+    const std::span<RawResult> raw = results_.as<RawResult>();
+    const std::span<Candidate> list = candidates_.as<Candidate>();
+    std::vector<Result> results(push_.rayCount);
+    for (size_t i = 0; i < results.size(); ++i) {
+        static_cast<RawResult &>(results[i]) = raw[i];
+        const size_t kept = std::min(raw[i].candidateCount, push_.capacity);
+        const auto first = list.begin() + static_cast<ptrdiff_t>(i * push_.capacity);
+        results[i].candidates.assign(first, first + static_cast<ptrdiff_t>(kept));
+    }
+    return results;
+}
+
+std::vector<Result> Tracer::trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
+{
+    prepare(scene, rays, capacity);
+    traceAndWait(gpu_, *this);
+    return results();
+}
+
+} // namespace vellum::gpu

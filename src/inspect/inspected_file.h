@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// A file with micromaps as both outputs of `vellum inspect` need it, and which of its triangles are inspected.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/curve.h"
+#include "gltf/micromaps/document_bake.h"
+#include "gltf/micromaps/known_surface.h"
+#include "gltf/micromaps/state_counter.h"
+#include "gltf/primitive.h"
+
+namespace vellum::inspect
+{
+
+// Numbers from `first` to `last`, both included.
+struct NumberRange {
+    uint32_t first = 0;
+    uint32_t last = 0;
+};
+
+// "7", "3-9" or several with commas. Throws UsageError, which names `option`.
+std::vector<NumberRange> parseRanges(const std::string &text, const std::string &option);
+
+// Whether `ranges` have `number`; no ranges have every number.
+bool contains(const std::vector<NumberRange> &ranges, uint32_t number);
+
+// What is chosen is in all of them. Empty ones choose everything.
+struct Selection {
+    std::vector<NumberRange> meshes;
+    std::vector<NumberRange> primitives; // of each mesh
+    std::vector<NumberRange> triangles;  // of each primitive
+    std::vector<std::string> materials;  // names or numbers
+
+    // Whether the material is chosen.
+    [[nodiscard]] bool hasMaterial(int index, const std::string &name) const;
+    [[nodiscard]] bool everything() const;
+};
+
+// A triangle of a micromap.
+struct InspectedRecord {
+    uint32_t micromap = 0; // into StoredMicromaps::micromaps
+    MicromapTriangle triangle;
+    StateCounts states{};
+};
+
+struct InspectedMaterial {
+    int index = -1; // materials[] of the file
+    Material material;
+    std::shared_ptr<const Image> image; // null where there is none or it cannot be read
+    std::string problem;                // why it cannot be read
+};
+
+struct InspectedPrimitive {
+    PrimitivePlace place;
+    std::string mesh;     // the mesh's name; empty without
+    uint32_t material;    // into InspectedFile::materials
+    size_t triangles = 0; // that the primitive has
+    // Of the chosen triangles: which they are, their coordinates, and what their micromap index leads to: an element of
+    // InspectedFile::records or a special index.
+    std::vector<uint32_t> numbers;
+    std::vector<TriangleUvs> uvs;
+    std::vector<int32_t> records;
+    uint64_t indexBytes = 0; // of the micromap indices in the file
+};
+
+struct InspectedFile {
+    std::string name;
+    uint64_t bytes = 0;                    // with those of the files that it names
+    bool baked = false;                    // the micromaps were baked in memory
+    std::vector<SkippedPrimitive> skipped; // by the bake
+    std::optional<SurfaceShares> surface;
+    StoredMicromaps stored;
+    std::vector<InspectedMaterial> materials;
+    std::vector<InspectedPrimitive> primitives; // those with micromaps and chosen triangles, sorted by place
+    std::vector<InspectedRecord> records;
+    size_t meshCount = 0;
+    size_t primitiveCount = 0; // made of triangles, with and without micromaps
+};
+
+// With `bake`, leaves aside what the file has and bakes it. Throws GltfError, BakeError, or Error where nothing is left
+// to look at.
+InspectedFile inspectFile(const Document &document, const Selection &selection, const DocumentBakeOptions *bake);
+
+// What is drawn at a triangle.
+inline bool isSpecial(int32_t record)
+{
+    return record < 0;
+}
+
+// Of `record`, of InspectedFile::records or a special index, at barycentrics (u, v).
+class StatesOf
+{
+public:
+    StatesOf(const InspectedFile &file, int32_t record)
+    {
+        if (isSpecial(record)) {
+            special_ = *specialState(record);
+            return;
+        }
+        const InspectedRecord &of = file.records[static_cast<size_t>(record)];
+        triangle_ = of.triangle;
+        data_ = file.stored.micromaps[of.micromap].data.data() + of.triangle.dataOffset;
+    }
+
+    [[nodiscard]] State at(double u, double v) const
+    {
+        if (data_ == nullptr)
+            return special_;
+        const uint32_t index =
+            shared::curveIndex(static_cast<float>(u), static_cast<float>(v), triangle_.subdivisionLevel);
+        return readState(data_, index, triangle_.format);
+    }
+    [[nodiscard]] uint32_t level() const { return data_ == nullptr ? 0 : triangle_.subdivisionLevel; }
+
+private:
+    const uint8_t *data_ = nullptr;
+    MicromapTriangle triangle_;
+    State special_ = State::Transparent;
+};
+
+} // namespace vellum::inspect

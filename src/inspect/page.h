@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// The HTML page of `vellum inspect`: one file that needs no other.
+#pragma once
+
+#include <string>
+
+#include "inspect/inspected_file.h"
+#include "inspect/page_data.h"
+
+namespace vellum::inspect
+{
+
+std::string makePage(const Document &document, const InspectedFile &file, const PageLimits &limits = {});
+
+// With its longer edge at most `edge`, each texel the mean of a square of them.
+Image scaledDown(const Image &image, uint32_t edge);
+
+} // namespace vellum::inspect

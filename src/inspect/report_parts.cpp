@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inspect/report_parts.h"
+
+#include "base/text.h"
+#include "gltf/data/decompress.h"
+#include "gltf/data/image.h"
+
+namespace vellum
+{
+
+void beginReport(JsonWriter &json, const char *command)
+{
+    json.beginObject().member("schema", kReportSchema).member("command", command);
+}
+
+std::string describe(const SurfaceShares &surface)
+{
+    return percent(surface.known()) + " of the alpha-tested surface is known";
+}
+
+void writeSurface(const std::optional<SurfaceShares> &surface, JsonWriter &json)
+{
+    json.key("surface");
+    if (!surface) {
+        json.null();
+        return;
+    }
+    json.beginObject().member("known", surface->known());
+    writeStates("states", surface->states, json);
+    json.member("withoutMicromap", surface->withoutMicromap).end();
+}
+
+void writeFinding(const char *kind, const std::string &place, const std::string &message, JsonWriter &json)
+{
+    json.beginObject().member("kind", kind).member("place", place).member("message", message).end();
+}
+
+std::vector<MicromapSummary> summariesOf(std::span<const StoredMicromap> micromaps)
+{
+    std::vector<MicromapSummary> summaries;
+    for (const StoredMicromap &micromap : micromaps) {
+        MicromapSummary &summary = summaries.emplace_back();
+        summary.triangles = micromap.triangles.size();
+        summary.bytes = micromap.bytes();
+        for (const MicromapTriangle &t : micromap.triangles)
+            ++summary.levels[{t.subdivisionLevel, t.format == Format::TwoState ? 2 : 4}];
+    }
+    return summaries;
+}
+
+void writeMicromaps(std::span<const MicromapSummary> micromaps, JsonWriter &json)
+{
+    json.list("micromaps", micromaps, [&](const MicromapSummary &micromap) {
+        json.beginObject().member("triangles", micromap.triangles).member("bytes", micromap.bytes);
+        json.list("levels", micromap.levels, [&](const auto &entry) {
+            json.beginObject().member("level", entry.first.first).member("states", entry.first.second);
+            json.member("triangles", entry.second).end();
+        });
+        json.end();
+    });
+}
+
+std::string describe(const SkippedPrimitive &skipped)
+{
+    return skipped.name + (skipped.material.empty() ? "" : " (" + skipped.material + ")") + ": " + skipped.reason;
+}
+
+void writeSkipped(std::span<const SkippedPrimitive> skipped, JsonWriter &json)
+{
+    json.list("skipped", skipped, [&](const SkippedPrimitive &s) {
+        json.beginObject().member("primitive", s.name).member("material", s.material);
+        json.member("reason", nameOf(s.code)).member("message", s.reason);
+        json.member("hadMicromap", s.hadMicromap).end();
+    });
+}
+
+std::vector<std::string> unreadableFormats()
+{
+    std::vector<std::string> formats;
+    if (!kDecodesWebp)
+        formats.emplace_back("WebP images");
+    if (!kDecompressesMeshes)
+        formats.emplace_back("geometry compressed by Draco or meshoptimizer");
+    return formats;
+}
+
+} // namespace vellum

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Parts that the reports of several subcommands share: schema.json describes the JSON.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/json_writer.h"
+#include "gltf/micromaps/document_bake.h"
+#include "gltf/micromaps/known_surface.h"
+
+namespace vellum
+{
+
+inline constexpr const char *kReportSchema = "vellum/1";
+
+// Begins the object that is the whole report; the caller ends it.
+void beginReport(JsonWriter &json, const char *command);
+
+// By State.
+inline constexpr const char *kStateNames[] = {"transparent", "opaque", "unknownTransparent", "unknownOpaque"};
+
+// An object with a member for each State.
+template <typename Values>
+void writeStates(const char *name, const Values &values, JsonWriter &json)
+{
+    json.key(name).beginObject();
+    for (size_t s = 0; s < 4; ++s)
+        json.member(kStateNames[s], values[s]);
+    json.end();
+}
+
+// "61.2 % of the alpha-tested surface is known"
+std::string describe(const SurfaceShares &surface);
+
+// "surface": null if there is none.
+void writeSurface(const std::optional<SurfaceShares> &surface, JsonWriter &json);
+
+// An element of "findings".
+void writeFinding(const char *kind, const std::string &place, const std::string &message, JsonWriter &json);
+
+struct MicromapSummary {
+    size_t triangles = 0;
+    size_t bytes = 0;                                       // of data and records
+    std::map<std::pair<unsigned, unsigned>, size_t> levels; // triangles by level and number of states
+};
+std::vector<MicromapSummary> summariesOf(std::span<const StoredMicromap> micromaps);
+// "micromaps": an array.
+void writeMicromaps(std::span<const MicromapSummary> micromaps, JsonWriter &json);
+
+// `mesh 2 primitive 0 (leaf): its alphaMode is BLEND`
+std::string describe(const SkippedPrimitive &skipped);
+// "skipped": an array.
+void writeSkipped(std::span<const SkippedPrimitive> skipped, JsonWriter &json);
+
+// What this build was made without, such as "WebP images"; empty if it reads everything.
+std::vector<std::string> unreadableFormats();
+
+} // namespace vellum

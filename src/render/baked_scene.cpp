@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/baked_scene.h"
+
+#include <algorithm>
+#include <map>
+
+#include "gltf/file/gltf_error.h"
+#include "gltf/micromaps/state_counter.h"
+
+namespace vellum::render
+{
+namespace
+{
+
+// Micro-triangles of all triangles by State, and triangles with a special index.
+BakeStatistics statisticsOf(const Micromap &micromap)
+{
+    const StateCounter counter(micromap.data);
+    std::vector<StateCounts> ofTriangle;
+    for (const MicromapTriangle &triangle : micromap.triangles)
+        ofTriangle.push_back(counter.count(triangle));
+    BakeStatistics statistics;
+    statistics.distinct = micromap.triangles.size();
+    for (const int32_t index : micromap.indices) {
+        if (const auto state = specialState(index)) {
+            ++statistics.special[static_cast<size_t>(*state)];
+            ++statistics.states[static_cast<size_t>(*state)];
+            continue;
+        }
+        for (size_t s = 0; s < 4; ++s)
+            statistics.states[s] += ofTriangle[static_cast<uint32_t>(index) + micromap.baseTriangle][s];
+    }
+    return statistics;
+}
+
+BakeResult resultOf(Micromap micromap)
+{
+    BakeResult result{std::move(micromap), {}};
+    result.statistics = statisticsOf(result.micromap);
+    return result;
+}
+
+// Gives each geometry its part of a micromap that was baked for all of them.
+void divide(const Scene &scene, const std::vector<size_t> &geometries, BakeResult whole, BakedScene &baked)
+{
+    if (geometries.size() == 1) {
+        baked.results[geometries.front()] = std::move(whole);
+        return;
+    }
+    StoredMicromaps stored;
+    stored.micromaps.push_back({std::move(whole.micromap.triangles), std::move(whole.micromap.data), {}});
+    auto next = whole.micromap.indices.begin();
+    for (const size_t i : geometries) {
+        const auto end = next + static_cast<ptrdiff_t>(scene.geometries[i].indices.size() / 3);
+        const PrimitivePlace place{0, static_cast<uint32_t>(i)};
+        stored.primitives[place] = {0, {next, end}, whole.micromap.baseTriangle};
+        baked.results[i] = resultOf(*stored.of(place));
+        next = end;
+    }
+}
+
+} // namespace
+
+std::vector<const Micromap *> BakedScene::micromaps() const
+{
+    std::vector<const Micromap *> pointers;
+    for (const std::optional<BakeResult> &r : results)
+        pointers.push_back(r ? &r->micromap : nullptr);
+    return pointers;
+}
+
+std::array<double, 4> BakedScene::stateShares() const
+{
+    std::array<double, 4> shares{};
+    double total = 0;
+    for (const std::optional<BakeResult> &r : results) {
+        for (size_t s = 0; r && s < 4; ++s) {
+            shares[s] += static_cast<double>(r->statistics.states[s]);
+            total += static_cast<double>(r->statistics.states[s]);
+        }
+    }
+    for (double &share : shares)
+        share = total > 0 ? share / total : 0;
+    return shares;
+}
+
+size_t BakedScene::distinctTriangles() const
+{
+    size_t count = 0;
+    for (const std::optional<BakeResult> &r : results)
+        count += r ? r->statistics.distinct : 0;
+    return count;
+}
+
+size_t BakedScene::count() const
+{
+    size_t count = 0;
+    for (const std::optional<BakeResult> &r : results)
+        count += r ? 1u : 0u;
+    return count;
+}
+
+BakedScene bakeScene(const Scene &scene, BakeOptions options)
+{
+    std::map<uint32_t, std::vector<size_t>> ofMaterial;
+    for (size_t i = 0; i < scene.geometries.size(); ++i)
+        if (scene.materials[scene.geometries[i].material].masked() && scene.geometries[i].alphas.empty())
+            ofMaterial[scene.geometries[i].material].push_back(i);
+    BakedScene baked;
+    baked.results.resize(scene.geometries.size());
+    for (const auto &[material, geometries] : ofMaterial) {
+        const Material &m = scene.materials[material];
+        options.cutoff = static_cast<double>(m.alphaCutoff);
+        std::vector<TriangleUvs> triangles;
+        BakeInput input;
+        for (const size_t i : geometries) {
+            const Geometry &g = scene.geometries[i];
+            input.uvTerms = std::max(input.uvTerms, static_cast<double>(g.uvTerms));
+            for (size_t t = 0; t + 2 < g.indices.size(); t += 3)
+                triangles.push_back({g.uvs[g.indices[t]], g.uvs[g.indices[t + 1]], g.uvs[g.indices[t + 2]]});
+        }
+        const AlphaTexture texture = alphaTexture(m, scene.images[static_cast<size_t>(m.image)]);
+        input.textures = {&texture, 1};
+        input.triangles = triangles;
+        divide(scene, geometries, bake({&input, 1}, options), baked);
+    }
+    return baked;
+}
+
+BakedScene storedScene(const Scene &scene, const StoredMicromaps &stored, uint64_t mostBytes)
+{
+    BakedScene baked;
+    uint64_t bytes = 0;
+    baked.extension = stored.extension;
+    for (const Geometry &g : scene.geometries) {
+        baked.results.emplace_back();
+        if (!g.place || !scene.materials[g.material].masked())
+            continue;
+        if (auto micromap = stored.of(*g.place)) {
+            bytes += micromap->data.size() + micromap->triangles.size() * sizeof(MicromapTriangle);
+            if (bytes > mostBytes)
+                throw GltfError("mesh " + std::to_string(g.place->mesh) + " primitive " +
+                                std::to_string(g.place->primitive) +
+                                ": the micromaps of all primitives have more than " + std::to_string(mostBytes) +
+                                " bytes together");
+            baked.results.back() = resultOf(std::move(*micromap));
+        }
+    }
+    return baked;
+}
+
+} // namespace vellum::render

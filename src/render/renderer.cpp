@@ -1,0 +1,307 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/renderer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <stdexcept>
+
+namespace vellum::render
+{
+namespace
+{
+
+constexpr uint32_t kTextureBinding = 8;
+constexpr uint32_t kHeavyReads = 16;
+
+using Clock = std::chrono::steady_clock;
+
+double millisecondsSince(Clock::time_point start)
+{
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+Image whiteImage()
+{
+    return {1, 1, {255, 255, 255, 255}};
+}
+
+// The states of micromaps as the shader of --mode states reads them.
+
+// Second words. With kStatesData, the level in the low bits and kStatesTwo for the 2-state format.
+constexpr uint32_t kStatesNone = 0; // no micromap
+constexpr uint32_t kStatesOne = 0x100;
+constexpr uint32_t kStatesData = 0x200;
+constexpr uint32_t kStatesTwo = 0x400;
+
+struct Entry {
+    uint32_t first = 0;
+    uint32_t second = kStatesNone;
+};
+
+Entry entryOf(const Micromap &micromap, size_t triangle, uint32_t firstByte)
+{
+    const int32_t index = micromap.indices[triangle];
+    if (const auto state = specialState(index))
+        return {static_cast<uint32_t>(*state), kStatesOne};
+    const MicromapTriangle &t = micromap.triangles[static_cast<uint32_t>(index) + micromap.baseTriangle];
+    return {firstByte + t.dataOffset,
+            kStatesData | t.subdivisionLevel | (t.format == Format::TwoState ? kStatesTwo : 0)};
+}
+
+// Words: a colour for each State; two for each triangle of the renderer's scene, in the order of its records; then the
+// micromaps' data. A triangle's first word is where its data begins, in bytes from the table's beginning, or its one
+// state; the second word is which of these (kStates...), and its level and format.
+// `micromaps`: one for each geometry of the scene, null for those without.
+std::vector<uint32_t> makeStateTable(const RenderScene &scene, std::span<const Micromap *const> micromaps)
+{
+    std::vector<uint32_t> table(kStateColors.begin(), kStateColors.end());
+    const size_t triangles = scene.normals.size() / 3;
+    table.resize(table.size() + 2 * triangles, 0);
+    for (size_t i = 0; i < micromaps.size(); ++i) {
+        if (micromaps[i] == nullptr)
+            continue;
+        const Micromap &micromap = *micromaps[i];
+        const size_t firstWord = table.size();
+        table.resize(firstWord + (micromap.data.size() + 3) / 4, 0);
+        if (!micromap.data.empty())
+            std::memcpy(table.data() + firstWord, micromap.data.data(), micromap.data.size());
+        for (size_t t = 0; t < micromap.indices.size(); ++t) {
+            const Entry entry = entryOf(micromap, t, static_cast<uint32_t>(4 * firstWord));
+            const size_t at = kStateColors.size() + 2 * (scene.records[i].firstTriangle + t);
+            table[at] = entry.first;
+            table[at + 1] = entry.second;
+        }
+    }
+    return table;
+}
+
+} // namespace
+
+Renderer::Renderer(gpu::Device &device, const RenderSettings &settings, World &&world)
+    : device_(device), settings_(settings), world_(std::move(world)), timer_(device)
+{
+}
+
+// Delegates, so that the destructor also runs where this throws.
+Renderer::Renderer(gpu::Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps,
+                   const RenderSettings &settings)
+    : Renderer(device, settings,
+               World(device, scene, settings.paintStates ? std::span<const Micromap *const>() : micromaps))
+{
+    if (!device.hasVariableTextureIndices())
+        throw std::runtime_error(
+            "the device cannot index textures by variables (shaderSampledImageArrayNonUniformIndexing)");
+    frame_ = makeFrame(scene, settings);
+    uploadScene(scene, micromaps);
+    createLayouts();
+    createDescriptors();
+    pipeline_ = makePipeline(false);
+    recordFrame();
+}
+
+Renderer::~Renderer()
+{
+    const VkDevice device = device_.device();
+    vkFreeCommandBuffers(device, device_.pool(), commands_ == VK_NULL_HANDLE ? 0 : 1, &commands_);
+    vkDestroyDescriptorPool(device, pool_, nullptr);
+    vkDestroyPipelineLayout(device, layout_, nullptr);
+    vkDestroyDescriptorSetLayout(device, setLayout_, nullptr);
+}
+
+Renderer::Frame Renderer::makeFrame(const RenderScene &scene, const RenderSettings &settings)
+{
+    const float aspect = static_cast<float>(settings.width) / static_cast<float>(settings.height);
+    Camera camera = fitCamera(scene.outline, settings.view, aspect);
+    const Vec3 size = scene.bounds.size();
+    const float scale = std::max({size[0], size[1], size[2], 1e-6f});
+    // Not below the ground, however the view is turned.
+    camera.origin[1] = std::max(camera.origin[1], scene.ground.positions.front()[1] + 0.02f * scale);
+    // From behind the viewer's left shoulder, a summer afternoon.
+    const float azimuth = (settings.view.yaw - 62) * kPi / 180;
+    const Vec3 sun = normalize({std::sin(azimuth), 0.95f, std::cos(azimuth)});
+    Frame frame{};
+    const auto set = [](float *to, const Vec3 &v, float w) {
+        std::copy(v.begin(), v.end(), to);
+        to[3] = w;
+    };
+    set(frame.origin, camera.origin, scale);
+    set(frame.right, camera.right, static_cast<float>(settings.width));
+    set(frame.up, camera.up, static_cast<float>(settings.height));
+    set(frame.forward, camera.forward, static_cast<float>(settings.samples));
+    set(frame.sun, sun, 0);
+    return frame;
+}
+
+void Renderer::uploadScene(const RenderScene &scene, std::span<const Micromap *const> micromaps)
+{
+    constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    const auto upload = [this](auto content) { return device_.upload(content.data(), content.size_bytes(), kStorage); };
+    const size_t pixels = size_t{settings_.width} * settings_.height;
+    std::vector<uint32_t> states(1); // a buffer cannot be empty
+    if (settings_.paintStates)
+        states = makeStateTable(scene, micromaps);
+    const VkDeviceSize largest =
+        std::max({pixels * 8, scene.uvs.size() * sizeof(float), scene.normals.size() * 4, states.size() * 4});
+    if (largest > device_.limits().maxStorageBufferRange)
+        throw std::runtime_error("the picture or the scene is too large for the device: a buffer of " +
+                                 std::to_string(largest) + " bytes, where " +
+                                 std::to_string(device_.limits().maxStorageBufferRange) + " are allowed");
+    records_ = upload(std::span(scene.records));
+    uvs_ = upload(std::span(scene.uvs));
+    alphas_ = upload(std::span(scene.alphas));
+    hasAlphas_ = !scene.alphas.empty();
+    normals_ = upload(std::span(scene.normals));
+    states_ = upload(std::span(states));
+    pixels_ = gpu::Buffer(device_, pixels * 4, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, gpu::Buffer::Place::Device);
+    counts_ = gpu::Buffer(device_, pixels * 8, kStorage | VK_BUFFER_USAGE_TRANSFER_SRC_BIT, gpu::Buffer::Place::Device);
+    for (const uint32_t material : scene.texturedMaterials) {
+        const Material &m = scene.scene.materials[material];
+        textures_.emplace_back(device_, scene.scene.images[static_cast<size_t>(m.image)], m);
+    }
+    if (textures_.empty()) // an array cannot be empty
+        textures_.emplace_back(device_, whiteImage(), Material{});
+    if (textures_.size() > device_.limits().maxPerStageDescriptorSampledImages)
+        throw std::runtime_error("the scene has more textures than the device allows");
+}
+
+void Renderer::createLayouts()
+{
+    const VkShaderStageFlags stages = stagesOf(settings_.trace).shaders;
+    std::vector<VkDescriptorSetLayoutBinding> bindings;
+    const auto textures = static_cast<uint32_t>(textures_.size());
+    for (uint32_t i = 0; i <= kTextureBinding; ++i) {
+        const VkDescriptorType type = i == 0                 ? VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR
+                                      : i == kTextureBinding ? VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER
+                                                             : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        bindings.push_back({i, type, i == kTextureBinding ? textures : 1, stages, nullptr});
+    }
+    const VkDescriptorSetLayoutCreateInfo set{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0,
+                                              static_cast<uint32_t>(bindings.size()), bindings.data()};
+    CHECK_VK(vkCreateDescriptorSetLayout(device_.device(), &set, nullptr, &setLayout_));
+    const VkPushConstantRange range{stages, 0, sizeof(Frame)};
+    const VkPipelineLayoutCreateInfo layout{
+        VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout_, 1, &range};
+    CHECK_VK(vkCreatePipelineLayout(device_.device(), &layout, nullptr, &layout_));
+}
+
+void Renderer::createDescriptors()
+{
+    const auto textures = static_cast<uint32_t>(textures_.size());
+    const VkDescriptorPoolSize sizes[] = {{VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, 1},
+                                          {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 7},
+                                          {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, textures}};
+    const VkDescriptorPoolCreateInfo pool{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 3, sizes};
+    CHECK_VK(vkCreateDescriptorPool(device_.device(), &pool, nullptr, &pool_));
+    const VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool_, 1,
+                                               &setLayout_};
+    CHECK_VK(vkAllocateDescriptorSets(device_.device(), &allocate, &set_));
+
+    const VkAccelerationStructureKHR top = world_.top();
+    const VkWriteDescriptorSetAccelerationStructureKHR structure{
+        VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR, nullptr, 1, &top};
+    std::vector<VkDescriptorBufferInfo> buffers;
+    for (const gpu::Buffer *buffer : {&pixels_, &records_, &uvs_, &normals_, &counts_, &states_, &alphas_})
+        buffers.push_back({buffer->handle(), 0, VK_WHOLE_SIZE});
+    std::vector<VkDescriptorImageInfo> images;
+    for (const Texture &texture : textures_)
+        images.push_back({texture.sampler(), texture.view(), VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL});
+    VkWriteDescriptorSet writes[3];
+    std::fill(std::begin(writes), std::end(writes),
+              VkWriteDescriptorSet{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set_, 0, 0, 1,
+                                   VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, nullptr, nullptr, nullptr});
+    writes[0].pNext = &structure;
+    writes[1].dstBinding = 1; // and the bindings after it, which have the same type
+    writes[1].descriptorCount = static_cast<uint32_t>(buffers.size());
+    writes[1].descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    writes[1].pBufferInfo = buffers.data();
+    writes[2].dstBinding = kTextureBinding;
+    writes[2].descriptorCount = textures;
+    writes[2].descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
+    writes[2].pImageInfo = images.data();
+    vkUpdateDescriptorSets(device_.device(), 3, writes, 0, nullptr);
+}
+
+std::unique_ptr<TracePipeline> Renderer::makePipeline(bool counting) const
+{
+    TracePipelineInfo info;
+    info.layout = layout_;
+    info.micromaps = world_.micromapBytes() != 0;
+    info.constants.textures = static_cast<uint32_t>(textures_.size());
+    info.constants.heavyReads = settings_.heavy ? kHeavyReads : 0;
+    info.constants.painting = settings_.paintStates ? VK_TRUE : VK_FALSE;
+    info.constants.vertexAlphas = hasAlphas_ ? VK_TRUE : VK_FALSE;
+    info.constants.counting = counting ? VK_TRUE : VK_FALSE;
+    return makeTracePipeline(device_, settings_.trace, info);
+}
+
+void Renderer::record(VkCommandBuffer commands, const TracePipeline &pipeline) const
+{
+    const TraceStages stages = stagesOf(settings_.trace);
+    vkCmdBindDescriptorSets(commands, stages.bindPoint, layout_, 0, 1, &set_, 0, nullptr);
+    vkCmdPushConstants(commands, layout_, stages.shaders, 0, sizeof(Frame), &frame_);
+    pipeline.record(commands, settings_.width, settings_.height);
+    const VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, VK_ACCESS_SHADER_WRITE_BIT,
+                                  VK_ACCESS_TRANSFER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT};
+    vkCmdPipelineBarrier(commands, stages.pipelineStage, VK_PIPELINE_STAGE_TRANSFER_BIT | stages.pipelineStage, 0, 1,
+                         &barrier, 0, nullptr, 0, nullptr);
+}
+
+void Renderer::recordFrame()
+{
+    commands_ = device_.begin(0);
+    timer_.begin(commands_);
+    record(commands_, *pipeline_);
+    timer_.end(commands_);
+    device_.end(commands_);
+}
+
+gpu::Milliseconds Renderer::timedFrame()
+{
+    return timer_.time([this] { device_.execute(commands_); });
+}
+
+double Renderer::firstFrame()
+{
+    const Clock::time_point start = Clock::now();
+    const std::unique_ptr<TracePipeline> pipeline = makePipeline(false);
+    device_.submit([&](VkCommandBuffer commands) { record(commands, *pipeline); });
+    return millisecondsSince(start);
+}
+
+Picture Renderer::picture()
+{
+    const size_t pixels = size_t{settings_.width} * settings_.height;
+    return {settings_.width, settings_.height, pixels_.words(pixels)};
+}
+
+std::vector<uint32_t> Renderer::countPixels()
+{
+    if (!countingPipeline_)
+        countingPipeline_ = makePipeline(true);
+    device_.submit([this](VkCommandBuffer commands) { record(commands, *countingPipeline_); });
+    const size_t pixels = size_t{settings_.width} * settings_.height;
+    return counts_.words(2 * pixels);
+}
+
+CandidateCount Renderer::count()
+{
+    const std::vector<uint32_t> counts = countPixels();
+    CandidateCount sum;
+    for (size_t i = 0; i < counts.size(); i += 2) {
+        sum.candidates += counts[i];
+        sum.rays += counts[i + 1];
+    }
+    return sum;
+}
+
+std::vector<float> Renderer::candidatesPerPixel()
+{
+    const std::vector<uint32_t> counts = countPixels();
+    std::vector<float> values;
+    for (size_t i = 0; i < counts.size(); i += 2)
+        values.push_back(static_cast<float>(counts[i]) / static_cast<float>(settings_.samples));
+    return values;
+}
+
+} // namespace vellum::render

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene on a device: acceleration structures, and the micromaps that they refer to.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "render/render_scene.h"
+#include "gpu/scene.h"
+#include "gpu/timer.h"
+
+namespace vellum::render
+{
+
+// A micromap on the device, for the geometry whose triangles its indices are for.
+class DeviceMicromap
+{
+public:
+    // Uploads it. `micromap` must be valid; where it has nothing but special indices there is no micromap object.
+    DeviceMicromap(gpu::Device &device, const Micromap &micromap);
+
+    // Builds it. Returns how long that took, by the clock from its recording to its end.
+    gpu::Milliseconds build();
+    // Valid as long as this lives.
+    [[nodiscard]] gpu::Attachment attachment() const;
+    // Bytes of the micromap and of its indices.
+    [[nodiscard]] VkDeviceSize bytes() const;
+    // Frees what the build read.
+    void forgetInput();
+
+private:
+    gpu::Device &device_;
+    std::unique_ptr<gpu::Micromap> micromap_;
+    std::vector<int32_t> indices_;
+    uint32_t base_;
+};
+
+// The scene to trace: a bottom level for each mesh, one for the ground, and a top level with the instances of all
+// copies.
+class World
+{
+public:
+    // `micromaps`: none, or one for each geometry of the scene (null for geometries without).
+    World(gpu::Device &device, const RenderScene &scene, std::span<const Micromap *const> micromaps);
+
+    [[nodiscard]] VkAccelerationStructureKHR top() const { return top_->handle(); }
+    [[nodiscard]] VkDeviceSize micromapBytes() const;
+    // Bytes of the acceleration structures.
+    [[nodiscard]] VkDeviceSize structureBytes() const;
+
+private:
+    std::unique_ptr<gpu::Blas> buildBottom(gpu::Device &device, std::span<const Geometry> geometries,
+                                           const Scene *materials, std::span<const Micromap *const> micromaps);
+    void buildTop(const RenderScene &scene);
+
+    std::vector<std::unique_ptr<DeviceMicromap>> micromaps_;
+    std::vector<std::unique_ptr<gpu::Blas>> meshes_;
+    std::unique_ptr<gpu::Blas> ground_;
+    std::unique_ptr<gpu::Tlas> top_;
+};
+
+} // namespace vellum::render
