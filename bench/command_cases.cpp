@@ -239,28 +239,33 @@ void addFrame(std::vector<CommandCase> &cases)
 // By addresses with the layer, by buffers without.
 void addAddressCommands(std::vector<CommandCase> &cases)
 {
+    constexpr VkAddressCommandFlagsKHR kStorage = VK_ADDRESS_COMMAND_STORAGE_BUFFER_USAGE_BIT_KHR; // of the buffers
     cases.push_back({"vkCmdCopyMemoryKHR / vkCmdCopyBuffer", times([](Side side, Commands commands, Count) {
                          if (!side.vk.CmdCopyMemoryKHR) {
                              const VkBufferCopy region{0, 0, 64};
                              return side.vk.CmdCopyBuffer(commands, side.buffer.buffer, side.other.buffer, 1, &region);
                          }
-                         const auto region = vkInit<VkDeviceMemoryCopyKHR>(
-                             {.srcRange = {side.buffer.address, 64}, .dstRange = {side.other.address, 64}});
+                         const auto region = vkInit<VkDeviceMemoryCopyKHR>({.srcRange = {side.buffer.address, 64},
+                                                                            .srcFlags = kStorage,
+                                                                            .dstRange = {side.other.address, 64},
+                                                                            .dstFlags = kStorage});
                          const auto info = vkInit<VkCopyDeviceMemoryInfoKHR>({.regionCount = 1, .pRegions = &region});
                          side.vk.CmdCopyMemoryKHR(commands, &info);
                      })});
-    cases.push_back(
-        {"vkCmdDispatchIndirect2KHR / ...Indirect", times([](Side side, Commands commands, Count) {
-             if (!side.vk.CmdDispatchIndirect2KHR)
-                 return side.vk.CmdDispatchIndirect(commands, side.buffer.buffer, 0);
-             const auto info = vkInit<VkDispatchIndirect2InfoKHR>({.addressRange = {side.buffer.address, 12}});
-             side.vk.CmdDispatchIndirect2KHR(commands, &info);
-         })});
+    cases.push_back({"vkCmdDispatchIndirect2KHR / ...Indirect", times([](Side side, Commands commands, Count) {
+                         if (!side.vk.CmdDispatchIndirect2KHR)
+                             return side.vk.CmdDispatchIndirect(commands, side.buffer.buffer, 0);
+                         const auto info = vkInit<VkDispatchIndirect2InfoKHR>(
+                             {.addressRange = {side.buffer.address, 12}, .addressFlags = kStorage});
+                         side.vk.CmdDispatchIndirect2KHR(commands, &info);
+                     })});
     cases.push_back({"vkCmdBindIndexBuffer3KHR / ...Buffer", times([](Side side, Commands commands, Count) {
                          if (!side.vk.CmdBindIndexBuffer3KHR)
                              return side.vk.CmdBindIndexBuffer(commands, side.buffer.buffer, 0, VK_INDEX_TYPE_UINT32);
-                         const auto info = vkInit<VkBindIndexBuffer3InfoKHR>(
-                             {.addressRange = {side.buffer.address, 65536}, .indexType = VK_INDEX_TYPE_UINT32});
+                         const auto info =
+                             vkInit<VkBindIndexBuffer3InfoKHR>({.addressRange = {side.buffer.address, 65536},
+                                                                .addressFlags = kStorage,
+                                                                .indexType = VK_INDEX_TYPE_UINT32});
                          side.vk.CmdBindIndexBuffer3KHR(commands, &info);
                      })});
 }

@@ -7,11 +7,9 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
-#include <delayimp.h> // after windows.h
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <io.h>
-#include <shellapi.h>
 #include <utility>
 #include <vulkan/vulkan_core.h>
 #include <windows.h>
@@ -19,6 +17,9 @@
 #include "base/error.h"
 #include "base/windows_text.h"
 #include "core/elevation_windows.h"
+
+#include <delayimp.h> // after windows.h
+#include <shellapi.h>
 
 namespace vellum
 {

@@ -351,6 +351,37 @@ TEST(ReporterTest, ToleratesUnlessStrict)
     EXPECT_EQ(texts, "warning: VELLUM-a: one; the layer goes on\nerror: VELLUM-a: two\n");
 }
 
+// Whoever validates a program that has no messenger sees what is found.
+TEST_F(SettingsTest, ValidationPrintsWhereNobodyListens)
+{
+    const auto prints = [this](const std::map<std::string, const char *> &variables, bool messenger = false) {
+        for (const char *name : {"VELLUM_REPORT", "VELLUM_REPORT_FILE", "VELLUM_VALIDATE"})
+            set(name, variables.contains(name) ? variables.at(name) : nullptr);
+        Reporter report;
+        report.apply(readSettings(nullptr));
+        std::string texts;
+        VkDebugUtilsMessengerCreateInfoEXT info{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
+        info.pfnUserCallback = remember;
+        info.pUserData = &texts;
+        if (messenger)
+            report.addMessenger(VK_NULL_HANDLE, info);
+        testing::internal::CaptureStderr();
+        report.error("VELLUM-a", "one");
+        report.warning("VELLUM-b", "two");
+        report.info("VELLUM-c", "three");
+        return testing::internal::GetCapturedStderr();
+    };
+    const std::string file = (folder_ / "messages").string();
+    const std::string found = "vellum: VELLUM-a: one\nvellum: VELLUM-b: two\n";
+    EXPECT_EQ(prints({}), "");
+    EXPECT_EQ(prints({{"VELLUM_VALIDATE", "core"}}), found);
+    EXPECT_EQ(prints({{"VELLUM_VALIDATE", "none"}}), "");
+    EXPECT_EQ(prints({{"VELLUM_VALIDATE", "core"}}, true), "");
+    EXPECT_EQ(prints({{"VELLUM_VALIDATE", "core"}, {"VELLUM_REPORT", "none"}}), "");
+    EXPECT_EQ(prints({{"VELLUM_VALIDATE", "core"}, {"VELLUM_REPORT", "warning"}}, true), found);
+    EXPECT_EQ(prints({{"VELLUM_VALIDATE", "core"}, {"VELLUM_REPORT_FILE", file.c_str()}}), "");
+}
+
 // What is covered is so once, whether the device found it or not: it must not hide a later fault.
 TEST(CoveredIdsTest, AreTakenTogether)
 {

@@ -76,7 +76,8 @@ Step input(Range range)
 Barrier barrierOf(VkPipelineStageFlags2 from, VkAccessFlags2 fromAccess, VkPipelineStageFlags2 to,
                   VkAccessFlags2 toAccess, Range range)
 {
-    return {firstScope(from, fromAccess), secondScope(to, toAccess), range};
+    const std::vector<Range> ranges(range == kAllMemory ? 0 : 1, range);
+    return {firstScope(from, fromAccess), secondScope(to, toAccess), ranges};
 }
 Step barrier(VkPipelineStageFlags2 from, VkAccessFlags2 fromAccess, VkPipelineStageFlags2 to, VkAccessFlags2 toAccess,
              Range range = kAllMemory, QueueKey queue = 1)

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Validation's state of the application's objects, above an implementation that does nothing: what it keeps after
 // failures, what it gives back, and what commands cost.
+#include <atomic>
+#include <chrono>
+#include <future>
 #include <map>
 #include <new>
 #include <random>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -215,6 +219,85 @@ TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
 
 // A wait for an event has nothing to do with what set another event of the same handle, or this one before the host
 // did.
+// A submission that blocks in the driver until another thread signals it.
+class BlockingSubmission : public ValidationState
+{
+protected:
+    BlockingSubmission()
+    {
+        blocking = this;
+        device.next.QueueSubmit = [](VkQueue queue, uint32_t, const VkSubmitInfo *, VkFence) {
+            if (queue != handle<VkQueue>(1))
+                return VK_SUCCESS;
+            blocking->begun_.set_value();
+            blocking->wasSignaled =
+                blocking->signal_.get_future().wait_for(std::chrono::seconds(10)) == std::future_status::ready;
+            return VK_SUCCESS;
+        };
+        device.next.WaitSemaphores = [](VkDevice, const VkSemaphoreWaitInfo *, uint64_t) { return VK_SUCCESS; };
+        device.next.SignalSemaphore = [](VkDevice, const VkSemaphoreSignalInfo *) {
+            blocking->signal_.set_value();
+            return VK_SUCCESS;
+        };
+    }
+    // Submits to the queue in whose submissions the driver blocks.
+    std::thread submit(const VkSubmitInfo &info)
+    {
+        std::thread thread([this, &info] { validation::queueSubmit(device, handle<VkQueue>(1), 1, &info, {}); });
+        begun_.get_future().wait();
+        return thread;
+    }
+    void signal()
+    {
+        const VkSemaphoreSignalInfo info{VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO, nullptr, handle<VkSemaphore>(2), 1};
+        validation::signalSemaphore(device, {}, &info);
+    }
+
+    std::atomic<bool> wasSignaled = false;
+
+private:
+    static inline BlockingSubmission *blocking = nullptr;
+    std::promise<void> begun_, signal_;
+};
+
+TEST_F(BlockingSubmission, LetsOthersWaitAndSignal)
+{
+    const VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+    std::thread thread = submit(info);
+    const auto semaphore = handle<VkSemaphore>(3);
+    const uint64_t value = 1;
+    VkSemaphoreWaitInfo wait{VK_STRUCTURE_TYPE_SEMAPHORE_WAIT_INFO};
+    wait.semaphoreCount = 1;
+    wait.pSemaphores = &semaphore;
+    wait.pValues = &value;
+    EXPECT_EQ(validation::waitSemaphores(device, {}, &wait, 0), VK_SUCCESS);
+    signal();
+    thread.join();
+    EXPECT_TRUE(wasSignaled);
+}
+
+// Nothing is known of the order of submissions that overtake each other.
+TEST_F(BlockingSubmission, IsNotOrderedWithThoseThatOvertakeIt)
+{
+    const std::vector<VkCommandBuffer> buffers = allocate(makePool(), 3);
+    std::map<VkCommandBuffer, bool> ordered;
+    std::vector<VkSubmitInfo> infos(3, VkSubmitInfo{VK_STRUCTURE_TYPE_SUBMIT_INFO});
+    for (size_t i = 0; i < 3; ++i) {
+        infos[i].commandBufferCount = 1;
+        infos[i].pCommandBuffers = &buffers[i];
+        device.logs.add(buffers[i], [&ordered, buffer = buffers[i]](const Submission &submission) {
+            ordered[buffer] = submission.ordered;
+        });
+    }
+    std::thread thread = submit(infos[0]);
+    validation::queueSubmit(device, handle<VkQueue>(2), 1, &infos[1], {});
+    signal();
+    thread.join();
+    validation::queueSubmit(device, handle<VkQueue>(2), 1, &infos[2], {});
+    EXPECT_TRUE(wasSignaled);
+    EXPECT_EQ(ordered, (std::map<VkCommandBuffer, bool>{{buffers[0], false}, {buffers[1], false}, {buffers[2], true}}));
+}
+
 TEST_F(ValidationState, EventsAreForgotten)
 {
     device.next.SetEvent = [](VkDevice, VkEvent) { return answer; };
@@ -463,8 +546,8 @@ protected:
     ImageRows()
     {
         device.next.CmdCopyImageToMemoryKHR = [](VkCommandBuffer, const VkCopyDeviceMemoryImageInfoKHR *) {};
-        device.objects.images.set(image_,
-                          std::make_shared<const ValidatedImage>(ValidatedImage{VK_FORMAT_R8_UNORM, 0, UINT32_MAX}));
+        device.objects.images.set(
+            image_, std::make_shared<const ValidatedImage>(ValidatedImage{VK_FORMAT_R8_UNORM, 0, UINT32_MAX}));
         addBuffer(kMemory, kBytes);
     }
     static VkDeviceMemoryImageCopyKHR region(VkDeviceSize offset, uint32_t rowLength, VkExtent3D extent)

@@ -183,8 +183,6 @@ void Reporter::sendLimited(VkDebugUtilsMessageSeverityFlagBitsEXT severity, cons
 void Reporter::sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
                        VkObjectType type, uint64_t object)
 {
-    if (levelOf(severity) <= level_)
-        std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
     std::vector<Messenger> messengers;
     std::string objectName;
     {
@@ -194,6 +192,8 @@ void Reporter::sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const st
         if (const auto it = names_.find(object); it != names_.end())
             objectName = it->second;
     }
+    if (levelOf(severity) <= (messengers.empty() ? levelAlone_ : level_))
+        std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
     VkDebugUtilsObjectNameInfoEXT name{VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT, nullptr, type, object,
                                        objectName.empty() ? nullptr : objectName.c_str()};
     VkDebugUtilsMessengerCallbackDataEXT data{};

@@ -24,6 +24,7 @@ public:
     void apply(const Settings &settings)
     {
         level_ = settings.report;
+        levelAlone_ = settings.reportFile.empty() ? settings.reportAlone() : settings.report;
         strict_ = settings.strict;
         file_ = settings.reportFile;
         limit_ = settings.messageLimit;
@@ -89,7 +90,8 @@ private:
     void sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
                  VkObjectType type, uint64_t object);
 
-    ReportLevel level_ = ReportLevel::None;
+    ReportLevel level_ = ReportLevel::None;      // on stderr
+    ReportLevel levelAlone_ = ReportLevel::None; // the same while there is no messenger
     bool strict_ = false;
     std::string file_;   // that messages are appended to; empty: none
     uint32_t limit_ = 0; // of messages with the same id; 0: none

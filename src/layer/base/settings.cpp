@@ -113,14 +113,17 @@ struct Given {
     [[nodiscard]] std::string is(const std::string &found) const { return key + " is " + found + " (" + origin + ")"; }
 };
 
+// Returns whether the value is one.
 template <typename Value, size_t count>
-void assign(Value &setting, const std::pair<const char *, Value> (&values)[count], const Given &given,
+bool assign(Value &setting, const std::pair<const char *, Value> (&values)[count], const Given &given,
             const char *expected)
 {
-    if (const std::optional<Value> value = named(values, given.value))
+    const std::optional<Value> value = named(values, given.value);
+    if (value)
         setting = *value;
     else
         reportOnce(given.is("\"" + given.value + "\"") + " and must be " + expected + "; the setting is ignored");
+    return value.has_value();
 }
 
 // Names with commas; or all, none, or a boolean for these.
@@ -177,7 +180,7 @@ void apply(Settings &settings, const Row &row, const Given &given)
     else if (given.value.empty())
         return;
     else if (const auto *level = std::get_if<ReportLevel Settings::*>(&row.member))
-        assign(settings.**level, kLevels, given, "error, warning, info or none");
+        settings.reportIsGiven |= assign(settings.**level, kLevels, given, "error, warning, info or none");
     else if (const auto *preferred = std::get_if<Preferred Settings::*>(&row.member))
         assign(settings.**preferred, kImplementations, given, "auto, driver, ext or emulated");
     else if (const auto *checks = std::get_if<Checks Settings::*>(&row.member))

@@ -38,6 +38,13 @@ struct Settings {
 #define VELLUM_MEMBER(key, member, type, initial, label, description) type member = initial;
     VELLUM_SETTINGS(VELLUM_MEMBER)
 #undef VELLUM_MEMBER
+    bool reportIsGiven = false; // with any value
+
+    // Messages on stderr where nobody else gets them: with `validate`, unless `report` says otherwise.
+    [[nodiscard]] ReportLevel reportAlone() const
+    {
+        return reportIsGiven || !validate.any() ? report : ReportLevel::Warning;
+    }
 };
 
 // A limit of a device as a setting simulates it.

@@ -33,7 +33,8 @@
       "Who implements micromaps: the driver where it has them (auto), only the driver (driver), the driver's "         \
       "VK_EXT_opacity_micromap also for VK_KHR_opacity_micromap (ext), or the layer (emulated).")                      \
     X(report, report, ReportLevel, ReportLevel::None, "Messages on stderr",                                            \
-      "Print messages of this severity and above to stderr. VK_EXT_debug_utils messengers always get them.")           \
+      "Print messages of this severity and above to stderr. VK_EXT_debug_utils messengers always get them. If it is "  \
+      "not set, errors and warnings are printed while validate is on and there is no messenger.")                      \
     X(validate, validate, Checks, {}, "Validate",                                                                      \
       "Check the rules of the micromap and address extensions, whoever implements them: core, gpu, sync, several of "  \
       "them with commas, or all.")                                                                                     \

@@ -56,7 +56,7 @@ struct LastState {
     uint64_t changes = 0;
     CommandState *state = nullptr;
 };
-thread_local LastState last;
+thread_local LastState lastStates[2]; // by user
 
 } // namespace
 
@@ -99,11 +99,18 @@ void CommandStates::removePool(VkCommandPool pool)
         states_.take(commandBuffer);
 }
 
+void CommandStates::clear()
+{
+    while (!pools_.empty())
+        removePool(pools_.begin()->first);
+}
+
 // The application orders freeing a command buffer before reusing its handle, so a thread that uses the new command
 // buffer sees the changed count.
 CommandState *CommandStates::get(VkCommandBuffer commandBuffer) const
 {
     const uint64_t now = changes.load(std::memory_order_relaxed);
+    LastState &last = lastStates[static_cast<size_t>(user_)];
     if (last.commandBuffer == commandBuffer && last.changes == now && last.states == this)
         return last.state;
     CommandState *const state = states_.get(commandBuffer).get();
@@ -136,7 +143,7 @@ VkResult allocateCommandBuffers(DeviceCommandBuffers &device, VkDevice handle, c
         std::fill_n(buffers, info->commandBufferCount, VK_NULL_HANDLE);
     });
     for (uint32_t i = 0; i < info->commandBufferCount; ++i) {
-        auto state = std::make_shared<CommandState>(device.buffers.scratch);
+        auto state = device.states.makeState(device.buffers.scratch);
         state->pool = info->commandPool;
         state->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
         device.states.add(buffers[i], std::move(state));

@@ -57,16 +57,30 @@ struct CommandState {
 class CommandStates
 {
 public:
-    CommandStates() = default;
+    // A device has states for each of its users, which number themselves: each thread remembers a look-up of each.
+    enum class User : uint8_t { Layer, Validation };
+    using Make = std::shared_ptr<CommandState> (*)(MemoryPool &scratch);
+    // `make`: makes a state, or something derived from it.
+    CommandStates(User user, Make make) : user_(user), make_(make) {}
+    CommandStates()
+        : CommandStates(User::Layer, [](MemoryPool &scratch) { return std::make_shared<CommandState>(scratch); })
+    {
+    }
     ~CommandStates() { changed(); }
     CommandStates(const CommandStates &) = delete;
     CommandStates &operator=(const CommandStates &) = delete;
 
+    [[nodiscard]] std::shared_ptr<CommandState> makeState(MemoryPool &scratch) const { return make_(scratch); }
     void add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandState> state);
     void remove(VkCommandPool pool, VkCommandBuffer commandBuffer);
     void removePool(VkCommandPool pool); // with all command buffers in it
     // Null for a command buffer that the application did not allocate. Valid until the command buffer is freed.
     [[nodiscard]] CommandState *get(VkCommandBuffer commandBuffer) const;
+    [[nodiscard]] std::shared_ptr<CommandState> share(VkCommandBuffer commandBuffer) const
+    {
+        return states_.get(commandBuffer);
+    }
+    void clear();
     // Keeps what a command uses that is about to be recorded, for as long as the command exists.
     void keep(VkCommandBuffer commandBuffer, std::shared_ptr<const void> used) const;
     // Calls `use` with the state of each command buffer of a pool.
@@ -84,6 +98,8 @@ public:
 private:
     static void changed();
 
+    User user_;
+    Make make_;
     HandleMap<VkCommandBuffer, std::shared_ptr<CommandState>> states_;
     std::mutex poolsMutex_;
     std::unordered_map<VkCommandPool, std::unordered_set<VkCommandBuffer>> pools_;

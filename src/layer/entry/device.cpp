@@ -348,6 +348,7 @@ try {
     if (!validation)
         return;
     validation->facts = factsOf(added.driver, info_);
+    validation->buffers.gpu.importsHostMemory = added.buffers.gpu.importsHostMemory;
     added.validation = std::move(validation);
     if (!added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");

@@ -138,6 +138,24 @@ AddressMap::Location AddressMap::onlyCovering(VkDeviceAddress address, VkDeviceS
     return buffers == 1 ? location : Location{};
 }
 
+AddressMap::Only AddressMap::only(VkDeviceAddress address, VkDeviceSize size) const
+{
+    std::shared_lock lock(mutex_);
+    const VkDeviceAddress end = size > UINT64_MAX - address ? UINT64_MAX : address + size;
+    Only only;
+    for (auto it = ranges_.lower_bound(end); it != ranges_.begin();) {
+        --it;
+        if (it->second.reach <= address)
+            break;
+        if (it->second.end <= address)
+            continue;
+        if (only.buffer || it->first > address || it->second.end < end)
+            return {};
+        only = {it->second.buffer, it->second.usage};
+    }
+    return only;
+}
+
 std::vector<AddressMap::Location> AddressMap::within(VkDeviceAddress address, VkDeviceSize size) const
 {
     std::shared_lock lock(mutex_);

@@ -49,6 +49,12 @@ public:
     [[nodiscard]] Location covering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
     // The same, if no other buffer contains the range; otherwise null.
     [[nodiscard]] Location onlyCovering(VkDeviceAddress address, VkDeviceSize size, VkFlags64 usage) const;
+    // The buffer that contains the whole range, if no other buffer has a part of it; otherwise null.
+    struct Only {
+        VkBuffer buffer = VK_NULL_HANDLE;
+        VkFlags64 usage = 0;
+    };
+    [[nodiscard]] Only only(VkDeviceAddress address, VkDeviceSize size) const;
     // The parts of a range in every buffer: offset in the buffer, and bytes.
     [[nodiscard]] std::vector<Location> within(VkDeviceAddress address, VkDeviceSize size) const;
 

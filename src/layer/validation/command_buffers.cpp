@@ -29,9 +29,8 @@ VkResult createCommandPool(DeviceValidation &device, VkDevice handle, const VkCo
     const VkResult result = device.next.CreateCommandPool(handle, info, allocator, pool);
     if (result == VK_SUCCESS)
         remember([&] {
-            device.objects.poolFamilies.set(*pool, info->queueFamilyIndex);
-            if ((info->flags & VK_COMMAND_POOL_CREATE_PROTECTED_BIT) != 0)
-                device.objects.protectedPools.set(*pool, true);
+            const bool isProtected = (info->flags & VK_COMMAND_POOL_CREATE_PROTECTED_BIT) != 0;
+            device.objects.commandPools.set(*pool, {info->queueFamilyIndex, isProtected});
         });
     return result;
 }
@@ -39,9 +38,7 @@ VkResult createCommandPool(DeviceValidation &device, VkDevice handle, const VkCo
 void destroyCommandPool(DeviceValidation &device, VkDevice handle, VkCommandPool pool,
                         const VkAllocationCallbacks *allocator)
 {
-    device.logs.removePool(pool);
-    device.objects.poolFamilies.take(pool);
-    device.objects.protectedPools.take(pool);
+    device.objects.commandPools.take(pool);
     layer::destroyCommandPool(device.commands, handle, pool, allocator);
 }
 
@@ -57,21 +54,18 @@ VkResult allocateCommandBuffers(DeviceValidation &device, VkDevice handle, const
                                 VkCommandBuffer *buffers)
 {
     const VkResult result = layer::allocateCommandBuffers(device.commands, handle, info, buffers);
-    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i)
-        remember([&] {
-            auto log = std::make_shared<CommandLog>();
-            log->pool = info->commandPool;
-            log->family = device.objects.poolFamilies.get(info->commandPool);
-            log->secondary = info->level == VK_COMMAND_BUFFER_LEVEL_SECONDARY;
-            device.logs.add(buffers[i], std::move(log));
-        });
+    const ValidatedCommandPool pool = device.objects.commandPools.get(info->commandPool);
+    for (uint32_t i = 0; result == VK_SUCCESS && i < info->commandBufferCount; ++i) {
+        CommandLog &log = *device.logs.get(buffers[i]);
+        log.family = pool.family;
+        log.isProtected = pool.isProtected;
+    }
     return result;
 }
 
 void freeCommandBuffers(DeviceValidation &device, VkDevice handle, VkCommandPool pool, uint32_t count,
                         const VkCommandBuffer *buffers)
 {
-    device.logs.remove(pool, count, buffers);
     layer::freeCommandBuffers(device.commands, handle, pool, count, buffers);
 }
 
@@ -133,7 +127,7 @@ void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer,
                         const VkCommandBuffer *buffers)
 {
     for (uint32_t i = 0; i < count; ++i) {
-        device.logs.add(commandBuffer, [log = device.logs.get(buffers[i])](const Submission &submission) {
+        device.logs.add(commandBuffer, [log = device.logs.share(buffers[i])](const Submission &submission) {
             for (size_t s = 0; log && s < log->steps.size(); ++s)
                 log->steps[s](submission);
         });

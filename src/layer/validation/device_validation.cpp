@@ -7,7 +7,7 @@ namespace vellum::layer
 DeviceValidation::~DeviceValidation()
 {
     reportCompleted(*this, true);
-    logs.clear(); // they hold marks of `traces`
+    commands.states.clear(); // they hold marks of `traces`
 }
 
 std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleLimits &limits,

@@ -117,6 +117,8 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
         buffer->flags = info->flags;
         buffer->exclusive = info->sharingMode == VK_SHARING_MODE_EXCLUSIVE && !device.facts.maintenance9;
         device.objects.buffers.set(*result, buffer);
+        if ((info->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0)
+            device.objects.hasProtectedBuffers = true;
         if ((info->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) != 0)
             findAddress(device, *buffer); // such a buffer has one before it has memory
     });

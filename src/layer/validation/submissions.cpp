@@ -30,21 +30,21 @@ bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
            reached < value;
 }
 
-void execute(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer)
+void execute(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer, bool ordered)
 {
-    const auto log = device.logs.get(commandBuffer);
+    const CommandLog *log = device.logs.get(commandBuffer);
     if (!log)
         return;
     auto &waits = device.logs.waits[queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
-    const Submission submission{queue, device.objects.queueFamilies.get(queue), waits.empty()};
+    const Submission submission{queue, device.objects.queueFamilies.get(queue), ordered && waits.empty()};
     for (const CommandLog::Step &step : log->steps)
         step(submission);
 }
 
 // `commandBuffers`: gives the command buffer of a number.
 template <typename Submit, typename CommandBuffers>
-void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, uint32_t count,
+void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, bool ordered, uint32_t count,
                   CommandBuffers commandBuffers)
 {
     const std::vector<sync::SemaphoreUse> waits = sync::waitsOf(device.sync, batch);
@@ -52,11 +52,11 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, 
         if (use.value && isLater(device, use.semaphore, *use.value))
             device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
     }
-    sync::beginBatch(device.sync, queue, waits);
+    sync::beginBatch(device.sync, queue, waits, ordered);
     for (uint32_t c = 0; c < count; ++c)
-        execute(device, queue, commandBuffers(c));
+        execute(device, queue, commandBuffers(c), ordered);
     const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
-    sync::endBatch(device.sync, queue, signals);
+    sync::endBatch(device.sync, queue, signals, ordered);
     for (const sync::SemaphoreUse &use : signals) {
         if (use.value)
             device.logs.signals[use.semaphore] = *use.value;
@@ -69,13 +69,14 @@ VkResult submit(DeviceValidation &device, VkQueue queue, VkFence fence, Next nex
 {
     device.gpu.report(false);
     const HeldMessages held;
-    const std::lock_guard lock(device.logs.submissions);
+    SubmissionTurn turn(device.logs);
     const VkResult result = next();
+    const bool ordered = turn.await();
     if (result != VK_SUCCESS)
         return result;
     remember([&] {
-        execute();
-        sync::signalFence(device.sync, queue, fence);
+        execute(ordered);
+        sync::signalFence(device.sync, queue, fence, ordered);
     });
     return result;
 }
@@ -93,9 +94,9 @@ VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, co
 {
     return submit(
         device, queue, fence, [&] { return device.next.QueueSubmit(queue, count, submits, fence); },
-        [&] {
+        [&](bool ordered) {
             for (uint32_t i = 0; i < count; ++i)
-                executeBatch(device, queue, submits[i], submits[i].commandBufferCount,
+                executeBatch(device, queue, submits[i], ordered, submits[i].commandBufferCount,
                              [&](uint32_t c) { return submits[i].pCommandBuffers[c]; });
         });
 }
@@ -108,9 +109,9 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
         ranges::checkSubmission(device, command.element("pSubmits", i), submits[i]);
     return submit(
         device, queue, fence, [&] { return device.next.QueueSubmit2(queue, count, submits, fence); },
-        [&] {
+        [&](bool ordered) {
             for (uint32_t i = 0; i < count; ++i)
-                executeBatch(device, queue, submits[i], submits[i].commandBufferInfoCount,
+                executeBatch(device, queue, submits[i], ordered, submits[i].commandBufferInfoCount,
                              [&](uint32_t c) { return submits[i].pCommandBufferInfos[c].commandBuffer; });
         });
 }
@@ -231,8 +232,7 @@ void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore sem
 
 VkResult signalSemaphore(DeviceValidation &device, VkDevice handle, const VkSemaphoreSignalInfo *info)
 {
-    // Known before the driver signals it, as a host wait may end then. CommandLogs::submissions is not held: a
-    // submission may hold it in the driver until this signal.
+    // Known before the driver signals it, as a host wait may end then.
     remember([&] { device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value); });
     const VkResult result = device.next.SignalSemaphore(handle, info);
     if (result != VK_SUCCESS)

@@ -37,6 +37,19 @@ std::string kindOf(uint32_t levelAndFormat)
     return (levelAndFormat >> 16) == 1 ? "2-state" : "4-state";
 }
 
+// An index into a micromap, with a hint if the program seems to mean a special one: -1 to -4, or the -5 of clusters.
+std::string indexText(uint32_t index)
+{
+    const bool seemsSpecial =
+        index >= 0xfffffff0 || (index >= 0xfff0 && index <= 0xffff) || (index >= 0xfb && index <= 0xff);
+    if (!seemsSpecial)
+        return "index " + number(index);
+    char text[24];
+    std::snprintf(text, sizeof text, "index 0x%" PRIx32, index);
+    return text + std::string(" (special indices are 0xfffffffc to 0xffffffff, in shorter index types 0xfffc to 0xffff "
+                              "and 0xfc to 0xff; that of clusters is not for triangles)");
+}
+
 Rule levelRule(const GpuChecks &gpu, bool khr, uint32_t levelAndFormat)
 {
     const bool two = (levelAndFormat >> 16) == 1;
@@ -89,13 +102,13 @@ Rule geometryRule(const Finding &f, bool khr, const std::string &micromap)
     switch (f.what & kFindingMask) {
     case kFindingIndex:
         return {rule("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11575"),
-                "index " + number(f.value0) + " plus baseTriangle" + rest};
+                indexText(f.value0) + " plus baseTriangle" + rest};
     case kFindingNumber:
         return {rule("VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-geometry-11576"),
                 "its number plus baseTriangle" + rest};
     case kFindingNotSpecial:
         return {rule("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11578"),
-                "index " + number(f.value0) + " is not special, but there is no micromap"};
+                indexText(f.value0) + " is not special, but there is no micromap"};
     default:
         return {rule("VUID-vkCmdBuildAccelerationStructuresKHR-indexBuffer-11577"),
                 "its index is outside the buffer of indexBuffer, like those after it; the geometry has " +

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/model/command_log.h"
 
+#include <algorithm>
+#include <chrono>
+
 #include "layer/base/report.h"
 
 namespace vellum::layer
@@ -13,50 +16,6 @@ void CommandLog::reset()
     isRecording = isRendering = suspends = isSuspended = false;
 }
 
-void CommandLogs::add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandLog> log)
-{
-    const std::lock_guard lock(mutex_);
-    pools_[log->pool].insert(commandBuffer);
-    logs_.set(commandBuffer, std::move(log));
-}
-
-void CommandLogs::remove(VkCommandPool pool, uint32_t count, const VkCommandBuffer *commandBuffers)
-{
-    const std::lock_guard lock(mutex_);
-    const auto known = pools_.find(pool);
-    for (uint32_t i = 0; i < count; ++i) {
-        logs_.take(commandBuffers[i]);
-        if (known != pools_.end())
-            known->second.erase(commandBuffers[i]);
-    }
-}
-
-void CommandLogs::removePool(VkCommandPool pool)
-{
-    const std::lock_guard lock(mutex_);
-    const auto known = pools_.find(pool);
-    if (known == pools_.end())
-        return;
-    for (const VkCommandBuffer commandBuffer : known->second)
-        logs_.take(commandBuffer);
-    pools_.erase(known);
-}
-
-void CommandLogs::clear()
-{
-    while (!pools_.empty())
-        removePool(pools_.begin()->first);
-}
-
-void CommandLogs::resetPool(VkCommandPool pool)
-{
-    const std::lock_guard lock(mutex_);
-    if (const auto known = pools_.find(pool); known != pools_.end())
-        for (const VkCommandBuffer commandBuffer : known->second)
-            if (const auto log = get(commandBuffer))
-                log->reset();
-}
-
 void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
 {
     if (!commandBuffer) {
@@ -66,6 +25,47 @@ void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
     } else if (const auto log = get(commandBuffer)) {
         log->steps.push_back(std::move(step));
     }
+}
+
+bool CommandLogs::waitForEarlier(std::unique_lock<std::mutex> &lock, uint64_t turn)
+{
+    constexpr std::chrono::milliseconds kPatience{100};
+    const auto isOver = [&] {
+        return std::all_of(begun_.begin(), begun_.lower_bound(turn), [](const auto &other) { return other.second; });
+    };
+    known_.wait_for(lock, kPatience, isOver);
+    for (auto other = begun_.begin(); other != begun_.lower_bound(turn); ++other)
+        other->second = true;
+    return begun_.empty() || begun_.begin()->first >= turn;
+}
+
+void CommandLogs::settle()
+{
+    std::unique_lock lock(submissions);
+    waitForEarlier(lock, turns_ + 1);
+}
+
+SubmissionTurn::SubmissionTurn(CommandLogs &logs) : logs_(logs)
+{
+    const std::lock_guard lock(logs.submissions);
+    number_ = logs.turns_ + 1;
+    logs.begun_[number_] = false;
+    logs.turns_ = number_;
+}
+
+SubmissionTurn::~SubmissionTurn()
+{
+    if (!lock_.owns_lock())
+        lock_ = std::unique_lock(logs_.submissions);
+    logs_.begun_.erase(number_);
+    logs_.known_.notify_all();
+}
+
+bool SubmissionTurn::await()
+{
+    lock_ = std::unique_lock(logs_.submissions);
+    const bool first = logs_.waitForEarlier(lock_, number_);
+    return first && !logs_.begun_[number_];
 }
 
 } // namespace vellum::layer

@@ -4,19 +4,18 @@
 // of the submissions.
 #pragma once
 
+#include <condition_variable>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <unordered_map>
-#include <unordered_set>
 #include <vector>
 
 #include <vulkan/vulkan.h>
 
-#include "layer/base/handle_map.h"
+#include "layer/command_buffer/command_state.h"
 #include "layer/validation/model/descriptors.h"
-#include "vk/newer.h"
 
 namespace vellum::layer
 {
@@ -47,12 +46,12 @@ struct Submission {
     bool ordered = true;
 };
 
-struct CommandLog {
+struct CommandLog : CommandState {
     using Step = std::function<void(const Submission &)>;
+    using CommandState::CommandState;
 
-    VkCommandPool pool = VK_NULL_HANDLE;
     uint32_t family = 0;
-    bool secondary = false;
+    bool isProtected = false;
     bool isRecording = false;
     bool isRendering = false; // inside a render pass instance
     bool suspends = false;    // that will be suspended
@@ -67,34 +66,71 @@ struct CommandLog {
 class CommandLogs
 {
 public:
-    // The log of a command buffer; null for one that the application did not allocate.
-    [[nodiscard]] std::shared_ptr<CommandLog> get(VkCommandBuffer commandBuffer) const
+    // `states`: those that makeStates() made.
+    explicit CommandLogs(CommandStates &states) : states_(states) {}
+    static CommandStates makeStates()
     {
-        return logs_.get(commandBuffer);
+        return {CommandStates::User::Validation, [](MemoryPool &scratch) -> std::shared_ptr<CommandState> {
+                    return std::make_shared<CommandLog>(scratch);
+                }};
     }
-    void add(VkCommandBuffer commandBuffer, std::shared_ptr<CommandLog> log);
-    void remove(VkCommandPool pool, uint32_t count, const VkCommandBuffer *commandBuffers);
-    void removePool(VkCommandPool pool);
-    void clear();
-    void resetPool(VkCommandPool pool);
+
+    // The log of a command buffer; null for one that the application did not allocate. Valid until it is freed.
+    [[nodiscard]] CommandLog *get(VkCommandBuffer commandBuffer) const
+    {
+        return static_cast<CommandLog *>(states_.get(commandBuffer));
+    }
+    [[nodiscard]] std::shared_ptr<CommandLog> share(VkCommandBuffer commandBuffer) const
+    {
+        return std::static_pointer_cast<CommandLog>(states_.share(commandBuffer));
+    }
+    void resetPool(VkCommandPool pool)
+    {
+        states_.forPool(pool, [](CommandState &state) { static_cast<CommandLog &>(state).reset(); });
+    }
     // Adds a step to the log. Its check or effect happens when the command buffer is submitted; without one, that is
     // for host commands, at once.
     void add(VkCommandBuffer commandBuffer, CommandLog::Step step);
 
-    // Held while work is submitted and its steps run: those of several queues change the same structures, and what a
-    // submission signals is known before the host learns that it was signaled.
+    // Held while the steps of submissions run: those of several queues change the same structures. The driver is given
+    // work without it, because it may block until another thread signals what the work waits for.
     std::mutex submissions;
-    // Waits until submissions that have begun are known.
-    void settle() { const std::lock_guard lock(submissions); }
+    // Waits until submissions that have begun are known: the host may learn that one is complete before that. One that
+    // blocks is overtaken.
+    void settle();
     // Of timeline semaphores the largest value that a submission or the host signals; of queues what they wait for
     // before it is submitted.
     std::unordered_map<uint64_t, uint64_t> signals;
     std::unordered_map<VkQueue, std::vector<std::pair<uint64_t, uint64_t>>> waits;
 
 private:
-    HandleMap<VkCommandBuffer, std::shared_ptr<CommandLog>> logs_;
-    std::mutex mutex_; // guards what is below
-    std::unordered_map<VkCommandPool, std::unordered_set<VkCommandBuffer>> pools_;
+    friend class SubmissionTurn;
+    // Waits until those before a turn are known, or have been overtaken. Returns whether all are known.
+    bool waitForEarlier(std::unique_lock<std::mutex> &lock, uint64_t turn);
+
+    CommandStates &states_;
+    // Guarded by `submissions`:
+    uint64_t turns_ = 0;
+    std::map<uint64_t, bool> begun_; // by turn, those that the driver has not returned from; whether one is overtaken
+    std::condition_variable known_;
+};
+
+// The turn of a submission among those of all queues, taken before the driver gets it. Its destructor ends it.
+class SubmissionTurn
+{
+public:
+    explicit SubmissionTurn(CommandLogs &logs);
+    ~SubmissionTurn();
+    SubmissionTurn(const SubmissionTurn &) = delete;
+    SubmissionTurn &operator=(const SubmissionTurn &) = delete;
+    // After the driver's command: locks CommandLogs::submissions until the end. False: the order in which the driver
+    // got this one and others is not known.
+    [[nodiscard]] bool await();
+
+private:
+    CommandLogs &logs_;
+    uint64_t number_;
+    std::unique_lock<std::mutex> lock_;
 };
 
 } // namespace vellum::layer

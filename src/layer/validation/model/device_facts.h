@@ -39,7 +39,7 @@ struct DeviceFacts {
     bool structureCaptureReplay = false;
     bool addressMultiDevice = false;
 
-    bool isGroup = false; // of several physical devices
+    bool isGroup = false;                 // of several physical devices
     VkShaderStageFlags storingStages = 0; // whose shaders may write to memory
 
     bool protectedNoFault = false;

@@ -28,14 +28,14 @@ struct DeviceModel {
     // The subsystems below, once more: for validation's own work on the GPU.
     DeviceBuffers buffers{driver};
     DeviceState state{driver, buffers};
-    DeviceCommandBuffers commands{driver, buffers, state};
+    DeviceCommandBuffers commands{driver, buffers, state, {}, CommandLogs::makeStates()};
     MemoryPool captureMemory{buffers.gpu, 16,
                              [](const GpuContext &) { return VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT}; },
                              GpuBuffer::Content::Undefined};
     StructureRecords records{}; // without the check `gpu` it has none
 
     ValidatedObjects objects{};
-    CommandLogs logs{};
+    CommandLogs logs{commands.states};
     std::atomic<uint64_t> numbers{0}; // of structures
 
     // Reports the violation of a rule. `vuid`: as the specification names it; for a rule without one, an

@@ -185,20 +185,25 @@ struct ValidatedPipelines {
     HandleMap<VkPipeline, std::optional<VkFlags64>> libraries; // their flags
 };
 
+struct ValidatedCommandPool {
+    uint32_t family = 0;
+    bool isProtected = false;
+};
+
 struct ValidatedObjects {
     StructuresByMemory byMemory;
     StructuresByReference byReference;
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
     HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;
+    std::atomic<bool> hasProtectedBuffers = false;
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<ValidatedStructure>> structures;
     HandleMap<VkMicromapEXT, std::shared_ptr<ValidatedStructure>> micromaps;
     HandleMap<VkImage, std::shared_ptr<const ValidatedImage>> images;
     ValidatedPipelines pipelines;
     DescriptorTracker descriptors;
     HandleMap<VkQueue, uint32_t> queueFamilies;
-    HandleMap<VkCommandPool, uint32_t> poolFamilies;
-    HandleMap<VkCommandPool, bool> protectedPools;
+    HandleMap<VkCommandPool, ValidatedCommandPool> commandPools;
 };
 
 // Keeps what validation knows of an object or a submission after the implementation has made it, when nothing may fail

@@ -79,12 +79,22 @@ void checkScope(DeviceModel &device, const Place &barrier, VkPipelineStageFlags2
     checkStage(device, barrier.member(rules.stages), stages, rules.feature, commandBuffer);
 }
 
+// Whether one half of a barrier may break a rule.
+bool mayBreak(VkPipelineStageFlags2 stages, VkAccessFlags2 accesses)
+{
+    constexpr VkAccessFlags2 kMicromaps = VK_ACCESS_2_MICROMAP_WRITE_BIT_EXT | VK_ACCESS_2_MICROMAP_READ_BIT_EXT;
+    return (stages & kMicromapBuild) != 0 || (accesses & kMicromaps) != 0 ||
+           ((accesses & VK_ACCESS_2_SHADER_READ_BIT) != 0 && (stages & (kShaderStages | kOtherStages)) == 0);
+}
+
 template <typename Barrier>
 void checkScopes(DeviceModel &device, const Place &place, const Barrier &barrier, const BarrierRules &rules,
                  VkCommandBuffer commandBuffer)
 {
-    checkScope(device, place, barrier.srcStageMask, barrier.srcAccessMask, rules.source, commandBuffer);
-    checkScope(device, place, barrier.dstStageMask, barrier.dstAccessMask, rules.target, commandBuffer);
+    if (mayBreak(barrier.srcStageMask, barrier.srcAccessMask))
+        checkScope(device, place, barrier.srcStageMask, barrier.srcAccessMask, rules.source, commandBuffer);
+    if (mayBreak(barrier.dstStageMask, barrier.dstAccessMask))
+        checkScope(device, place, barrier.dstStageMask, barrier.dstAccessMask, rules.target, commandBuffer);
 }
 
 bool isFamily(const DeviceModel &device, uint32_t family)

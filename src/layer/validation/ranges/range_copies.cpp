@@ -22,10 +22,11 @@ struct MemoryRange {
     }
 };
 
-MemoryRange memoryOf(const DeviceModel &device, const VkDeviceAddressRangeKHR &range)
+// `handle`: null if the buffer is not known.
+MemoryRange memoryOf(const DeviceModel &device, const VkDeviceAddressRangeKHR &range, VkBuffer handle)
 {
     MemoryRange result{VK_NULL_HANDLE, range.address, range.address + range.size};
-    const auto buffer = bufferAt(device, range.address);
+    const auto buffer = handle ? device.objects.buffers.get(handle) : bufferAt(device, range.address);
     if (buffer && buffer->memory) {
         result.memory = buffer->memory;
         result.begin = range.address - buffer->address + buffer->memoryOffset;
@@ -34,20 +35,16 @@ MemoryRange memoryOf(const DeviceModel &device, const VkDeviceAddressRangeKHR &r
     return result;
 }
 
+// A range of a copy.
+struct Part {
+    MemoryRange at;
+    uint32_t region;
+    const char *member;
+};
+
 // Of each source, the first range of the command that it overlaps.
-void checkOverlap(const DeviceModel &device, const RangeCheck &ranges, const Place &info,
-                  const VkCopyDeviceMemoryInfoKHR &copy)
+void checkOverlap(const RangeCheck &ranges, const Place &info, std::vector<Part> parts)
 {
-    struct Part {
-        MemoryRange at;
-        uint32_t region;
-        const char *member;
-    };
-    std::vector<Part> parts;
-    for (uint32_t i = 0; i < copy.regionCount; ++i) {
-        parts.push_back({memoryOf(device, copy.pRegions[i].srcRange), i, "srcRange"});
-        parts.push_back({memoryOf(device, copy.pRegions[i].dstRange), i, "dstRange"});
-    }
     std::erase_if(parts, [](const Part &part) { return part.at.begin == part.at.end; });
     std::ranges::sort(parts, {}, [](const Part &part) { return std::tuple(part.at.memory, part.at.begin); });
     for (size_t p = 0; p < parts.size(); ++p) {
@@ -73,13 +70,15 @@ void checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyD
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdCopyMemoryKHR");
     const Place info = command.member("pCopyMemoryInfo");
+    std::vector<Part> parts;
+    parts.reserve(size_t{copy.regionCount} * 2);
     for (uint32_t i = 0; i < copy.regionCount; ++i) {
         const VkDeviceMemoryCopyKHR &region = copy.pRegions[i];
         const Place place = info.element("pRegions", i);
-        ranges.check(
+        const VkBuffer source = ranges.check(
             place, region.srcRange, region.srcFlags, flag_rules::kCopySource,
             {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageRule = "VUID-VkDeviceMemoryCopyKHR-srcRange-13017"});
-        ranges.check(
+        const VkBuffer target = ranges.check(
             place, region.dstRange, region.dstFlags, flag_rules::kCopyTarget,
             {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT, .usageRule = "VUID-VkDeviceMemoryCopyKHR-dstRange-13018"});
         if (region.dstRange.size < region.srcRange.size)
@@ -90,8 +89,10 @@ void checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyD
                                nullptr);
         ranges.checkProtection(place, "dstFlags", region.dstFlags, "VUID-vkCmdCopyMemoryKHR-commandBuffer-13013",
                                "VUID-vkCmdCopyMemoryKHR-commandBuffer-13014");
+        parts.push_back({memoryOf(device, region.srcRange, source), i, "srcRange"});
+        parts.push_back({memoryOf(device, region.dstRange, target), i, "dstRange"});
     }
-    checkOverlap(device, ranges, info, copy);
+    checkOverlap(ranges, info, std::move(parts));
 }
 
 void checkUpdate(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,

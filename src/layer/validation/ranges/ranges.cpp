@@ -10,24 +10,20 @@ namespace vellum::layer
 namespace
 {
 
-// The two flags about one usage of buffers, and the rules about both.
+// The two flags about one usage of buffers, and the ids of the rules about both.
 struct UsageFlags {
     VkBufferUsageFlags usage;
     VkAddressCommandFlagsKHR has, unknown;
     const char *name;
-    const char *both, *missing, *wrong; // ids
+    const char *RangeFlagRules::*both, *RangeFlagRules::*missing, *RangeFlagRules::*wrong;
 };
-
-std::vector<UsageFlags> usageFlagsOf(const RangeFlagRules &rules)
-{
-    return {{VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, VK_ADDRESS_COMMAND_STORAGE_BUFFER_USAGE_BIT_KHR,
-             VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR, "STORAGE_BUFFER_USAGE", rules.bothStorage,
-             rules.storage, rules.noStorage},
-            {VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT,
-             VK_ADDRESS_COMMAND_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR,
-             VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR, "TRANSFORM_FEEDBACK_BUFFER_USAGE",
-             rules.bothFeedback, rules.feedback, rules.noFeedback}};
-}
+constexpr UsageFlags kUsageFlags[] = {
+    {VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, VK_ADDRESS_COMMAND_STORAGE_BUFFER_USAGE_BIT_KHR,
+     VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR, "STORAGE_BUFFER_USAGE", &RangeFlagRules::bothStorage,
+     &RangeFlagRules::storage, &RangeFlagRules::noStorage},
+    {VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT, VK_ADDRESS_COMMAND_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR,
+     VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR, "TRANSFORM_FEEDBACK_BUFFER_USAGE",
+     &RangeFlagRules::bothFeedback, &RangeFlagRules::feedback, &RangeFlagRules::noFeedback}};
 
 std::string hex(uint64_t value)
 {
@@ -43,6 +39,22 @@ std::string textOf(const VkDeviceAddressRangeKHR &range)
     return hex(range.address) + " + " + std::to_string(range.size) + " bytes";
 }
 
+VkBuffer RangeCheck::soundBuffer(const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                                 const RangeNeed &need) const
+{
+    if (range.size < need.least || range.address == 0 || range.address % need.alignment != 0 ||
+        (flags & (VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR | VK_ADDRESS_COMMAND_FULLY_BOUND_BIT_KHR)) != 0 ||
+        device_.objects.hasProtectedBuffers)
+        return VK_NULL_HANDLE;
+    const AddressMap::Only only = device_.buffers.addresses.only(range.address, range.size);
+    const bool sound =
+        (only.usage & need.usage) == need.usage && std::ranges::all_of(kUsageFlags, [&](const UsageFlags &usage) {
+            const bool has = (flags & usage.has) != 0;
+            return (flags & usage.unknown) != 0 ? !has : has == ((only.usage & usage.usage) != 0);
+        });
+    return sound ? only.buffer : VK_NULL_HANDLE;
+}
+
 void RangeCheck::fault(const Place &place, const char *vuid, const std::string &text) const
 {
     device_.fault(place, vuid, text, commandBuffer_ ? ObjectHandle(commandBuffer_) : ObjectHandle());
@@ -51,7 +63,7 @@ void RangeCheck::fault(const Place &place, const char *vuid, const std::string &
 bool RangeCheck::isProtected() const
 {
     const auto log = device_.logs.get(commandBuffer_);
-    return log && device_.objects.protectedPools.get(log->pool);
+    return log && log->isProtected;
 }
 
 void RangeCheck::checkProtection(const Place &place, const char *member, VkAddressCommandFlagsKHR flags,
@@ -66,11 +78,11 @@ void RangeCheck::checkProtection(const Place &place, const char *member, VkAddre
         fault(place.member(member), protectedRule, "no PROTECTED, in a protected command buffer");
 }
 
-void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                       const RangeFlagRules &rules, const RangeNeed &need) const
+VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                           const RangeFlagRules &rules, const RangeNeed &need) const
 {
-    check(place, range, flags, rules, need,
-          {"VUID-VkDeviceAddressRangeKHR-size-11411", "VUID-VkDeviceAddressRangeKHR-address-11365"});
+    return check(place, range, flags, rules, need,
+                 {"VUID-VkDeviceAddressRangeKHR-size-11411", "VUID-VkDeviceAddressRangeKHR-address-11365"});
 }
 
 void RangeCheck::check(const Place &place, const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
@@ -83,9 +95,11 @@ void RangeCheck::check(const Place &place, const VkStridedDeviceAddressRangeKHR 
           {"VUID-VkStridedDeviceAddressRangeKHR-size-11411", "VUID-VkStridedDeviceAddressRangeKHR-address-11365"});
 }
 
-void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                       const RangeFlagRules &rules, const RangeNeed &need, const Ids &ids) const
+VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                           const RangeFlagRules &rules, const RangeNeed &need, const Ids &ids) const
 {
+    if (const VkBuffer buffer = soundBuffer(range, flags, need))
+        return buffer;
     const Place member = place.member(rules.range);
     if (need.leastRule && range.size < need.least)
         fault(member, need.leastRule,
@@ -93,7 +107,7 @@ void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range,
     if (range.address == 0) {
         if (range.size != 0)
             fault(member, ids.null, "address 0, with a size of " + std::to_string(range.size));
-        return;
+        return VK_NULL_HANDLE;
     }
     if (need.alignmentRule && range.address % need.alignment != 0)
         fault(member, need.alignmentRule,
@@ -106,7 +120,7 @@ void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range,
               textOf(range) + (at.buffer ? ": its buffer " + device_.nameOf(at.buffer) + " ends after " +
                                                std::to_string(at.bytes) + " bytes"
                                          : ": there is no buffer at this address"));
-        return;
+        return VK_NULL_HANDLE;
     }
     // Another thread may destroy the buffer, if it is not the application's for this range.
     const auto buffer = device_.objects.buffers.get(any.buffer);
@@ -115,6 +129,7 @@ void RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range,
               "buffer " + device_.nameOf(any.buffer) + " has usage " + hex(buffer->usage) + ", without " +
                   hex(need.usage));
     checkFlags(place, range, flags, rules);
+    return VK_NULL_HANDLE;
 }
 
 void RangeCheck::checkFlags(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
@@ -137,11 +152,11 @@ void RangeCheck::checkUsageFlags(const Place &place, const VkDeviceAddressRangeK
                                  VkAddressCommandFlagsKHR flags, const RangeFlagRules &rules) const
 {
     const std::vector<AddressMap::Location> buffers = device_.buffers.addresses.within(range.address, range.size);
-    for (const UsageFlags &usage : usageFlagsOf(rules)) {
+    for (const UsageFlags &usage : kUsageFlags) {
         const Place member = place.member(rules.flags);
         const bool has = (flags & usage.has) != 0;
         if (has && (flags & usage.unknown) != 0) {
-            fault(member, usage.both, std::string(usage.name) + " and UNKNOWN_" + usage.name);
+            fault(member, rules.*usage.both, std::string(usage.name) + " and UNKNOWN_" + usage.name);
             continue;
         }
         // A buffer that the flags are wrong for.
@@ -151,7 +166,7 @@ void RangeCheck::checkUsageFlags(const Place &place, const VkDeviceAddressRangeK
             return buffer && (flags & usage.unknown) == 0 && hasUsage != has;
         });
         if (wrong != buffers.end())
-            fault(member, has ? usage.wrong : usage.missing,
+            fault(member, rules.*(has ? usage.wrong : usage.missing),
                   std::string(usage.name) + (has ? " is set" : " is not set") + "; buffer " +
                       device_.nameOf(wrong->buffer) + " was created " + (has ? "without" : "with") + " that usage");
     }

@@ -23,9 +23,10 @@ class RangeCheck
 {
 public:
     RangeCheck(DeviceModel &device, VkCommandBuffer commandBuffer) : device_(device), commandBuffer_(commandBuffer) {}
-    // `place`: of the structure or command that has the range.
-    void check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-               const RangeFlagRules &rules, const RangeNeed &need) const;
+    // `place`: of the structure or command that has the range. Returns the only buffer there; null if that is not
+    // known.
+    VkBuffer check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                   const RangeFlagRules &rules, const RangeNeed &need) const;
     void check(const Place &place, const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                const RangeFlagRules &rules, const RangeNeed &need) const;
     // The rules of the flags only.
@@ -39,11 +40,14 @@ public:
     [[nodiscard]] bool isProtected() const; // the command buffer
 
 private:
+    // The buffer of a range that obviously keeps all rules, in one ordinary buffer. Most do, and take one look-up.
+    [[nodiscard]] VkBuffer soundBuffer(const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                                       const RangeNeed &need) const;
     struct Ids {
         const char *null, *buffer;
     };
-    void check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-               const RangeFlagRules &rules, const RangeNeed &need, const Ids &ids) const;
+    VkBuffer check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
+                   const RangeFlagRules &rules, const RangeNeed &need, const Ids &ids) const;
     void checkUsageFlags(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                          const RangeFlagRules &rules) const;
     void checkBinding(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,

@@ -183,7 +183,6 @@ public:
     }
     void reads(const char *subject, Scope scope, const Location &location) { add(subject, scope, location, false); }
     void writes(const char *subject, Scope scope, const Location &location) { add(subject, scope, location, true); }
-    void transfers() { transfer_ = true; }
     void refers(const std::shared_ptr<ValidatedStructure> &structure)
     {
         if (structure)
@@ -207,8 +206,8 @@ private:
     {
         if (location.range.empty())
             return;
-        const Access access{location.range, scope,  writes,   transfer_, location.exclusive,
-                            command_,       array_, element_, subject,   location.object};
+        const Access access{location.range, scope,  writes,   false,   location.exclusive,
+                            command_,       array_, element_, subject, location.object};
         // A build names a micromap again for each geometry.
         if (accesses_.empty() || !(accesses_.back().range == access.range) || accesses_.back().writes != writes)
             accesses_.push_back(access);
@@ -219,7 +218,6 @@ private:
     const char *command_;
     const char *array_ = nullptr;
     uint32_t element_ = 0;
-    bool transfer_ = false;
     std::vector<Access> accesses_;
     std::vector<std::shared_ptr<ValidatedStructure>> structures_;
 };
@@ -415,59 +413,88 @@ void recordQuery(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *co
 
 // ------------------------------------------------------------------------------------------ transfers
 
-void recordCopy(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, VkBuffer from, VkBuffer to,
-                const VkBufferCopy &region, uint32_t index)
+namespace
+{
+
+// What a transfer accesses: a part of a buffer, or without a buffer an address range. It is looked up when the command
+// is executed.
+struct TransferMemory {
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VkDeviceSize begin = 0, size = 0;
+
+    [[nodiscard]] Location location(const DeviceModel &device) const
+    {
+        return buffer ? locationIn(device, buffer, begin, size) : locationAt(device, begin, size);
+    }
+};
+
+// One region of a transfer. `array`: null if the command has one. `source`: its size is 0 if nothing is read.
+struct TransferRegion {
+    const char *command;
+    const char *array;
+    uint32_t index;
+    TransferMemory source, target;
+};
+
+void record(DeviceSync &sync, VkCommandBuffer commandBuffer, const TransferRegion &region)
 {
     if (!sync.device.checks.sync)
         return;
-    Recorder recorder(sync, commandBuffer, command);
-    recorder.element("pRegions", index);
-    recorder.transfers();
-    recorder.reads("buffer", {kTransfer, VK_ACCESS_2_TRANSFER_READ_BIT},
-                   locationIn(sync.device, from, region.srcOffset, region.size));
-    recorder.writes("buffer", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                    locationIn(sync.device, to, region.dstOffset, region.size));
-    recorder.record();
+    sync.device.logs.add(commandBuffer, [&sync, region](const Submission &submission) {
+        std::vector<Access> accesses;
+        for (const bool writes : {false, true}) {
+            const TransferMemory &memory = writes ? region.target : region.source;
+            const Location location = memory.size != 0 ? memory.location(sync.device) : Location{};
+            const VkAccessFlags2 access = writes ? VK_ACCESS_2_TRANSFER_WRITE_BIT : VK_ACCESS_2_TRANSFER_READ_BIT;
+            if (!location.range.empty())
+                accesses.push_back({location.range,
+                                    {kTransfer, access},
+                                    writes,
+                                    true,
+                                    location.exclusive,
+                                    region.command,
+                                    region.array,
+                                    region.index,
+                                    memory.buffer ? "buffer" : "memory",
+                                    location.object});
+        }
+        for (const Hazard &hazard : sync.tracker.access(uint64_t(submission.queue), accesses))
+            report(sync.device, hazard);
+    });
+}
+
+} // namespace
+
+void recordCopy(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, VkBuffer from, VkBuffer to,
+                const VkBufferCopy &region, uint32_t index)
+{
+    record(sync, commandBuffer,
+           {command, "pRegions", index, {from, region.srcOffset, region.size}, {to, region.dstOffset, region.size}});
 }
 
 void recordWrite(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, VkBuffer to, VkDeviceSize offset,
                  VkDeviceSize size)
 {
-    if (!sync.device.checks.sync)
-        return;
-    Recorder recorder(sync, commandBuffer, command);
-    recorder.transfers();
-    recorder.writes("buffer", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT}, locationIn(sync.device, to, offset, size));
-    recorder.record();
+    record(sync, commandBuffer, {command, nullptr, 0, {}, {to, offset, size}});
 }
 
 void recordCopy(DeviceSync &sync, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &info)
 {
-    if (!sync.device.checks.sync)
-        return;
-    Recorder recorder(sync, commandBuffer, "vkCmdCopyMemoryKHR");
-    recorder.transfers();
     for (uint32_t r = 0; r < info.regionCount; ++r) {
-        const VkDeviceMemoryCopyKHR &region = info.pRegions[r];
-        recorder.element("pRegions", r);
-        recorder.reads("memory", {kTransfer, VK_ACCESS_2_TRANSFER_READ_BIT},
-                       locationAt(sync.device, region.srcRange.address, region.srcRange.size));
-        recorder.writes("memory", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                        locationAt(sync.device, region.dstRange.address, region.dstRange.size));
+        const VkDeviceAddressRangeKHR &from = info.pRegions[r].srcRange, &to = info.pRegions[r].dstRange;
+        record(sync, commandBuffer,
+               {"vkCmdCopyMemoryKHR",
+                "pRegions",
+                r,
+                {VK_NULL_HANDLE, from.address, from.size},
+                {VK_NULL_HANDLE, to.address, to.size}});
     }
-    recorder.record();
 }
 
 void recordWrite(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command,
                  const VkDeviceAddressRangeKHR &range)
 {
-    if (!sync.device.checks.sync)
-        return;
-    Recorder recorder(sync, commandBuffer, command);
-    recorder.transfers();
-    recorder.writes("memory", {kTransfer, VK_ACCESS_2_TRANSFER_WRITE_BIT},
-                    locationAt(sync.device, range.address, range.size));
-    recorder.record();
+    record(sync, commandBuffer, {command, nullptr, 0, {}, {VK_NULL_HANDLE, range.address, range.size}});
 }
 
 } // namespace vellum::layer::sync

@@ -108,10 +108,10 @@ std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo &);
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &, const VkSubmitInfo2 &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo &);
 std::vector<SemaphoreUse> signalsOf(const DeviceSync &, const VkSubmitInfo2 &);
-// Around the steps of its command buffers.
-void beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits);
-void endBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &signals);
-void signalFence(DeviceSync &, VkQueue, VkFence);
+// Around the steps of its command buffers. `ordered`: SubmissionTurn::await().
+void beginBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &waits, bool ordered);
+void endBatch(DeviceSync &, VkQueue, const std::vector<SemaphoreUse> &signals, bool ordered);
+void signalFence(DeviceSync &, VkQueue, VkFence, bool ordered);
 
 // The arguments of vkCmdPipelineBarrier and vkCmdWaitEvents.
 struct PipelineBarrier {

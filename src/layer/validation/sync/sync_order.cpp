@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // What orders commands: barriers, events, semaphores, fences, and what the host learns of the progress of queues.
-#include <functional>
-
 #include "layer/base/pnext.h"
 #include "layer/validation/sync/sync_checks.h"
 
@@ -10,106 +8,138 @@ namespace vellum::layer::sync
 namespace
 {
 
-// The barriers of a command, as the tracker has them.
-struct Dependency {
-    std::vector<Barrier> barriers;
-    std::vector<Transfer> transfers;
+// The dependency that a command states. Parts in a row with the same masks are one barrier with several ranges. Their
+// memory is looked up when the command is executed.
+class Dependency
+{
+public:
+    explicit Dependency(const PipelineBarrier &barrier)
+    {
+        const auto &[from, to, memoryCount, memory, bufferCount, buffers] = barrier;
+        parts_.reserve(bufferCount);
+        groups_.reserve(2);
+        for (uint32_t i = 0; i < memoryCount; ++i)
+            add({from, memory[i].srcAccessMask, to, memory[i].dstAccessMask});
+        for (uint32_t i = 0; i < bufferCount; ++i) {
+            const VkBufferMemoryBarrier &b = buffers[i];
+            add({from, b.srcAccessMask, to, b.dstAccessMask}, {b.buffer, b.offset, b.size}, b);
+        }
+        if (memoryCount == 0)
+            add({from, 0, to, 0});
+    }
+    explicit Dependency(const VkDependencyInfo &info)
+    {
+        const auto *ranges =
+            findInChain<VkMemoryRangeBarriersInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+        parts_.reserve(info.bufferMemoryBarrierCount + (ranges ? ranges->memoryRangeBarrierCount : 0));
+        groups_.reserve(2);
+        for (uint32_t i = 0; i < info.memoryBarrierCount; ++i)
+            add(masksOf(info.pMemoryBarriers[i]));
+        for (uint32_t i = 0; i < info.bufferMemoryBarrierCount; ++i) {
+            const VkBufferMemoryBarrier2 &b = info.pBufferMemoryBarriers[i];
+            add(masksOf(b), {b.buffer, b.offset, b.size}, b);
+        }
+        for (uint32_t i = 0; i < info.imageMemoryBarrierCount; ++i)
+            add({info.pImageMemoryBarriers[i].srcStageMask, 0, info.pImageMemoryBarriers[i].dstStageMask, 0});
+        for (uint32_t i = 0; ranges && i < ranges->memoryRangeBarrierCount; ++i) {
+            const VkMemoryRangeBarrierKHR &b = ranges->pMemoryRangeBarriers[i];
+            add(masksOf(b), {VK_NULL_HANDLE, b.addressRange.address, b.addressRange.size}, b);
+        }
+    }
+    // Calls order(barriers), and transfers ownership.
+    template <typename Order>
+    void execute(DeviceSync &sync, QueueKey queue, Order order) const
+    {
+        std::vector<Barrier> barriers;
+        std::vector<Transfer> transfers;
+        auto part = parts_.begin();
+        for (const Group &group : groups_) {
+            const Masks &masks = group.masks;
+            Barrier &barrier = barriers.emplace_back(
+                Barrier{firstScope(masks.from, masks.fromAccess), secondScope(masks.to, masks.toAccess), {}});
+            bool all = group.parts == 0;
+            for (const auto end = part + group.parts; part != end; ++part) {
+                barrier.ranges.push_back(rangeOf(sync.device, *part));
+                all = all || barrier.ranges.back().empty(); // one that is unknown: all memory
+            }
+            if (all)
+                barrier.ranges.clear();
+        }
+        for (const auto &[index, family] : families_)
+            transfers.push_back({family, rangeOf(sync.device, parts_[index])});
+        order(barriers);
+        if (!transfers.empty())
+            sync.tracker.transfers(queue, transfers);
+    }
 
-    void addMemory(VkPipelineStageFlags2 from, VkAccessFlags2 fromAccess, VkPipelineStageFlags2 to,
-                   VkAccessFlags2 toAccess)
+private:
+    struct Masks {
+        VkPipelineStageFlags2 from = 0;
+        VkAccessFlags2 fromAccess = 0;
+        VkPipelineStageFlags2 to = 0;
+        VkAccessFlags2 toAccess = 0;
+        bool operator==(const Masks &) const = default;
+    };
+    struct Group {
+        Masks masks;
+        uint32_t parts = 0; // 0: all memory
+    };
+    struct Part {
+        VkBuffer buffer = VK_NULL_HANDLE; // null: an address range
+        VkDeviceSize begin = 0, size = 0;
+    };
+    static Range rangeOf(const DeviceModel &device, const Part &part)
     {
-        const Barrier barrier{firstScope(from, fromAccess), secondScope(to, toAccess), {}};
-        barriers.push_back(barrier);
+        return part.buffer ? rangeIn(device, part.buffer, part.begin, part.size)
+                           : locationAt(device, part.begin, part.size).range;
     }
-    void addRange(VkPipelineStageFlags2 from, VkAccessFlags2 fromAccess, VkPipelineStageFlags2 to,
-                  VkAccessFlags2 toAccess, const Range &range)
+    template <typename MemoryBarrier>
+    static Masks masksOf(const MemoryBarrier &b)
     {
-        addMemory(from, fromAccess, to, toAccess);
-        barriers.back().range = range; // one that is unknown: all memory
+        return {b.srcStageMask, b.srcAccessMask, b.dstStageMask, b.dstAccessMask};
     }
-    void addTransfer(uint32_t from, uint32_t to, const Range &range)
+    void add(const Masks &masks)
     {
-        if (from != to)
-            transfers.push_back({to, range});
+        if (groups_.empty() || groups_.back().parts != 0 || groups_.back().masks != masks)
+            groups_.push_back({masks, 0});
     }
-    void addBuffer(const DeviceModel &device, const VkBufferMemoryBarrier &barrier, VkPipelineStageFlags2 from,
-                   VkPipelineStageFlags2 to)
+    template <typename PartBarrier>
+    void add(const Masks &masks, const Part &part, const PartBarrier &barrier)
     {
-        const auto range = rangeIn(device, barrier.buffer, barrier.offset, barrier.size);
-        addRange(from, barrier.srcAccessMask, to, barrier.dstAccessMask, range);
-        addTransfer(barrier.srcQueueFamilyIndex, barrier.dstQueueFamilyIndex, range);
+        if (barrier.srcQueueFamilyIndex != barrier.dstQueueFamilyIndex)
+            families_.emplace_back(static_cast<uint32_t>(parts_.size()), barrier.dstQueueFamilyIndex);
+        if (groups_.empty() || groups_.back().parts == 0 || groups_.back().masks != masks)
+            groups_.push_back({masks, 0});
+        ++groups_.back().parts;
+        parts_.push_back(part);
     }
+
+    std::vector<Group> groups_;
+    std::vector<Part> parts_;                             // of the groups in turn
+    std::vector<std::pair<uint32_t, uint32_t>> families_; // parts that change their owner, and the new one
 };
 
-Dependency dependencyOf(const DeviceModel &device, const PipelineBarrier &barrier)
+template <typename Stated>
+void addBarriers(DeviceSync &sync, VkCommandBuffer commandBuffer, const Stated &stated)
 {
-    const auto &[from, to, memoryCount, memory, bufferCount, buffers] = barrier;
-    Dependency dependency;
-    for (uint32_t i = 0; i < memoryCount; ++i)
-        dependency.addMemory(from, memory[i].srcAccessMask, to, memory[i].dstAccessMask);
-    for (uint32_t i = 0; i < bufferCount; ++i)
-        dependency.addBuffer(device, buffers[i], from, to);
-    if (memoryCount == 0)
-        dependency.addMemory(from, 0, to, 0);
-    return dependency;
-}
-
-Range checkedRange(const DeviceModel &device, const VkDeviceAddressRangeKHR &range)
-{
-    return locationAt(device, range.address, range.size).range;
-}
-
-Dependency dependencyOf(const DeviceModel &device, const VkDependencyInfo &info)
-{
-    Dependency dependency;
-    for (uint32_t i = 0; i < info.memoryBarrierCount; ++i) {
-        const VkMemoryBarrier2 &b = info.pMemoryBarriers[i];
-        dependency.addMemory(b.srcStageMask, b.srcAccessMask, b.dstStageMask, b.dstAccessMask);
-    }
-    for (uint32_t i = 0; i < info.bufferMemoryBarrierCount; ++i) {
-        const VkBufferMemoryBarrier2 &b = info.pBufferMemoryBarriers[i];
-        const auto range = rangeIn(device, b.buffer, b.offset, b.size);
-        dependency.addRange(b.srcStageMask, b.srcAccessMask, b.dstStageMask, b.dstAccessMask, range);
-        dependency.addTransfer(b.srcQueueFamilyIndex, b.dstQueueFamilyIndex, range);
-    }
-    for (uint32_t i = 0; i < info.imageMemoryBarrierCount; ++i)
-        dependency.addMemory(info.pImageMemoryBarriers[i].srcStageMask, 0, info.pImageMemoryBarriers[i].dstStageMask,
-                             0);
-    const auto *ranges =
-        findInChain<VkMemoryRangeBarriersInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
-    for (uint32_t i = 0; ranges && i < ranges->memoryRangeBarrierCount; ++i) {
-        const VkMemoryRangeBarrierKHR &b = ranges->pMemoryRangeBarriers[i];
-        const auto range = checkedRange(device, b.addressRange);
-        dependency.addRange(b.srcStageMask, b.srcAccessMask, b.dstStageMask, b.dstAccessMask, range);
-        dependency.addTransfer(b.srcQueueFamilyIndex, b.dstQueueFamilyIndex, range);
-    }
-    return dependency;
-}
-
-using Order = std::function<void(Tracker &, QueueKey)>;
-
-void record(DeviceSync &sync, VkCommandBuffer commandBuffer, Order order)
-{
-    if (sync.device.checks.sync)
-        sync.device.logs.add(commandBuffer, [&sync, order = std::move(order)](const Submission &submission) {
-            order(sync.tracker, uint64_t(submission.queue));
+    if (CommandLog *log = sync.device.checks.sync ? sync.device.logs.get(commandBuffer) : nullptr)
+        log->steps.emplace_back([&sync, dependency = Dependency(stated)](const Submission &submission) {
+            const auto queue = uint64_t(submission.queue);
+            dependency.execute(sync, queue,
+                               [&](std::span<const Barrier> barriers) { sync.tracker.barriers(queue, barriers); });
         });
 }
 
-void addBarriers(DeviceSync &sync, VkCommandBuffer commandBuffer, Dependency dependency)
+template <typename Stated>
+void addWait(DeviceSync &sync, VkCommandBuffer commandBuffer, VkEvent event, const Stated &stated)
 {
-    record(sync, commandBuffer, [dependency = std::move(dependency)](Tracker &tracker, QueueKey queue) {
-        tracker.barriers(queue, dependency.barriers);
-        tracker.transfers(queue, dependency.transfers);
-    });
-}
-
-void addWait(DeviceSync &sync, VkCommandBuffer commandBuffer, VkEvent event, Dependency dependency)
-{
-    record(sync, commandBuffer, [event, dependency = std::move(dependency)](Tracker &tracker, QueueKey queue) {
-        tracker.waitEvent(queue, uint64_t(event), dependency.barriers);
-        tracker.transfers(queue, dependency.transfers);
-    });
+    if (CommandLog *log = sync.device.checks.sync ? sync.device.logs.get(commandBuffer) : nullptr)
+        log->steps.emplace_back([&sync, event, dependency = Dependency(stated)](const Submission &submission) {
+            const auto queue = uint64_t(submission.queue);
+            dependency.execute(sync, queue, [&](std::span<const Barrier> barriers) {
+                sync.tracker.waitEvent(queue, uint64_t(event), barriers);
+            });
+        });
 }
 
 std::optional<uint64_t> valueOf(const DeviceSync &sync, VkSemaphore semaphore, uint64_t value)
@@ -145,30 +175,12 @@ const VkTimelineSemaphoreSubmitInfo *valuesOf(const VkSubmitInfo &submit)
 
 void recordBarriers(DeviceSync &sync, VkCommandBuffer commandBuffer, const VkDependencyInfo &info)
 {
-    addBarriers(sync, commandBuffer, dependencyOf(sync.device, info));
-}
-
-void recordSet(DeviceSync &sync, VkCommandBuffer commandBuffer, VkEvent event)
-{
-    record(sync, commandBuffer,
-           [event](Tracker &tracker, QueueKey queue) { tracker.setEvent(queue, uint64_t(event)); });
-}
-
-void recordReset(DeviceSync &sync, VkCommandBuffer commandBuffer, VkEvent event)
-{
-    record(sync, commandBuffer, [event](Tracker &tracker, QueueKey) { tracker.resetEvent(uint64_t(event)); });
-}
-
-void recordWait(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
-                const VkDependencyInfo *infos)
-{
-    for (uint32_t e = 0; e < count; ++e)
-        addWait(sync, commandBuffer, events[e], dependencyOf(sync.device, infos[e]));
+    addBarriers(sync, commandBuffer, info);
 }
 
 void recordBarriers(DeviceSync &sync, VkCommandBuffer commandBuffer, const PipelineBarrier &barrier)
 {
-    addBarriers(sync, commandBuffer, dependencyOf(sync.device, barrier));
+    addBarriers(sync, commandBuffer, barrier);
 }
 
 void recordAll(DeviceSync &sync, VkCommandBuffer commandBuffer)
@@ -180,11 +192,33 @@ void recordAll(DeviceSync &sync, VkCommandBuffer commandBuffer)
                                    0, nullptr});
 }
 
+void recordSet(DeviceSync &sync, VkCommandBuffer commandBuffer, VkEvent event)
+{
+    if (sync.device.checks.sync)
+        sync.device.logs.add(commandBuffer, [&sync, event](const Submission &submission) {
+            sync.tracker.setEvent(uint64_t(submission.queue), uint64_t(event));
+        });
+}
+
+void recordReset(DeviceSync &sync, VkCommandBuffer commandBuffer, VkEvent event)
+{
+    if (sync.device.checks.sync)
+        sync.device.logs.add(commandBuffer,
+                             [&sync, event](const Submission &) { sync.tracker.resetEvent(uint64_t(event)); });
+}
+
+void recordWait(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
+                const VkDependencyInfo *infos)
+{
+    for (uint32_t e = 0; e < count; ++e)
+        addWait(sync, commandBuffer, events[e], infos[e]);
+}
+
 void recordWait(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count, const VkEvent *events,
                 const PipelineBarrier &barrier)
 {
     for (uint32_t e = 0; e < count; ++e)
-        addWait(sync, commandBuffer, events[e], dependencyOf(sync.device, barrier));
+        addWait(sync, commandBuffer, events[e], barrier);
 }
 
 std::vector<SemaphoreUse> waitsOf(const DeviceSync &sync, const VkSubmitInfo &submit)
@@ -211,26 +245,31 @@ std::vector<SemaphoreUse> signalsOf(const DeviceSync &sync, const VkSubmitInfo2 
     return usesOf(sync, submit.signalSemaphoreInfoCount, submit.pSignalSemaphoreInfos);
 }
 
-void beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &waits)
+void beginBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &waits, bool ordered)
 {
     if (sync.device.checks.sync)
-        sync.tracker.beginBatch(uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits);
+        sync.tracker.beginBatch(uint64_t(queue), sync.device.objects.queueFamilies.get(queue), waits, ordered);
 }
 
-void endBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &signals)
+void endBatch(DeviceSync &sync, VkQueue queue, const std::vector<SemaphoreUse> &signals, bool ordered)
 {
     if (sync.device.checks.sync)
-        sync.tracker.endBatch(uint64_t(queue), signals);
+        sync.tracker.endBatch(uint64_t(queue), signals, ordered);
 }
 
-void signalFence(DeviceSync &sync, VkQueue queue, VkFence fence)
+void signalFence(DeviceSync &sync, VkQueue queue, VkFence fence, bool ordered)
 {
-    if (sync.device.checks.sync && fence)
-        sync.tracker.signalFence(uint64_t(queue), uint64_t(fence));
+    if (!sync.device.checks.sync || !fence)
+        return;
+    sync.tracker.signalFence(uint64_t(queue), uint64_t(fence));
+    if (!ordered) // the host may know already that it is signaled
+        sync.tracker.fenceComplete(uint64_t(fence));
 }
 
 void fencesComplete(DeviceSync &sync, VkDevice handle, uint32_t count, const VkFence *fences, bool all)
 {
+    if (sync.device.checks.sync)
+        sync.device.logs.settle();
     for (uint32_t i = 0; sync.device.checks.sync && i < count; ++i) {
         if (all || sync.device.next.GetFenceStatus(handle, fences[i]) == VK_SUCCESS)
             sync.tracker.fenceComplete(uint64_t(fences[i]));
@@ -239,9 +278,11 @@ void fencesComplete(DeviceSync &sync, VkDevice handle, uint32_t count, const VkF
 
 void semaphoresReached(DeviceSync &sync, VkDevice handle, const VkSemaphoreWaitInfo &info)
 {
+    if (!sync.device.checks.sync)
+        return;
     sync.device.logs.settle();
     const bool all = info.semaphoreCount == 1 || (info.flags & VK_SEMAPHORE_WAIT_ANY_BIT) == 0;
-    for (uint32_t i = 0; sync.device.checks.sync && i < info.semaphoreCount; ++i) {
+    for (uint32_t i = 0; i < info.semaphoreCount; ++i) {
         uint64_t value = info.pValues[i];
         if (all || (sync.device.next.GetSemaphoreCounterValue(handle, info.pSemaphores[i], &value) == VK_SUCCESS &&
                     value >= info.pValues[i]))

@@ -138,7 +138,7 @@ void Tracker::wait(size_t index, const SemaphoreUse &use)
     addBarrier(queue, {kAllStages, kAllAccesses}, {secondScope(use.stages, 0).stages, kAllAccesses}, before);
 }
 
-void Tracker::beginBatch(QueueKey key, uint32_t family, std::span<const SemaphoreUse> waits)
+void Tracker::beginBatch(QueueKey key, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered)
 {
     std::lock_guard lock(mutex_);
     const size_t index = indexOf(key);
@@ -146,7 +146,7 @@ void Tracker::beginBatch(QueueKey key, uint32_t family, std::span<const Semaphor
         wait(index, use);
     Queue &queue = queues_[index];
     queue.family = family;
-    merge(queue.before, unresolved_.empty() ? complete_ : everything());
+    merge(queue.before, unresolved_.empty() && ordered ? complete_ : everything());
     ++queue.batch;
     ++queue.position;
 }
@@ -173,7 +173,7 @@ void Tracker::signal(uint64_t semaphore, uint64_t value, const Clock &clock)
         merge(queue.before, everything());
 }
 
-void Tracker::endBatch(QueueKey key, std::span<const SemaphoreUse> signals)
+void Tracker::endBatch(QueueKey key, std::span<const SemaphoreUse> signals, bool ordered)
 {
     std::lock_guard lock(mutex_);
     const size_t index = indexOf(key);
@@ -185,6 +185,8 @@ void Tracker::endBatch(QueueKey key, std::span<const SemaphoreUse> signals)
         else
             binary_[use.semaphore] = clockOf(index);
     }
+    if (!ordered)
+        complete(clockOf(index));
 }
 
 void Tracker::signalFence(QueueKey queue, uint64_t fence)
@@ -300,21 +302,23 @@ void Tracker::applyBarriers(size_t index, std::span<const Barrier> barriers, uin
 {
     Queue &queue = queues_[index];
     for (const Barrier &barrier : barriers) {
-        if (barrier.range.memory == 0) {
+        if (barrier.ranges.empty()) {
             addBarrier(queue, barrier.source, barrier.target, before);
             continue;
         }
-        visitOverlapping(barrier.range, [&](Entry &entry) {
-            const auto applyTo = [&](Seen &seen) {
-                if (seen.queue != index || isComplete(seen))
-                    return;
-                advance(seen, {}, true);
-                apply({queue.position, before, barrier.source, barrier.target}, seen);
-            };
-            if (entry.write)
-                applyTo(*entry.write);
-            std::ranges::for_each(entry.reads, applyTo);
-        });
+        const auto applyTo = [&](Seen &seen) {
+            if (seen.queue != index || isComplete(seen))
+                return;
+            advance(seen, {}, true);
+            apply({queue.position, before, barrier.source, barrier.target}, seen);
+        };
+        for (const Range &range : barrier.ranges) {
+            visitOverlapping(range, [&](Entry &entry) {
+                if (entry.write)
+                    applyTo(*entry.write);
+                std::ranges::for_each(entry.reads, applyTo);
+            });
+        }
         // It orders the execution of all commands in its stages.
         addBarrier(queue, {barrier.source.stages, 0}, {barrier.target.stages, 0}, before);
     }

@@ -63,7 +63,7 @@ struct Access {
 struct Barrier {
     Scope source;
     Scope target;
-    Range range; // empty: all memory
+    std::vector<Range> ranges; // none: all memory
 };
 
 struct Transfer { // of a range to another queue family
@@ -93,8 +93,9 @@ using QueueKey = uint64_t; // a VkQueue
 class Tracker
 {
 public:
-    // A batch of a submission: what it waits for, its commands, what it signals.
-    void beginBatch(QueueKey queue, uint32_t family, std::span<const SemaphoreUse> waits);
+    // A batch of a submission: what it waits for, its commands, what it signals. `ordered`: submissions of other queues
+    // that are known by now were before it, and none of those to come. Otherwise it counts as ordered with all.
+    void beginBatch(QueueKey queue, uint32_t family, std::span<const SemaphoreUse> waits, bool ordered = true);
     // Accesses of one command, which are not compared with each other. At most one hazard for each access.
     std::vector<Hazard> access(QueueKey queue, std::span<const Access> accesses);
     void barriers(QueueKey queue, std::span<const Barrier> barriers);
@@ -103,7 +104,7 @@ public:
     void resetEvent(uint64_t event);
     // The barriers have what was before the event in their first scope.
     void waitEvent(QueueKey queue, uint64_t event, std::span<const Barrier> barriers);
-    void endBatch(QueueKey queue, std::span<const SemaphoreUse> signals);
+    void endBatch(QueueKey queue, std::span<const SemaphoreUse> signals, bool ordered = true);
     // The fence is signaled after all batches of the queue.
     void signalFence(QueueKey queue, uint64_t fence);
 

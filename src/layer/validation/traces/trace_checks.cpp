@@ -87,7 +87,11 @@ std::shared_ptr<const TraceMark> TraceMarks::add(const GpuContext &context, uint
     const std::lock_guard lock(mutex_);
     if (sites_.empty()) {
         free_.reserve(kMarks); // giving back does not fail
-        if (memory_.create(context, kMarks * sizeof(uint32_t)) != VK_SUCCESS)
+        constexpr VkDeviceSize kBytes = kMarks * sizeof(uint32_t);
+        static_assert(kBytes % FixedMemory::kAlignment == 0);
+        const bool isFixed = context.importsHostMemory && fixed_.reserve(kBytes) &&
+                             memory_.createOn(context, fixed_.data(), kBytes) == VK_SUCCESS;
+        if (!isFixed && memory_.create(context, kBytes) != VK_SUCCESS)
             return nullptr;
     }
     if (free_.empty() && sites_.size() == kMarks) // what is not certain yet of destroyed shaders is given up

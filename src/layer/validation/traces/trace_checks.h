@@ -15,6 +15,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/memory/fixed_memory.h"
 #include "layer/memory/gpu_memory.h"
 #include "layer/validation/model/device_model.h"
 #include "spirv/sites/trace_sites.h"
@@ -118,6 +119,7 @@ private:
 
     std::atomic<bool> any_ = false; // sites are watched; read without the mutex
     std::mutex mutex_;
+    FixedMemory fixed_; // of `memory_` where that is possible: shaders with marks have the same words in every run
     GpuBuffer memory_;
     std::vector<Site> sites_;       // by mark
     std::vector<uint32_t> free_;    // marks
