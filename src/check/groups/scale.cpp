@@ -324,7 +324,7 @@ Outcome scale(Session &session, std::string_view group, uint64_t seed)
     return runRandomCase(session, group, seed, kKinds[seed % kKinds.size()]);
 }
 
-constexpr std::array kGroups{
+constexpr std::array kScaleGroups{
     Group{"scale",
           "more than 256 and 65,536 geometries, triangles, instances and micromap triangles; indices with the highest "
           "bit set; the highest levels",
@@ -338,7 +338,7 @@ constexpr std::array kGroups{
 
 std::span<const Group> scaleGroups()
 {
-    return kGroups;
+    return kScaleGroups;
 }
 
 } // namespace vellum::check

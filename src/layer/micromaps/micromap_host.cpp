@@ -22,8 +22,8 @@ VkResult done(VkDeferredOperationKHR operation)
     return operation ? VK_OPERATION_NOT_DEFERRED_KHR : VK_SUCCESS;
 }
 
-InputCheck inputCheck(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap,
-                      std::optional<uint32_t> element = std::nullopt)
+InputCheck hostCheck(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap,
+                     std::optional<uint32_t> element = std::nullopt)
 {
     return {device.driver.report(), command, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap),
             element};
@@ -140,12 +140,12 @@ VkResult buildOne(DeviceMicromaps &device, const InputCheck &check, const VkMicr
 VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation, uint32_t count,
                         const VkMicromapBuildInfoEXT *infos)
 {
-    if (!enabled(device, inputCheck(device, "vkBuildMicromapsEXT", VK_NULL_HANDLE),
+    if (!enabled(device, hostCheck(device, "vkBuildMicromapsEXT", VK_NULL_HANDLE),
                  "VELLUM-VUID-vkBuildMicromapsEXT-micromapHostCommands-07555"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     VkResult result = VK_SUCCESS;
     for (uint32_t i = 0; i < count; ++i) {
-        const InputCheck check = inputCheck(device, "vkBuildMicromapsEXT", infos[i].dstMicromap, i);
+        const InputCheck check = hostCheck(device, "vkBuildMicromapsEXT", infos[i].dstMicromap, i);
         if (const VkResult built = buildOne(device, check, infos[i]); built != VK_SUCCESS)
             result = built;
     }
@@ -155,7 +155,7 @@ VkResult buildMicromaps(DeviceMicromaps &device, VkDevice, VkDeferredOperationKH
 VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                       const VkCopyMicromapInfoEXT *info)
 {
-    const InputCheck check = inputCheck(device, "vkCopyMicromapEXT", info->dst);
+    const InputCheck check = hostCheck(device, "vkCopyMicromapEXT", info->dst);
     if (!enabled(device, check, "VELLUM-VUID-vkCopyMicromapEXT-micromapHostCommands-07560"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT &&
@@ -186,7 +186,7 @@ VkResult copyMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR 
 VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    const InputCheck check = inputCheck(device, "vkCopyMicromapToMemoryEXT", info->src);
+    const InputCheck check = hostCheck(device, "vkCopyMicromapToMemoryEXT", info->src);
     if (!enabled(device, check, "VELLUM-VUID-vkCopyMicromapToMemoryEXT-micromapHostCommands-07571"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT &&
@@ -213,7 +213,7 @@ VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOpera
 VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    const InputCheck check = inputCheck(device, "vkCopyMemoryToMicromapEXT", info->dst);
+    const InputCheck check = hostCheck(device, "vkCopyMemoryToMicromapEXT", info->dst);
     if (!enabled(device, check, "VELLUM-VUID-vkCopyMemoryToMicromapEXT-micromapHostCommands-07566"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT &&
@@ -250,16 +250,16 @@ VkResult writeMicromapsProperties(DeviceMicromaps &device, VkDevice, uint32_t co
                                   VkQueryType type, size_t size, void *data, size_t stride)
 {
     constexpr const char *kCommand = "vkWriteMicromapsPropertiesEXT";
-    if (!enabled(device, inputCheck(device, kCommand, VK_NULL_HANDLE),
+    if (!enabled(device, hostCheck(device, kCommand, VK_NULL_HANDLE),
                  "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-micromapHostCommands-07578"))
         return VK_ERROR_FEATURE_NOT_PRESENT;
     const bool serialized = type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
     if (!serialized && type != VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT)
-        return reject(inputCheck(device, kCommand, VK_NULL_HANDLE),
+        return reject(hostCheck(device, kCommand, VK_NULL_HANDLE),
                       "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-queryType-07503",
                       "queryType is not a type of micromap queries");
     for (uint32_t i = 0; i < count; ++i) {
-        const InputCheck check = inputCheck(device, kCommand, micromaps[i]);
+        const InputCheck check = hostCheck(device, kCommand, micromaps[i]);
         if (i * stride + sizeof(VkDeviceSize) > size)
             return reject(check, "VELLUM-VUID-vkWriteMicromapsPropertiesEXT-dataSize-07576", "dataSize is too small");
         const std::optional<uint64_t> used = readUsedBytes(device, micromaps[i]);

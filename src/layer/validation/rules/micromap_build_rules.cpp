@@ -36,7 +36,7 @@ struct MicromapBuildIds {
     const char *scratchUsage;
 };
 
-constexpr MicromapBuildIds kExtIds{
+constexpr MicromapBuildIds kExtBuildIds{
     .size = "VUID-vkCmdBuildMicromapsEXT-pInfos-07461",
     .bound = "VUID-vkCmdBuildMicromapsEXT-pInfos-07508",
     .data = "VUID-vkCmdBuildMicromapsEXT-pInfos-10896",
@@ -72,7 +72,7 @@ constexpr MicromapBuildIds kHostIds{
     .scratchRange = nullptr,
     .scratchUsage = nullptr,
 };
-constexpr MicromapBuildIds kKhrIds{
+constexpr MicromapBuildIds kKhrBuildIds{
     .size = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
     .bound = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707",
     .data = "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550",
@@ -202,7 +202,7 @@ BuildMemory checkMicromapBuild(const RuleCheck &check, const VkMicromapBuildInfo
     if (!checkUsagesExt(check, build) ||
         !check.require(info.dstMicromap != VK_NULL_HANDLE, "dstMicromap", targetId, "it is VK_NULL_HANDLE"))
         return {};
-    return checkBuild(check, build, needsOf(check.device(), info, host), host ? kHostIds : kExtIds, "dstMicromap");
+    return checkBuild(check, build, needsOf(check.device(), info, host), host ? kHostIds : kExtBuildIds, "dstMicromap");
 }
 
 } // namespace
@@ -327,7 +327,7 @@ BuildMemory checkMicromapData(const RuleCheck &check, const VkAccelerationStruct
     VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
     device.next.GetAccelerationStructureBuildSizesKHR(
         device.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR, &info, nullptr, &sizes);
-    return checkBuild(check, build, {sizes.accelerationStructureSize, sizes.buildScratchSize}, kKhrIds,
+    return checkBuild(check, build, {sizes.accelerationStructureSize, sizes.buildScratchSize}, kKhrBuildIds,
                       "dstAccelerationStructure");
 }
 
