@@ -538,7 +538,7 @@ TEST_F(ValidationState, RangeInABufferThatIsDestroyed)
     const Place place("vkCmdCopyMemoryKHR");
     RangeCheck(device, VK_NULL_HANDLE)
         .check(place, VkDeviceAddressRangeKHR{0x10000, 64}, 0, flag_rules::kCopySource,
-               {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageRule = "VUID-of-the-usage"});
+               {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageId = "VUID-of-the-usage"});
     EXPECT_EQ(reported["VELLUM-VUID-of-the-usage"], 0);
 }
 
@@ -559,7 +559,7 @@ TEST_F(ValidationState, BuildsWithNullArrays)
     const uint32_t *none = nullptr;
     validation::cmdBuildAccelerationStructuresIndirect(device, commands, 1, &info, nullptr, nullptr, nullptr);
     validation::cmdBuildAccelerationStructuresIndirect(device, commands, 1, &info, &address, &stride, &none);
-    EXPECT_EQ(GeometryCounts{}.primitives(0), 0u);
+    EXPECT_EQ(input::BuildRanges{}.primitives(0), 0u);
 
     VkMicromapBuildInfoEXT micromap{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
     const VkMicromapUsageEXT *usage = nullptr;
