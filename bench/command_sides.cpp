@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/error.h"
 #include "shaders/command_bench_any_hit.h"
 #include "shaders/command_bench_closest_hit.h"
 #include "shaders/command_bench_compute.h"

@@ -11,7 +11,7 @@ namespace vellum::gpu
 namespace
 {
 
-VkDeviceSize alignUp(VkDeviceSize value, VkDeviceSize alignment)
+VkDeviceSize roundUp(VkDeviceSize value, VkDeviceSize alignment)
 {
     return (value + alignment - 1) / alignment * alignment;
 }
@@ -187,7 +187,7 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
         std::vector<BindingRecord> records;
         VkDeviceSize stride, offset = 0;
     };
-    const VkDeviceSize stride = alignUp(used, alignment);
+    const VkDeviceSize stride = roundUp(used, alignment);
     std::array<Part, 4> parts{{{&raygen, {records.raygen}, stride},
                                {&miss, records.miss, stride + layout.missPadding * alignment},
                                {&hit, records.hit, stride + layout.hitPadding * alignment},
@@ -197,7 +197,7 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
     VkDeviceSize size = base * (1 + layout.before);
     for (Part &part : parts) {
         part.offset = size;
-        size = alignUp(size + part.stride * part.records.size(), base) + base;
+        size = roundUp(size + part.stride * part.records.size(), base) + base;
     }
     const bool local = gpu.options().memory == Memory::DeviceLocal;
     buffer_ = Buffer(gpu, size + base,
@@ -205,7 +205,7 @@ BindingTable::BindingTable(Device &gpu, const RayPipeline &pipeline, const Bindi
                          (local ? VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT} : 0),
                      local ? Buffer::Place::Device : Buffer::Place::Host);
     std::vector<uint8_t> content(static_cast<size_t>(size));
-    const VkDeviceSize start = alignUp(buffer_.address(), base) - buffer_.address();
+    const VkDeviceSize start = roundUp(buffer_.address(), base) - buffer_.address();
     std::map<uint32_t, std::vector<uint8_t>> handles;
     for (Part &part : parts) {
         for (size_t i = 0; i < part.records.size(); ++i) {

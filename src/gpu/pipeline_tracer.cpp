@@ -21,7 +21,8 @@ namespace vellum::gpu
 namespace
 {
 
-constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+constexpr VkBufferUsageFlags kStorageWithAddress =
+    VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
 
 struct More {
     uint32_t visits, hitKind, record, invocations, intact, called, pad[2];
@@ -218,12 +219,12 @@ uint32_t PipelineTracer::stackSize() const
 void PipelineTracer::prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity)
 {
     const size_t count = std::max<size_t>(rays.size(), 1);
-    rays_ = gpu_.upload(rays, kStorage);
-    results_ = Buffer(gpu_, count * sizeof(RawResult), kStorage);
-    candidates_ = Buffer(gpu_, count * capacity * sizeof(Candidate), kStorage);
-    notes_ = Buffer(gpu_, count * capacity * sizeof(CandidateNote), kStorage);
-    visits_ = Buffer(gpu_, count * capacity * sizeof(BoxVisit), kStorage);
-    mores_ = Buffer(gpu_, count * sizeof(More), kStorage);
+    rays_ = gpu_.upload(rays, kStorageWithAddress);
+    results_ = Buffer(gpu_, count * sizeof(RawResult), kStorageWithAddress);
+    candidates_ = Buffer(gpu_, count * capacity * sizeof(Candidate), kStorageWithAddress);
+    notes_ = Buffer(gpu_, count * capacity * sizeof(CandidateNote), kStorageWithAddress);
+    visits_ = Buffer(gpu_, count * capacity * sizeof(BoxVisit), kStorageWithAddress);
+    mores_ = Buffer(gpu_, count * sizeof(More), kStorageWithAddress);
     push_.rayCount = static_cast<uint32_t>(rays.size());
     push_.capacity = capacity;
     push_.scene = scene.address();

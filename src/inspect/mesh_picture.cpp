@@ -14,7 +14,7 @@ namespace
 {
 
 constexpr uint32_t kSamples = 2; // in each direction of a pixel
-constexpr uint64_t kMostPixels = 400'000'000;
+constexpr uint64_t kMostPixelsOfAll = 400'000'000;
 constexpr double kVeil = 0.18; // how much of what is behind it a transparent layer hides
 constexpr uint32_t kSolidColor = 0x9a9a9a;
 
@@ -136,7 +136,7 @@ void MeshDrawing::drawTriangle(const std::array<Point, 3> &p, const std::optiona
 void MeshDrawing::drawPart(const Part &part, Pass pass)
 {
     size_t chosen = 0; // position among the primitive's chosen triangles
-    for (uint32_t t = 0; t < part.indices.size() / 3 && pixels_ < kMostPixels; ++t) {
+    for (uint32_t t = 0; t < part.indices.size() / 3 && pixels_ < kMostPixelsOfAll; ++t) {
         std::optional<StatesOf> states;
         if (part.primitive != nullptr && chosen < part.primitive->numbers.size() &&
             part.primitive->numbers[chosen] == t)

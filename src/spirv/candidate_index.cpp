@@ -9,7 +9,7 @@ namespace vellum::spirv
 namespace
 {
 
-constexpr uint32_t kCandidate = 0; // RayQueryIntersection: the candidate, not the committed one
+constexpr uint32_t kCandidateIntersection = 0; // RayQueryIntersection: the candidate, not the committed one
 
 // The word of an instruction that holds its ray query; 0 if it has none.
 uint32_t queryWord(Instruction in)
@@ -48,7 +48,7 @@ uint32_t queryWord(Instruction in)
 bool CandidateIndices::getsCandidate(Instruction in) const
 {
     return in.opcode == spv::OpRayQueryGetIntersectionInstanceCustomIndexKHR &&
-           types_.valueOf(module_.word(in, 4)) == kCandidate;
+           types_.valueOf(module_.word(in, 4)) == kCandidateIntersection;
 }
 
 // The variables that get a side variable.

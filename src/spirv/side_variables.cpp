@@ -12,7 +12,7 @@ namespace
 constexpr int kMaxChain = 64;
 // Objects nested deeper than this would need functions with more parameters than SPIR-V allows (2.17).
 constexpr size_t kMaxIndices = 64;
-constexpr int kMaxNesting = 64;
+constexpr int kMaxTypeNesting = 64;
 
 } // namespace
 
@@ -48,7 +48,7 @@ Id SideVariables::shapeOf(Id type, int depth)
     const Instruction in = module_.definition(type);
     if (isObject(in.opcode))
         return types_.uint32();
-    if ((in.opcode != spv::OpTypeArray && in.opcode != spv::OpTypeStruct) || depth > kMaxNesting)
+    if ((in.opcode != spv::OpTypeArray && in.opcode != spv::OpTypeStruct) || depth > kMaxTypeNesting)
         return 0;
     const auto [known, isNew] = shapes_.try_emplace(type, 0);
     if (!isNew)

@@ -13,10 +13,10 @@ namespace
 {
 
 constexpr int64_t kGroundSquare = 4;
-constexpr Range kNothing{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr Range kNoTexels{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
-void include(Range &range, double low, double high)
+void widen(Range &range, double low, double high)
 {
     range.low = std::min(range.low, low);
     range.high = std::max(range.high, high);
@@ -25,9 +25,9 @@ void include(Range &range, double low, double high)
 void includeTexel(Range &range, float value)
 {
     if (std::isfinite(value))
-        include(range, value, value);
+        widen(range, value, value);
     else
-        range = {-kInfinity, kInfinity};
+        range = {-kFloatInfinity, kFloatInfinity};
 }
 
 // Stored positions that a run of unwrapped ones along an axis reads.
@@ -114,16 +114,16 @@ void Texels::addGroundFloor()
     const auto squares = [](int64_t size) { return (size + kGroundSquare - 1) / kGroundSquare; };
     Floor floor{squares(texture_.width), squares(texture_.height), {}, {}};
     const auto count = static_cast<size_t>(floor.width * floor.height);
-    floor.low.assign(count, kInfinity);
-    floor.high.assign(count, -kInfinity);
+    floor.low.assign(count, kFloatInfinity);
+    floor.high.assign(count, -kFloatInfinity);
     size_t texel = 0;
     for (int64_t y = 0; y < texture_.height; ++y) {
         for (int64_t x = 0; x < texture_.width; ++x, ++texel) {
             const float value = texture_.alpha[texel];
             const auto square = static_cast<size_t>(y / kGroundSquare * floor.width + x / kGroundSquare);
             const bool finite = std::isfinite(value);
-            floor.low[square] = finite ? std::min(floor.low[square], value) : -kInfinity;
-            floor.high[square] = finite ? std::max(floor.high[square], value) : kInfinity;
+            floor.low[square] = finite ? std::min(floor.low[square], value) : -kFloatInfinity;
+            floor.high[square] = finite ? std::max(floor.high[square], value) : kFloatInfinity;
         }
     }
     floors_.push_back(std::move(floor));
@@ -134,8 +134,8 @@ void Texels::addFloor()
     const Floor &below = floors_.back();
     Floor floor{(below.width + 1) / 2, (below.height + 1) / 2, {}, {}};
     const auto count = static_cast<size_t>(floor.width * floor.height);
-    floor.low.assign(count, kInfinity);
-    floor.high.assign(count, -kInfinity);
+    floor.low.assign(count, kFloatInfinity);
+    floor.high.assign(count, -kFloatInfinity);
     for (int64_t y = 0; y < below.height; ++y) {
         for (int64_t x = 0; x < below.width; ++x) {
             const auto from = static_cast<size_t>(y * below.width + x);
@@ -165,7 +165,7 @@ float Texels::at(int64_t x, int64_t y) const
 Range Texels::stored(int64_t left, int64_t right, int64_t top, int64_t bottom) const
 {
     constexpr int64_t kFew = 8;
-    Range range = kNothing;
+    Range range = kNoTexels;
     const int64_t longest = std::max(right - left, bottom - top) + 1;
     if (longest <= kFew) {
         for (int64_t y = top; y <= bottom; ++y) {
@@ -185,7 +185,7 @@ Range Texels::stored(int64_t left, int64_t right, int64_t top, int64_t bottom) c
     for (int64_t y = top / square; y <= bottom / square; ++y) {
         for (int64_t x = left / square; x <= right / square; ++x) {
             const auto i = static_cast<size_t>(y * floor.width + x);
-            include(range, floor.low[i], floor.high[i]);
+            widen(range, floor.low[i], floor.high[i]);
         }
     }
     return range;
@@ -195,14 +195,14 @@ Range Texels::range(const TexelBox &box) const
 {
     const Stored columns = storedOf(box.left, box.right, texture_.width, texture_.wrapU);
     const Stored rows = storedOf(box.top, box.bottom, texture_.height, texture_.wrapV);
-    Range range = kNothing;
+    Range range = kNoTexels;
     if (columns.border || rows.border)
         includeTexel(range, texture_.border);
     for (unsigned r = 0; r < rows.count; ++r) {
         for (unsigned c = 0; c < columns.count; ++c) {
             const Range part =
                 stored(columns.spans[c].first, columns.spans[c].last, rows.spans[r].first, rows.spans[r].last);
-            include(range, part.low, part.high);
+            widen(range, part.low, part.high);
         }
     }
     return range;

@@ -16,7 +16,7 @@ namespace
 {
 
 using Is = QueryState::Is;
-using Kind = QueryCommand::Kind;
+using QueryKind = QueryCommand::Kind;
 using Property = QueryPlan::Property;
 
 constexpr uint8_t kUnwritten = 0xa5;
@@ -185,14 +185,14 @@ void BuiltCase::QueryRun::judge(const char *name, const QueryCommand &command, c
         const uint64_t right = available ? alone(expected[i].target) : 0;
         // "If an unsigned integer query's value overflows the result type, the value may either wrap or saturate."
         if (available && (command.wide || right <= UINT32_MAX) && value != right)
-            fault(fmt::format("{} writes another value than a query of the structure alone has ({}: {}, not {})",
-                                  name, which, value, right));
+            fault(fmt::format("{} writes another value than a query of the structure alone has ({}: {}, not {})", name,
+                              which, value, right));
         if (!command.availability)
             continue;
         const uint64_t availability = wordAt(&bytes[at + layout.word], layout.word);
         if (available != (availability != 0))
             fault(fmt::format("{} writes availability {} of a query that is {}available ({})", name,
-                                  availability != 0 ? "1" : "0", available ? "" : "not ", which));
+                              availability != 0 ? "1" : "0", available ? "" : "not ", which));
     }
     for (size_t i = 0; i < bytes.size(); ++i) {
         if (!mayChange[i] && bytes[i] != kUnwritten)
@@ -234,8 +234,9 @@ void BuiltCase::QueryRun::read(const QueryCommand &command)
     const VkResult result =
         vkGetQueryPoolResults(gpu.device(), pool, command.first, command.count, layout.size - layout.offset, bytes,
                               layout.stride, resultFlags(command));
-    // Without VK_QUERY_RESULT_WAIT_BIT and VK_QUERY_RESULT_PARTIAL_BIT, "no result values are written to pData for queries
-    // that are in the unavailable state at the time of the call, and vkGetQueryPoolResults returns VK_NOT_READY".
+    // Without VK_QUERY_RESULT_WAIT_BIT and VK_QUERY_RESULT_PARTIAL_BIT, "no result values are written to pData for
+    // queries that are in the unavailable state at the time of the call, and vkGetQueryPoolResults returns
+    // VK_NOT_READY".
     const bool all = allAvailable(states, command);
     if (result != (all ? VK_SUCCESS : VK_NOT_READY) && (all || !command.partial || result != VK_SUCCESS))
         fault(fmt::format("vkGetQueryPoolResults returns VkResult {}, expected {}", static_cast<int>(result),
@@ -280,25 +281,25 @@ void BuiltCase::QueryRun::writeOnHost(const QueryCommand &command)
         const uint64_t right = alone(command.targets[i]);
         if (sizes[i] != right)
             fault(fmt::format("vkWriteMicromapsPropertiesEXT writes another value than the device "
-                                  "(micromap {}: {}, not {})",
-                                  command.targets[i].number, sizes[i], right));
+                              "(micromap {}: {}, not {})",
+                              command.targets[i].number, sizes[i], right));
     }
 }
 
 void BuiltCase::QueryRun::run(const QueryCommand &command)
 {
     switch (command.kind) {
-    case Kind::Reset:
+    case QueryKind::Reset:
         record([&](VkCommandBuffer to) { vkCmdResetQueryPool(to, pool, command.first, command.count); });
         resets = true;
         break;
-    case Kind::ResetOnHost:
+    case QueryKind::ResetOnHost:
         execute(); // VUID-vkResetQueryPool-firstQuery-02741
         vkResetQueryPool(gpu.device(), pool, command.first, command.count);
         break;
-    case Kind::Write: write(command); break;
-    case Kind::Read: read(command); break;
-    case Kind::Copy: copy(command); break;
+    case QueryKind::Write: write(command); break;
+    case QueryKind::Read: read(command); break;
+    case QueryKind::Copy: copy(command); break;
     default: writeOnHost(command); break;
     }
     advance(states, command);

@@ -9,14 +9,14 @@ namespace vellum::check
 {
 
 using Is = QueryState::Is;
-using Kind = QueryCommand::Kind;
+using QueryKind = QueryCommand::Kind;
 
 namespace
 {
 
-bool hasTargets(Kind kind)
+bool hasTargets(QueryKind kind)
 {
-    return kind == Kind::Write || kind == Kind::WriteOnHost;
+    return kind == QueryKind::Write || kind == QueryKind::WriteOnHost;
 }
 
 } // namespace
@@ -32,7 +32,7 @@ std::string advance(QueryStates &states, const QueryCommand &command)
     if (hasTargets(command.kind) ? command.targets.empty() || command.count != command.targets.size()
                                  : command.count == 0 || !command.targets.empty())
         return "has targets that it does not use, or lacks them";
-    if (command.kind == Kind::WriteOnHost)
+    if (command.kind == QueryKind::WriteOnHost)
         return {};
     // VUID-vkGetQueryPoolResults-firstQuery-09436, -firstQuery-09437 and those of the other commands
     if (uint64_t{command.first} + command.count > states.size())
@@ -41,7 +41,7 @@ std::string advance(QueryStates &states, const QueryCommand &command)
     const auto queries = std::span(states).subspan(command.first, command.count);
     const auto all = [&](Is is) { return std::ranges::all_of(queries, [is](const auto &query) { return query.is == is; }); };
     switch (command.kind) {
-    case Kind::Write:
+    case QueryKind::Write:
         // VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494,
         // VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417
         if (!all(Is::Unavailable))
@@ -49,12 +49,12 @@ std::string advance(QueryStates &states, const QueryCommand &command)
         for (size_t i = 0; i < queries.size(); ++i)
             queries[i] = {Is::Available, command.targets[i]};
         return {};
-    case Kind::Read:
+    case QueryKind::Read:
         // VUID-vkGetQueryPoolResults-None-09401
         if (std::ranges::any_of(queries, [](const auto &query) { return query.is == Is::Uninitialized; }))
             return "reads queries that were never reset";
         return command.wait && !all(Is::Available) ? "waits for queries that are not written" : "";
-    case Kind::Copy:
+    case QueryKind::Copy:
         // VUID-vkCmdCopyQueryPoolResults-None-08752, VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-None-13084
         return all(Is::Available) ? "" : "copies queries that are not available";
     default:

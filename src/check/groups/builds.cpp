@@ -198,7 +198,7 @@ Case state(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-constexpr std::array kGroups{
+constexpr std::array kBuildsGroups{
     Group{
         "builds",
         "several micromaps and structures of all kinds by one command, in secondary command buffers, submitted twice; "
@@ -242,7 +242,7 @@ constexpr std::array kGroups{
 
 std::span<const Group> buildGroups()
 {
-    return kGroups;
+    return kBuildsGroups;
 }
 
 } // namespace vellum::check

@@ -109,7 +109,7 @@ Case hostCopies(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-constexpr std::array kGroups{
+constexpr std::array kObjectsGroups{
     Group{"copies", "clones and compacted copies of micromaps, bottom and top level structures",
           "vkCmdCopyAccelerationStructureKHR, vkCmdCopyMicromapEXT: CLONE, COMPACT; "
           "VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR, VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT",
@@ -145,7 +145,7 @@ constexpr std::array kGroups{
 
 std::span<const Group> objectGroups()
 {
-    return kGroups;
+    return kObjectsGroups;
 }
 
 } // namespace vellum::check

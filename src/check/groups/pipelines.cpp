@@ -303,7 +303,7 @@ Case indirectTraces(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-constexpr std::array kGroups{
+constexpr std::array kPipelinesGroups{
     Group{"pipeline-plans",
           "ray tracing pipelines with inline modules, stack sizes, recursion, callable shaders and create flags, which "
           "skip triangles or promise shaders; created by deferred operations, with caches, several at once",
@@ -342,7 +342,7 @@ constexpr std::array kGroups{
 
 std::span<const Group> pipelineGroups()
 {
-    return kGroups;
+    return kPipelinesGroups;
 }
 
 } // namespace vellum::check

@@ -168,7 +168,7 @@ private:
     bool onHost_ = false;
 };
 
-Case queries(Random &random, const DeviceLimits &limits)
+Case querySizes(Random &random, const DeviceLimits &limits)
 {
     using Kind = Step::Kind;
     constexpr std::array memories{Memory::Apart, Memory::Packed, Memory::PackedToTheEnd};
@@ -190,7 +190,7 @@ Case queries(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-constexpr std::array kGroups{
+constexpr std::array kQueriesGroups{
     Group{"queries",
           "sizes of micromaps and structures by several queries of a pool: ranges, strides, 32 and 64 bits, "
           "availability, "
@@ -198,7 +198,7 @@ constexpr std::array kGroups{
           "vkCmdWriteAccelerationStructuresPropertiesKHR, vkCmdWriteMicromapsPropertiesEXT, "
           "vkWriteMicromapsPropertiesEXT, vkGetQueryPoolResults, vkCmdCopyQueryPoolResults, "
           "vkCmdCopyQueryPoolResultsToMemoryKHR, vkCmdResetQueryPool, vkResetQueryPool",
-          250, runGroup<queries>, 160},
+          250, runGroup<querySizes>, 160},
 };
 
 } // namespace
@@ -210,7 +210,7 @@ std::optional<QueryPlan> randomQueries(Random &random, const oracle::Scene &scen
 
 std::span<const Group> queryGroups()
 {
-    return kGroups;
+    return kQueriesGroups;
 }
 
 } // namespace vellum::check

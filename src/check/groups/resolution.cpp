@@ -260,7 +260,7 @@ Case executionMode(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-constexpr std::array kGroups{
+constexpr std::array kResolutionGroups{
     Group{"resolution-query", "random scenes, by ray queries in compute shaders", kRayOpacity, 400, runGroup<queries>,
           250},
     Group{"resolution-pipeline",
@@ -315,7 +315,7 @@ constexpr std::array kGroups{
 
 std::span<const Group> resolutionGroups()
 {
-    return kGroups;
+    return kResolutionGroups;
 }
 
 } // namespace vellum::check

@@ -13,7 +13,7 @@ namespace vellum::cli
 namespace
 {
 
-constexpr int kMillisecondsOfWaiting = 20;
+constexpr int kMillisecondsBetweenChecks = 20;
 
 std::vector<std::string> argumentsOf(const WorkerOptions &options)
 {
@@ -79,7 +79,7 @@ Answer waitForAnswer(WorkerProcess &worker, double seconds)
     worker.startWaiting();
     while (!worker.isLate(seconds) && !Interruptible::interrupted()) {
         const ChildProcess *const process = &worker.process();
-        ChildProcess::waitForAny({&process, 1}, kMillisecondsOfWaiting);
+        ChildProcess::waitForAny({&process, 1}, kMillisecondsBetweenChecks);
         const std::optional<ProcessEnd> end = process->end(); // first: what was written before it is read below
         for (const Event &event : worker.read()) {
             if (event.kind != Event::Kind::Begin)

@@ -14,7 +14,7 @@ namespace
 // A few bytes could ask for gigabytes: what a file is decompressed to is bounded by its own size. Meshopt's streams of
 // version 0 take at least a 64th of their data.
 constexpr uint64_t kMostExpansion = 64;
-constexpr uint64_t kAlwaysAllowed = uint64_t{64} << 20;
+constexpr uint64_t kBytesAlwaysAllowed = uint64_t{64} << 20;
 
 // Some seconds, and how often each byte of a file may be read.
 constexpr uint64_t kAlwaysRead = uint64_t{1} << 29;
@@ -35,7 +35,7 @@ std::span<const uint8_t> BufferViews::stored(int buffer, size_t offset, size_t l
 void BufferViews::account(size_t bytes) const
 {
     if (!allowance_) {
-        allowance_ = kAlwaysAllowed;
+        allowance_ = kBytesAlwaysAllowed;
         for (const gltf_json::Buffer &buffer : model_.buffers)
             *allowance_ += kMostExpansion * buffer.data.size();
     }

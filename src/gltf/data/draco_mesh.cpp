@@ -17,7 +17,7 @@ namespace
 
 // The library takes the numbers of faces and points that a stream begins with at their word, and so a few bytes could
 // ask for gigabytes. These are far more than an encoder makes of real meshes.
-constexpr uint64_t kAlwaysAllowed = uint64_t{1} << 17;
+constexpr uint64_t kElementsAlwaysAllowed = uint64_t{1} << 17;
 constexpr uint64_t kMostPerByte = 8;
 constexpr uint64_t kMostAttributeBytes = uint64_t{64} << 20;
 constexpr uint64_t kMostAttributeBytesPerByte = 256;
@@ -36,7 +36,7 @@ protected:
         draco::DecoderBuffer ahead(*this->buffer());
         uint32_t first = 0;
         uint32_t second = 0;
-        const uint64_t most = kAlwaysAllowed + kMostPerByte * encodedBytes_;
+        const uint64_t most = kElementsAlwaysAllowed + kMostPerByte * encodedBytes_;
         return draco::DecodeVarint(&first, &ahead) && draco::DecodeVarint(&second, &ahead) && first <= most &&
                second <= most && Decoder::DecodeConnectivity();
     }

@@ -12,7 +12,7 @@ namespace
 
 using namespace std::string_view_literals;
 
-constexpr uint64_t kAlwaysAllowed = uint64_t{1} << 24;
+constexpr uint64_t kTexelsAlwaysAllowed = uint64_t{1} << 24;
 
 bool has(Encoded encoded, size_t offset, std::string_view bytes)
 {
@@ -54,7 +54,7 @@ Image imageOf(uint64_t width, uint64_t height, Encoded encoded, const std::strin
     const std::string size = std::to_string(width) + " x " + std::to_string(height) + " texels";
     if (width == 0 || height == 0 || width > kMostTexels || height > kMostTexels)
         throw GltfError(what + " has " + size);
-    if (width * height > std::max(kAlwaysAllowed, kMostTexelsPerByte * encoded.size()))
+    if (width * height > std::max(kTexelsAlwaysAllowed, kMostTexelsPerByte * encoded.size()))
         throw GltfError(what + " has " + size + " in " + std::to_string(encoded.size()) + " bytes");
     return {static_cast<uint32_t>(width), static_cast<uint32_t>(height), {}, {}};
 }

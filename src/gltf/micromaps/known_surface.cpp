@@ -28,7 +28,7 @@ double areaOf(const Geometry &geometry, size_t triangle, const Transform &transf
 }
 
 // A small file may ask for as many triangles in the world as this is times too many to look at.
-constexpr size_t kMostTriangles = size_t{1} << 27;
+constexpr size_t kMostKnownTriangles = size_t{1} << 27;
 
 // Of each triangle of each alpha-tested geometry, in the world; nothing where there are too many.
 std::optional<std::vector<std::vector<double>>> areasOf(const Scene &scene)
@@ -42,7 +42,7 @@ std::optional<std::vector<std::vector<double>>> areasOf(const Scene &scene)
         const Mesh &mesh = scene.meshes[instance.mesh];
         for (size_t g = mesh.firstGeometry; g < mesh.firstGeometry + mesh.geometryCount; ++g) {
             done += areas[g].size();
-            if (done > kMostTriangles)
+            if (done > kMostKnownTriangles)
                 return std::nullopt;
             for (size_t t = 0; t < areas[g].size(); ++t)
                 areas[g][t] += areaOf(scene.geometries[g], t, instance.transform);

@@ -63,7 +63,7 @@ const ConflictingExtension *conflictingNamed(const char *name)
 }
 
 // All of these structures begin with their features.
-std::span<const VkBool32> featuresIn(const VkBaseInStructure &structure, uint32_t count)
+std::span<const VkBool32> membersOf(const VkBaseInStructure &structure, uint32_t count)
 {
     return {reinterpret_cast<const VkBool32 *>(&structure + 1), count};
 }
@@ -73,7 +73,7 @@ bool isEnabled(const VkDeviceCreateInfo &info, const ConflictingExtension &exten
     if (extension.featureCount == 0)
         return true;
     const VkBaseInStructure *features = findInChain(info.pNext, extension.features);
-    return features && std::ranges::any_of(featuresIn(*features, extension.featureCount),
+    return features && std::ranges::any_of(membersOf(*features, extension.featureCount),
                                            [](VkBool32 feature) { return feature != VK_FALSE; });
 }
 

@@ -256,11 +256,6 @@ std::vector<Edit> editsOfUses(const Case &best, const std::function<bool(const M
     return edits;
 }
 
-bool isDirect(const MeshMicromap &use)
-{
-    return use.indexType == VK_INDEX_TYPE_NONE_KHR;
-}
-
 // No index buffer: as if it held 0, 1, 2...
 void makeDirect(MeshMicromap &use)
 {

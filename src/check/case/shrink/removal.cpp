@@ -46,11 +46,6 @@ void removeTarget(Case &c, QueryTarget::Of of, uint32_t removed)
             }
 }
 
-bool isDirect(const MeshMicromap &use)
-{
-    return use.indexType == VK_INDEX_TYPE_NONE_KHR;
-}
-
 // Whether `other` is an object.
 bool namesObject(Kind kind)
 {

@@ -9,6 +9,11 @@
 namespace vellum::check
 {
 
+// There is no index buffer.
+inline bool isDirect(const oracle::MeshMicromap &use)
+{
+    return use.indexType == VK_INDEX_TYPE_NONE_KHR;
+}
 // Calls the function for every use of a micromap by that mesh: the scene's and those of steps.
 void forEachUse(Case &c, uint32_t object, uint32_t mesh, const std::function<void(oracle::MeshMicromap &)> &function);
 void forEachUse(Case &c, const std::function<void(oracle::MeshMicromap &)> &function);

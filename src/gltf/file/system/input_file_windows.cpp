@@ -12,7 +12,7 @@ namespace vellum
 namespace
 {
 
-HANDLE handleOf(intptr_t file)
+HANDLE readHandleOf(intptr_t file)
 {
     return reinterpret_cast<HANDLE>(file);
 }
@@ -56,7 +56,7 @@ InputFile::InputFile(const std::filesystem::path &path) : path_(path)
 
 InputFile::~InputFile()
 {
-    CloseHandle(handleOf(file_));
+    CloseHandle(readHandleOf(file_));
 }
 
 size_t InputFile::read(std::span<uint8_t> bytes)
@@ -65,8 +65,8 @@ size_t InputFile::read(std::span<uint8_t> bytes)
     size_t done = 0;
     while (done < bytes.size()) {
         DWORD count = 0;
-        if (!ReadFile(handleOf(file_), bytes.data() + done, static_cast<DWORD>(std::min(bytes.size() - done, kAtOnce)),
-                      &count, nullptr))
+        if (!ReadFile(readHandleOf(file_), bytes.data() + done,
+                      static_cast<DWORD>(std::min(bytes.size() - done, kAtOnce)), &count, nullptr))
             throw GltfError("cannot be read");
         if (count == 0)
             break;
@@ -77,7 +77,7 @@ size_t InputFile::read(std::span<uint8_t> bytes)
 
 std::filesystem::path InputFile::realPath() const
 {
-    return finalPath(handleOf(file_), path_);
+    return finalPath(readHandleOf(file_), path_);
 }
 
 std::filesystem::path realFolder(const std::filesystem::path &folder)
