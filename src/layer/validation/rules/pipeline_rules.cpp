@@ -15,7 +15,7 @@ namespace vellum::layer
 namespace
 {
 
-constexpr VkFlags64 kMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+constexpr VkFlags64 kMicromapFlags = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
 constexpr VkFlags64 kNoMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
 constexpr VkFlags64 kNotMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 constexpr auto kShaderNotMixed =
@@ -76,7 +76,7 @@ void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderS
 void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const char *micromapRule,
                 const char *mixedRule)
 {
-    if ((flags & kMicromaps) != 0)
+    if ((flags & kMicromapFlags) != 0)
         device.fault(place.member("flags"), micromapRule,
                      "RAY_TRACING_OPACITY_MICROMAP, which is for ray tracing pipelines only");
     if ((flags & kNotMixed) != 0 && !device.driver.enabled.khrFeature)
@@ -88,7 +88,7 @@ void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const 
 void checkRayTracingFlags(DeviceModel &device, const Place &place, const VkRayTracingPipelineCreateInfoKHR &info,
                           VkFlags64 flags)
 {
-    const bool micromaps = (flags & kMicromaps) != 0;
+    const bool micromaps = (flags & kMicromapFlags) != 0;
     const Place member = place.member("flags");
     const auto &enabled = device.driver.enabled;
     if (micromaps && (flags & kNoMicromaps) != 0)
@@ -104,7 +104,7 @@ void checkRayTracingFlags(DeviceModel &device, const Place &place, const VkRayTr
                 (micromaps ? "the feature micromap of VK_KHR_opacity_micromap" : "RAY_TRACING_OPACITY_MICROMAP"));
     for (uint32_t i = 0; micromaps && info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
         const auto library = device.objects.pipelines.libraries.get(info.pLibraryInfo->pLibraries[i]);
-        if (library && (*library & kMicromaps) == 0) {
+        if (library && (*library & kMicromapFlags) == 0) {
             const Place libraries = place.member("pLibraryInfo");
             device.fault(
                 libraries.element("pLibraries", i), rules::ids::kRayTracingLibraries,
