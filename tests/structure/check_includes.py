@@ -46,7 +46,7 @@ def below(*subsystems):
     return {name: subsystems[:i] for i, name in enumerate(subsystems)}
 
 
-LOW = ("base", "memory", "state", "command_buffer")
+LOW = ("base", "input", "memory", "rules", "state", "command_buffer")
 CHECKS = ("model", "rules", "gpu") # what the checks of validation may use; these use the ones before them
 SUBSYSTEMS = {
     "layer": below(*LOW) | {

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks that docs/messages.md has every message of the layer once, with its severity, and prints what is wrong.
 
-A message is known by its id, a string in src/layer that begins with VELLUM-. On the page, an item of a list has the ids of
-one cause in backticks, those with a VUID without the prefix VELLUM-, their severity in bold, and words. Where the id is an
-argument of a function that sends it (SEVERITIES), the severity is known; where it is passed on first, the page's counts.
+A message is known by its id, a string in src/layer that begins with VELLUM- or VUID-. On the page, an item of a list has the
+ids of one cause in backticks, their severity in bold, and words. Rows of rules state their severity (ROW), and those that
+only validation reports are not on the page, as are ids in src/layer/validation. Where the id is an argument of a function that
+sends it (SEVERITIES), the severity is known as well; where it is passed on first, the page's counts.
 With --write, ids that are gone are removed, severities are corrected, and new ids get items, which lack their words.
 
 usage: check_messages.py [--write] [ROOT]
@@ -20,6 +21,13 @@ COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*')
 SEAM = re.compile(r'"\s*\n\s*"')
 STRING = re.compile(r'"((?:[^"\\\n]|\\.)*)"')
 ID = re.compile(r"\bVELLUM-[A-Za-z0-9_-]*")
+NUMBERED = re.compile(r"^VUID-[A-Za-z0-9_-]*$")
+# A row of src/layer/rules, with a string or the name of one; and such names.
+ROW = re.compile(r'\{\s*(?:"((?:VELLUM|VUID)-[^"]*)"|(k\w+)),\s*(Report|Tolerate|Reject|Depends),')
+NAMED = re.compile(r'const char \*(k\w+)\s*=\s*"((?:VELLUM|VUID)-[^"]*)"')
+# A member of a row whose rule only validation checks.
+VALIDATED = re.compile(r"\.alignmentId =\s*$")
+OF_ROWS = {"Tolerate": "warning", "Reject": "error", "Depends": None}
 CALL = re.compile(r"(\w+)\s*$")
 BOTH = "warning or error"
 ITEM = re.compile(r"^- .*\n(?:  .*\n)*", re.M)
@@ -44,17 +52,39 @@ def caller(code, end):
     return ""
 
 
+def sources(root):
+    """Files of src/layer, without comments, and with what the formatter has broken in two."""
+    for path in sorted((root / "src" / "layer").rglob("*")):
+        if path.suffix in {".cpp", ".h"}:
+            yield path.relative_to(root), SEAM.sub("", COMMENT.sub(lambda match: match[1] or "",
+                                                                   path.read_text(encoding="utf-8")))
+
+
+def rows(root):
+    """Of each rule that is a row: its file, and the severities of its rows."""
+    code = {path: text for path, text in sources(root) if "rules" == path.parent.name}
+    names = {name: rule for text in code.values() for name, rule in NAMED.findall(text)}
+    found = {}
+    for path, text in code.items():
+        for rule, name, severity in ROW.findall(text):
+            if rule or name in names:
+                found.setdefault(rule or names[name], (path, set()))[1].add(severity)
+    return found
+
+
 def messages(root):
     """Ids, each with where it is and the severities that are known."""
-    ids = {}
-    for path in sorted((root / "src" / "layer").rglob("*")):
-        if path.suffix not in {".cpp", ".h"}:
-            continue
-        code = SEAM.sub("", COMMENT.sub(lambda match: match[1] or "", path.read_text(encoding="utf-8")))
+    ids, of_rows = {}, rows(root)
+    for path, code in sources(root):
+        validates = "validation" in path.parts
         for string in STRING.finditer(code):
-            for name in ID.findall(string[1]):
-                where, severities = ids.setdefault(name, (path.relative_to(root), set()))
-                severities.add(SEVERITIES.get(caller(code, string.start())))
+            for name in ID.findall(string[1]) + ([] if validates else NUMBERED.findall(string[1])):
+                if name not in of_rows and not VALIDATED.search(code[:string.start()]):
+                    where, severities = ids.setdefault(name, (path, set()))
+                    severities.add(SEVERITIES.get(caller(code, string.start())))
+    for name, (path, severities) in of_rows.items():
+        if severities != {"Report"}:
+            ids[name] = (path, {OF_ROWS[severity] for severity in severities - {"Report"}})
     return ids
 
 

@@ -15,6 +15,10 @@ report.error("VELLUM-VUID-vkCmdCopy-"
 if (!check.tolerateIf(sizes(1), isLarge ? "VELLUM-shape" : "VELLUM-size", "text")) return; // "VELLUM-comment"
 const Ids ids = {"VELLUM-listed"};
 """
+ROWS = """constexpr const char *kSize = "VUID-Copy-size-00002";
+Rule kRows[] = {{kSize, Tolerate, nullptr, find}, {"VUID-Copy-only-00003", Report, nullptr, find}};
+"""
+CHECKS = 'fault("VUID-vkCmdCopy-checked-00004");\n'
 PAGE = """# Messages
 Not in a list: `VELLUM-text`. **error**: rejected.
 
@@ -28,12 +32,14 @@ Not in a list: `VELLUM-text`. **error**: rejected.
 
 ## Rules
 - **error** Copies. `VUID-vkCmdCopy-src-00001`
+- **warning** Sizes. `VUID-Copy-size-00002`
 """
 
 
 def run(code, page, *options):
     with tempfile.TemporaryDirectory() as folder:
-        for name, text in {"src/layer/base/code.cpp": code, "docs/messages.md": page}.items():
+        for name, text in {"src/layer/base/code.cpp": code, "docs/messages.md": page, "src/layer/rules/rows.cpp": ROWS,
+                           "src/layer/validation/checks.cpp": CHECKS}.items():
             path = pathlib.Path(folder, name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
@@ -84,6 +90,7 @@ class CheckMessages(unittest.TestCase):
 - **error** Shape or size, in words that need two lines. `VELLUM-size`
 
 ## Rules
+- **warning** Sizes. `VUID-Copy-size-00002`
 - `VELLUM-added` **info**
 - `VELLUM-form` **error**
 - `VUID-vkCmdCopy-src-00002` **error**

@@ -7,7 +7,8 @@
 - src/layer has the id of every rule that is checked, and the rule has a test: a file of wrong programs in
   tests/validation that has the id, or suite and case, with "*" for any rest. Rules whose "where" is "open" need neither.
   Where src/layer has only the end of an id ("micromap-11636"), one command with a test stands for all;
-- every rule that src/layer names has a row;
+- every rule that src/layer names has a row, and its id is stated once;
+- "without" is what the row of src/layer/rules does with a command that breaks the rule;
 - columns have words that are known.
 
 With --write, the tables of the page are written anew, rows get the tests that name their id, and those without code or
@@ -30,7 +31,7 @@ import findings
 REGISTRY = "/usr/share/vulkan/registry/validusage.json"
 TABLE = "src/layer/validation/rules.csv"
 CODE = "src/layer"
-VALIDATION = "src/layer/validation"
+VALIDATION = ("src/layer/validation", "src/layer/rules") # rows of rules are evaluated by validation as well
 PROGRAMS = "tests/validation"
 SUITE = "WrongPrograms"
 PAGE = "docs/validation.md"
@@ -163,6 +164,25 @@ def is_open(row, names):
     return row["where"] == "open" or (row["where"] in CHECKED and not (is_named(row["vuid"], names) and row["test"]))
 
 
+# What the column "without" begins with, by the severity of a row of src/layer/rules.
+BY_SEVERITY = {"Tolerate": ("tolerated",), "Reject": ("rejected",), "Depends": ("tolerated", "rejected")}
+
+
+def wrong_severities(rows, severities):
+    for row in rows:
+        _, sent = severities.get(row["vuid"], (None, {"Report"}))
+        begins = [word for severity in sent - {"Report"} for word in BY_SEVERITY[severity]]
+        if begins and row["where"] in CHECKED and not row["without"].startswith(tuple(begins)):
+            yield f"{row['vuid']}: without is {row['without']}, in src/layer/rules {' and '.join(sorted(sent))}"
+
+
+def stated_twice(root):
+    """Ids that stand in several places of src/layer. One id may stand for several rules, by its end."""
+    counts = collections.Counter(name for path, code in code_of(root / CODE)
+                                 for string in check_messages.STRING.findall(code) for name in NAMED.findall(string))
+    return sorted(name for name, count in counts.items() if count > 1)
+
+
 def wrong_row(row, names, tests, expected):
     missing = missing_test(row, tests, expected_of(row["vuid"], names, expected))
     vuid, where = row["vuid"], row["where"]
@@ -225,7 +245,7 @@ def table(rows, names, everywhere):
 
 
 def generated(page, rows, root):
-    names, everywhere = in_code(root / CODE), in_code(root / VALIDATION)
+    names, everywhere = in_code(root / CODE), set().union(*(in_code(root / part) for part in VALIDATION))
     for name, text in (("totals", totals), ("rules", table)):
         begin, end = BEGIN.format(name), END.format(name)
         before, rest = page.split(begin)
@@ -258,6 +278,8 @@ def check(registry, root):
     found += [f"{TABLE}: no row for {vuid}" for vuid in sorted(of_registry(registry) - set(vuids))]
     found += [f"src/layer: {TABLE} has no row for {name}" for name in sorted(names) if not OF_MESHES.search(name)
               and not any(fnmatch.fnmatchcase(name, vuid) or fnmatch.fnmatchcase(vuid, name) for vuid in vuids)]
+    found += [f"{TABLE}: {line}" for line in wrong_severities(rows, check_messages.rows(root))]
+    found += [f"src/layer: {name} is stated twice" for name in stated_twice(root)]
     page = (root / PAGE).read_text(encoding="utf-8")
     if page != generated(page, rows, root):
         found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")

@@ -65,6 +65,15 @@ class CheckRules(unittest.TestCase):
         self.assertEqual(code, 1, out)
         self.assertIn(expected, out)
 
+    def test_id_that_is_stated_twice(self):
+        self.put("src/layer/base/other.cpp", 'say("VUID-vkMapEXT-a-00001");\n')
+        self.expect_finding("src/layer: VUID-vkMapEXT-a-00001 is stated twice", TABLE)
+
+    def test_row_with_another_severity(self):
+        self.put("src/layer/validation/some.cpp", 'say("VELLUM-VUID-vkMapEXT-a-parameter");\n')
+        self.put("src/layer/rules/rows.cpp", 'Rule kRows[] = {{"VUID-vkMapEXT-a-00001", Reject, nullptr, find}};\n')
+        self.expect_finding("VUID-vkMapEXT-a-00001: without is works: all, in src/layer/rules Reject", TABLE)
+
     def test_page_is_written(self):
         code, out = self.run_check("--write")
         self.assertEqual((code, out), (0, "1 rules are open\n\n0 findings in 4 rules\n"))

@@ -191,6 +191,38 @@ TEST_F(ValidationState, FailedSubmissionsExecuteNothing)
     EXPECT_EQ(executed, 2);
 }
 
+// Another thread may learn that work is complete, and reset or free its command buffers, before vkQueueSubmit returns.
+TEST_F(ValidationState, SubmissionsOutliveTheirCommandBuffers)
+{
+    static DeviceValidation *used;
+    static VkCommandPool pool;
+    used = &device;
+    int executed = 0;
+    const auto submitNew = [&] {
+        pool = makePool();
+        const std::vector<VkCommandBuffer> commands = allocate(pool, 2);
+        for (const VkCommandBuffer each : commands)
+            device.logs.add(each, [&](const Submission &) { ++executed; });
+        validation::cmdExecuteCommands(device, commands[0], 1, &commands[1]);
+        VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+        submit.commandBufferCount = 1;
+        submit.pCommandBuffers = commands.data();
+        EXPECT_EQ(validation::queueSubmit(device, {}, 1, &submit, {}), VK_SUCCESS);
+    };
+    device.driver.next.CmdExecuteCommands = [](VkCommandBuffer, uint32_t, const VkCommandBuffer *) {};
+    device.next.QueueSubmit = [](VkQueue, uint32_t, const VkSubmitInfo *, VkFence) {
+        return validation::resetCommandPool(*used, {}, pool, 0);
+    };
+    submitNew();
+    EXPECT_EQ(executed, 2);
+    device.next.QueueSubmit = [](VkQueue, uint32_t, const VkSubmitInfo *, VkFence) {
+        validation::destroyCommandPool(*used, {}, pool, nullptr);
+        return VK_SUCCESS;
+    };
+    submitNew();
+    EXPECT_EQ(executed, 4);
+}
+
 TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
 {
     const VkCommandPool pool = makePool();
@@ -198,7 +230,7 @@ TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
     device.logs.add(commands, [](const Submission &) {});
     answer = VK_ERROR_OUT_OF_DEVICE_MEMORY;
     EXPECT_EQ(validation::resetCommandPool(device, {}, pool, 0), answer);
-    EXPECT_EQ(device.logs.get(commands)->steps.size(), 1u);
+    EXPECT_EQ(device.logs.get(commands)->steps->size(), 1u);
 
     const VkBuffer buffer = addBuffer(0x10000, 0x10000);
     VkSparseMemoryBind bind{};
@@ -214,7 +246,7 @@ TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
     EXPECT_EQ(validation::queueBindSparse(device, {}, 1, &sparse, {}), VK_SUCCESS);
     EXPECT_TRUE(device.objects.buffers.get(buffer)->bound.contain(0, 0x10000));
     EXPECT_EQ(validation::resetCommandPool(device, {}, pool, 0), VK_SUCCESS);
-    EXPECT_TRUE(device.logs.get(commands)->steps.empty());
+    EXPECT_TRUE(device.logs.get(commands)->steps->empty());
 }
 
 // A wait for an event has nothing to do with what set another event of the same handle, or this one before the host
@@ -506,7 +538,7 @@ TEST_F(ValidationState, RangeInABufferThatIsDestroyed)
     const Place place("vkCmdCopyMemoryKHR");
     RangeCheck(device, VK_NULL_HANDLE)
         .check(place, VkDeviceAddressRangeKHR{0x10000, 64}, 0, flag_rules::kCopySource,
-               {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageRule = "VUID-of-the-usage"});
+               {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageId = "VUID-of-the-usage"});
     EXPECT_EQ(reported["VELLUM-VUID-of-the-usage"], 0);
 }
 
@@ -527,7 +559,7 @@ TEST_F(ValidationState, BuildsWithNullArrays)
     const uint32_t *none = nullptr;
     validation::cmdBuildAccelerationStructuresIndirect(device, commands, 1, &info, nullptr, nullptr, nullptr);
     validation::cmdBuildAccelerationStructuresIndirect(device, commands, 1, &info, &address, &stride, &none);
-    EXPECT_EQ(GeometryCounts{}.primitives(0), 0u);
+    EXPECT_EQ(input::BuildRanges{}.primitives(0), 0u);
 
     VkMicromapBuildInfoEXT micromap{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT};
     const VkMicromapUsageEXT *usage = nullptr;

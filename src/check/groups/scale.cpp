@@ -197,12 +197,15 @@ Case micromapCase(Random &random, uint32_t count, const std::vector<uint32_t> &n
 
 Case micromapTriangles(Random &random, const DeviceLimits &limits, uint32_t count)
 {
-    const std::vector<uint32_t> numbers = interesting(random, count);
+    const uint32_t most = count > kManyMore ? kManyMore : 1u << 10;
+    std::vector<uint32_t> numbers = interesting(random, count);
+    // Several beyond each base.
+    for (uint32_t i = 0; i < 8; ++i)
+        numbers.push_back(count - 1 - below(random, (count - most + 1) / 2));
     Case c = micromapCase(random, count, numbers);
     addUses(random, c, numbers, VK_INDEX_TYPE_UINT32, 0);
     // Bases of more than 8 bits; and of more than 10 or 16, then also without indices.
-    const uint32_t most = count > kManyMore ? kManyMore : 1u << 10;
-    for (const uint32_t base : {257 + below(random, count / 4), most + below(random, count - most)}) {
+    for (const uint32_t base : {257 + below(random, count / 4), most + below(random, (count - most + 1) / 2)}) {
         std::vector<uint32_t> rest;
         for (const uint32_t number : numbers)
             if (number >= base && number - base <= 0xfffbu - 1)

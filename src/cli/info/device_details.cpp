@@ -22,7 +22,7 @@ const char *nameOf(VkPhysicalDeviceType type)
     }
 }
 
-std::string versionText(uint32_t version)
+std::string apiVersionText(uint32_t version)
 {
     return std::to_string(VK_API_VERSION_MAJOR(version)) + "." + std::to_string(VK_API_VERSION_MINOR(version)) + "." +
            std::to_string(VK_API_VERSION_PATCH(version));
@@ -62,7 +62,7 @@ void findMissing(DeviceDetails &details, VkPhysicalDevice device, uint32_t versi
                  const std::set<std::string> &extensions)
 {
     if (version < VK_API_VERSION_1_2) {
-        details.missing.push_back("Vulkan 1.2 (it has " + versionText(version) + ")");
+        details.missing.push_back("Vulkan 1.2 (it has " + apiVersionText(version) + ")");
         return;
     }
     const Features features = featuresOf(device, version, extensions);
@@ -163,7 +163,7 @@ std::vector<DeviceDetails> describeDevices(const gpu::Instance &instance)
         details.number = info.number;
         details.name = info.name;
         details.kind = nameOf(info.type);
-        details.version = versionText(properties.apiVersion);
+        details.version = apiVersionText(properties.apiVersion);
         details.rayQueries = extensions.contains(VK_KHR_RAY_QUERY_EXTENSION_NAME);
         details.rayTracingPipelines = extensions.contains(VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
         findMissing(details, info.handle, properties.apiVersion, extensions);

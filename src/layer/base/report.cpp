@@ -27,6 +27,12 @@ const char *severityName(ReportLevel level)
     return level == ReportLevel::Error ? "error" : level == ReportLevel::Warning ? "warning" : "info";
 }
 
+// The id that a message has: that of the specification after "VELLUM-", or one of Vellum.
+std::string publicId(std::string_view id)
+{
+    return id.starts_with("VUID") ? std::string("VELLUM") + "-" + std::string(id) : std::string(id);
+}
+
 // Messages are rare: the file is opened for each, and whoever reads it may move or remove it at any time.
 void append(const std::string &file, std::string line)
 {
@@ -76,12 +82,10 @@ std::string Reporter::nameOf(uint64_t object)
 
 void Reporter::fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object)
 {
-    const bool own = std::string_view(vuid).starts_with("VELLUM");
-    const std::string id = own ? vuid : std::string("VELLUM") + "-" + vuid;
     std::unique_ptr<Ids> covered(std::exchange(coveredIds, nullptr)); // this message is not one of the implementation's
-    error(id.c_str(), text, type, object);
+    error(vuid, text, type, object);
     delete std::exchange(coveredIds, covered.release());
-    CommandReports::cover(id.c_str());
+    CommandReports::cover(vuid);
 }
 
 void CoveredIds::add(const std::string &id)
@@ -111,12 +115,12 @@ void CommandReports::cover(const char *id)
         return;
     if (!coveredIds)
         coveredIds = new Ids;
-    coveredIds->emplace_back(id);
+    coveredIds->push_back(publicId(id));
 }
 
 bool CommandReports::covers(std::string_view id)
 {
-    return coveredIds && std::ranges::find(*coveredIds, id) != coveredIds->end();
+    return coveredIds && std::ranges::find(*coveredIds, publicId(id)) != coveredIds->end();
 }
 
 CommandReports::~CommandReports()
@@ -136,11 +140,11 @@ HeldMessages::~HeldMessages()
     if (isInner_)
         return;
     held = nullptr;
-    for (const Message &m : messages_) {
+    for (const auto &[reporter, message] : messages_) {
         try {
-            m.reporter.sendLimited(m.severity, m.id, m.text, m.type, m.object);
+            reporter.get().deliver(message);
         } catch (const std::bad_alloc &) {
-            std::fprintf(stderr, "vellum: %s: %s\n", m.id.c_str(), m.text.c_str());
+            std::fprintf(stderr, "vellum: %s: %s\n", message.id.c_str(), message.text.c_str());
         }
     }
 }
@@ -151,66 +155,61 @@ void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char 
     try {
         if (CommandReports::covers(id))
             return;
-        const std::string name = std::string(kMessagePrefix) + id;
+        Message message{severity, kMessagePrefix + publicId(id), std::string(text), type, object};
         if (held)
-            held->messages_.push_back({*this, severity, name, std::string(text), type, object});
+            held->messages_.emplace_back(*this, std::move(message));
         else
-            sendLimited(severity, name, std::string(text), type, object);
+            deliver(message);
     } catch (const std::bad_alloc &) {
         std::fprintf(stderr, "vellum: %s%s: %.*s\n", kMessagePrefix, id, static_cast<int>(text.size()), text.data());
     }
 }
 
-void Reporter::sendLimited(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id,
-                           const std::string &text, VkObjectType type, uint64_t object)
+void Reporter::deliver(const Message &message, bool isLimited)
 {
-    if (limit_ > 0) {
+    if (isLimited && limit_ > 0) {
         std::unique_lock lock(mutex_);
-        const uint32_t count = ++sent_[id];
+        const uint32_t count = ++sent_[message.id];
         lock.unlock();
         if (count == limit_ + 1)
-            sendNow(VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT, "VELLUM-message-limit",
-                    id + " was reported " + std::to_string(limit_) + " times; no more messages with this id are sent",
-                    type, object);
+            deliver({VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT, "VELLUM-message-limit",
+                     message.id + " was reported " + std::to_string(limit_) +
+                         " times; no more messages with this id are sent",
+                     message.type, message.object},
+                    false);
         if (count > limit_)
             return;
     }
-    sendNow(severity, id, text, type, object);
-    if (breakOnError_ && severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
-        stopInDebugger();
-}
-
-void Reporter::sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
-                       VkObjectType type, uint64_t object)
-{
     std::vector<Messenger> messengers;
     std::string objectName;
     {
         // A callback may create or destroy messengers: it is called without the lock.
         std::lock_guard lock(mutex_);
         messengers = messengers_;
-        if (const auto it = names_.find(object); it != names_.end())
+        if (const auto it = names_.find(message.object); it != names_.end())
             objectName = it->second;
     }
-    if (levelOf(severity) <= (messengers.empty() ? levelAlone_ : level_))
-        std::fprintf(stderr, "vellum: %s: %s\n", id.c_str(), text.c_str());
-    VkDebugUtilsObjectNameInfoEXT name{VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT, nullptr, type, object,
-                                       objectName.empty() ? nullptr : objectName.c_str()};
+    if (levelOf(message.severity) <= (messengers.empty() ? levelAlone_ : level_))
+        std::fprintf(stderr, "vellum: %s: %s\n", message.id.c_str(), message.text.c_str());
+    VkDebugUtilsObjectNameInfoEXT name{VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT, nullptr, message.type,
+                                       message.object, objectName.empty() ? nullptr : objectName.c_str()};
     VkDebugUtilsMessengerCallbackDataEXT data{};
     data.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CALLBACK_DATA_EXT;
-    data.pMessageIdName = id.c_str();
-    data.pMessage = text.c_str();
-    data.objectCount = object != 0 ? 1 : 0;
+    data.pMessageIdName = message.id.c_str();
+    data.pMessage = message.text.c_str();
+    data.objectCount = message.object != 0 ? 1 : 0;
     data.pObjects = &name;
-    const VkDebugUtilsMessageTypeFlagsEXT kind = severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT
+    const VkDebugUtilsMessageTypeFlagsEXT kind = message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT
                                                      ? VK_DEBUG_UTILS_MESSAGE_TYPE_GENERAL_BIT_EXT
                                                      : VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
     for (const Messenger &m : messengers) {
-        if ((m.severities & VkDebugUtilsMessageSeverityFlagsEXT{severity}) != 0 && (m.types & kind) != 0)
-            m.callback(severity, kind, &data, m.userData);
+        if ((m.severities & VkDebugUtilsMessageSeverityFlagsEXT{message.severity}) != 0 && (m.types & kind) != 0)
+            m.callback(message.severity, kind, &data, m.userData);
     }
     if (!file_.empty())
-        append(file_, std::string(severityName(levelOf(severity))) + " " + id + ": " + text);
+        append(file_, std::string(severityName(levelOf(message.severity))) + " " + message.id + ": " + message.text);
+    if (isLimited && breakOnError_ && message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
+        stopInDebugger();
 }
 
 } // namespace vellum::layer

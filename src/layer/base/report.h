@@ -4,11 +4,13 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <mutex>
 #include <string>
 #include <string_view>
 #include <unordered_map>
 #include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include <vulkan/vulkan.h>
@@ -17,6 +19,13 @@
 
 namespace vellum::layer
 {
+
+struct Message {
+    VkDebugUtilsMessageSeverityFlagBitsEXT severity;
+    std::string id, text;
+    VkObjectType type;
+    uint64_t object;
+};
 
 class Reporter
 {
@@ -37,7 +46,8 @@ public:
     void setName(uint64_t object, const std::string &name);
     [[nodiscard]] std::string nameOf(uint64_t object);
 
-    // `id`: a short name ("VELLUM-micromap-build"), or the VUID of the violated rule after the prefix "VELLUM-".
+    // `id`: a short name ("VELLUM-micromap-build"), or the id of the violated rule ("VUID-..."), before which messages
+    // have "VELLUM-".
     // `object`: the object concerned, or 0.
     // Reporting does not throw: a message for which there is no memory goes to stderr.
     void error(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0)
@@ -47,6 +57,8 @@ public:
     // Reports an error that validation found; its id is "VELLUM-" and `vuid`, or `vuid` if that is an id of Vellum.
     // While the command is carried out, the implementation of micromaps does not report the same id (CommandReports).
     void fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object);
+    // Violations that do no harm are errors.
+    [[nodiscard]] bool isStrict() const { return strict_; }
     // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
     // on, as drivers do; it does unless `strict` is set.
     [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
@@ -84,11 +96,8 @@ private:
     };
     void send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text, VkObjectType type,
               uint64_t object) noexcept;
-    // A message that is not covered: sends it, unless it is one too many.
-    void sendLimited(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
-                     VkObjectType type, uint64_t object);
-    void sendNow(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const std::string &id, const std::string &text,
-                 VkObjectType type, uint64_t object);
+    // `isLimited`: not if it is one too many of its id.
+    void deliver(const Message &message, bool isLimited = true);
 
     ReportLevel level_ = ReportLevel::None;      // on stderr
     ReportLevel levelAlone_ = ReportLevel::None; // the same while there is no messenger
@@ -142,15 +151,8 @@ public:
 
 private:
     friend class Reporter;
-    struct Message {
-        Reporter &reporter;
-        VkDebugUtilsMessageSeverityFlagBitsEXT severity;
-        std::string id, text;
-        VkObjectType type;
-        uint64_t object;
-    };
     bool isInner_; // another one keeps the messages
-    std::vector<Message> messages_;
+    std::vector<std::pair<std::reference_wrapper<Reporter>, Message>> messages_;
 };
 
 } // namespace vellum::layer

@@ -2,6 +2,7 @@
 #include "layer/command_buffer/address_barriers.h"
 
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/rules/address_ranges.h"
 
 namespace vellum::layer
 {
@@ -44,7 +45,7 @@ void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer comman
         addMemoryBarrier(range, memory);
         if (transfer)
             device.driver.report().error(
-                "VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365",
+                rules::kAnyRange.buffer,
                 "VkMemoryRangeBarrierKHR: addressRange is in no buffer; it is not transferred to the "
                 "other queue family");
     }

@@ -76,10 +76,6 @@ public:
     void removePool(VkCommandPool pool); // with all command buffers in it
     // Null for a command buffer that the application did not allocate. Valid until the command buffer is freed.
     [[nodiscard]] CommandState *get(VkCommandBuffer commandBuffer) const;
-    [[nodiscard]] std::shared_ptr<CommandState> share(VkCommandBuffer commandBuffer) const
-    {
-        return states_.get(commandBuffer);
-    }
     void clear();
     // Keeps what a command uses that is about to be recorded, for as long as the command exists.
     void keep(VkCommandBuffer commandBuffer, std::shared_ptr<const void> used) const;

@@ -21,14 +21,13 @@ using ImageRegions = std::map<std::pair<VkBuffer, VkImageLayout>, std::vector<Vk
 
 // Empty if there are no regions, or one is in no buffer.
 ImageRegions imageRegions(const AddressLookup &lookup, const VkCopyDeviceMemoryImageInfoKHR &info,
-                          VkBufferUsageFlags usage, const char *usageId)
+                          const rules::Range &rule)
 {
     ImageRegions groups;
     for (uint32_t i = 0; i < info.regionCount; ++i) {
         const VkDeviceMemoryImageCopyKHR &region = info.pRegions[i];
         const auto found =
-            lookup.find(region.addressRange,
-                        {.member = "addressRange of pRegions", .usage = usage, .usageId = usageId, .index = i});
+            lookup.find(region.addressRange, {.member = "addressRange of pRegions", .range = rule, .index = i});
         if (!found)
             return {};
         groups[{found->buffer, region.imageLayout}].push_back(
@@ -47,18 +46,13 @@ void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const
     for (uint32_t i = 0; i < info->regionCount; ++i) {
         const VkDeviceMemoryCopyKHR &region = info->pRegions[i];
         if (region.dstRange.size < region.srcRange.size)
-            return lookup.reject("VELLUM-VUID-VkDeviceMemoryCopyKHR-size-13016",
-                                 "a destination is smaller than its source");
+            return lookup.reject(rules::kCopySizeId, "a destination is smaller than its source");
         if (region.srcRange.size == 0) // not allowed in VkBufferCopy
             continue;
-        const auto source = lookup.find(region.srcRange, {.member = "srcRange of pRegions",
-                                                          .usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
-                                                          .usageId = "VELLUM-VUID-VkDeviceMemoryCopyKHR-srcRange-13017",
-                                                          .index = i});
-        const auto target = lookup.find(region.dstRange, {.member = "dstRange of pRegions",
-                                                          .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                                                          .usageId = "VELLUM-VUID-VkDeviceMemoryCopyKHR-dstRange-13018",
-                                                          .index = i});
+        const auto source =
+            lookup.find(region.srcRange, {.member = "srcRange of pRegions", .range = rules::kCopySource, .index = i});
+        const auto target =
+            lookup.find(region.dstRange, {.member = "dstRange of pRegions", .range = rules::kCopyTarget, .index = i});
         if (!source || !target)
             return;
         groups[{source->buffer, target->buffer}].push_back({source->offset, target->offset, region.srcRange.size});
@@ -72,8 +66,7 @@ void cmdCopyMemoryToImage(DeviceAddresses &device, VkCommandBuffer commandBuffer
                           const VkCopyDeviceMemoryImageInfoKHR *info)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdCopyMemoryToImageKHR");
-    const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
-                                             "VELLUM-VUID-vkCmdCopyMemoryToImageKHR-addressRange-13128");
+    const ImageRegions groups = imageRegions(lookup, *info, rules::kToImage);
     for (const auto &[key, regions] : groups) {
         const VkCopyBufferToImageInfo2 copy{
             VK_STRUCTURE_TYPE_COPY_BUFFER_TO_IMAGE_INFO_2, nullptr,       key.first, info->image, key.second,
@@ -86,8 +79,7 @@ void cmdCopyImageToMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer
                           const VkCopyDeviceMemoryImageInfoKHR *info)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdCopyImageToMemoryKHR");
-    const ImageRegions groups = imageRegions(lookup, *info, VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                                             "VELLUM-VUID-vkCmdCopyImageToMemoryKHR-addressRange-13129");
+    const ImageRegions groups = imageRegions(lookup, *info, rules::kFromImage);
     for (const auto &[key, regions] : groups) {
         const VkCopyImageToBufferInfo2 copy{
             VK_STRUCTURE_TYPE_COPY_IMAGE_TO_BUFFER_INFO_2, nullptr,       info->image, key.second, key.first,
@@ -100,12 +92,8 @@ void cmdUpdateMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, con
                      VkAddressCommandFlagsKHR, VkDeviceSize size, const void *data)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdUpdateMemoryKHR");
-    const auto target = lookup.find(*range, {.member = "pDstRange",
-                                             .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                                             .usageId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dstRange-13005",
-                                             .least = size,
-                                             .leastId = "VELLUM-VUID-vkCmdUpdateMemoryKHR-dataSize-13008",
-                                             .part = AddressLookup::Part::Least});
+    const auto target = lookup.find(
+        *range, {.member = "pDstRange", .range = rules::kUpdated, .least = size, .part = AddressLookup::Part::Least});
     if (target)
         device.driver.next.CmdUpdateBuffer(commandBuffer, target->buffer, target->offset, size, data);
 }
@@ -116,9 +104,7 @@ void cmdFillMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const
     if (range->size == 0) // not allowed in vkCmdFillBuffer
         return;
     const AddressLookup lookup(device, commandBuffer, "vkCmdFillMemoryKHR");
-    const auto target = lookup.find(*range, {.member = "pDstRange",
-                                             .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                                             .usageId = "VELLUM-VUID-vkCmdFillMemoryKHR-dstRange-13000"});
+    const auto target = lookup.find(*range, {.member = "pDstRange", .range = rules::kFilled});
     if (target)
         device.driver.next.CmdFillBuffer(commandBuffer, target->buffer, target->offset, range->size, data);
 }
@@ -137,10 +123,8 @@ void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer co
         range->stride > range->size || (count - 1) > (range->size / std::max(range->stride, VkDeviceSize{1}));
     const auto target =
         lookup.find(*range, {.member = "pDstRange",
-                             .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                             .usageId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13080",
+                             .range = rules::kQueryResults,
                              .least = tooMany ? UINT64_MAX : (count - 1) * range->stride + value * (both ? 2 : 1),
-                             .leastId = "VELLUM-VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079",
                              .part = AddressLookup::Part::Least});
     if (target)
         cmdCopyQueryPoolResults(device.queries, commandBuffer, pool, first, count, target->buffer, target->offset,
@@ -156,12 +140,8 @@ void cmdWriteMarkerToMemory(DeviceAddresses &device, VkCommandBuffer commandBuff
         return device.driver.next.CmdWriteMarkerToMemoryAMD(commandBuffer, &own);
     }
     const AddressLookup lookup(device, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
-    const auto target = lookup.find(info->dstRange, {.member = "dstRange",
-                                                     .usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                                                     .usageId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13039",
-                                                     .least = sizeof(uint32_t),
-                                                     .leastId = "VELLUM-VUID-VkMemoryMarkerInfoAMD-dstRange-13041",
-                                                     .part = AddressLookup::Part::Least});
+    const auto target = lookup.find(
+        info->dstRange, {.member = "dstRange", .range = rules::kMarker, .part = AddressLookup::Part::Least});
     if (target)
         cmdWriteBufferMarker2(device.commands, commandBuffer, info->stage, target->buffer, target->offset,
                               info->marker);

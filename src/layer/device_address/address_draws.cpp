@@ -27,35 +27,27 @@ bool isNull(VkDeviceAddress address, VkDeviceSize size)
     return address == 0 && size == 0;
 }
 
-// A kind of indirect draw.
-struct Kind {
-    const char *command;
-    VkDeviceSize commandBytes; // that the device reads for each draw
-    const char *leastId;       // message id if the range is too small
-    // Message ids for a stride that is 0 for several draws, is smaller than commandBytes, or is not a multiple of 4.
-    const char *noStrideId, *smallStrideId, *unalignedStrideId;
-};
-
 // The stride for the older commands. Reports an error and returns nothing if it is wrong and there are several draws.
 // For a single draw it may be 0, which the older commands do not allow (VUID-vkCmdDrawIndirectCount-stride-03110).
-std::optional<uint32_t> strideOf(const AddressLookup &lookup, const Kind &kind, VkDeviceSize stride, uint32_t draws)
+std::optional<uint32_t> strideOf(const AddressLookup &lookup, const rules::IndirectDraws &kind, VkDeviceSize stride,
+                                 uint32_t draws)
 {
     const bool several = draws > 1;
     if (several && stride == 0) {
-        lookup.reject(kind.noStrideId, "several draws with a stride of 0");
+        lookup.reject(kind.noStride, "several draws with a stride of 0");
         return std::nullopt;
     }
-    if (stride != 0 && stride < kind.commandBytes &&
-        !lookup.tolerateIf(!several, kind.smallStrideId,
+    if (stride != 0 && stride < kind.bytes &&
+        !lookup.tolerateIf(!several, kind.smallStride,
                            "the stride is smaller than what the device reads for each draw"))
         return std::nullopt;
-    if (stride % 4 != 0 && !lookup.tolerateIf(!several, kind.unalignedStrideId, "the stride is not a multiple of 4"))
+    if (stride % 4 != 0 && !lookup.tolerateIf(!several, kind.unalignedStride, "the stride is not a multiple of 4"))
         return std::nullopt;
     if (several && stride > UINT32_MAX) {
         lookup.reject("VELLUM-not-available", "strides of 4 GiB and more are not available");
         return std::nullopt;
     }
-    return static_cast<uint32_t>(several ? stride : kind.commandBytes);
+    return static_cast<uint32_t>(several ? stride : kind.bytes);
 }
 
 struct Draws {
@@ -64,51 +56,44 @@ struct Draws {
 };
 
 // The buffer range of the commands of `draws` draws.
-std::optional<Draws> findDraws(const AddressLookup &lookup, const Kind &kind,
-                               const VkStridedDeviceAddressRangeKHR &range, uint32_t draws, const char *usageId)
+std::optional<Draws> findDraws(const AddressLookup &lookup, const rules::IndirectDraws &kind,
+                               const VkStridedDeviceAddressRangeKHR &range, uint32_t draws, const rules::Range &rule)
 {
     const auto stride = strideOf(lookup, kind, range.stride, draws);
     if (!stride)
         return std::nullopt;
     const auto found = lookup.find(range, {.member = "addressRange",
-                                           .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
-                                           .usageId = usageId,
-                                           .least = (draws - VkDeviceSize{1}) * *stride + kind.commandBytes,
-                                           .leastId = kind.leastId,
-                                           .part = AddressLookup::Part::Least});
+                                           .range = rule,
+                                           .least = (draws - VkDeviceSize{1}) * *stride + kind.bytes,
+                                           .part = AddressLookup::Part::Least,
+                                           .leastId = kind.size});
     return found ? std::optional(Draws{*found, *stride}) : std::nullopt;
 }
 
 void drawIndirect(const DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR &info,
-                  const Kind &kind, PFN_vkCmdDrawIndirect next)
+                  const rules::IndirectDraws &kind, PFN_vkCmdDrawIndirect next)
 {
     if (info.drawCount == 0)
         return;
     const AddressLookup lookup(device, commandBuffer, kind.command);
-    const auto draws = findDraws(lookup, kind, info.addressRange, info.drawCount,
-                                 "VELLUM-VUID-VkDrawIndirect2InfoKHR-addressRange-13107");
+    const auto draws = findDraws(lookup, kind, info.addressRange, info.drawCount, rules::kDraws);
     if (draws)
         next(commandBuffer, draws->at.buffer, draws->at.offset, info.drawCount, draws->stride);
 }
 
 void drawIndirectCount(const DeviceAddresses &device, VkCommandBuffer commandBuffer,
-                       const VkDrawIndirectCount2InfoKHR &info, const Kind &kind, PFN_vkCmdDrawIndirectCount next)
+                       const VkDrawIndirectCount2InfoKHR &info, const rules::IndirectDraws &kind,
+                       PFN_vkCmdDrawIndirectCount next)
 {
     if (info.maxDrawCount == 0)
         return;
     const AddressLookup lookup(device, commandBuffer, kind.command);
     if (!next)
-        return lookup.reject("VELLUM-VUID-vkCmdDrawIndirectCount2KHR-drawIndirectCount-13119",
-                             "the driver has no indirect draws with counts");
-    const auto draws = findDraws(lookup, kind, info.addressRange, info.maxDrawCount,
-                                 "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-addressRange-13107");
-    const auto count = lookup.find(info.countAddressRange,
-                                   {.member = "countAddressRange",
-                                    .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
-                                    .usageId = "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13114",
-                                    .least = sizeof(uint32_t),
-                                    .leastId = "VELLUM-VUID-VkDrawIndirectCount2InfoKHR-countAddressRange-13117",
-                                    .part = AddressLookup::Part::Least});
+        return lookup.reject(rules::kDrawCountFeatureId, "the driver has no indirect draws with counts");
+    const auto draws = findDraws(lookup, kind, info.addressRange, info.maxDrawCount, rules::kCountedDraws);
+    const auto count =
+        lookup.find(info.countAddressRange,
+                    {.member = "countAddressRange", .range = rules::kDrawCount, .part = AddressLookup::Part::Least});
     if (draws && count)
         next(commandBuffer, draws->at.buffer, draws->at.offset, count->buffer, count->offset, info.maxDrawCount,
              draws->stride);
@@ -142,12 +127,9 @@ void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer,
         return device.driver.next.CmdBindIndexBuffer(commandBuffer, null, 0, info->indexType);
     }
     const AddressLookup lookup(device, commandBuffer, "vkCmdBindIndexBuffer3KHR");
-    const auto found = lookup.find(range, {.member = "addressRange",
-                                           .usage = VK_BUFFER_USAGE_INDEX_BUFFER_BIT,
-                                           .usageId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13051",
-                                           .least = 1,
-                                           .leastId = "VELLUM-VUID-VkBindIndexBuffer3InfoKHR-addressRange-13056",
-                                           .part = AddressLookup::Part::UpToEnd});
+    const auto found = lookup.find(
+        range,
+        {.member = "addressRange", .range = rules::kIndexBuffer, .least = 1, .part = AddressLookup::Part::UpToEnd});
     if (!found)
         return;
     if (!device.driver.next.CmdBindIndexBuffer2KHR)
@@ -169,10 +151,8 @@ void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffe
         if (isNull(range.address, range.size))
             continue; // VK_NULL_HANDLE
         const auto found = lookup.find(range, {.member = "addressRange of pBindingInfos",
-                                               .usage = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT,
-                                               .usageId = "VELLUM-VUID-VkBindVertexBuffer3InfoKHR-addressRange-13074",
+                                               .range = rules::kVertexBuffer,
                                                .least = 1,
-                                               .leastId = "VELLUM-VUID-VkBindVertexBuffer3InfoKHR-addressRange-13075",
                                                .index = i,
                                                .part = AddressLookup::Part::UpToEnd});
         if (!found)
@@ -195,68 +175,37 @@ void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffe
 
 void cmdDrawIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(device, commandBuffer, *info,
-                 {"vkCmdDrawIndirect2KHR", sizeof(VkDrawIndirectCommand),
-                  "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13110", "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13111",
-                  "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13112", "VELLUM-VUID-vkCmdDrawIndirect2KHR-pInfo-13113"},
-                 device.driver.next.CmdDrawIndirect);
+    drawIndirect(device, commandBuffer, *info, rules::kDrawIndirect, device.driver.next.CmdDrawIndirect);
 }
 
 void cmdDrawIndexedIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(device, commandBuffer, *info,
-                 {"vkCmdDrawIndexedIndirect2KHR", sizeof(VkDrawIndexedIndirectCommand),
-                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13110",
-                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13111",
-                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13112",
-                  "VELLUM-VUID-vkCmdDrawIndexedIndirect2KHR-pInfo-13113"},
-                 device.driver.next.CmdDrawIndexedIndirect);
+    drawIndirect(device, commandBuffer, *info, rules::kDrawIndexedIndirect, device.driver.next.CmdDrawIndexedIndirect);
 }
 
 void cmdDrawMeshTasksIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                                const VkDrawIndirect2InfoKHR *info)
 {
-    drawIndirect(device, commandBuffer, *info,
-                 {"vkCmdDrawMeshTasksIndirect2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
-                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13110",
-                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13111",
-                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13112",
-                  "VELLUM-VUID-vkCmdDrawMeshTasksIndirect2EXT-pInfo-13113"},
-                 device.driver.next.CmdDrawMeshTasksIndirectEXT);
+    drawIndirect(device, commandBuffer, *info, rules::kDrawMeshTasks, device.driver.next.CmdDrawMeshTasksIndirectEXT);
 }
 
 void cmdDrawIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                            const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(
-        device, commandBuffer, *info,
-        {"vkCmdDrawIndirectCount2KHR", sizeof(VkDrawIndirectCommand),
-         "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13110", "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13111",
-         "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13112", "VELLUM-VUID-vkCmdDrawIndirectCount2KHR-pInfo-13113"},
-        device.driver.next.CmdDrawIndirectCount);
+    drawIndirectCount(device, commandBuffer, *info, rules::kDrawIndirectCount, device.driver.next.CmdDrawIndirectCount);
 }
 
 void cmdDrawIndexedIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                                   const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(device, commandBuffer, *info,
-                      {"vkCmdDrawIndexedIndirectCount2KHR", sizeof(VkDrawIndexedIndirectCommand),
-                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13110",
-                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13111",
-                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13112",
-                       "VELLUM-VUID-vkCmdDrawIndexedIndirectCount2KHR-pInfo-13113"},
+    drawIndirectCount(device, commandBuffer, *info, rules::kDrawIndexedIndirectCount,
                       device.driver.next.CmdDrawIndexedIndirectCount);
 }
 
 void cmdDrawMeshTasksIndirectCount2(DeviceAddresses &device, VkCommandBuffer commandBuffer,
                                     const VkDrawIndirectCount2InfoKHR *info)
 {
-    drawIndirectCount(device, commandBuffer, *info,
-                      {"vkCmdDrawMeshTasksIndirectCount2EXT", sizeof(VkDrawMeshTasksIndirectCommandEXT),
-                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13110",
-                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13111",
-                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13112",
-                       "VELLUM-VUID-vkCmdDrawMeshTasksIndirectCount2EXT-pInfo-13113"},
+    drawIndirectCount(device, commandBuffer, *info, rules::kDrawMeshTasksCount,
                       device.driver.next.CmdDrawMeshTasksIndirectCountEXT);
 }
 
@@ -264,13 +213,8 @@ void cmdDispatchIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer
                           const VkDispatchIndirect2InfoKHR *info)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdDispatchIndirect2KHR");
-    const auto found =
-        lookup.find(info->addressRange, {.member = "addressRange",
-                                         .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
-                                         .usageId = "VELLUM-VUID-VkDispatchIndirect2InfoKHR-addressRange-13107",
-                                         .least = sizeof(VkDispatchIndirectCommand),
-                                         .leastId = "VELLUM-VUID-vkCmdDispatchIndirect2KHR-pInfo-13050",
-                                         .part = AddressLookup::Part::Least});
+    const auto found = lookup.find(
+        info->addressRange, {.member = "addressRange", .range = rules::kDispatch, .part = AddressLookup::Part::Least});
     if (found)
         device.driver.next.CmdDispatchIndirect(commandBuffer, found->buffer, found->offset);
 }
@@ -279,13 +223,8 @@ void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer comm
                                    const VkConditionalRenderingBeginInfo2EXT *info)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdBeginConditionalRendering2EXT");
-    const auto found = lookup.find(info->addressRange,
-                                   {.member = "addressRange",
-                                    .usage = VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT,
-                                    .usageId = "VELLUM-VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13064",
-                                    .least = sizeof(uint32_t),
-                                    .leastId = "VELLUM-VUID-VkConditionalRenderingBeginInfo2EXT-addressRange-13066",
-                                    .part = AddressLookup::Part::Least});
+    const auto found = lookup.find(
+        info->addressRange, {.member = "addressRange", .range = rules::kCondition, .part = AddressLookup::Part::Least});
     if (!found)
         return;
     // The layer's function, which records it in the CommandState.

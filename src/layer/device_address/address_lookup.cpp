@@ -32,7 +32,7 @@ AddressLookup::Found AddressLookup::keep(const AddressMap::Location &location, V
 }
 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,
-                                                        const Rules &rules) const
+                                                        const rules::AnyRange &ids) const
 {
     const auto tolerate = [&](bool harmless, const char *id, const char *what) {
         char text[256];
@@ -41,42 +41,40 @@ std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRan
         return tolerateIf(harmless, id, text);
     };
     if (range.address == 0) {
-        tolerate(false, rules.null, "is a null range");
+        tolerate(false, ids.null, "is a null range");
         return std::nullopt;
     }
     const AddressMap &addresses = device_.buffers.addresses;
-    const VkDeviceSize size = std::max(range.size, need.least);
-    if (range.size < need.least && !tolerate(range.size > 0 && addresses.covering(range.address, need.least, 0).buffer,
-                                             need.leastId, "is smaller than what the command accesses"))
+    const VkDeviceSize least = need.least > 0 ? need.least : need.range.least;
+    const VkDeviceSize size = std::max(range.size, least);
+    if (range.size < least &&
+        !tolerate(range.size > 0 && addresses.covering(range.address, least, 0).buffer,
+                  need.leastId ? need.leastId : need.range.leastId, "is smaller than what the command accesses"))
         return std::nullopt;
-    AddressMap::Location location = addresses.covering(range.address, size, need.usage);
+    AddressMap::Location location = addresses.covering(range.address, size, need.range.usage);
     if (location.buffer)
         return keep(location, range.size);
     location = addresses.covering(range.address, size, 0);
     if (location.buffer)
-        return tolerate(true, need.usageId, "lies in no buffer with the usage that the command needs")
+        return tolerate(true, need.range.usageId, "lies in no buffer with the usage that the command needs")
                    ? std::optional(keep(location, range.size))
                    : std::nullopt;
     if (need.part != Part::All)
-        location = addresses.covering(range.address, std::max(need.least, VkDeviceSize{1}), need.usage);
-    return tolerate(location.buffer, rules.buffer, "does not lie in one buffer")
+        location = addresses.covering(range.address, std::max(least, VkDeviceSize{1}), need.range.usage);
+    return tolerate(location.buffer, ids.buffer, "does not lie in one buffer")
                ? std::optional(keep(location, location.bytes))
                : std::nullopt;
 }
 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need) const
 {
-    return find(
-        range, need,
-        {"VELLUM-VUID-VkDeviceAddressRangeKHR-size-11411", "VELLUM-VUID-VkDeviceAddressRangeKHR-address-11365"});
+    return find(range, need, rules::kAnyRange);
 }
 
 std::optional<AddressLookup::Found> AddressLookup::find(const VkStridedDeviceAddressRangeKHR &range,
                                                         const Need &need) const
 {
-    return find({range.address, range.size}, need,
-                {"VELLUM-VUID-VkStridedDeviceAddressRangeKHR-size-11411",
-                 "VELLUM-VUID-VkStridedDeviceAddressRangeKHR-address-11365"});
+    return find({range.address, range.size}, need, rules::kAnyStridedRange);
 }
 
 } // namespace vellum::layer

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "layer/memory/address_map.h"
+#include "layer/rules/address_ranges.h"
 #include "vellum/vulkan_opacity_micromap.h"
 
 namespace vellum::layer
@@ -35,13 +36,12 @@ public:
     };
     // What a command requires of a range.
     struct Need {
-        const char *member;            // parameter or member, for messages
-        VkFlags64 usage;               // of the buffer
-        const char *usageId;           // message id if no buffer has the usage
-        VkDeviceSize least = 0;        // minimum size
-        const char *leastId = nullptr; // message id if the range is smaller
-        uint32_t index = 0;            // array element, for messages
+        const char *member; // parameter or member, for messages
+        const rules::Range &range;
+        VkDeviceSize least = 0; // minimum size; 0: that of `range`
+        uint32_t index = 0;     // array element, for messages
         Part part = Part::All;
+        const char *leastId = nullptr; // message id for a smaller range; null: that of `range`
     };
     struct Found {
         VkBuffer buffer = VK_NULL_HANDLE;
@@ -57,11 +57,8 @@ public:
     [[nodiscard]] bool tolerateIf(bool harmless, const char *id, const std::string &text) const;
 
 private:
-    struct Rules {
-        const char *null, *buffer;
-    };
     [[nodiscard]] std::optional<Found> find(const VkDeviceAddressRangeKHR &range, const Need &need,
-                                            const Rules &rules) const;
+                                            const rules::AnyRange &rules) const;
 
     [[nodiscard]] Found keep(const AddressMap::Location &location, VkDeviceSize size) const;
 

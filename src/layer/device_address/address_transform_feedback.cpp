@@ -21,8 +21,7 @@ struct Counters {
 };
 
 std::optional<Counters> findCounters(const AddressLookup &lookup, uint32_t count,
-                                     const VkBindTransformFeedbackBuffer2InfoEXT *infos, const char *usageId,
-                                     const char *leastId)
+                                     const VkBindTransformFeedbackBuffer2InfoEXT *infos, const rules::Range &counter)
 {
     Counters counters;
     if (!infos)
@@ -32,14 +31,10 @@ std::optional<Counters> findCounters(const AddressLookup &lookup, uint32_t count
     for (uint32_t i = 0; i < count; ++i) {
         if (infos[i].addressRange.size == 0)
             continue;
-        const auto found =
-            lookup.find(infos[i].addressRange, {.member = "addressRange of pCounterInfos",
-                                                .usage = VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_COUNTER_BUFFER_BIT_EXT,
-                                                .usageId = usageId,
-                                                .least = sizeof(uint32_t),
-                                                .leastId = leastId,
-                                                .index = i,
-                                                .part = AddressLookup::Part::Least});
+        const auto found = lookup.find(infos[i].addressRange, {.member = "addressRange of pCounterInfos",
+                                                               .range = counter,
+                                                               .index = i,
+                                                               .part = AddressLookup::Part::Least});
         if (!found)
             return std::nullopt;
         counters.buffers[i] = found->buffer;
@@ -57,12 +52,10 @@ void cmdBindTransformFeedbackBuffers2(DeviceAddresses &device, VkCommandBuffer c
     std::vector<VkBuffer> buffers(count);
     std::vector<VkDeviceSize> offsets(count), sizes(count);
     for (uint32_t i = 0; i < count; ++i) {
-        const auto found = lookup.find(
-            infos[i].addressRange, {.member = "addressRange of pBindingInfos",
-                                    .usage = VK_BUFFER_USAGE_TRANSFORM_FEEDBACK_BUFFER_BIT_EXT,
-                                    .usageId = "VELLUM-VUID-vkCmdBindTransformFeedbackBuffers2EXT-addressRange-13091",
-                                    .index = i,
-                                    .part = AddressLookup::Part::UpToEnd});
+        const auto found = lookup.find(infos[i].addressRange, {.member = "addressRange of pBindingInfos",
+                                                               .range = rules::kFeedbackBuffer,
+                                                               .index = i,
+                                                               .part = AddressLookup::Part::UpToEnd});
         if (!found)
             return;
         buffers[i] = found->buffer;
@@ -77,9 +70,7 @@ void cmdBeginTransformFeedback2(DeviceAddresses &device, VkCommandBuffer command
                                 const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdBeginTransformFeedback2EXT");
-    const auto counters =
-        findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13094",
-                     "VELLUM-VUID-vkCmdBeginTransformFeedback2EXT-pCounterInfos-13093");
+    const auto counters = findCounters(lookup, count, infos, rules::kBeginCounter);
     if (const auto state = device.commands.states.get(commandBuffer))
         state->rejectedTransformFeedback = !counters;
     if (counters)
@@ -96,10 +87,7 @@ void cmdEndTransformFeedback2(DeviceAddresses &device, VkCommandBuffer commandBu
     }
     // Transform feedback must end even if the counters are rejected.
     const AddressLookup lookup(device, commandBuffer, "vkCmdEndTransformFeedback2EXT", "no counter is written");
-    const auto counters =
-        findCounters(lookup, count, infos, "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13096",
-                     "VELLUM-VUID-vkCmdEndTransformFeedback2EXT-pCounterInfos-13095")
-            .value_or(Counters{});
+    const auto counters = findCounters(lookup, count, infos, rules::kEndCounter).value_or(Counters{});
     device.driver.next.CmdEndTransformFeedbackEXT(commandBuffer, first, count, counters.bufferData(),
                                                   counters.offsetData());
 }
@@ -109,13 +97,11 @@ void cmdDrawIndirectByteCount2(DeviceAddresses &device, VkCommandBuffer commandB
                                uint32_t counterOffset, uint32_t vertexStride)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdDrawIndirectByteCount2EXT");
-    const auto found =
-        lookup.find(info->addressRange, {.member = "addressRange of pCounterInfo",
-                                         .usage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT,
-                                         .usageId = "VELLUM-VUID-vkCmdDrawIndirectByteCount2EXT-pInfo-13061",
-                                         .least = sizeof(uint32_t),
-                                         .leastId = "VELLUM-counter-range",
-                                         .part = AddressLookup::Part::Least});
+    const auto found = lookup.find(info->addressRange, {.member = "addressRange of pCounterInfo",
+                                                        .range = rules::kByteCount,
+                                                        .least = sizeof(uint32_t),
+                                                        .part = AddressLookup::Part::Least,
+                                                        .leastId = "VELLUM-counter-range"});
     if (found)
         device.driver.next.CmdDrawIndirectByteCountEXT(commandBuffer, instanceCount, firstInstance, found->buffer,
                                                        found->offset, counterOffset, vertexStride);

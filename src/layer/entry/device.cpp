@@ -194,7 +194,7 @@ public:
 
 private:
     VkResult prepareEmulation();
-    void prepareTranslation();
+    VkResult prepareTranslation();
     VkResult startEmulation();
     // As the application sees them.
     [[nodiscard]] RuleLimits ruleLimits(const EnabledFeatures &enabled) const;
@@ -236,15 +236,20 @@ VkResult DeviceCreation::prepare()
     driver.nullIndexBuffer = enablesNullIndexBuffer(info_);
     driver.queriesStructureSize = enablesExtension(info_, VK_KHR_RAY_TRACING_MAINTENANCE_1_EXTENSION_NAME);
     driver.driverUuid = physical_->driverUuid;
-    if (driver.emulated())
-        return prepareEmulation();
-    prepareTranslation();
-    return VK_SUCCESS;
+    const VkResult prepared = driver.emulated() ? prepareEmulation() : prepareTranslation();
+    const Backend &backend = *device->structures.backend;
+    device->objects.rules.khr = backend.support();
+    device->objects.rules.needs = [&backend](const input::MicromapBuild &build) { return backend.needs(build); };
+    device->objects.rules.content = [&objects = device->objects](ObjectHandle handle) {
+        return structureFacts(objects, handle).content;
+    };
+    return prepared;
 }
 
 VkResult DeviceCreation::prepareEmulation()
 {
     device->structures.backend = std::make_unique<EmulatedBackend>(device->structures);
+    device->objects.rules.ext = kEmulatedSupport;
     device->driver.threads = physical_->isCpu ? std::max(std::thread::hardware_concurrency(), 1u) : 0;
     if (device->driver.enabled.captureReplay && !physical_->replaysAddresses) {
         instance_.report.error("VELLUM-device-features", "micromapCaptureReplay is not supported");
@@ -257,11 +262,12 @@ VkResult DeviceCreation::prepareEmulation()
     return VK_SUCCESS;
 }
 
-void DeviceCreation::prepareTranslation()
+VkResult DeviceCreation::prepareTranslation()
 {
     const EnabledFeatures &enabled = device->driver.enabled;
     device->buffers.gpu.driversMicromaps = enabled.ext || enabled.khr;
     device->structures.backend = std::make_unique<ExtBackend>(device->translation, physical_->extLimits);
+    return VK_SUCCESS;
 }
 
 VkResult DeviceCreation::create(const NextLayer &next, const VkAllocationCallbacks *allocator, VkDevice *handle)
@@ -332,7 +338,7 @@ RuleLimits DeviceCreation::ruleLimits(const EnabledFeatures &enabled) const
     if (enabled.khr)
         add(khr);
     getPhysicalDeviceProperties2(physicalHandle_, &properties);
-    return {{ext.maxOpacity2StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel, 0, 0},
+    return {{ext.maxOpacity2StateSubdivisionLevel, ext.maxOpacity4StateSubdivisionLevel},
             {khr.maxOpacity2StateSubdivisionLevel, khr.maxOpacity4StateSubdivisionLevel,
              khr.maxOpacityLossy4StateSubdivisionLevel, khr.maxMicromapTriangles},
             structures.minAccelerationStructureScratchOffsetAlignment};
@@ -343,8 +349,8 @@ try {
     const EnabledFeatures &enabled = added.driver.enabled;
     if (!enabled.any() || !instance_.settings.validate.any())
         return;
-    auto validation =
-        createValidation(added.driver, ruleLimits(enabled), implementationProcAddr, queueFamiliesIn(info_));
+    auto validation = createValidation(added.driver, added.objects.rules, ruleLimits(enabled), implementationProcAddr,
+                                       queueFamiliesIn(info_));
     if (!validation)
         return;
     validation->facts = factsOf(added.driver, info_);

@@ -17,6 +17,7 @@
 #include "layer/entry/device.h"
 #include "layer/entry/ray_tracing_extensions.h"
 #include "layer/memory/buffers.h"
+#include "layer/micromaps/micromap_input.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/module_identifiers.h"
 
@@ -51,9 +52,6 @@ VkResult returnList(const std::vector<T> &list, uint32_t *count, T *out)
     *count = static_cast<uint32_t>(n);
     return n < list.size() ? VK_INCOMPLETE : VK_SUCCESS;
 }
-
-constexpr MicromapLimits kEmulatedLimits{shared::kMaxSubdivisionLevel, shared::kMaxSubdivisionLevel,
-                                         shared::kMaxSubdivisionLevel};
 
 template <typename T>
 T *findStructure(void *chain, VkStructureType type)
@@ -251,16 +249,16 @@ VKAPI_ATTR void VKAPI_CALL getPhysicalDeviceProperties2(VkPhysicalDevice device,
     if (have.mixesIdentifiers())
         mixUuids(*physical, *properties);
     if (auto *own = ext.get<VkPhysicalDeviceOpacityMicromapPropertiesEXT>()) {
-        own->maxOpacity2StateSubdivisionLevel = kEmulatedLimits.twoStateLevel;
-        own->maxOpacity4StateSubdivisionLevel = kEmulatedLimits.fourStateLevel;
+        own->maxOpacity2StateSubdivisionLevel = kEmulatedSupport.limits.twoStateLevel;
+        own->maxOpacity4StateSubdivisionLevel = kEmulatedSupport.limits.fourStateLevel;
     }
     if (auto *own = khr.get<VkPhysicalDeviceOpacityMicromapPropertiesKHR>()) {
         const bool translated = have.khr == Implementation::Translation;
-        const MicromapLimits limits = translated ? physical->extLimits : kEmulatedLimits;
+        const MicromapLimits limits = translated ? physical->extLimits : kEmulatedSupport.limits;
         own->maxOpacity2StateSubdivisionLevel = limits.twoStateLevel;
         own->maxOpacity4StateSubdivisionLevel = limits.fourStateLevel;
         own->maxOpacityLossy4StateSubdivisionLevel = limits.lossyLevel;
-        own->maxMicromapTriangles = shared::kMaxMicromapTriangles;
+        own->maxMicromapTriangles = limits.mostTriangles;
     }
     simulateLimits<VkPhysicalDeviceOpacityMicromapPropertiesEXT>(
         instance.settings, ext, *properties, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_OPACITY_MICROMAP_PROPERTIES_EXT);

@@ -156,7 +156,7 @@ void findProperties(const Instance &instance, VkPhysicalDevice handle, PhysicalD
                                canImportHostMemory(instance, handle);
     // A translated build is never lossy.
     device.extLimits = {micromaps.maxOpacity2StateSubdivisionLevel, micromaps.maxOpacity4StateSubdivisionLevel,
-                        micromaps.maxOpacity4StateSubdivisionLevel};
+                        micromaps.maxOpacity4StateSubdivisionLevel, shared::kMaxMicromapTriangles};
 }
 
 void findQueueFamilies(const Instance &instance, VkPhysicalDevice handle, PhysicalDevice &device)

@@ -4,6 +4,7 @@
 #include "layer/command_buffer/injected_work.h"
 #include "layer/khr_over_ext/device_khr_over_ext.h"
 #include "layer/khr_over_ext/placed_micromaps.h"
+#include "layer/rules/ids.h"
 
 namespace vellum::layer
 {
@@ -15,24 +16,21 @@ bool ExtBackend::begin(VkCommandBuffer commandBuffer, const char *)
     return true;
 }
 
-const MicromapLimits *ExtBackend::limits() const
+MicromapSupport ExtBackend::support() const
 {
-    // The device may use the layer for VK_KHR_device_address_commands alone.
-    return device_.driver.next.GetMicromapBuildSizesEXT ? &limits_ : nullptr;
+    return {limits_, false, device_.driver.enabled.ext || device_.driver.enabled.khr};
 }
 
-bool ExtBackend::checkMicromap(const InputCheck &check, const BufferRange &range) const
+bool ExtBackend::checkMicromap(const CommandCheck &check, const BufferRange &range) const
 {
     if (!device_.driver.next.CreateMicromapEXT)
-        return check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+        return check.reject(rules::ids::kCreationFeature,
                             "type is OPACITY_MICROMAP, but VK_KHR_opacity_micromap is not enabled");
     // VUID-VkMicromapCreateInfoEXT-buffer-07496
     if ((device_.buffers.infos.get(range.buffer).usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) == 0)
-        return check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
-                            "the buffer was not created for acceleration structures");
+        return check.reject(rules::ids::kCreationRangeUsage, "the buffer was not created for acceleration structures");
     return allowsMicromapAt(device_, range.buffer, range.offset) ||
-           check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
-                        "the address of a micromap is not a multiple of 256");
+           check.reject(rules::ids::kCreationRangeAlignment, "the address of a micromap is not a multiple of 256");
 }
 
 bool ExtBackend::createMicromap(AccelerationStructure &micromap)

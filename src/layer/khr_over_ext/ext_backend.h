@@ -18,12 +18,12 @@ public:
 
     bool begin(VkCommandBuffer commandBuffer, const char *command) override;
 
-    [[nodiscard]] const MicromapLimits *limits() const override;
+    [[nodiscard]] MicromapSupport support() const override;
     // ext_builds.cpp
-    [[nodiscard]] MicromapBuildSizes sizes(const MicromapBuild &build) const override;
+    [[nodiscard]] std::optional<input::BuildNeeds> needs(const input::MicromapBuild &build) const override;
     void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) override;
     [[nodiscard]] uint32_t micromapAlignment() const override { return 256; }
-    [[nodiscard]] bool checkMicromap(const InputCheck &check, const BufferRange &range) const override;
+    [[nodiscard]] bool checkMicromap(const CommandCheck &check, const BufferRange &range) const override;
     bool createMicromap(AccelerationStructure &micromap) override;
 
     void created(const std::shared_ptr<AccelerationStructure> &) override {}

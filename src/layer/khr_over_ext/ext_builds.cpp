@@ -124,28 +124,32 @@ public:
 private:
     void attach(DeviceKhrOverExt &device, const MicromapLimits &limits, uint32_t g, uint32_t primitives)
     {
-        const MicromapAttachment &given = *build_.inputs[g].micromap;
+        const MicromapAttachment &micromap = *build_.inputs[g].micromap;
+        const input::Attachment &given = micromap.given;
         Attachment &ext = attachments_.emplace_back();
         ext = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT};
         ext.indexType = given.indexType;
         if (given.indexType != VK_INDEX_TYPE_NONE_KHR) {
-            ext.indexBuffer.deviceAddress = given.indexBuffer;
+            ext.indexBuffer = given.indexBuffer;
             ext.indexStride = given.indexStride;
         }
         ext.baseTriangle = given.baseTriangle;
         if (given.indexType == VK_INDEX_TYPE_UINT8_EXT) {
             ext.indexType = VK_INDEX_TYPE_UINT32;
             ext.indexStride = sizeof(uint32_t);
-            narrow_.push_back({given.indexBuffer, given.indexStride, primitives, &ext});
+            narrow_.push_back({given.indexBuffer.deviceAddress, given.indexStride, primitives, &ext});
         }
         std::vector<VkMicromapUsageEXT> &usages = usages_.emplace_back();
         // A query of sizes does not check its input, so the structure is looked up here.
-        const auto structure = given.structure ? given.structure : device.objects.accelerationStructures.get(given.khr);
+        const auto structure = micromap.structure
+                                   ? micromap.structure
+                                   : device.objects.accelerationStructures.get(
+                                         reinterpret_cast<VkAccelerationStructureKHR>(given.micromap.handle));
         if (structure && canHoldMicromap(*structure)) {
-            const PlacedMicromap micromap = lastMicromap(device, *structure);
-            ext.micromap = micromap.handle;
-            lacksMicromap_ = lacksMicromap_ || !micromap.handle;
-            usages = mostUsages(limits, micromap, primitives);
+            const PlacedMicromap placed = lastMicromap(device, *structure);
+            ext.micromap = placed.handle;
+            lacksMicromap_ = lacksMicromap_ || !placed.handle;
+            usages = mostUsages(limits, placed, primitives);
         }
         ext.usageCountsCount = static_cast<uint32_t>(usages.size());
         ext.pUsageCounts = usages.data();
@@ -205,13 +209,16 @@ void widenIndices(DeviceKhrOverExt &device, VkCommandBuffer commandBuffer, const
 
 } // namespace
 
-MicromapBuildSizes ExtBackend::sizes(const MicromapBuild &build) const
+std::optional<input::BuildNeeds> ExtBackend::needs(const input::MicromapBuild &given) const
 {
+    const MicromapBuild build = micromapBuildOf(given);
+    if (!build.extent.countable())
+        return std::nullopt;
     const VkMicromapBuildInfoEXT info = driverInfo(build, VK_NULL_HANDLE);
     VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
     device_.driver.next.GetMicromapBuildSizesEXT(device_.driver.handle, VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
                                                  &info, &sizes);
-    return {sizes.micromapSize, sizes.buildScratchSize};
+    return input::BuildNeeds{markedMicromapSize(sizes.micromapSize), sizes.micromapSize, sizes.buildScratchSize};
 }
 
 void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds)
@@ -239,7 +246,7 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
         if (!micromaps[i].handle)
             continue;
         if (mustBeMoved(builds[i]) && !moveTriangles(device_, commandBuffer, work, builds[i])) {
-            inputCheck(device_.driver, command, builds[i].structure->handle)
+            commandCheck(device_.driver, command, builds[i].structure->handle)
                 .reject("VELLUM-out-of-memory", "no memory for the triangles");
             builds[i].usages.clear(); // nothing is read
             builds[i].data.deviceAddress = builds[i].triangles.deviceAddress = 0;
@@ -270,9 +277,8 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
         const std::vector<uint32_t> primitives = build.primitives();
         const AttachedBuild &added = attached.emplace_back(device_, limits_, build, primitives.data());
         if (added.lacksMicromap())
-            inputCheck(device_.driver, command, build.target->handle, build.element)
-                .reject("VELLUM-VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter",
-                        "the micromap of a geometry is not a micromap of this device");
+            commandCheck(device_.driver, command, build.target->handle, build.element)
+                .reject("VELLUM-out-of-memory", "the driver could not make the micromap of a geometry");
         if (added.lacksMicromap() ||
             (!added.narrow().empty() && InjectedWork::rejectedIn(device_.commands, commandBuffer, command))) {
             attached.pop_back();

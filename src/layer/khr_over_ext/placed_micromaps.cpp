@@ -94,7 +94,7 @@ PlacedMicromap lastMicromap(DeviceKhrOverExt &device, const AccelerationStructur
 bool checkDriverMicromap(const DeviceKhrOverExt &device, const char *command, const AccelerationStructure &structure,
                          VkMicromapEXT micromap)
 {
-    return micromap || inputCheck(device.driver, command, structure.handle)
+    return micromap || commandCheck(device.driver, command, structure.handle)
                            .reject("VELLUM-out-of-memory", "the driver could not make a micromap");
 }
 

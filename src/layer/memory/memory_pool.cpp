@@ -61,7 +61,8 @@ void MemoryPool::giveBack(const Piece &piece)
     block.used -= piece.bytes;
     if (block.used > 0)
         return;
-    // The largest and some small ones are kept, so that users that come and go do not allocate and free them repeatedly.
+    // The largest and some small ones are kept, so that users that come and go do not allocate and free them
+    // repeatedly.
     unused_ += block.bytes;
     auto largest = at, next = blocks_.end(); // the next largest
     for (auto other = blocks_.begin(); other != blocks_.end(); ++other) {

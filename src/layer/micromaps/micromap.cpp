@@ -5,8 +5,9 @@
 #include <new>
 #include <string>
 
-#include "layer/base/input_check.h"
+#include "layer/base/command_check.h"
 #include "layer/micromaps/device_micromaps.h"
+#include "layer/rules/ids.h"
 
 namespace vellum::layer
 {
@@ -14,34 +15,33 @@ namespace vellum::layer
 VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreateInfoEXT *info,
                         const VkAllocationCallbacks *, VkMicromapEXT *micromap)
 {
-    const InputCheck check(device.driver.report(), "vkCreateMicromapEXT");
+    const CommandCheck check(device.driver.report(), "vkCreateMicromapEXT");
     // Tolerated: the type of the build decides.
     if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT &&
-        !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-type-parameter",
+        !check.tolerate("VUID-VkMicromapCreateInfoEXT-type-parameter",
                         "type is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const bool flagged = (info->createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
     const bool replayable = flagged && device.driver.enabled.captureReplay;
     if (flagged && !replayable &&
-        !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
+        !check.tolerate(rules::ids::kMicromapReplay,
                         "DEVICE_ADDRESS_CAPTURE_REPLAY without the feature micromapCaptureReplay"))
         return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
     // Drivers ignore the address in this case, and NVRHI always sets one.
     if (info->deviceAddress != 0 && !flagged &&
-        !check.tolerate("VELLUM-VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
-                        "deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY"))
+        !check.tolerate(rules::ids::kMicromapAddress, "deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     const VkDeviceSize bufferSize = device.buffers.infos.get(info->buffer).size;
     const VkDeviceSize capacity = bufferSize - std::min(info->offset, bufferSize);
     // The part inside the buffer may be large enough for the build.
     if (info->size > capacity &&
-        !check.tolerateIf(capacity > 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07437",
+        !check.tolerateIf(capacity > 0, rules::ids::kMicromapRange,
                           "offset " + std::to_string(info->offset) + " + size " + std::to_string(info->size) +
                               " is beyond the buffer's " + std::to_string(bufferSize) + " bytes"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     // Shaders read and write 16 bytes at once.
     if (info->offset % 256 != 0 &&
-        !check.tolerateIf(info->offset % 16 == 0, "VELLUM-VUID-VkMicromapCreateInfoEXT-offset-07438",
+        !check.tolerateIf(info->offset % 16 == 0, rules::ids::kMicromapOffset,
                           "offset " + std::to_string(info->offset) + " is not a multiple of 256"))
         return VK_ERROR_VALIDATION_FAILED_EXT;
     // The address of a micromap follows from that of its buffer, which the driver was asked to replay.

@@ -9,8 +9,10 @@
 #include "core/curve.h"
 #include "core/micromap.h"
 #include "core/records.h"
+#include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
+#include "layer/rules/builds.h"
 
 namespace vellum::layer
 {
@@ -21,28 +23,6 @@ using namespace shared;
 
 // The limit keeps indices of triangles after the last one below 2^32.
 constexpr uint32_t kMostInPlace = uint32_t{1} << 31;
-
-bool checkBuildOnDevice(const DeviceMicromaps &device, const InputCheck &check, const VkMicromapBuildInfoEXT &info,
-                        MicromapBuild &build)
-{
-    if (!checkMicromapBuild(check, kDeviceBuildRules, info, build))
-        return false;
-    if (build.extent.triangles == 0)
-        return true;
-    if (build.triangles.deviceAddress == 0 || build.data.deviceAddress == 0)
-        return check.reject(build.data.deviceAddress == 0 ? "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10896"
-                                                          : "VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-10897",
-                            "data or triangleArray is a null address");
-    if (build.scratch == 0)
-        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07512", "scratchData is a null address");
-    if (build.scratch % kLeastScratchAlignment != 0)
-        return check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07514", "scratchData is not aligned");
-    const uint64_t scratch = device.buffers.addresses.bytesFrom(build.scratch);
-    return scratch >= build.extent.scratchBytes() ||
-           check.reject("VELLUM-VUID-vkCmdBuildMicromapsEXT-pInfos-07509",
-                        "scratchData has " + std::to_string(scratch) + " bytes in its buffer, the build needs " +
-                            std::to_string(build.extent.scratchBytes()));
-}
 
 // Level and format of the triangles, as in word 1 of a VkMicromapTriangleEXT, if the usage counts declare the same for
 // all of them; 0: they do not, or the states are kept in the records.
@@ -403,29 +383,35 @@ void getMicromapBuildSizes(DeviceMicromaps &device, VkDevice, VkAccelerationStru
     sizes->discardable = VK_FALSE;
     sizes->micromapSize = 0;
     sizes->buildScratchSize = 0;
-    const auto build = parseMicromapBuild({device.driver.report(), "vkGetMicromapBuildSizesEXT"}, *info);
-    if (!build)
+    const auto query = input::Checked<input::Builds>::take(info, [&] {
+        input::Builds parsed = input::parse(1, info, type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR);
+        rules::checkSizes(device.objects.rules, Place("vkGetMicromapBuildSizesEXT"), parsed);
+        return parsed;
+    });
+    const input::MicromapBuild &build = query.micromaps[0];
+    if (!build.accepted)
         return;
-    sizes->micromapSize = alignUp(build->extent.bytes(), 256);
-    // Host builds need no scratch memory.
-    if (type != VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR)
-        sizes->buildScratchSize = build->extent.scratchBytes();
+    sizes->micromapSize = build.needs.micromap;
+    sizes->buildScratchSize = build.needs.scratch;
 }
 
 void cmdBuildMicromaps(DeviceMicromaps &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkMicromapBuildInfoEXT *infos)
 {
-    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdBuildMicromapsEXT"))
+    constexpr const char *kCommand = "vkCmdBuildMicromapsEXT";
+    if (InjectedWork::rejectedIn(device.commands, commandBuffer, kCommand))
         return;
-    std::vector<MicromapBuild> builds;
-    for (uint32_t i = 0; i < count; ++i) {
-        const InputCheck check(device.driver.report(), "vkCmdBuildMicromapsEXT", VK_OBJECT_TYPE_MICROMAP_EXT,
-                               reinterpret_cast<uint64_t>(infos[i].dstMicromap), i);
-        auto build = parseMicromapBuild(check, infos[i]);
-        if (build && checkBuildOnDevice(device, check, infos[i], *build))
-            builds.push_back(*std::move(build));
+    const auto builds = input::Checked<input::Builds>::take(infos, [&] {
+        input::Builds parsed = input::parse(count, infos);
+        rules::checkBuilds(device.objects.rules, Place(kCommand), parsed, micromapFacts);
+        return parsed;
+    });
+    std::vector<MicromapBuild> accepted;
+    for (const input::MicromapBuild &given : builds.micromaps) {
+        if (given.accepted)
+            accepted.emplace_back(micromapBuildOf(given)).target = *micromapOf(infos[given.element].dstMicromap);
     }
-    recordMicromapBuilds(device, commandBuffer, builds);
+    recordMicromapBuilds(device, commandBuffer, accepted);
 }
 
 } // namespace vellum::layer

@@ -6,10 +6,11 @@
 #include <string>
 
 #include "core/records.h"
-#include "layer/base/input_check.h"
+#include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_serialized.h"
+#include "layer/rules/copies.h"
 
 namespace vellum::layer
 {
@@ -17,11 +18,6 @@ namespace
 {
 
 using namespace shared;
-
-InputCheck inputCheck(const DeviceMicromaps &device, const char *command, VkMicromapEXT micromap)
-{
-    return {device.driver.report(), command, VK_OBJECT_TYPE_MICROMAP_EXT, reinterpret_cast<uint64_t>(micromap)};
-}
 
 MicromapMovePush movePush(const DeviceMicromaps &device, const Micromap &micromap, uint32_t mode)
 {
@@ -131,56 +127,48 @@ void getDeviceMicromapCompatibility(DeviceMicromaps &device, VkDevice, const VkM
 
 void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
 {
-    const Micromap *source = micromapOf(info->src);
-    const Micromap *target = micromapOf(info->dst);
-    const InputCheck check = inputCheck(device, "vkCmdCopyMicromapEXT", info->dst);
-    if ((!source || !target) &&
-        !check.reject("VELLUM-VUID-VkCopyMicromapInfoEXT-src-parameter", "src or dst is VK_NULL_HANDLE"))
-        return;
-    if (info->mode != VK_COPY_MICROMAP_MODE_CLONE_EXT && info->mode != VK_COPY_MICROMAP_MODE_COMPACT_EXT &&
-        !check.tolerate("VELLUM-VUID-VkCopyMicromapInfoEXT-mode-07531", "mode is neither CLONE nor COMPACT"))
-        return;
-    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdCopyMicromapEXT"))
-        return;
-    recordMicromapCopy(device, commandBuffer, "vkCmdCopyMicromapEXT", *source, *target);
+    constexpr const char *kCommand = "vkCmdCopyMicromapEXT";
+    const auto copy = input::Checked<input::Copy>::take(info, [&] {
+        input::Copy parsed = input::parse(*info, input::Executor::Device);
+        const Place place(kCommand);
+        const Place member = place.member("pInfo");
+        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.target), parsed, {});
+        return parsed;
+    });
+    if (copy.accepted && !InjectedWork::rejectedIn(device.commands, commandBuffer, kCommand))
+        recordMicromapCopy(device, commandBuffer, kCommand, *micromapOf(info->src), *micromapOf(info->dst));
 }
+
+namespace
+{
+
+template <typename Info>
+bool isAccepted(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const char *command, const Info &info)
+{
+    const auto copy = input::Checked<input::SerializedCopy>::take(&info, [&] {
+        input::SerializedCopy parsed = input::parse(info, input::Executor::Device);
+        const Place place(command);
+        const Place member = place.member("pInfo");
+        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.object), parsed, {});
+        return parsed;
+    });
+    return copy.accepted && !InjectedWork::rejectedIn(device.commands, commandBuffer, command);
+}
+
+} // namespace
 
 void cmdCopyMicromapToMemory(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    const InputCheck check = inputCheck(device, "vkCmdCopyMicromapToMemoryEXT", info->src);
-    if (!micromapOf(info->src) &&
-        !check.reject("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-src-parameter", "src is VK_NULL_HANDLE"))
-        return;
-    if (info->mode != VK_COPY_MICROMAP_MODE_SERIALIZE_EXT &&
-        !check.tolerate("VELLUM-VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "mode is not SERIALIZE"))
-        return;
-    if (!check.checkSerializedAddress(info->dst.deviceAddress, 256,
-                                      "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
-                                      "VELLUM-VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537"))
-        return;
-    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdCopyMicromapToMemoryEXT"))
-        return;
-    recordMicromapSave(device, commandBuffer, *micromapOf(info->src), info->dst.deviceAddress);
+    if (isAccepted(device, commandBuffer, "vkCmdCopyMicromapToMemoryEXT", *info))
+        recordMicromapSave(device, commandBuffer, *micromapOf(info->src), info->dst.deviceAddress);
 }
 
 void cmdCopyMemoryToMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer,
                              const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    const InputCheck check = inputCheck(device, "vkCmdCopyMemoryToMicromapEXT", info->dst);
-    if (!micromapOf(info->dst) &&
-        !check.reject("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-dst-parameter", "dst is VK_NULL_HANDLE"))
-        return;
-    if (info->mode != VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT &&
-        !check.tolerate("VELLUM-VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "mode is not DESERIALIZE"))
-        return;
-    if (!check.checkSerializedAddress(info->src.deviceAddress, 256,
-                                      "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
-                                      "VELLUM-VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544"))
-        return;
-    if (InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdCopyMemoryToMicromapEXT"))
-        return;
-    recordMicromapRestore(device, commandBuffer, *micromapOf(info->dst), info->src.deviceAddress);
+    if (isAccepted(device, commandBuffer, "vkCmdCopyMemoryToMicromapEXT", *info))
+        recordMicromapRestore(device, commandBuffer, *micromapOf(info->dst), info->src.deviceAddress);
 }
 
 } // namespace vellum::layer

@@ -62,10 +62,13 @@ bool MicromapExtent::countable() const
     return triangles < kMostTriangles && units < kMostUnits;
 }
 
-MicromapExtent extentOf(std::span<const VkMicromapUsageEXT> usages, VkBuildMicromapFlagsEXT flags)
+MicromapExtent extentOf(const input::UsageCounts &usages, VkBuildMicromapFlagsEXT flags)
 {
     MicromapExtent extent;
-    for (const VkMicromapUsageEXT &usage : usages) {
+    for (uint32_t i = 0; i < usages.size(); ++i) {
+        const VkMicromapUsageEXT usage = knownUsage(usages[i]);
+        if (usage.count == 0) // level and format may have any value
+            continue;
         extent.triangles += usage.count;
         extent.maxLevel = std::max(extent.maxLevel, usage.subdivisionLevel);
         // States of up to level 2 are kept in the triangle record itself.

@@ -3,11 +3,11 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 #include <vulkan/vulkan.h>
 
 #include "core/records.h"
+#include "layer/input/builds.h"
 
 namespace vellum::layer
 {
@@ -23,9 +23,8 @@ constexpr uint64_t blocksOf(uint64_t triangles)
 
 // Alignment of scratch memory that the shaders need. Drivers may require less
 // (minAccelerationStructureScratchOffsetAlignment; 8 on lavapipe), so a build begins at the next aligned address, and
-// its scratch size includes up to so many bytes. No known driver requires less than kLeastScratchAlignment.
+// its scratch size includes up to so many bytes.
 inline constexpr uint64_t kBuildScratchAlignment = 16;
-inline constexpr uint64_t kLeastScratchAlignment = 4;
 
 // The extent of a micromap with some usage counts.
 struct MicromapExtent {
@@ -47,7 +46,13 @@ struct MicromapExtent {
     // Whether the build's shaders can count its triangles and units.
     [[nodiscard]] bool countable() const;
 };
-// `usages`: only counts above 0.
-MicromapExtent extentOf(std::span<const VkMicromapUsageEXT> usages, VkBuildMicromapFlagsEXT flags);
+MicromapExtent extentOf(const input::UsageCounts &usages, VkBuildMicromapFlagsEXT flags);
+// A usage count with one of the two formats: unknown ones count as 4-state, which takes most.
+constexpr VkMicromapUsageEXT knownUsage(VkMicromapUsageEXT usage)
+{
+    if (usage.format != VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT)
+        usage.format = VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT;
+    return usage;
+}
 
 } // namespace vellum::layer

@@ -8,6 +8,7 @@
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shaders.h"
+#include "layer/rules/ids.h"
 
 namespace vellum::layer
 {
@@ -117,12 +118,12 @@ bool PipelineCreation::checkFlags(const VkRayTracingPipelineCreateInfoKHR &info,
 {
     const Driver &driver = device_.driver;
     if (usesMicromaps && !driver.enabled.anyFeature() &&
-        !driver.report().tolerates("VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+        !driver.report().tolerates(rules::ids::kRayTracingFeature,
                                    message("uses opacity micromaps, but the feature micromap is not enabled")))
         return false;
     return (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) == 0 ||
            (usesMicromaps && driver.enabled.khrFeature) ||
-           tolerateMixedSpecialIndex(driver, "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599", kCommand);
+           tolerateMixedSpecialIndex(driver, rules::ids::kRayTracingMixed, kCommand);
 }
 
 // Checks that a pipeline and its libraries agree in the micromap bit. If not, the libraries, whose shaders are
@@ -143,7 +144,7 @@ VkResult PipelineCreation::checkLibraries(const VkRayTracingPipelineCreateInfoKH
         return VK_SUCCESS;
     }
     if ((flagsOf(info) & kMicromapPipelineFlag) != 0) {
-        constexpr const char *kId = "VELLUM-VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598";
+        constexpr const char *kId = rules::ids::kRayTracingLibraries;
         const std::string text =
             message("uses opacity micromaps, but library " + std::to_string(*without) + " was created without the bit");
         if (with)

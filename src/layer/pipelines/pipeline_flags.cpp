@@ -4,6 +4,7 @@
 #include <string>
 
 #include "layer/base/driver.h"
+#include "layer/rules/ids.h"
 
 namespace vellum::layer
 {
@@ -64,7 +65,7 @@ bool checkShaderFlags(const Driver &driver, VkShaderCreateInfoEXT &info)
     const bool requested = (info.flags & kDisallowMixedShader) != 0;
     info.flags &= ~kDisallowMixedShader;
     return !requested || driver.enabled.khrFeature ||
-           tolerateMixedSpecialIndex(driver, "VELLUM-VUID-VkShaderCreateInfoEXT-micromap-11623", "vkCreateShadersEXT");
+           tolerateMixedSpecialIndex(driver, rules::ids::kShaderMixed, "vkCreateShadersEXT");
 }
 
 } // namespace vellum::layer

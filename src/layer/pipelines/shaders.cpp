@@ -7,6 +7,7 @@
 #include "layer/base/undo.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/device_pipelines.h"
+#include "layer/rules/ids.h"
 #include "spirv/module/scan.h"
 
 namespace vellum::layer
@@ -90,8 +91,7 @@ VkResult DriverPipelineInfo::change(Info &info, const VkPipelineShaderStageCreat
 VkResult DriverPipelineInfo::change(VkComputePipelineCreateInfo &info)
 {
     const VkPipelineShaderStageCreateInfo *stage = &info.stage;
-    const VkResult result =
-        change(info, stage, 1, "VELLUM-VUID-VkComputePipelineCreateInfo-flags-11593", "vkCreateComputePipelines");
+    const VkResult result = change(info, stage, 1, rules::ids::kComputeMixed, "vkCreateComputePipelines");
     if (stage != &info.stage)
         info.stage = *stage;
     return result;
@@ -100,8 +100,7 @@ VkResult DriverPipelineInfo::change(VkComputePipelineCreateInfo &info)
 VkResult DriverPipelineInfo::change(VkGraphicsPipelineCreateInfo &info)
 {
     const uint32_t count = hasShaderStages(info) && info.pStages ? info.stageCount : 0;
-    return change(info, info.pStages, count, "VELLUM-VUID-VkGraphicsPipelineCreateInfo-flags-11595",
-                  "vkCreateGraphicsPipelines");
+    return change(info, info.pStages, count, rules::ids::kGraphicsMixed, "vkCreateGraphicsPipelines");
 }
 
 VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,

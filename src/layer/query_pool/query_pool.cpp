@@ -12,10 +12,12 @@
 #include <vector>
 
 #include "core/records.h"
-#include "layer/base/input_check.h"
 #include "layer/base/undo.h"
+#include "layer/input/checked.h"
 #include "layer/micromaps/micromap_copy.h"
+#include "layer/micromaps/micromap_input.h"
 #include "layer/query_pool/device_query_pools.h"
+#include "layer/rules/copies.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_size.h"
 
@@ -27,11 +29,6 @@ namespace
 using namespace shared;
 
 constexpr const char *kWriteProperties = "vkCmdWriteAccelerationStructuresPropertiesKHR";
-
-bool isMicromapType(VkQueryType type)
-{
-    return type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT || type == VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT;
-}
 
 // The format of results in memory: vkGetQueryPoolResults.
 struct Format {
@@ -128,12 +125,13 @@ VkResult createMicromapPool(const DeviceQueryPools &device, const VkQueryPoolCre
 
 // Whether a command's queries are all in the pool.
 bool checkQueries(const DeviceQueryPools &device, const QueryPool &pool, uint32_t first, uint64_t count,
-                  const char *command, const char *id = "VELLUM-query-range")
+                  const char *command)
 {
     if (first + count <= pool.count)
         return true;
-    device.driver.report().error(id, std::string(command) + ": queries " + std::to_string(first) + " to " +
-                                         std::to_string(first + count) + " of a pool of " + std::to_string(pool.count));
+    device.driver.report().error("VELLUM-query-range", std::string(command) + ": queries " + std::to_string(first) +
+                                                           " to " + std::to_string(first + count) + " of a pool of " +
+                                                           std::to_string(pool.count));
     return false;
 }
 
@@ -147,55 +145,46 @@ void makeAvailable(InjectedWork &work, const DeviceQueryPools &device, VkCommand
     work.barrier(true);
 }
 
-// Whether values of that type can be written to queries of that pool. True for no queries.
-bool checkPropertyType(const DeviceQueryPools &device, const QueryPool *pool, VkQueryType type)
-{
-    // The driver knows neither emulated micromaps nor their types of queries, so wrong ones must not reach it.
-    if (pool ? pool->type != type : isStructureProperty(type)) {
-        device.driver.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
-                                     std::string(kWriteProperties) + ": queryPool was created with another queryType");
-        return false;
-    }
-    if (!isStructureProperty(type)) {
-        device.driver.report().error("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
-                                     std::string(kWriteProperties) +
-                                         ": queryType is not a type of acceleration structure queries");
-        return false;
-    }
-    return true;
-}
-
-// Finds the structures of a command and the properties to be queried. False, after a message, if one cannot be queried.
-bool findProperties(const DeviceQueryPools &device, const InputCheck &check, const QueryPool &pool, uint32_t first,
+// Finds the structures of a command and the properties to be queried. False: a structure does not exist any more.
+bool findProperties(const DeviceQueryPools &device, const input::PropertyQuery &query, const QueryPool &pool,
                     std::span<const VkAccelerationStructureKHR> handles,
                     std::vector<std::shared_ptr<AccelerationStructure>> &structures,
                     std::vector<Backend::Property> &properties)
 {
     for (const VkAccelerationStructureKHR handle : handles) {
         const auto i = static_cast<uint32_t>(structures.size());
-        const std::string element = "pAccelerationStructures[" + std::to_string(i) + "]";
         const auto &structure = structures.emplace_back(device.objects.accelerationStructures.get(handle));
         if (!structure)
-            return check.reject(
-                "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter",
-                element + " is not an acceleration structure of this device");
+            return false;
         // The device may find out meanwhile what a structure holds, so this is looked up once.
         const std::optional<bool> micromap = holdsMicromap(device.driver, *structure);
-        if (pool.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR &&
-            micromap.value_or(false) &&
-            !check.tolerate("VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425",
-                            element + " is a micromap, which has no bottom-level pointers"))
-            return false;
-        if (!micromap && device.driver.translated())
+        if (!micromap && device.driver.translated() && !query.byValidation)
             device.driver.report().warning("VELLUM-unknown-content",
-                                           std::string(kWriteProperties) + ": " + element +
-                                               " is of type GENERIC, and nothing was recorded into it so far: it is "
+                                           std::string(kWriteProperties) + ": pAccelerationStructures[" +
+                                               std::to_string(i) +
+                                               "] is of type GENERIC, and nothing was recorded into it so far: it is "
                                                "taken for no micromap");
-        const uint32_t query = first + i;
+        const uint32_t q = query.first + i;
         properties.push_back({pool.type, *structure, micromap.value_or(false), pool.memory.buffer(),
-                              pool.valueInBuffer(query), pool.valueAddress(query), pool.micromaps, query});
+                              pool.valueInBuffer(q), pool.valueAddress(q), pool.micromaps, q});
     }
     return true;
+}
+
+// The query of a command, checked.
+template <typename Handle>
+input::PropertyQuery queryOf(const DeviceQueryPools &device, const char *command, uint32_t count, const Handle *handles,
+                             VkQueryType type, const QueryPool *pool, uint32_t first, const rules::Facts &facts)
+{
+    return input::Checked<input::PropertyQuery>::take(handles, [&] {
+        input::PropertyQuery parsed = input::parseQuery(count, handles, type, first);
+        rules::PoolFacts poolFacts;
+        if (pool)
+            poolFacts = {true, pool->type, pool->count};
+        const Place place(command);
+        rules::checkQuery(InputCheck(device.objects.rules, place), parsed, poolFacts, facts);
+        return parsed;
+    });
 }
 
 } // namespace
@@ -215,8 +204,8 @@ bool QueryPool::available(uint32_t query) const
 VkResult createQueryPool(DeviceQueryPools &device, VkDevice handle, const VkQueryPoolCreateInfo *info,
                          const VkAllocationCallbacks *allocator, VkQueryPool *result)
 {
-    const bool micromaps = isMicromapType(info->queryType) && device.driver.emulated();
-    if (!micromaps && !isStructureProperty(info->queryType))
+    const bool micromaps = rules::isMicromapQuery(info->queryType) && device.driver.emulated();
+    if (!micromaps && !rules::isStructureQuery(info->queryType))
         return device.driver.next.CreateQueryPool(handle, info, allocator, result);
     auto pool = std::make_shared<QueryPool>();
     pool->type = info->queryType;
@@ -334,28 +323,10 @@ void cmdWriteMicromapsProperties(DeviceQueryPools &device, VkCommandBuffer comma
                                  const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool queryPool,
                                  uint32_t first)
 {
+    constexpr const char *kCommand = "vkCmdWriteMicromapsPropertiesEXT";
     const auto pool = device.pools.get(queryPool);
-    const InputCheck check(device.driver.report(), "vkCmdWriteMicromapsPropertiesEXT");
-    if (!isMicromapType(type)) {
-        check.reject("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503",
-                     "queryType is not a type of micromap queries");
-        return;
-    }
-    // Tolerated: pools of both types work in the same way.
-    if ((!pool || pool->type != type) &&
-        !check.tolerateIf(pool && isMicromapType(pool->type),
-                          "VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",
-                          "queryPool was created with another queryType"))
-        return;
-    if (std::find(micromaps, micromaps + count, VkMicromapEXT{}) != micromaps + count) {
-        check.reject("VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-parameter",
-                     "a micromap is VK_NULL_HANDLE");
-        return;
-    }
-    if (count == 0 ||
-        !checkQueries(device, *pool, first, count, "vkCmdWriteMicromapsPropertiesEXT",
-                      "VELLUM-VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528") ||
-        InjectedWork::rejectedIn(device.commands, commandBuffer, "vkCmdWriteMicromapsPropertiesEXT"))
+    const auto query = queryOf(device, kCommand, count, micromaps, type, pool.get(), first, micromapFacts);
+    if (!query.accepted || !pool || count == 0 || InjectedWork::rejectedIn(device.commands, commandBuffer, kCommand))
         return;
     const uint32_t kind =
         type == VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT ? kQueryMicromapCompacted : kQueryMicromapSerialized;
@@ -371,15 +342,15 @@ void cmdWriteAccelerationStructuresProperties(DeviceQueryPools &device, VkComman
                                               VkQueryPool queryPool, uint32_t first)
 {
     const auto pool = device.pools.get(queryPool);
-    if (!checkPropertyType(device, pool.get(), type) || count == 0 ||
-        !checkQueries(device, *pool, first, count, kWriteProperties,
-                      "VELLUM-VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880") ||
+    const auto query =
+        queryOf(device, kWriteProperties, count, structures, type, pool.get(), first,
+                [&objects = device.objects](ObjectHandle handle) { return structureFacts(objects, handle); });
+    if (!query.accepted || !pool || count == 0 ||
         InjectedWork::rejectedIn(device.commands, commandBuffer, kWriteProperties))
         return;
     std::vector<std::shared_ptr<AccelerationStructure>> known;
     std::vector<Backend::Property> properties;
-    if (!findProperties(device, {device.driver.report(), kWriteProperties}, *pool, first, {structures, count}, known,
-                        properties))
+    if (!findProperties(device, query, *pool, {structures, count}, known, properties))
         return;
     // The driver's answers are copied to the pool's memory, and corrected there.
     Backend &backend = *device.structures.backend;

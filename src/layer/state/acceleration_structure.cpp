@@ -7,6 +7,7 @@
 
 #include "core/records.h"
 #include "layer/base/undo.h"
+#include "layer/rules/ids.h"
 #include "layer/state/device_state.h"
 
 namespace vellum::layer
@@ -23,27 +24,27 @@ struct GpuError {
 
 // In the order of kGpuError*.
 constexpr GpuError kGpuErrorTexts[kGpuErrors] = {
-    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
+    {rules::ids::kCompatible,
      "vkCmdCopyMemoryToAccelerationStructureKHR: the data comes from another driver, from another version of the "
      "layer, or from a device without the layer. The structure has no geometry now"},
-    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960",
+    {rules::ids::kDamaged,
      "vkCmdCopyMemoryToAccelerationStructureKHR: the memory does not hold serialized data, or not all of it, or it was "
      "changed. The structure has no geometry now"},
     {"VELLUM-serialized-type",
      "vkCmdCopyMemoryToAccelerationStructureKHR: top-level data for a bottom-level structure, or the other way round. "
      "The structure has no geometry now"},
-    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+    {rules::ids::kDeserializedSize,
      "vkCmdCopyMemoryToAccelerationStructureKHR: dst is smaller than the deserialized size. It has no geometry now"},
-    {"VELLUM-VUID-VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561",
+    {rules::ids::kSerializedSize,
      "vkCmdCopyAccelerationStructureToMemoryKHR: the buffer ends before the serialized data does. Nothing was written"},
     {"VELLUM-copy-reference",
      "a copied or deserialized top-level structure names a bottom-level structure that does not exist; such instances "
      "are inactive"},
     {"VELLUM-copy-unbuilt-reference", "a top-level structure was copied or deserialized before the bottom-level "
                                       "structures were built that it names; such instances are inactive"},
-    {"VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419",
+    {rules::ids::kCompactedSize,
      "vkCmdCopyAccelerationStructureKHR: dst is too small for the copy, and has no geometry now"},
-    {"VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
+    {rules::ids::kDeserializedMicromaps,
      "vkCmdCopyMemoryToAccelerationStructureKHR: the data names a micromap that does not exist, or is smaller than the "
      "one that was serialized. Its geometry has no micromap now"},
     {"VELLUM-micromap-copy-size",

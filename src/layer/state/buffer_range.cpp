@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <string>
 
-#include "layer/base/input_check.h"
+#include "layer/base/command_check.h"
+#include "layer/rules/ids.h"
 #include "layer/state/device_state.h"
 
 namespace vellum::layer
@@ -13,15 +14,15 @@ namespace vellum::layer
 BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCreateInfo2KHR &info,
                     VkDeviceSize micromapAlignment)
 {
-    const InputCheck check(device.driver.report(), "vkCreateAccelerationStructure2KHR");
+    const CommandCheck check(device.driver.report(), "vkCreateAccelerationStructure2KHR");
     const bool micromap = info.type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     const auto &[address, size] = info.addressRange;
     if (size == 0) {
-        check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608", "addressRange is empty");
+        check.reject(rules::ids::kCreationRangeEmpty, "addressRange is empty");
         return {};
     }
     if (micromap && !device.driver.enabled.khrFeature &&
-        !check.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+        !check.tolerate(rules::ids::kCreationFeature,
                         "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled"))
         return {};
     AddressMap::Location found =
@@ -29,20 +30,19 @@ BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCrea
     if (!found.buffer) {
         found = device.buffers.addresses.find(address);
         if (!found.buffer) {
-            check.reject("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
-                         "addressRange.address is not in any buffer");
+            check.reject(rules::ids::kCreationRangeUnknown, "addressRange.address is not in any buffer");
             return {};
         }
         // Drivers do not depend on the usage, and the part in the buffer may be large enough for the build.
-        if (!check.tolerate("VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
+        if (!check.tolerate(rules::ids::kCreationRangeUsage,
                             "addressRange, of " + std::to_string(size) +
                                 " bytes, is not in one buffer for acceleration structures"))
             return {};
     }
     // The layer's shaders read and write 16 bytes at once. What drivers need is unknown.
-    if (address % 256 != 0 && !check.tolerateIf(micromap && address % micromapAlignment == 0,
-                                                "VELLUM-VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605",
-                                                "addressRange.address is not a multiple of 256"))
+    if (address % 256 != 0 &&
+        !check.tolerateIf(micromap && address % micromapAlignment == 0, rules::ids::kCreationRangeAlignment,
+                          "addressRange.address is not a multiple of 256"))
         return {};
     return {found.buffer, found.offset, std::min(size, found.bytes), found.owner};
 }

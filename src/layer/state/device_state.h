@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "layer/memory/device_buffers.h"
+#include "layer/rules/rule.h"
 #include "layer/state/acceleration_structure.h"
 #include "layer/state/micromap_warnings.h"
 #include "layer/state/private_data.h"
@@ -21,6 +22,7 @@ namespace vellum::layer
 struct DeviceState {
     Driver &driver;
     DeviceBuffers &buffers;
+    RuleDevice rules{driver, buffers.addresses};
     RootTable root{};
     StructureLocations locations{root};
     std::atomic<uint32_t> deserializations{0};

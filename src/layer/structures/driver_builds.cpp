@@ -4,7 +4,7 @@
 namespace vellum::layer
 {
 
-void DriverBuilds::add(const VkAccelerationStructureBuildGeometryInfoKHR &info, const BuildRanges &ranges)
+void DriverBuilds::add(const VkAccelerationStructureBuildGeometryInfoKHR &info, const input::BuildRanges &ranges)
 {
     if (ranges.direct) {
         direct_.push_back(info);

@@ -16,7 +16,7 @@ class DriverBuilds
 {
 public:
     // What `info` and `ranges` point to lives until record().
-    void add(const VkAccelerationStructureBuildGeometryInfoKHR &info, const BuildRanges &ranges);
+    void add(const VkAccelerationStructureBuildGeometryInfoKHR &info, const input::BuildRanges &ranges);
     void record(const Driver &driver, VkCommandBuffer commandBuffer) const;
 
 private:

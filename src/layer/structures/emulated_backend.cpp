@@ -25,17 +25,6 @@ bool EmulatedBackend::begin(VkCommandBuffer commandBuffer, const char *command)
     return !InjectedWork::rejectedIn(device_.commands, commandBuffer, command);
 }
 
-const MicromapLimits *EmulatedBackend::limits() const
-{
-    static constexpr MicromapLimits kLimits{kMaxSubdivisionLevel, kMaxSubdivisionLevel, kMaxSubdivisionLevel, true};
-    return &kLimits;
-}
-
-MicromapBuildSizes EmulatedBackend::sizes(const MicromapBuild &build) const
-{
-    return {build.extent.bytes(), build.extent.scratchBytes()};
-}
-
 void EmulatedBackend::record(VkCommandBuffer commandBuffer, const char *, std::vector<MicromapBuild> builds)
 {
     for (const MicromapBuild &build : builds)

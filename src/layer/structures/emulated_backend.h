@@ -17,11 +17,14 @@ public:
 
     bool begin(VkCommandBuffer commandBuffer, const char *command) override;
 
-    [[nodiscard]] const MicromapLimits *limits() const override;
-    [[nodiscard]] MicromapBuildSizes sizes(const MicromapBuild &build) const override;
+    [[nodiscard]] MicromapSupport support() const override { return kEmulatedSupport; }
+    [[nodiscard]] std::optional<input::BuildNeeds> needs(const input::MicromapBuild &build) const override
+    {
+        return emulatedNeeds(build);
+    }
     void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) override;
     [[nodiscard]] uint32_t micromapAlignment() const override { return 16; } // shaders read and write 16 bytes at once
-    [[nodiscard]] bool checkMicromap(const InputCheck &, const BufferRange &) const override { return true; }
+    [[nodiscard]] bool checkMicromap(const CommandCheck &, const BufferRange &) const override { return true; }
     bool createMicromap(AccelerationStructure &) override { return true; }
 
     void created(const std::shared_ptr<AccelerationStructure> &structure) override;

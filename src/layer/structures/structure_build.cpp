@@ -9,6 +9,7 @@
 #include "core/records.h"
 #include "layer/base/atomic_max.h"
 #include "layer/micromaps/micromap.h"
+#include "layer/rules/builds.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/driver_builds.h"
 #include "layer/structures/exact_size_handle.h"
@@ -94,7 +95,7 @@ private:
 
     void reject(Part &part, const char *id, const std::string &text)
     {
-        inputCheck(device_.driver, command_, part.target().handle, part.build.element).reject(id, text);
+        commandCheck(device_.driver, command_, part.target().handle, part.build.element).reject(id, text);
         part.skipped = true;
     }
 
@@ -112,7 +113,7 @@ private:
 
     void rejectTooSmall(Part &part)
     {
-        reject(part, "VELLUM-VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126",
+        reject(part, rules::kTargetSizeId,
                "dstAccelerationStructure has " + std::to_string(part.target().size) +
                    " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
     }
@@ -308,7 +309,7 @@ private:
             // A top-level structure is built for the greatest possible number of instances; the rest are inactive.
             if (!part.skipped)
                 builds.add(part.build.driverInfo(),
-                           part.build.topLevel ? BuildRanges{.direct = &part.instanceRange} : part.build.ranges);
+                           part.build.topLevel ? input::BuildRanges{.direct = &part.instanceRange} : part.build.ranges);
         }
         builds.record(device_.driver, commandBuffer_);
     }
@@ -412,24 +413,23 @@ private:
                 push.micromap = micromapAddress(device_.driver, attachment->micromap);
                 push.micromapSize = unitsOf(attachment->micromap.size);
                 push.named = attachment->structure != nullptr;
-                push.baseTriangle = attachment->baseTriangle;
-                setIndices(push, *attachment);
+                push.baseTriangle = attachment->given.baseTriangle;
+                setIndices(push, attachment->given);
                 triangles += alignUp(push.triangleCount * kTriangleRecordBytes, 16);
             }
             work.dispatch(InjectedShader::BlasRecords, push, std::max(push.triangleCount, 1u), 64);
         }
     }
 
-    void setIndices(BlasRecordsPush &push, const MicromapAttachment &micromap)
+    void setIndices(BlasRecordsPush &push, const input::Attachment &attachment)
     {
         // VUID-...EXT-indexType-10719: UINT16, UINT32 or NONE_KHR; VUID-...KHR-indexType-11570: UINT8 too.
-        if (micromap.indexType == VK_INDEX_TYPE_NONE_KHR || micromap.indexBuffer == 0)
+        if (attachment.indexType == VK_INDEX_TYPE_NONE_KHR || attachment.indexBuffer.deviceAddress == 0)
             return;
-        push.indices = micromap.indexBuffer;
-        push.indexBytes = micromap.indexType == VK_INDEX_TYPE_UINT8_EXT ? 1
-                          : micromap.indexType == VK_INDEX_TYPE_UINT16  ? 2
-                                                                        : 4;
-        push.indexStride = static_cast<uint32_t>(micromap.indexStride);
+        push.indices = attachment.indexBuffer.deviceAddress;
+        const uint32_t bytes = input::indexBytes(attachment.indexType);
+        push.indexBytes = bytes == 0 ? 4 : bytes;
+        push.indexStride = static_cast<uint32_t>(attachment.indexStride);
         push.readable = device_.buffers.addresses.elementsFrom(push.indices, push.indexBytes, push.indexStride);
     }
 

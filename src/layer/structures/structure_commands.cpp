@@ -8,6 +8,9 @@
 #include <string>
 
 #include "layer/base/undo.h"
+#include "layer/input/checked.h"
+#include "layer/rules/builds.h"
+#include "layer/rules/ids.h"
 #include "layer/state/buffer_range.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
@@ -59,7 +62,7 @@ void addDriversStructure(DeviceStructures &device, const std::shared_ptr<Acceler
     undo.keep();
 }
 
-VkResult addMicromap(DeviceStructures &device, const InputCheck &check, const BufferRange &range,
+VkResult addMicromap(DeviceStructures &device, const CommandCheck &check, const BufferRange &range,
                      VkAccelerationStructureKHR &result)
 {
     if (!device.backend->checkMicromap(check, range))
@@ -73,46 +76,42 @@ VkResult addMicromap(DeviceStructures &device, const InputCheck &check, const Bu
 
 // --- builds ---
 
-// Records the builds of one command. `ranges(i)`: the ranges of element i.
-template <typename Ranges>
-void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
-                  const BuildInfo *infos, bool indirect, Ranges ranges)
+// Records the builds of one command.
+template <typename Parse>
+void recordBuilds(DeviceStructures &device, VkCommandBuffer commandBuffer, const char *command, const BuildInfo *infos,
+                  bool indirect, Parse parse)
 {
     Backend &backend = *device.backend;
     if (!backend.begin(commandBuffer, command))
         return;
+    const auto builds = input::Checked<input::Builds>::take(infos, [&] {
+        input::Builds parsed = parse();
+        rules::checkBuilds(
+            device.objects.rules, Place(command), parsed,
+            [&objects = device.objects](ObjectHandle handle) { return structureFacts(objects, handle); }, indirect);
+        return parsed;
+    });
     std::vector<MicromapBuild> micromaps;
-    MicromapSet built;
-    for (uint32_t i = 0; i < count; ++i) {
-        if (!isMicromapBuild(infos[i]))
+    for (const input::MicromapBuild &given : builds.micromaps) {
+        auto target = device.objects.accelerationStructures.get(infos[given.element].dstAccelerationStructure);
+        if (!given.accepted || !target)
             continue;
-        built.insert(infos[i].dstAccelerationStructure);
-        const InputCheck check = inputCheck(device.driver, command, infos[i].dstAccelerationStructure, i);
-        // Tolerated: a micromap has no ranges.
-        if (indirect && !check.tolerate("VELLUM-VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557",
-                                        "a micromap is not built indirectly"))
-            continue;
-        auto build = parseMicromapBuild(device.driver, check, infos[i], backend.limits());
-        if (build && checkMicromapBuild(device.objects, check, infos[i], backend.sizes(*build), *build))
-            micromaps.push_back(*std::move(build));
+        MicromapBuild &build = micromaps.emplace_back(micromapBuildOf(given));
+        build.target = micromapIn(*target);
+        build.structure = std::move(target);
     }
     if (!micromaps.empty())
         backend.record(commandBuffer, command, std::move(micromaps));
     std::vector<StructureBuild> structures;
-    for (uint32_t i = 0; i < count; ++i) {
-        if (isMicromapBuild(infos[i]))
+    for (const input::StructureBuild &given : builds.structures) {
+        if (!given.accepted)
             continue;
-        const InputCheck check = inputCheck(device.driver, command, infos[i].dstAccelerationStructure, i);
-        auto build = parseStructureBuild(device.driver, check, infos[i]);
-        if (!build)
+        StructureBuild build = structureBuildOf(device.driver, given);
+        if (!findStructures(device.objects, build))
             continue;
-        build->element = i;
-        build->ranges = ranges(i);
-        if (!checkStructureBuild(device.objects, check, built, *build))
-            continue;
-        if (build->hasMicromaps)
+        if (build.hasMicromaps)
             device.objects.warnings.micromapsAreUsed();
-        structures.push_back(*std::move(build));
+        structures.push_back(std::move(build));
     }
     if (!structures.empty())
         backend.record(commandBuffer, command, std::move(structures));
@@ -140,10 +139,10 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-        const InputCheck check(device.driver.report(), "vkCreateAccelerationStructureKHR");
+        const CommandCheck check(device.driver.report(), "vkCreateAccelerationStructureKHR");
         const VkDeviceSize bytes = device.buffers.infos.get(info->buffer).size;
         const bool possible = info->offset % 16 == 0 && info->offset < bytes;
-        if (!check.tolerateIf(possible, "VELLUM-VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
+        if (!check.tolerateIf(possible, rules::ids::kCreationCommand,
                               "a micromap is made by vkCreateAccelerationStructure2KHR"))
             return VK_ERROR_VALIDATION_FAILED_EXT;
         return addMicromap(device, check, {info->buffer, info->offset, std::min(info->size, bytes - info->offset)},
@@ -228,41 +227,40 @@ void getAccelerationStructureBuildSizes(DeviceStructures &device, VkDevice, VkAc
                                         const BuildInfo *info, const uint32_t *maxPrimitives,
                                         VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
-    const InputCheck check(device.driver.report(), "vkGetAccelerationStructureBuildSizesKHR");
     sizes->accelerationStructureSize = sizes->updateScratchSize = sizes->buildScratchSize = 0;
-    if (isMicromapBuild(*info)) {
-        const auto build = parseMicromapBuild(device.driver, check, *info, device.backend->limits());
-        if (!build)
-            return;
-        const MicromapBuildSizes needed = device.backend->sizes(*build);
-        sizes->accelerationStructureSize = markedMicromapSize(needed.micromap);
-        sizes->buildScratchSize = needed.scratch;
-    } else if (auto build = parseStructureBuild(device.driver, check, *info)) {
+    const auto query = input::Checked<input::Builds>::take(info, [&] {
+        input::Builds parsed = input::parse(1, info, nullptr);
+        rules::checkSizes(device.objects.rules, Place("vkGetAccelerationStructureBuildSizesKHR"), parsed);
+        return parsed;
+    });
+    if (!query.micromaps.empty()) {
+        const input::BuildNeeds &needs = query.micromaps[0].needs; // none unless the query is accepted
+        sizes->accelerationStructureSize = needs.micromap;
+        sizes->buildScratchSize = needs.scratch;
+    } else if (query.structures[0].accepted) {
+        StructureBuild build = structureBuildOf(device.driver, query.structures[0]);
         // They are ignored, and may be handles of micromaps.
-        build->info.srcAccelerationStructure = build->info.dstAccelerationStructure = VK_NULL_HANDLE;
+        build.info.srcAccelerationStructure = build.info.dstAccelerationStructure = VK_NULL_HANDLE;
         // Without numbers of primitives there are none:
         // VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11612
         const std::vector<uint32_t> none(maxPrimitives ? 0 : info->geometryCount);
-        device.backend->getSizes(type, *build, maxPrimitives ? maxPrimitives : none.data(), *sizes);
+        device.backend->getSizes(type, build, maxPrimitives ? maxPrimitives : none.data(), *sizes);
     }
 }
 
 void cmdBuildAccelerationStructures(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
                                     const BuildInfo *infos, const RangeInfo *const *ranges)
 {
-    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, false,
-                 [&](uint32_t i) { return BuildRanges{.direct = ranges ? ranges[i] : nullptr}; });
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", infos, false,
+                 [&] { return input::parse(count, infos, ranges); });
 }
 
 void cmdBuildAccelerationStructuresIndirect(DeviceStructures &device, VkCommandBuffer commandBuffer, uint32_t count,
                                             const BuildInfo *infos, const VkDeviceAddress *addresses,
                                             const uint32_t *strides, const uint32_t *const *most)
 {
-    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", count, infos, true,
-                 [&](uint32_t i) {
-                     return BuildRanges{nullptr, addresses ? addresses[i] : 0, strides ? strides[i] : 0,
-                                        most ? most[i] : nullptr};
-                 });
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", infos, true,
+                 [&] { return input::parseIndirect(count, infos, addresses, strides, most); });
 }
 
 void cmdCopyAccelerationStructure(DeviceStructures &device, VkCommandBuffer commandBuffer,
@@ -271,12 +269,12 @@ void cmdCopyAccelerationStructure(DeviceStructures &device, VkCommandBuffer comm
     constexpr const char *kCommand = "vkCmdCopyAccelerationStructureKHR";
     if (!device.backend->begin(commandBuffer, kCommand))
         return;
-    const auto copy = parseStructureCopy(device.objects, kCommand, *info);
+    const auto copy = structureCopyOf(device.objects, kCommand, *info);
     if (!copy)
         return;
     if (const VkDeviceSize bytes = device.backend->cloneBytes(*copy); !copy->compact && copy->target->size < bytes)
-        inputCheck(device.driver, kCommand, info->dst)
-            .reject("VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
+        commandCheck(device.driver, kCommand, info->dst)
+            .reject("VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
                     "dst has " + std::to_string(copy->target->size) + " bytes, src " + std::to_string(bytes));
     else
         device.backend->record(commandBuffer, *copy);
@@ -288,7 +286,7 @@ void cmdCopyAccelerationStructureToMemory(DeviceStructures &device, VkCommandBuf
     constexpr const char *kCommand = "vkCmdCopyAccelerationStructureToMemoryKHR";
     if (!device.backend->begin(commandBuffer, kCommand))
         return;
-    if (const auto copy = parseSave(device.objects, kCommand, *info))
+    if (const auto copy = saveOf(device.objects, kCommand, *info))
         device.backend->recordSave(commandBuffer, *copy);
 }
 
@@ -298,7 +296,7 @@ void cmdCopyMemoryToAccelerationStructure(DeviceStructures &device, VkCommandBuf
     constexpr const char *kCommand = "vkCmdCopyMemoryToAccelerationStructureKHR";
     if (!device.backend->begin(commandBuffer, kCommand))
         return;
-    if (const auto copy = parseRestore(device.objects, kCommand, *info))
+    if (const auto copy = restoreOf(device.objects, kCommand, *info))
         device.backend->recordRestore(commandBuffer, *copy);
 }
 
@@ -308,23 +306,29 @@ VkResult buildAccelerationStructures(DeviceStructures &device, VkDevice handle, 
     constexpr const char *kCommand = "vkBuildAccelerationStructuresKHR";
     if (device.driver.emulated())
         return rejectOnHost(device, kCommand);
+    const auto builds = input::Checked<input::Builds>::take(infos, [&] {
+        input::Builds parsed = input::parse(count, infos, ranges);
+        rules::checkHostBuilds(device.objects.rules, Place(kCommand), parsed);
+        return parsed;
+    });
+    if (!builds.micromaps.empty())
+        return rejectOnHost(device, std::string(kCommand) + " with micromaps");
     // A deferred build reads its input later, so the driver gets the application's structures.
-    std::vector<VkAccelerationStructureTypeKHR> types;
-    for (uint32_t i = 0; i < count; ++i) {
-        if (isMicromapBuild(infos[i]))
-            return rejectOnHost(device, std::string(kCommand) + " with micromaps");
-        const auto build = parseStructureBuild(
-            device.driver, inputCheck(device.driver, kCommand, infos[i].dstAccelerationStructure, i), infos[i]);
-        if (!build)
+    for (const input::StructureBuild &build : builds.structures) {
+        const BuildInfo &info = *build.given;
+        if (!build.accepted)
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        const bool update = infos[i].mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-        if (build->hasMicromaps || !isDrivers(device, infos[i].dstAccelerationStructure) ||
-            (update && !isDrivers(device, infos[i].srcAccelerationStructure)))
+        const bool micromaps = std::ranges::any_of(build.geometries, [](const input::Geometry &geometry) {
+            return geometry.attachment && geometry.attachment->khr;
+        });
+        if (micromaps || !isDrivers(device, info.dstAccelerationStructure) ||
+            (build.isUpdate() && !isDrivers(device, info.srcAccelerationStructure)))
             return rejectOnHost(device, std::string(kCommand) + " with micromaps");
-        types.push_back(build->type());
     }
-    for (uint32_t i = 0; i < count; ++i)
-        becomesStructure(*device.objects.accelerationStructures.get(infos[i].dstAccelerationStructure), types[i],
+    for (const input::StructureBuild &build : builds.structures)
+        becomesStructure(*device.objects.accelerationStructures.get(build.given->dstAccelerationStructure),
+                         build.isTopLevel() ? VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
+                                            : VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR,
                          false);
     return device.driver.next.BuildAccelerationStructuresKHR(handle, operation, count, infos, ranges);
 }

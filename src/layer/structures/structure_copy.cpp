@@ -6,6 +6,7 @@
 
 #include "core/records.h"
 #include "layer/micromaps/micromap_copy.h"
+#include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_layout.h"
@@ -92,10 +93,9 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
                         const char *command, AccelerationStructure &target, VkDeviceAddress source,
                         const TopLevelLayout &layout, uint32_t from)
 {
-    const InputCheck check = inputCheck(device.driver, command, target.handle);
+    const CommandCheck check = commandCheck(device.driver, command, target.handle);
     if (layout.bytes() > target.size)
-        return check.reject(from == kFromStructure ? "VELLUM-VUID-VkCopyAccelerationStructureInfoKHR-mode-12419"
-                                                   : "VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
+        return check.reject(from == kFromStructure ? rules::ids::kCompactedSize : rules::ids::kDeserializedSize,
                             "dst is too small for any top-level structure");
     const auto slots = slotsFor(device.objects, target, layout.count);
     const auto state = device.commands.states.get(commandBuffer);
@@ -161,7 +161,7 @@ void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer
     const StructureDescriptor sourceDescriptor = descriptorOf(device.objects, source);
     const StructureDescriptor targetDescriptor = descriptorOf(device.objects, target);
     if (!sourceDescriptor.address || !targetDescriptor.address) {
-        inputCheck(device.driver, kCommand, target.handle)
+        commandCheck(device.driver, kCommand, target.handle)
             .reject("VELLUM-out-of-memory", "no memory for the layer's tables");
         return;
     }

@@ -1,33 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// Builds and copies of acceleration structures, parsed from the application's structures and checked. Nothing after
-// this reads those structures.
+// Builds and copies of acceleration structures, as the back ends record them.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <unordered_set>
 #include <vector>
 
-#include "layer/base/input_check.h"
+#include "layer/base/command_check.h"
 #include "layer/base/pnext.h"
+#include "layer/input/builds.h"
 #include "layer/state/device_state.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
 {
 
-// A geometry's micromap, parsed from the structure of either extension.
+// A geometry's micromap.
 struct MicromapAttachment {
-    VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR;
-    VkDeviceAddress indexBuffer = 0;
-    VkDeviceSize indexStride = 0;
-    uint32_t baseTriangle = 0;
-    VkMicromapEXT ext = VK_NULL_HANDLE;              // of VkAccelerationStructureTrianglesOpacityMicromapEXT
-    VkAccelerationStructureKHR khr = VK_NULL_HANDLE; // of VkAccelerationStructureTrianglesOpacityMicromapKHR
-    // Set by the check; null for a null handle.
+    input::Attachment given;
+    // Null for a null handle, and in queries of sizes.
     Micromap micromap;
-    std::shared_ptr<AccelerationStructure> structure; // of `khr`
+    std::shared_ptr<AccelerationStructure> structure; // of VK_KHR_opacity_micromap
 };
 
 // The properties of a geometry that the driver does not get.
@@ -37,20 +31,7 @@ struct GeometryInput {
     std::optional<Chain> chain; // the driver's pNext chain, if there is a micromap
 };
 
-// The ranges of one build, direct or indirect.
-struct BuildRanges {
-    const VkAccelerationStructureBuildRangeInfoKHR *direct = nullptr; // of each geometry
-    VkDeviceAddress indirect = 0; // of the first geometry's range; the others follow, `stride` bytes apart
-    uint32_t stride = 0;
-    const uint32_t *most = nullptr; // maximum of primitives of each geometry, for an indirect build
-
-    // The maximum of primitives of geometry g.
-    [[nodiscard]] uint32_t primitives(uint32_t g) const { return direct ? direct[g].primitiveCount : most[g]; }
-    // Address of geometry g's range; 0 for a direct build.
-    [[nodiscard]] VkDeviceAddress address(uint32_t g) const { return direct ? 0 : indirect + uint64_t{g} * stride; }
-};
-
-// The build of a structure that is not a micromap.
+// The build of a structure that is not a micromap, made of an accepted input.
 struct StructureBuild {
     uint32_t element = 0;                                       // of pInfos
     std::vector<VkAccelerationStructureGeometryKHR> geometries; // the driver's: without micromaps
@@ -58,8 +39,8 @@ struct StructureBuild {
     bool topLevel = false;
     bool hasMicromaps = false;
     bool hasBoxes = false;
-    BuildRanges ranges;
-    // Set by the check. `source`: of an update.
+    input::BuildRanges ranges;
+    // Null in queries of sizes. `source`: of an update.
     std::shared_ptr<AccelerationStructure> target, source;
 
     [[nodiscard]] VkAccelerationStructureTypeKHR type() const
@@ -76,14 +57,15 @@ struct StructureBuild {
     VkAccelerationStructureBuildGeometryInfoKHR info{}; // with the driver's handles, flags and mode
 };
 
-// nullopt, after a message, if the build contains something that no driver may get.
-std::optional<StructureBuild> parseStructureBuild(const Driver &driver, const InputCheck &check,
-                                                  const VkAccelerationStructureBuildGeometryInfoKHR &info);
-// Finds the structures that a build names, and checks them. `built`: micromaps that the same command builds.
-using MicromapSet = std::unordered_set<VkAccelerationStructureKHR>;
-bool checkStructureBuild(const DeviceState &objects, const InputCheck &check, const MicromapSet &built,
-                         StructureBuild &build);
+// The build without its structures.
+StructureBuild structureBuildOf(const Driver &driver, const input::StructureBuild &given);
+// Finds its structures. False: they do not exist any more.
+bool findStructures(const DeviceState &objects, StructureBuild &build);
 
+// An acceleration structure, as rules see it.
+ObjectFacts structureFacts(const DeviceState &objects, ObjectHandle handle);
+
+// The functions that make these check the input, and report what no back end can copy.
 struct StructureCopy {
     std::shared_ptr<AccelerationStructure> source, target;
     bool compact = false; // otherwise a clone
@@ -91,8 +73,8 @@ struct StructureCopy {
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     [[nodiscard]] bool isMicromap() const { return type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR; }
 };
-std::optional<StructureCopy> parseStructureCopy(const DeviceState &objects, const char *command,
-                                                const VkCopyAccelerationStructureInfoKHR &info);
+std::optional<StructureCopy> structureCopyOf(const DeviceState &objects, const char *command,
+                                             const VkCopyAccelerationStructureInfoKHR &info);
 
 // To or from serialized data.
 struct SerializedCopy {
@@ -100,14 +82,14 @@ struct SerializedCopy {
     VkDeviceAddress data = 0;
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; // of the source
 };
-std::optional<SerializedCopy> parseSave(const DeviceState &objects, const char *command,
-                                        const VkCopyAccelerationStructureToMemoryInfoKHR &info);
-std::optional<SerializedCopy> parseRestore(const DeviceState &objects, const char *command,
-                                           const VkCopyMemoryToAccelerationStructureInfoKHR &info);
+std::optional<SerializedCopy> saveOf(const DeviceState &objects, const char *command,
+                                     const VkCopyAccelerationStructureToMemoryInfoKHR &info);
+std::optional<SerializedCopy> restoreOf(const DeviceState &objects, const char *command,
+                                        const VkCopyMemoryToAccelerationStructureInfoKHR &info);
 
 // The check of a command's input, whose messages name a structure.
-inline InputCheck inputCheck(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
-                             std::optional<uint32_t> element = std::nullopt)
+inline CommandCheck commandCheck(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
+                                 std::optional<uint32_t> element = std::nullopt)
 {
     return {driver.report(), command, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure),
             element};

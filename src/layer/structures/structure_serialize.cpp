@@ -10,6 +10,7 @@
 #include "core/records.h"
 #include "layer/micromaps/micromap_copy.h"
 #include "layer/micromaps/micromap_serialized.h"
+#include "layer/rules/ids.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
 #include "layer/structures/structure_copy.h"
@@ -59,7 +60,7 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     state.scratch.restart();
     const VkDeviceAddress staging = state.scratch.allocate(kPlanBytes + stagingBytes);
     if (!staging) {
-        inputCheck(device.driver, "vkCmdCopyAccelerationStructureToMemoryKHR", source.handle)
+        commandCheck(device.driver, "vkCmdCopyAccelerationStructureToMemoryKHR", source.handle)
             .reject("VELLUM-out-of-memory", "no memory for the driver's serialized data");
         return;
     }
@@ -122,7 +123,7 @@ struct Restore {
 
     bool reject(const char *id, const char *text) const
     {
-        return inputCheck(device.driver, kRestoreCommand, target->handle).reject(id, text);
+        return commandCheck(device.driver, kRestoreCommand, target->handle).reject(id, text);
     }
 
     // Whether the deserialization can be recorded; reports why not.
@@ -135,8 +136,7 @@ struct Restore {
         }
         // The memory must at least hold the fallback, which replaces rejected data.
         return kind() != kDescriptorBottom || target->size >= leastBytes() ||
-               reject("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746",
-                      "dst is smaller than any deserialized structure");
+               reject(rules::ids::kDeserializedSize, "dst is smaller than any deserialized structure");
     }
 
     // The number of instances in the header of the data, if the host can read it, and the data has already been

@@ -25,11 +25,6 @@ uint32_t propertyOf(VkQueryType type)
 
 } // namespace
 
-bool isStructureProperty(VkQueryType type)
-{
-    return propertyOf(type) != UINT32_MAX;
-}
-
 void recordStructureProperty(InjectedWork &work, DeviceStructures &device, AccelerationStructure &structure,
                              VkQueryType type, VkDeviceAddress value)
 {

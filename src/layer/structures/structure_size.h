@@ -11,8 +11,6 @@ struct AccelerationStructure;
 struct DeviceStructures;
 class InjectedWork;
 
-// Whether the driver's answers to queries of this type are corrected by a back end.
-bool isStructureProperty(VkQueryType type);
 // Corrects the driver's answer, the 64-bit number at `value`, for a structure with emulated micromaps.
 void recordStructureProperty(InjectedWork &work, DeviceStructures &device, AccelerationStructure &structure,
                              VkQueryType type, VkDeviceAddress value);

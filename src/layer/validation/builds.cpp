@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/builds.h"
 
+#include "layer/input/checked.h"
+#include "layer/rules/builds.h"
 #include "layer/validation/rules/build_rules.h"
 
 namespace vellum::layer
@@ -8,51 +10,37 @@ namespace vellum::layer
 namespace
 {
 
-std::shared_ptr<const StructureContents> contentsOf(const MicromapBuildInput &build)
+std::shared_ptr<const StructureContents> contentsOf(const input::MicromapBuild &build)
 {
     auto contents = std::make_shared<StructureContents>();
     contents->type = VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR;
     contents->flags = build.flags;
-    contents->usages = build.usages;
-    contents->triangles = build.triangleCount();
+    contents->usages = build.usages.copy();
+    contents->triangles = build.usages.triangles();
     return contents;
 }
 
-// `primitives(g)`: of geometry g, or the most that an indirect build may have.
-template <typename Primitives>
-std::shared_ptr<StructureContents> contentsOf(const DeviceValidation &device,
-                                              const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                                              Primitives primitives)
+std::shared_ptr<StructureContents> contentsOf(const DeviceModel &device, const input::StructureBuild &build)
 {
     auto contents = std::make_shared<StructureContents>();
-    contents->type = info.type;
-    contents->flags = info.flags;
-    for (uint32_t g = 0; g < info.geometryCount; ++g) {
-        const VkAccelerationStructureGeometryKHR *geometry = geometryOf(info, g);
-        if (!geometry)
+    contents->type = build.given->type;
+    contents->flags = build.given->flags;
+    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
+        const input::Geometry &geometry = build.geometries[g];
+        if (!geometry.given)
             break;
         GeometryContents &part = contents->geometries.emplace_back();
-        part.type = geometry->geometryType;
-        part.flags = geometry->flags;
-        part.primitives = primitives(g);
-        if (const auto attachment = attachmentOf(device, *geometry)) {
+        part.type = geometry.given->geometryType;
+        part.flags = geometry.given->flags;
+        part.primitives = build.ranges.primitives(g);
+        if (const auto &attachment = geometry.attachment) {
             part.hasMicromap = true;
             part.khr = attachment->khr;
-            part.micromapHandle = attachment->handle;
-            part.micromap = attachment->micromap;
+            part.micromapHandle = attachment->micromap;
+            part.micromap = device.objects.structureOf(attachment->micromap);
         }
     }
     return contents;
-}
-
-// Adds the checks of one build on the device, before it.
-void addChecks(const DeviceValidation &device, GpuBuildChecks &checks, uint32_t i,
-               const VkAccelerationStructureBuildGeometryInfoKHR &info, const GeometryCounts &counts)
-{
-    if (!buildsMicromap(info))
-        checks.add(i, info, counts);
-    else if (const auto build = micromapBuildOf(device, info))
-        checks.add(i, *build);
 }
 
 // Gives a structure its new contents when the command is executed.
@@ -65,26 +53,32 @@ void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
         });
 }
 
-void construct(DeviceValidation &device, VkCommandBuffer commandBuffer,
-               const VkAccelerationStructureBuildGeometryInfoKHR &info,
-               const VkAccelerationStructureBuildRangeInfoKHR *ranges, const uint32_t *most)
+// Records the checks on the device and the effects of a command that builds.
+void recordBuilds(DeviceValidation &device, VkCommandBuffer commandBuffer, const char *command, SiteCommand site,
+                  const input::Builds &builds)
 {
-    if (buildsMicromap(info)) {
-        if (const auto build = micromapBuildOf(device, info))
-            construct(device, commandBuffer, build->target, contentsOf(*build));
-        return;
+    GpuBuildChecks checks(device.gpu, commandBuffer, site);
+    for (const input::MicromapBuild &build : builds.micromaps) {
+        if (build.khr && !build.hasData)
+            continue;
+        checks.add(build);
+        micromapBuilt(device, commandBuffer, build);
     }
-    const auto primitives = [&](uint32_t g) { return ranges ? ranges[g].primitiveCount : most ? most[g] : 0; };
-    const auto contents = contentsOf(device, info, primitives);
-    captureContents(device, commandBuffer, info, ranges, *contents);
-    construct(device, commandBuffer, device.objects.structures.get(info.dstAccelerationStructure), contents);
+    for (const input::StructureBuild &build : builds.structures) {
+        checks.add(build);
+        const auto contents = contentsOf(device, build);
+        captureContents(device, commandBuffer, build, *contents);
+        construct(device, commandBuffer, device.objects.structureOf(build.given->dstAccelerationStructure), contents);
+    }
+    checks.record();
+    sync::recordBuilds(device.sync, commandBuffer, command, builds);
 }
 
 } // namespace
 
-void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const MicromapBuildInput &build)
+void micromapBuilt(DeviceValidation &device, VkCommandBuffer commandBuffer, const input::MicromapBuild &build)
 {
-    construct(device, commandBuffer, build.target, contentsOf(build));
+    construct(device, commandBuffer, device.objects.structureOf(build.target), contentsOf(build));
 }
 
 namespace validation
@@ -93,8 +87,12 @@ namespace validation
 void getMicromapBuildSizes(DeviceValidation &device, VkDevice handle, VkAccelerationStructureBuildTypeKHR type,
                            const VkMicromapBuildInfoEXT *info, VkMicromapBuildSizesInfoEXT *sizes)
 {
-    if (device.checks.core)
-        checkMicromapSizeQuery(device, *info);
+    const Place command("vkGetMicromapBuildSizesEXT");
+    if (device.checks.core && !device.driver.enabled.extFeature)
+        device.fault(command, "VUID-vkGetMicromapBuildSizesEXT-micromap-11618", "the feature micromap is not enabled");
+    input::Builds query = input::parse(1, info, type == VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR);
+    rules::checkSizes(device.state.rules, command, query);
+    const input::Checked checked(info, query);
     device.next.GetMicromapBuildSizesEXT(handle, type, info, sizes);
     device.sync.scratch.reported(type, *sizes);
 }
@@ -104,8 +102,11 @@ void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handl
                                         const VkAccelerationStructureBuildGeometryInfoKHR *info, const uint32_t *most,
                                         VkAccelerationStructureBuildSizesInfoKHR *sizes)
 {
-    if (device.checks.core)
-        checkStructureSizeQuery(device, type, *info, most);
+    const Place command("vkGetAccelerationStructureBuildSizesKHR");
+    input::Builds query = input::parse(1, info, nullptr);
+    rules::checkSizeParameters(device.state.rules, command, query, type, most != nullptr);
+    rules::checkSizes(device.state.rules, command, query);
+    const input::Checked checked(info, query);
     device.next.GetAccelerationStructureBuildSizesKHR(handle, type, info, most, sizes);
     device.sync.scratch.reported(type, info->type, *sizes);
 }
@@ -113,16 +114,10 @@ void getAccelerationStructureBuildSizes(DeviceValidation &device, VkDevice handl
 void cmdBuildMicromaps(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkMicromapBuildInfoEXT *infos)
 {
-    if (device.checks.core)
-        checkMicromapBuilds(device, commandBuffer, count, infos);
-    GpuBuildChecks checks(device.gpu, commandBuffer, SiteCommand::BuildMicromaps);
-    for (uint32_t i = 0; i < count; ++i) {
-        const MicromapBuildInput build = micromapBuildOf(device, infos[i]);
-        checks.add(i, build);
-        micromapBuilt(device, commandBuffer, build);
-    }
-    checks.record();
-    sync::recordBuilds(device.sync, commandBuffer, count, infos);
+    input::Builds builds = input::parse(count, infos);
+    checkBuilds(device, commandBuffer, BuildCommand::Micromaps, builds);
+    recordBuilds(device, commandBuffer, "vkCmdBuildMicromapsEXT", SiteCommand::BuildMicromaps, builds);
+    const input::Checked checked(infos, builds);
     device.next.CmdBuildMicromapsEXT(commandBuffer, count, infos);
 }
 
@@ -130,15 +125,10 @@ void cmdBuildAccelerationStructures(DeviceValidation &device, VkCommandBuffer co
                                     const VkAccelerationStructureBuildGeometryInfoKHR *infos,
                                     const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
 {
-    if (device.checks.core)
-        checkStructureBuilds(device, commandBuffer, {infos, count}, ranges);
-    GpuBuildChecks checks(device.gpu, commandBuffer, SiteCommand::BuildStructures);
-    for (uint32_t i = 0; i < count; ++i) {
-        addChecks(device, checks, i, infos[i], {.ranges = ranges ? ranges[i] : nullptr});
-        construct(device, commandBuffer, infos[i], ranges ? ranges[i] : nullptr, nullptr);
-    }
-    checks.record();
-    sync::recordBuilds(device.sync, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", count, infos, ranges);
+    input::Builds builds = input::parse(count, infos, ranges);
+    checkBuilds(device, commandBuffer, BuildCommand::Structures, builds);
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresKHR", SiteCommand::BuildStructures, builds);
+    const input::Checked checked(infos, builds);
     device.next.CmdBuildAccelerationStructuresKHR(commandBuffer, count, infos, ranges);
 }
 
@@ -147,19 +137,11 @@ void cmdBuildAccelerationStructuresIndirect(DeviceValidation &device, VkCommandB
                                             const VkDeviceAddress *addresses, const uint32_t *strides,
                                             const uint32_t *const *most)
 {
-    if (device.checks.core)
-        checkIndirectStructureBuilds(device, commandBuffer, {infos, count});
-    GpuBuildChecks checks(device.gpu, commandBuffer, SiteCommand::BuildStructuresIndirect);
-    for (uint32_t i = 0; i < count; ++i) {
-        const uint32_t *const counts = most ? most[i] : nullptr;
-        addChecks(device, checks, i, infos[i],
-                  {.address = addresses ? addresses[i] : 0, .stride = strides ? strides[i] : 0, .most = counts});
-        construct(device, commandBuffer, infos[i], nullptr, counts);
-    }
-    checks.record();
-    sync::recordBuilds(device.sync, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR", count, infos,
-                       nullptr);
-    sync::recordIndirectRanges(device.sync, commandBuffer, count, infos, addresses);
+    input::Builds builds = input::parseIndirect(count, infos, addresses, strides, most);
+    checkBuilds(device, commandBuffer, BuildCommand::IndirectStructures, builds);
+    recordBuilds(device, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR",
+                 SiteCommand::BuildStructuresIndirect, builds);
+    const input::Checked checked(infos, builds);
     device.next.CmdBuildAccelerationStructuresIndirectKHR(commandBuffer, count, infos, addresses, strides, most);
 }
 

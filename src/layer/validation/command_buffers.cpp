@@ -127,9 +127,12 @@ void cmdExecuteCommands(DeviceValidation &device, VkCommandBuffer commandBuffer,
                         const VkCommandBuffer *buffers)
 {
     for (uint32_t i = 0; i < count; ++i) {
-        device.logs.add(commandBuffer, [log = device.logs.share(buffers[i])](const Submission &submission) {
-            for (size_t s = 0; log && s < log->steps.size(); ++s)
-                log->steps[s](submission);
+        const CommandLog *log = device.logs.get(buffers[i]);
+        if (!log)
+            continue;
+        device.logs.add(commandBuffer, [steps = log->steps](const Submission &submission) {
+            for (const CommandLog::Step &step : *steps)
+                step(submission);
         });
     }
     if (const auto log = device.logs.get(commandBuffer))

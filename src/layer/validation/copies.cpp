@@ -1,56 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/copies.h"
 
+#include "layer/input/checked.h"
+#include "layer/rules/copies.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
 {
 namespace
 {
 
-bool isMicromap(const std::shared_ptr<ValidatedStructure> &structure)
-{
-    return structure && structure->isMicromap();
-}
+using Structure = std::shared_ptr<ValidatedStructure>;
 
-void checkSerializedAddress(const RuleCheck &check, VkDeviceAddress address, uint32_t alignment, const char *member,
-                            const char *nullId, const char *alignmentId)
+// The source of a clone or a compaction, when the command is executed.
+void checkSource(const RuleCheck &check, const input::Copy &copy, const Structure &source, const char *constructed)
 {
-    if (check.require(address != 0, member, nullId, "the address is null"))
-        checkMultiple(check, address, alignment, member, alignmentId);
-}
-
-void checkMicromapCopy(const RuleCheck &check, const VkCopyMicromapInfoEXT &info,
-                       const std::shared_ptr<ValidatedStructure> &source,
-                       const std::shared_ptr<ValidatedStructure> &target)
-{
-    checkStructure(check, info, kCopyMicromapInfo);
-    checkBound(check, source.get(), "src", "VUID-vkCmdCopyMicromapEXT-buffer-07529");
-    checkBound(check, target.get(), "dst", "VUID-vkCmdCopyMicromapEXT-buffer-07530");
-    checkConstructed(check, source, "VUID-vkCmdCopyMicromapEXT-src-07532");
-    check.require(info.mode == VK_COPY_MICROMAP_MODE_CLONE_EXT || info.mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT,
-                  "mode", "VUID-VkCopyMicromapInfoEXT-mode-07531", "it is neither CLONE nor COMPACT");
-    if (info.mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT)
-        checkCompactable(check, source, "VUID-VkCopyMicromapInfoEXT-mode-07533");
-}
-
-void checkStructureCopy(const RuleCheck &check, const VkCopyAccelerationStructureInfoKHR &info,
-                        const std::shared_ptr<ValidatedStructure> &source,
-                        const std::shared_ptr<ValidatedStructure> &target)
-{
-    checkBound(check, source.get(), "src", "VUID-VkCopyAccelerationStructureInfoKHR-buffer-03718");
-    checkBound(check, target.get(), "dst", "VUID-VkCopyAccelerationStructureInfoKHR-buffer-03719");
-    checkConstructed(check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11633");
-    check.require(info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_CLONE_KHR ||
-                      info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR,
-                  "mode", "VUID-VkCopyAccelerationStructureInfoKHR-mode-03410", "it is neither CLONE nor COMPACT");
-    if (info.mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
-        checkCompactable(check, source, "VUID-VkCopyAccelerationStructureInfoKHR-src-03411");
-    // The host knows only that the first byte is accessed.
-    if (source && target)
-        check.require(!memoryOf(source.get(), 1).overlaps(memoryOf(target.get(), 1)), "dst",
-                      "VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", "it overlaps src in memory");
+    if (!check.device().checks.core)
+        return;
+    checkConstructed(check, source, constructed);
+    if (copy.isCompaction)
+        checkCompactable(check, source,
+                         copy.khr() ? "VUID-VkCopyAccelerationStructureInfoKHR-src-03411"
+                                    : "VUID-VkCopyMicromapInfoEXT-mode-07533");
 }
 
 } // namespace
@@ -78,8 +49,64 @@ void deserialized(const RuleCheck &check, const std::shared_ptr<ValidatedStructu
     check.whenExecuted([&device = check.device(), target, contents] { setContents(device, *target, contents); });
 }
 
+input::Copy checkCopy(const RuleCheck &check, input::Copy copy, const char *constructed)
+{
+    DeviceModel &device = check.device();
+    const Structure source = device.objects.structureOf(copy.source), target = device.objects.structureOf(copy.target);
+    // The host knows only that the first byte is accessed.
+    const bool same = memoryOf(source.get(), 1).overlaps(memoryOf(target.get(), 1));
+    rules::checkCopy(InputCheck(device.state.rules, check.place(), copy.target), copy,
+                     {device.factsOf(copy.source), device.factsOf(copy.target), same});
+    checkSource(check, copy, source, constructed);
+    return copy;
+}
+
+input::SerializedCopy checkCopy(const RuleCheck &check, input::SerializedCopy copy, const char *constructed)
+{
+    DeviceModel &device = check.device();
+    rules::checkCopy(InputCheck(device.state.rules, check.place(), copy.object), copy, device.factsOf(copy.object));
+    if (device.checks.core && copy.saves)
+        checkConstructed(check, device.objects.structureOf(copy.object), constructed);
+    return copy;
+}
+
 namespace validation
 {
+namespace
+{
+
+// What a clone or a compaction on the device does, before the implementation records it.
+void recordCopy(DeviceValidation &device, const RuleCheck &check, const char *command, const input::Copy &copy)
+{
+    const Structure source = device.objects.structureOf(copy.source), target = device.objects.structureOf(copy.target);
+    if (copy.isCompaction)
+        checkCompactedSize(device.gpu, check, source, target);
+    if (copy.khr())
+        checkDeserializedMicromaps(device.gpu, check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11634");
+    copied(check, source, target);
+    sync::recordCopy(device.sync, check.commandBuffer(), command, source, target);
+}
+
+void recordSave(DeviceValidation &device, const RuleCheck &check, const char *command,
+                const input::SerializedCopy &copy)
+{
+    const Structure source = device.objects.structureOf(copy.object);
+    checkSerializedSize(device.gpu, check, source, copy.data.deviceAddress);
+    if (copy.khr())
+        checkDeserializedMicromaps(device.gpu, check, source,
+                                   "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582");
+    sync::recordSerialization(device.sync, check.commandBuffer(), command, source, copy.data.deviceAddress);
+}
+
+void recordRestore(DeviceValidation &device, const RuleCheck &check, const char *command,
+                   const input::SerializedCopy &copy)
+{
+    const Structure target = device.objects.structureOf(copy.object);
+    deserialized(check, target, checkSerializedData(device.gpu, check, copy.data.deviceAddress, target));
+    sync::recordDeserialization(device.sync, check.commandBuffer(), command, copy.data.deviceAddress, target);
+}
+
+} // namespace
 
 void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyMicromapInfoEXT *info)
 {
@@ -87,14 +114,10 @@ void cmdCopyMicromap(DeviceValidation &device, VkCommandBuffer commandBuffer, co
     const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
-    const auto source = device.objects.micromaps.get(info->src);
-    const auto target = device.objects.micromaps.get(info->dst);
-    if (device.checks.core)
-        checkMicromapCopy(check, *info, source, target);
-    if (info->mode == VK_COPY_MICROMAP_MODE_COMPACT_EXT)
-        checkCompactedSize(device.gpu, check, source, target);
-    copied(check, source, target);
-    sync::recordCopy(device.sync, commandBuffer, name, source, target);
+    input::Copy copy =
+        checkCopy(check, input::parse(*info, input::Executor::Device), "VUID-vkCmdCopyMicromapEXT-src-07532");
+    recordCopy(device, check, name, copy);
+    const input::Checked checked(info, copy);
     device.next.CmdCopyMicromapEXT(commandBuffer, info);
 }
 
@@ -105,19 +128,9 @@ void cmdCopyMicromapToMemory(DeviceValidation &device, VkCommandBuffer commandBu
     const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->src, commandBuffer);
-    const auto source = device.objects.micromaps.get(info->src);
-    if (device.checks.core) {
-        checkStructure(check, *info, kCopyMicromapToMemoryInfo);
-        checkBound(check, source.get(), "src", "VUID-vkCmdCopyMicromapToMemoryEXT-buffer-07539");
-        checkConstructed(check, source, "VUID-VkCopyMicromapToMemoryInfoEXT-src-07540");
-        check.require(info->mode == VK_COPY_MICROMAP_MODE_SERIALIZE_EXT, "mode",
-                      "VUID-VkCopyMicromapToMemoryInfoEXT-mode-07542", "it is not SERIALIZE");
-        checkSerializedAddress(check, info->dst.deviceAddress, 256, "dst",
-                               "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07536",
-                               "VUID-vkCmdCopyMicromapToMemoryEXT-pInfo-07537");
-    }
-    checkSerializedSize(device.gpu, check, source, info->dst.deviceAddress);
-    sync::recordSerialization(device.sync, commandBuffer, name, source, info->dst.deviceAddress);
+    input::SerializedCopy copy = checkCopy(check, input::parse(*info, input::Executor::Device), kSavedMicromapId);
+    recordSave(device, check, name, copy);
+    const input::Checked checked(info, copy);
     device.next.CmdCopyMicromapToMemoryEXT(commandBuffer, info);
 }
 
@@ -128,18 +141,9 @@ void cmdCopyMemoryToMicromap(DeviceValidation &device, VkCommandBuffer commandBu
     const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
-    const auto target = device.objects.micromaps.get(info->dst);
-    if (device.checks.core) {
-        checkStructure(check, *info, kCopyMemoryToMicromapInfo);
-        checkBound(check, target.get(), "dst", "VUID-vkCmdCopyMemoryToMicromapEXT-buffer-07546");
-        check.require(info->mode == VK_COPY_MICROMAP_MODE_DESERIALIZE_EXT, "mode",
-                      "VUID-VkCopyMemoryToMicromapInfoEXT-mode-07548", "it is not DESERIALIZE");
-        checkSerializedAddress(check, info->src.deviceAddress, 256, "src",
-                               "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07543",
-                               "VUID-vkCmdCopyMemoryToMicromapEXT-pInfo-07544");
-    }
-    deserialized(check, target, checkSerializedData(device.gpu, check, info->src.deviceAddress, target));
-    sync::recordDeserialization(device.sync, commandBuffer, name, info->src.deviceAddress, target);
+    input::SerializedCopy copy = checkCopy(check, input::parse(*info, input::Executor::Device), nullptr);
+    recordRestore(device, check, name, copy);
+    const input::Checked checked(info, copy);
     device.next.CmdCopyMemoryToMicromapEXT(commandBuffer, info);
 }
 
@@ -150,15 +154,9 @@ void cmdCopyAccelerationStructure(DeviceValidation &device, VkCommandBuffer comm
     const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
-    const auto source = device.objects.structures.get(info->src);
-    const auto target = device.objects.structures.get(info->dst);
-    if (device.checks.core)
-        checkStructureCopy(check, *info, source, target);
-    if (info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_COMPACT_KHR)
-        checkCompactedSize(device.gpu, check, source, target);
-    checkDeserializedMicromaps(device.gpu, check, source, "VUID-vkCmdCopyAccelerationStructureKHR-src-11634");
-    copied(check, source, target);
-    sync::recordCopy(device.sync, commandBuffer, name, source, target);
+    input::Copy copy = checkCopy(check, input::parse(*info), "VUID-vkCmdCopyAccelerationStructureKHR-src-11633");
+    recordCopy(device, check, name, copy);
+    const input::Checked checked(info, copy);
     device.next.CmdCopyAccelerationStructureKHR(commandBuffer, info);
 }
 
@@ -169,20 +167,10 @@ void cmdCopyAccelerationStructureToMemory(DeviceValidation &device, VkCommandBuf
     const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->src, commandBuffer);
-    const auto source = device.objects.structures.get(info->src);
-    if (device.checks.core)
-        checkBound(check, source.get(), "src", "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-11714");
-    if (device.checks.core && isMicromap(source)) {
-        checkConstructed(check, source, "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959");
-        check.require(info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_SERIALIZE_KHR, "mode",
-                      "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-mode-03412", "it is not SERIALIZE");
-        checkSerializedAddress(check, info->dst.deviceAddress, 128, "dst",
-                               "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-03739",
-                               "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11699");
-    }
-    checkSerializedSize(device.gpu, check, source, info->dst.deviceAddress);
-    checkDeserializedMicromaps(device.gpu, check, source, "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-11582");
-    sync::recordSerialization(device.sync, commandBuffer, name, source, info->dst.deviceAddress);
+    input::SerializedCopy copy =
+        checkCopy(check, input::parse(*info), "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-src-04959");
+    recordSave(device, check, name, copy);
+    const input::Checked checked(info, copy);
     device.next.CmdCopyAccelerationStructureToMemoryKHR(commandBuffer, info);
 }
 
@@ -193,19 +181,10 @@ void cmdCopyMemoryToAccelerationStructure(DeviceValidation &device, VkCommandBuf
     const Place command(name);
     const Place place = command.member("pInfo");
     const RuleCheck check(device, place, info->dst, commandBuffer);
-    const auto target = device.objects.structures.get(info->dst);
-    if (device.checks.core)
-        checkBound(check, target.get(), "dst", "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11717");
-    if (device.checks.core && isMicromap(target)) {
-        check.require(info->mode == VK_COPY_ACCELERATION_STRUCTURE_MODE_DESERIALIZE_KHR, "mode",
-                      "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-mode-03413", "it is not DESERIALIZE");
-        checkSerializedAddress(check, info->src.deviceAddress, 128, "src",
-                               "VUID-vkCmdCopyMemoryToAccelerationStructureKHR-pInfo-03742",
-                               "VUID-vkCmdCopyAccelerationStructureToMemoryKHR-pInfo-11700");
-    }
-    deserialized(check, target, checkSerializedData(device.gpu, check, info->src.deviceAddress, target));
+    input::SerializedCopy copy = checkCopy(check, input::parse(*info), nullptr);
+    recordRestore(device, check, name, copy);
     device.traces.deserializes = true;
-    sync::recordDeserialization(device.sync, commandBuffer, name, info->src.deviceAddress, target);
+    const input::Checked checked(info, copy);
     device.next.CmdCopyMemoryToAccelerationStructureKHR(commandBuffer, info);
 }
 

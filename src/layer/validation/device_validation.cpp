@@ -10,8 +10,31 @@ DeviceValidation::~DeviceValidation()
     commands.states.clear(); // they hold marks of `traces`
 }
 
-std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleLimits &limits,
-                                                   PFN_vkGetDeviceProcAddr implementation,
+namespace
+{
+
+// What a build needs where micromaps are the driver's own.
+std::optional<input::BuildNeeds> driverNeeds(const DeviceModel &device, const input::MicromapBuild &build)
+{
+    const auto type =
+        build.host ? VK_ACCELERATION_STRUCTURE_BUILD_TYPE_HOST_KHR : VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR;
+    if (!build.khr) {
+        VkMicromapBuildSizesInfoEXT sizes{VK_STRUCTURE_TYPE_MICROMAP_BUILD_SIZES_INFO_EXT};
+        device.next.GetMicromapBuildSizesEXT(device.driver.handle, type,
+                                             static_cast<const VkMicromapBuildInfoEXT *>(build.given), &sizes);
+        return input::BuildNeeds{sizes.micromapSize, 0, sizes.buildScratchSize};
+    }
+    VkAccelerationStructureBuildSizesInfoKHR sizes{VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_BUILD_SIZES_INFO_KHR};
+    device.next.GetAccelerationStructureBuildSizesKHR(
+        device.driver.handle, type, static_cast<const VkAccelerationStructureBuildGeometryInfoKHR *>(build.given),
+        nullptr, &sizes);
+    return input::BuildNeeds{sizes.accelerationStructureSize, 0, sizes.buildScratchSize};
+}
+
+} // namespace
+
+std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleDevice &rules,
+                                                   const RuleLimits &limits, PFN_vkGetDeviceProcAddr implementation,
                                                    std::shared_ptr<const std::vector<uint32_t>> queueFamilies)
 {
     auto device = std::make_unique<DeviceValidation>();
@@ -21,7 +44,17 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     device->driver.next.load(driver.handle, implementation);
     device->checks = driver.settings->validate;
     device->emulated = driver.emulated();
-    device->limits = limits;
+    RuleDevice &own = device->state.rules;
+    own.validating = device->checks.core;
+    own.ext = rules.ext;
+    own.khr = rules.khr;
+    own.needs = [&model = *device, &rules](const input::MicromapBuild &build) {
+        return rules.support(build.khr) ? rules.needs(build) : driverNeeds(model, build);
+    };
+    own.content = rules.content;
+    own.extLimits = limits.ext;
+    own.khrLimits = limits.khr;
+    own.scratchAlignment = limits.scratchAlignment;
     GpuContext &gpu = device->buffers.gpu;
     gpu.device = driver.handle;
     gpu.next = &device->driver.next;

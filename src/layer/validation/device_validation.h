@@ -22,10 +22,15 @@ struct DeviceValidation : DeviceModel {
     DeviceSync sync{*this};
 };
 
-// Makes the validation of a device that was created. `implementation`: the functions of the device without validation.
-// Null, after a message, without memory.
-std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleLimits &limits,
-                                                   PFN_vkGetDeviceProcAddr implementation,
+// The limits of a physical device, as the application sees them.
+struct RuleLimits {
+    MicromapLimits ext{}, khr{};
+    uint32_t scratchAlignment = 0; // 0: unknown
+};
+// Makes the validation of a device that was created. `rules`: as the implementation has them. `implementation`: the
+// functions of the device without validation. Null, after a message, without memory.
+std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const RuleDevice &rules,
+                                                   const RuleLimits &limits, PFN_vkGetDeviceProcAddr implementation,
                                                    std::shared_ptr<const std::vector<uint32_t>> queueFamilies);
 // Reports everything that is certain now: findings, checks that wait for the device, marks of shaders. `idle`: the
 // device executes nothing.

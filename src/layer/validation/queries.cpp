@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Queries of the sizes of micromaps and acceleration structures.
-#include <algorithm>
-#include <initializer_list>
-
+#include "layer/input/checked.h"
+#include "layer/rules/copies.h"
 #include "layer/validation/commands.h"
-#include "layer/validation/rules/implicit_rules.h"
+#include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {
@@ -14,30 +13,17 @@ namespace
 using State = ValidatedQueryPool::State;
 using Pool = std::shared_ptr<ValidatedQueryPool>;
 
-// VK_KHR_ray_tracing_maintenance1
-constexpr VkQueryType kBottomLevelPointers =
-    VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR;
-
+// Rules of the queries and of what is queried, when a command is executed.
 struct QueryIds {
-    const char *type;
-    const char *poolType;
-    const char *range;
     const char *unavailable;
-    const char *bound;
     const char *constructed;
     const char *compactable;
     VkQueryType compactedSize;
 };
 constexpr QueryIds kExtIds{
-    "VUID-vkCmdWriteMicromapsPropertiesEXT-queryType-07503",  "VUID-vkCmdWriteMicromapsPropertiesEXT-queryPool-07525",
-    "VUID-vkCmdWriteMicromapsPropertiesEXT-query-07528",      "VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417",
-    "VUID-vkCmdWriteMicromapsPropertiesEXT-buffer-07527",     "VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662",
+    "VUID-vkCmdWriteMicromapsPropertiesEXT-None-12417", "VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-11662",
     "VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-07502", VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT};
-constexpr QueryIds kKhrIds{"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryType-06742",
-                           "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02493",
-                           "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-query-04880",
-                           "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494",
-                           "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-buffer-03736",
+constexpr QueryIds kKhrIds{"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-queryPool-02494",
                            "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-11684",
                            "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-accelerationStructures-03431",
                            VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR};
@@ -48,19 +34,10 @@ void setStates(ValidatedQueryPool &pool, uint32_t first, uint32_t count, State s
         pool.states[q] = state;
 }
 
-// The queries of a command that writes them.
-void checkQueries(const RuleCheck &check, const Pool &pool, VkQueryType type, uint32_t first, uint32_t count,
-                  const QueryIds &ids)
+// The queries of a command that writes them: all in the pool, which has their type.
+void checkUnavailable(const RuleCheck &check, const Pool &pool, uint32_t first, uint32_t count, const char *vuid)
 {
-    if (pool->type != type)
-        return check.fault("queryPool", ids.poolType,
-                           "it was created with type " + std::to_string(pool->type) + ", not " + std::to_string(type));
-    const size_t queries = pool->states.size();
-    if (uint64_t{first} + count > queries)
-        return check.fault("firstQuery", ids.range,
-                           std::to_string(first) + " and " + std::to_string(count) + " queries; the pool has " +
-                               std::to_string(queries));
-    check.whenExecuted(ids.unavailable, [pool, first, count]() -> std::string {
+    check.whenExecuted(vuid, [pool, first, count]() -> std::string {
         for (uint32_t q = first; q < first + count; ++q) {
             if (pool->states[q] != State::Unavailable)
                 return "query " + std::to_string(q) +
@@ -72,33 +49,16 @@ void checkQueries(const RuleCheck &check, const Pool &pool, VkQueryType type, ui
 
 void checkTopLevel(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &structure)
 {
-    constexpr const char *kRule = "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425";
     if (structure->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR &&
         structure->type != VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR)
-        return check.fault(kRule, "the structure was not created as a top-level one");
-    check.whenExecuted(kRule, [structure]() -> std::string {
+        return; // a rule of the input
+    check.whenExecuted(rules::kTopLevelOnlyId, [structure]() -> std::string {
         const auto contents = structure->contents;
         const bool known = contents && contents->type != VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
         return known && contents->type != VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR
                    ? "the structure was not built as a top-level one"
                    : "";
     });
-}
-
-void checkStructures(const RuleCheck &command, const char *array,
-                     const std::vector<std::shared_ptr<ValidatedStructure>> &structures, VkQueryType type,
-                     const QueryIds &ids)
-{
-    for (uint32_t i = 0; i < structures.size(); ++i) {
-        const Place place = command.place().element(array, i);
-        const RuleCheck check = command.at(place);
-        checkBound(check, structures[i].get(), "buffer", ids.bound);
-        checkConstructed(check, structures[i], ids.constructed);
-        if (type == ids.compactedSize)
-            checkCompactable(check, structures[i], ids.compactable);
-        if (type == kBottomLevelPointers && structures[i])
-            checkTopLevel(check, structures[i]);
-    }
 }
 
 void checkBegin(DeviceValidation &device, const char *name, VkQueryPool handle, const char *vuid)
@@ -112,32 +72,39 @@ void checkBegin(DeviceValidation &device, const char *name, VkQueryPool handle, 
                      "queryPool", vuid, "its queries are sizes of micromaps");
 }
 
-// `types`: those that the command takes.
-void writeProperties(const RuleCheck &command, const char *array,
-                     const std::vector<std::shared_ptr<ValidatedStructure>> &structures, VkQueryType type,
-                     std::initializer_list<VkQueryType> types, VkQueryPool handle, uint32_t first, const QueryIds &ids)
+// Checks a command that writes properties of structures, and changes the pool's queries when it is executed.
+// `structures`: those of the query.
+input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQuery query, VkQueryPool handle,
+                                     std::vector<std::shared_ptr<ValidatedStructure>> &structures)
 {
+    const QueryIds &ids = query.khr ? kKhrIds : kExtIds;
     const DeviceModel &device = command.device();
     const Pool pool = device.objects.queryPools.get(handle);
-    const auto count = static_cast<uint32_t>(structures.size());
-    if (device.checks.core) {
-        if (std::ranges::find(types, type) == types.end())
-            command.fault("queryType", ids.type, std::to_string(type) + " is not a type that this command writes");
-        else if (pool)
-            checkQueries(command, pool, type, first, count, ids);
-        checkStructures(command, array, structures, type, ids);
+    const auto count = static_cast<uint32_t>(query.objects.size());
+    rules::PoolFacts facts{.known = pool || !anyUnknown};
+    if (pool) {
+        facts.type = pool->type;
+        facts.count = static_cast<uint32_t>(pool->states.size());
     }
-    if (pool)
-        command.whenExecuted([pool, first, count] { setStates(*pool, first, count, State::Available); });
-}
-
-template <typename Handle, typename Map>
-std::vector<std::shared_ptr<ValidatedStructure>> structuresOf(const Map &map, uint32_t count, const Handle *handles)
-{
-    std::vector<std::shared_ptr<ValidatedStructure>> structures;
-    for (uint32_t i = 0; i < count; ++i)
-        structures.push_back(map.get(handles[i]));
-    return structures;
+    rules::checkQuery(InputCheck(device.state.rules, command.place(), command.object()), query, facts,
+                      [&device](ObjectHandle object) { return device.factsOf(object); });
+    for (const ObjectHandle object : query.objects)
+        structures.push_back(device.objects.structureOf(object));
+    for (uint32_t i = 0; device.checks.core && i < count; ++i) {
+        const Place place = command.place().element(query.khr ? "pAccelerationStructures" : "pMicromaps", i);
+        const RuleCheck check = command.at(place);
+        checkConstructed(check, structures[i], ids.constructed);
+        if (query.type == ids.compactedSize)
+            checkCompactable(check, structures[i], ids.compactable);
+        if (query.type == VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_BOTTOM_LEVEL_POINTERS_KHR && structures[i])
+            checkTopLevel(check, structures[i]);
+    }
+    if (!pool)
+        return query;
+    if (device.checks.core && pool->type == query.type && uint64_t{query.first} + count <= facts.count)
+        checkUnavailable(command, pool, query.first, count, ids.unavailable);
+    command.whenExecuted([pool, first = query.first, count] { setStates(*pool, first, count, State::Available); });
+    return query;
 }
 
 } // namespace
@@ -203,13 +170,12 @@ void cmdWriteMicromapsProperties(DeviceValidation &device, VkCommandBuffer comma
                                  const VkMicromapEXT *micromaps, VkQueryType type, VkQueryPool pool, uint32_t first)
 {
     const char *const name = "vkCmdWriteMicromapsPropertiesEXT";
-    checkCount(device, name, "micromapCount", count, "VUID-vkCmdWriteMicromapsPropertiesEXT-micromapCount-arraylength");
     const Place place(name);
-    const auto known = structuresOf(device.objects.micromaps, count, micromaps);
-    writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pMicromaps", known, type,
-                    {VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT, VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT}, pool,
-                    first, kExtIds);
+    std::vector<std::shared_ptr<ValidatedStructure>> known;
+    input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
+                                                 input::parseQuery(count, micromaps, type, first), pool, known);
     sync::recordQuery(device.sync, commandBuffer, name, "pMicromaps", known);
+    const input::Checked checked(micromaps, query);
     device.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, count, micromaps, type, pool, first);
 }
 
@@ -218,16 +184,12 @@ void cmdWriteAccelerationStructuresProperties(DeviceValidation &device, VkComman
                                               VkQueryPool pool, uint32_t first)
 {
     const char *const name = "vkCmdWriteAccelerationStructuresPropertiesKHR";
-    checkCount(device, name, "accelerationStructureCount", count,
-               "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-accelerationStructureCount-arraylength");
     const Place place(name);
-    const auto known = structuresOf(device.objects.structures, count, structures);
-    writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer), "pAccelerationStructures", known, type,
-                    {VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
-                     VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
-                     VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR, kBottomLevelPointers},
-                    pool, first, kKhrIds);
+    std::vector<std::shared_ptr<ValidatedStructure>> known;
+    input::PropertyQuery query = writeProperties(RuleCheck(device, place, commandBuffer, commandBuffer),
+                                                 input::parseQuery(count, structures, type, first), pool, known);
     sync::recordQuery(device.sync, commandBuffer, name, "pAccelerationStructures", known);
+    const input::Checked checked(structures, query);
     device.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, count, structures, type, pool, first);
 }
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Submissions, and commands by which the host learns that work is complete.
+#include <span>
+
 #include "layer/base/pnext.h"
 #include "layer/validation/commands.h"
 #include "layer/validation/ranges/ranges.h"
@@ -30,22 +32,30 @@ bool isLater(DeviceValidation &device, uint64_t semaphore, uint64_t value)
            reached < value;
 }
 
-void execute(DeviceValidation &device, VkQueue queue, VkCommandBuffer commandBuffer, bool ordered)
+using SharedSteps = std::shared_ptr<const CommandLog::Steps>;
+
+// Null for a command buffer that the application did not allocate.
+SharedSteps stepsOf(const DeviceValidation &device, VkCommandBuffer commandBuffer)
 {
     const CommandLog *log = device.logs.get(commandBuffer);
-    if (!log)
+    return log ? log->steps : nullptr;
+}
+
+void execute(DeviceValidation &device, VkQueue queue, const SharedSteps &steps, bool ordered)
+{
+    if (!steps)
         return;
     auto &waits = device.logs.waits[queue];
     std::erase_if(waits, [&](const auto &wait) { return !isLater(device, wait.first, wait.second); });
     const Submission submission{queue, device.objects.queueFamilies.get(queue), ordered && waits.empty()};
-    for (const CommandLog::Step &step : log->steps)
+    for (const CommandLog::Step &step : *steps)
         step(submission);
 }
 
-// `commandBuffers`: gives the command buffer of a number.
-template <typename Submit, typename CommandBuffers>
-void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, bool ordered, uint32_t count,
-                  CommandBuffers commandBuffers)
+// `steps`: of the command buffers.
+template <typename Submit>
+void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, bool ordered,
+                  std::span<const SharedSteps> steps)
 {
     const std::vector<sync::SemaphoreUse> waits = sync::waitsOf(device.sync, batch);
     for (const sync::SemaphoreUse &use : waits) {
@@ -53,8 +63,8 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, 
             device.logs.waits[queue].emplace_back(use.semaphore, *use.value);
     }
     sync::beginBatch(device.sync, queue, waits, ordered);
-    for (uint32_t c = 0; c < count; ++c)
-        execute(device, queue, commandBuffers(c), ordered);
+    for (const SharedSteps &commandBuffer : steps)
+        execute(device, queue, commandBuffer, ordered);
     const std::vector<sync::SemaphoreUse> signals = sync::signalsOf(device.sync, batch);
     sync::endBatch(device.sync, queue, signals, ordered);
     for (const sync::SemaphoreUse &use : signals) {
@@ -63,11 +73,16 @@ void executeBatch(DeviceValidation &device, VkQueue queue, const Submit &batch, 
     }
 }
 
-// Submits work by `next()`. Nothing of it was executed if that fails.
-template <typename Next, typename Execute>
-VkResult submit(DeviceValidation &device, VkQueue queue, VkFence fence, Next next, Execute execute)
+// Submits batches by `next()`. Nothing of them was executed if that fails. `stepsOfBatch`: those of its command
+// buffers.
+template <typename Submit, typename Next, typename StepsOfBatch>
+VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit> batches, VkFence fence, Next next,
+                StepsOfBatch stepsOfBatch)
 {
     device.gpu.report(false);
+    std::vector<std::vector<SharedSteps>> steps;
+    for (const Submit &batch : batches)
+        steps.push_back(stepsOfBatch(batch));
     const HeldMessages held;
     SubmissionTurn turn(device.logs);
     const VkResult result = next();
@@ -75,7 +90,8 @@ VkResult submit(DeviceValidation &device, VkQueue queue, VkFence fence, Next nex
     if (result != VK_SUCCESS)
         return result;
     remember([&] {
-        execute(ordered);
+        for (size_t i = 0; i < batches.size(); ++i)
+            executeBatch(device, queue, batches[i], ordered, steps[i]);
         sync::signalFence(device.sync, queue, fence, ordered);
     });
     return result;
@@ -93,11 +109,13 @@ VkResult queueSubmit(DeviceValidation &device, VkQueue queue, uint32_t count, co
                      VkFence fence)
 {
     return submit(
-        device, queue, fence, [&] { return device.next.QueueSubmit(queue, count, submits, fence); },
-        [&](bool ordered) {
-            for (uint32_t i = 0; i < count; ++i)
-                executeBatch(device, queue, submits[i], ordered, submits[i].commandBufferCount,
-                             [&](uint32_t c) { return submits[i].pCommandBuffers[c]; });
+        device, queue, std::span(submits, count), fence,
+        [&] { return device.next.QueueSubmit(queue, count, submits, fence); },
+        [&](const VkSubmitInfo &batch) {
+            std::vector<SharedSteps> steps;
+            for (uint32_t c = 0; c < batch.commandBufferCount; ++c)
+                steps.push_back(stepsOf(device, batch.pCommandBuffers[c]));
+            return steps;
         });
 }
 
@@ -108,11 +126,13 @@ VkResult queueSubmit2(DeviceValidation &device, VkQueue queue, uint32_t count, c
     for (uint32_t i = 0; i < count && device.checks.core; ++i)
         ranges::checkSubmission(device, command.element("pSubmits", i), submits[i]);
     return submit(
-        device, queue, fence, [&] { return device.next.QueueSubmit2(queue, count, submits, fence); },
-        [&](bool ordered) {
-            for (uint32_t i = 0; i < count; ++i)
-                executeBatch(device, queue, submits[i], ordered, submits[i].commandBufferInfoCount,
-                             [&](uint32_t c) { return submits[i].pCommandBufferInfos[c].commandBuffer; });
+        device, queue, std::span(submits, count), fence,
+        [&] { return device.next.QueueSubmit2(queue, count, submits, fence); },
+        [&](const VkSubmitInfo2 &batch) {
+            std::vector<SharedSteps> steps;
+            for (uint32_t c = 0; c < batch.commandBufferInfoCount; ++c)
+                steps.push_back(stepsOf(device, batch.pCommandBufferInfos[c].commandBuffer));
+            return steps;
         });
 }
 

@@ -42,27 +42,33 @@ LevelLimits limitsOf(const Driver &driver)
             simulatedLimit(own.lossy, driver.settings->mostLossyLevel)};
 }
 
-uint32_t highestLevel(const MicromapBuildInput &build)
+uint32_t highestLevel(const input::UsageCounts &usages)
 {
     uint32_t level = 0;
-    for (const VkMicromapUsageEXT &usage : build.usages)
-        level = std::max(level, usage.subdivisionLevel);
+    for (uint32_t i = 0; i < usages.size(); ++i)
+        level = std::max(level, usages[i].subdivisionLevel);
     return level;
 }
 
 // The word of limits that findingOfTriangle() takes.
-uint32_t limitsWord(const LevelLimits &limits, const MicromapBuildInput &build, bool khr)
+uint32_t limitsWord(const LevelLimits &limits, const input::MicromapBuild &build)
 {
     const auto four = [](uint32_t level) { return std::min(level, 15u); };
     return std::min(limits.twoState, kUsageLevels - 1) |
            std::min(limits.fourState, kUsageLevels - 1) << kLimitFourStateShift |
            std::min(limits.lossy, kUsageLevels - 1) << kLimitLossyShift |
-           four(highestLevel(build)) << kLimitDeclaredShift | (khr && (build.flags & kLossy) != 0 ? kLimitLossy : 0);
+           four(highestLevel(build.usages)) << kLimitDeclaredShift |
+           (build.khr && (build.flags & kLossy) != 0 ? kLimitLossy : 0);
 }
 
-bool declared(const VkMicromapUsageEXT &usage)
+// Adds the usage counts of known levels and formats to `counts`, by usageKind().
+void addDeclared(const input::UsageCounts &usages, uint32_t *counts)
 {
-    return usage.subdivisionLevel < kUsageLevels && (usage.format == 1 || usage.format == 2);
+    for (uint32_t i = 0; i < usages.size(); ++i) {
+        const VkMicromapUsageEXT &usage = usages[i];
+        if (usage.subdivisionLevel < kUsageLevels && (usage.format == 1 || usage.format == 2))
+            counts[usageKind(usage.subdivisionLevel, usage.format)] += usage.count;
+    }
 }
 
 } // namespace
@@ -105,81 +111,76 @@ void GpuBuildChecks::newRecord(const std::shared_ptr<ValidatedStructure> &target
         records_.push_back({target, words});
 }
 
-void GpuBuildChecks::add(uint32_t i, const MicromapBuildInput &build)
+void GpuBuildChecks::add(const input::MicromapBuild &build)
 {
     if (!device_.checks.gpu)
         return;
-    const uint64_t count = build.triangleCount();
-    newRecord(build.target, {kRecordMicromap, build.flags, static_cast<uint32_t>(count)});
+    const auto target = device_.objects.structureOf(build.target);
+    const uint64_t count = build.usages.triangles();
+    newRecord(target, {kRecordMicromap, build.flags, static_cast<uint32_t>(count)});
     const AddressMap &addresses = device_.buffers.addresses;
     const VkDeviceAddress array = build.triangles.deviceAddress;
-    if (!build.target || count == 0 || count > kMaxMicromapTriangles || !addresses.find(array).buffer)
+    if (!target || count == 0 || count > kMaxMicromapTriangles || !addresses.find(array).buffer)
         return;
-    const bool khr = command_ != SiteCommand::BuildMicromaps;
     const uint64_t readable = addresses.elementsFrom(array, sizeof(VkMicromapTriangleEXT), build.triangleStride);
     if (readable < count) {
-        if (khr)
+        if (build.khr)
             return; // the check `core` reports it
         const Place command("vkCmdBuildMicromapsEXT");
-        device_.fault(command.element("pInfos", i), "VELLUM-micromap-triangle-array",
+        device_.fault(command.element("pInfos", build.element), "VELLUM-micromap-triangle-array",
                       "triangle " + std::to_string(readable) + " is outside the buffer of triangleArray; the usage " +
                           "counts state " + std::to_string(count) + " triangles",
-                      build.target->handle);
+                      build.target);
         return;
     }
     Usage &usage = usages_.emplace_back();
     usage.begin = {};
-    for (const VkMicromapUsageEXT &given : build.usages) {
-        if (declared(given))
-            usage.begin.declared[usageKind(given.subdivisionLevel, given.format)] += given.count;
-    }
+    addDeclared(build.usages, usage.begin.declared);
     TriangleCheckPush &push = usage.triangles;
     push = {};
-    push.finding = findingOf(i, kNoGeometry, build.target->handle, khr);
+    push.finding = findingOf(build.element, kNoGeometry, build.target, build.khr);
     push.triangles = array;
     push.stride = static_cast<uint32_t>(build.triangleStride);
     push.count = static_cast<uint32_t>(count);
     push.dataBytes =
         static_cast<uint32_t>(std::min<VkDeviceSize>(addresses.bytesFrom(build.data.deviceAddress), UINT32_MAX));
-    push.limits = limitsWord(gpu_.limits, build, khr);
+    push.limits = limitsWord(gpu_.limits, build);
 }
 
-void GpuBuildChecks::add(uint32_t i, const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                         const GeometryCounts &counts)
+void GpuBuildChecks::add(const input::StructureBuild &build)
 {
     if (!device_.checks.gpu)
         return;
-    const bool top = info.type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
-    newRecord(device_.objects.structures.get(info.dstAccelerationStructure),
-              {top ? kRecordTop : kRecordBottom, info.flags, 0});
-    if (!counts.ranges && !counts.most)
-        return;
-    for (uint32_t g = 0; g < info.geometryCount; ++g) {
-        const VkAccelerationStructureGeometryKHR *geometry = geometryOf(info, g);
-        if (!geometry || counts.primitives(g) == 0)
+    const bool top = build.given->type == VK_ACCELERATION_STRUCTURE_TYPE_TOP_LEVEL_KHR;
+    newRecord(device_.objects.structureOf(build.given->dstAccelerationStructure),
+              {top ? kRecordTop : kRecordBottom, build.given->flags, 0});
+    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
+        const input::Geometry &geometry = build.geometries[g];
+        if (build.ranges.primitives(g) == 0)
             continue;
-        if (geometry->geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR)
-            addInstances(i, g, info, geometry->geometry.instances, counts);
-        else if (const auto attachment = attachmentOf(device_, *geometry))
-            addIndices(i, g, *attachment, counts);
+        if (geometry.isInstances())
+            addInstances(build, g, geometry.given->geometry.instances);
+        else if (geometry.attachment)
+            addIndices(build, g, *geometry.attachment);
     }
 }
 
-void GpuBuildChecks::addIndices(uint32_t i, uint32_t g, const AttachmentInput &attachment, const GeometryCounts &counts)
+void GpuBuildChecks::addIndices(const input::StructureBuild &build, uint32_t g, const input::Attachment &attachment)
 {
     IndexCheckPush push{};
-    push.attached = attachment.handle.handle != 0;
-    push.indexBytes = indexBytes(attachment.indexType);
+    push.attached = attachment.micromap ? 1 : 0;
+    push.indexBytes = input::indexBytes(attachment.indexType);
     const AddressMap &addresses = device_.buffers.addresses;
     const VkDeviceAddress indices = attachment.indexBuffer.deviceAddress;
     const bool indexed = push.indexBytes != 0;
     if (indexed ? !addresses.find(indices).buffer
                 : attachment.indexType != VK_INDEX_TYPE_NONE_KHR || push.attached == 0)
         return;
-    push.finding = findingOf(i, g, attachment.handle, attachment.khr);
-    push.record = device_.records.addressOf(attachment.micromap ? attachment.micromap->record.get() : nullptr);
-    push.range = counts.range(g);
-    push.triangleCount = counts.primitives(g);
+    const auto micromap = device_.objects.structureOf(attachment.micromap);
+    push.finding = findingOf(build.element, g, attachment.micromap, attachment.khr);
+    push.record = device_.records.addressOf(micromap ? micromap->record.get() : nullptr);
+    push.range = build.ranges.address(g);
+    push.triangleCount = build.ranges.primitives(g);
     push.baseTriangle = attachment.baseTriangle;
     if (indexed) {
         push.indices = indices;
@@ -191,22 +192,22 @@ void GpuBuildChecks::addIndices(uint32_t i, uint32_t g, const AttachmentInput &a
     indices_.push_back(push);
 }
 
-void GpuBuildChecks::addInstances(uint32_t i, uint32_t g, const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                                  const VkAccelerationStructureGeometryInstancesDataKHR &data,
-                                  const GeometryCounts &counts)
+void GpuBuildChecks::addInstances(const input::StructureBuild &build, uint32_t g,
+                                  const VkAccelerationStructureGeometryInstancesDataKHR &data)
 {
     InstanceCheckPush push{};
     push.pointers = data.arrayOfPointers;
-    const VkDeviceAddress begin = data.data.deviceAddress + (counts.ranges ? counts.ranges[g].primitiveOffset : 0);
-    const VkDeviceSize bytes = instanceStride(data);
+    const VkDeviceAddress begin =
+        data.data.deviceAddress + (build.ranges.direct ? build.ranges.direct[g].primitiveOffset : 0);
+    const VkDeviceSize bytes = input::instanceStride(data);
     if (!device_.buffers.addresses.find(begin).buffer)
         return;
-    push.finding = findingOf(i, g, info.dstAccelerationStructure, false);
+    push.finding = findingOf(build.element, g, build.given->dstAccelerationStructure, false);
     push.instances = begin;
     push.records = device_.records.address();
     push.references = device_.records.references();
-    push.range = counts.range(g);
-    push.count = std::min(counts.primitives(g), device_.buffers.addresses.elementsFrom(begin, bytes, bytes));
+    push.range = build.ranges.address(g);
+    push.count = std::min(build.ranges.primitives(g), device_.buffers.addresses.elementsFrom(begin, bytes, bytes));
     push.feature = device_.driver.enabled.anyFeature();
     push.allowDisable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_BIT_KHR;
     instances_.push_back(push);
@@ -255,28 +256,28 @@ void GpuBuildChecks::dispatch(InjectedWork &work)
     }
 }
 
-void checkHostBuild(GpuChecks &gpu, uint32_t i, const MicromapBuildInput &build)
+void checkHostBuild(GpuChecks &gpu, const input::MicromapBuild &build)
 {
-    const auto count = static_cast<uint32_t>(build.triangleCount());
-    if (!gpu.device.checks.gpu || !build.target)
+    DeviceModel &device = gpu.device;
+    const auto count = static_cast<uint32_t>(build.usages.triangles());
+    const auto target = device.objects.structureOf(build.target);
+    if (!device.checks.gpu || !target)
         return;
-    if (build.target->record)
-        gpu.device.records.set(*build.target->record, {kRecordMicromap, build.flags, count});
+    if (target->record)
+        device.records.set(*target->record, {kRecordMicromap, build.flags, count});
     const auto *triangles = static_cast<const char *>(build.triangles.hostAddress);
     if (!triangles || !build.data.hostAddress)
         return;
-    Finding finding{0, siteOf(SiteCommand::BuildMicromapsOnHost, i), kNoGeometry, 0, 0, 0, build.target->handle.handle};
+    Finding finding{
+        0, siteOf(SiteCommand::BuildMicromapsOnHost, build.element), kNoGeometry, 0, 0, 0, build.target.handle};
     uint32_t declaredCounts[kUsageKinds] = {}, found[kUsageKinds] = {};
     bool wrong = false;
-    for (const VkMicromapUsageEXT &usage : build.usages) {
-        if (declared(usage))
-            declaredCounts[usageKind(usage.subdivisionLevel, usage.format)] += usage.count;
-    }
+    addDeclared(build.usages, declaredCounts);
     for (finding.element = 0; finding.element < count; ++finding.element) {
         VkMicromapTriangleEXT t;
         std::memcpy(&t, triangles + finding.element * build.triangleStride, sizeof t);
-        finding.what = findingOfTriangle(t.dataOffset, t.subdivisionLevel, t.format,
-                                         limitsWord(gpu.limits, build, false), UINT32_MAX);
+        finding.what =
+            findingOfTriangle(t.dataOffset, t.subdivisionLevel, t.format, limitsWord(gpu.limits, build), UINT32_MAX);
         finding.value0 = t.dataOffset;
         finding.value1 = t.subdivisionLevel | uint32_t{t.format} << 16;
         if (finding.what != 0) {

@@ -11,10 +11,10 @@
 #include "core/push.h"
 #include "layer/base/driver.h"
 #include "layer/command_buffer/injected_work.h"
+#include "layer/input/builds.h"
 #include "layer/validation/gpu/gpu_log.h"
 #include "layer/validation/gpu/serialized_data.h"
 #include "layer/validation/model/device_model.h"
-#include "layer/validation/rules/build_input.h"
 
 namespace vellum::layer
 {
@@ -39,20 +39,6 @@ struct GpuChecks {
     void report(bool idle);
 };
 
-// The primitives of a build: direct, or with ranges on the device.
-struct GeometryCounts {
-    const VkAccelerationStructureBuildRangeInfoKHR *ranges = nullptr;
-    VkDeviceAddress address = 0; // indirect: of the first range
-    uint32_t stride = 0;
-    const uint32_t *most = nullptr;
-
-    [[nodiscard]] uint32_t primitives(uint32_t g) const
-    {
-        return ranges ? ranges[g].primitiveCount : most ? most[g] : 0;
-    }
-    [[nodiscard]] VkDeviceAddress range(uint32_t g) const { return ranges ? 0 : address + VkDeviceAddress{g} * stride; }
-};
-
 // The checks of one command that builds. Its destructor records nothing; record() does, before the command.
 class GpuBuildChecks
 {
@@ -61,9 +47,8 @@ public:
         : gpu_(gpu), device_(gpu.device), commandBuffer_(commandBuffer), command_(command)
     {
     }
-    // Element `i` of the infos.
-    void add(uint32_t i, const MicromapBuildInput &build);
-    void add(uint32_t i, const VkAccelerationStructureBuildGeometryInfoKHR &info, const GeometryCounts &counts);
+    void add(const input::MicromapBuild &build);
+    void add(const input::StructureBuild &build);
     void record();
 
 private:
@@ -76,9 +61,9 @@ private:
         RecordWords words;
     };
     [[nodiscard]] shared::FindingPush findingOf(uint32_t i, uint32_t geometry, ObjectHandle object, bool khr) const;
-    void addIndices(uint32_t i, uint32_t g, const AttachmentInput &attachment, const GeometryCounts &counts);
-    void addInstances(uint32_t i, uint32_t g, const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                      const VkAccelerationStructureGeometryInstancesDataKHR &data, const GeometryCounts &counts);
+    void addIndices(const input::StructureBuild &build, uint32_t g, const input::Attachment &attachment);
+    void addInstances(const input::StructureBuild &build, uint32_t g,
+                      const VkAccelerationStructureGeometryInstancesDataKHR &data);
     void dispatch(InjectedWork &work);
     void newRecord(const std::shared_ptr<ValidatedStructure> &target, RecordWords words);
 
@@ -93,7 +78,7 @@ private:
 };
 
 // Checks the input of builds of micromaps by the host.
-void checkHostBuild(GpuChecks &gpu, uint32_t i, const MicromapBuildInput &build);
+void checkHostBuild(GpuChecks &gpu, const input::MicromapBuild &build);
 
 // A copy gives `to` what `from` holds; null: unknown contents, such as serialized data. `commandBuffer`: null for
 // copies by the host.

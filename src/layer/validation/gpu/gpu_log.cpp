@@ -22,7 +22,7 @@ static_assert(kSiteCommandShift == 24);
 constexpr const char *kCommands[] = {"vkCmdBuildMicromapsEXT", "vkCmdBuildAccelerationStructuresKHR",
                                      "vkCmdBuildAccelerationStructuresIndirectKHR", "vkBuildMicromapsEXT"};
 
-struct Rule {
+struct BrokenRule {
     const char *vuid;
     std::string text;
 };
@@ -50,7 +50,7 @@ std::string indexText(uint32_t index)
                               "and 0xfc to 0xff; that of clusters is not for triangles)");
 }
 
-Rule levelRule(const GpuChecks &gpu, bool khr, uint32_t levelAndFormat)
+BrokenRule levelRule(const GpuChecks &gpu, bool khr, uint32_t levelAndFormat)
 {
     const bool two = (levelAndFormat >> 16) == 1;
     const uint32_t limit = two ? gpu.limits.twoState : gpu.limits.fourState;
@@ -63,7 +63,7 @@ Rule levelRule(const GpuChecks &gpu, bool khr, uint32_t levelAndFormat)
 }
 
 // The findings about the input of a micromap build.
-Rule micromapRule(const GpuChecks &gpu, const Finding &f, bool khr)
+BrokenRule micromapRule(const GpuChecks &gpu, const Finding &f, bool khr)
 {
     const std::string level = number(f.value1 & 0xffff);
     switch (f.what & kFindingMask) {
@@ -87,7 +87,7 @@ Rule micromapRule(const GpuChecks &gpu, const Finding &f, bool khr)
     }
 }
 
-Rule countsRule(const Finding &f)
+BrokenRule countsRule(const Finding &f)
 {
     return {"VELLUM-micromap-usage-counts", "the usage counts state " + number(f.value0) + " " + kindOf(f.element) +
                                                 " triangles of level " + number(f.element & 0xffff) +
@@ -95,7 +95,7 @@ Rule countsRule(const Finding &f)
 }
 
 // The findings about the triangles of a geometry with a micromap.
-Rule geometryRule(const Finding &f, bool khr, const std::string &micromap)
+BrokenRule geometryRule(const Finding &f, bool khr, const std::string &micromap)
 {
     const auto rule = [khr](const char *vuid) { return khr ? vuid : "VELLUM-micromap-index"; };
     const std::string rest = " is outside the " + number(f.value1) + " triangles of micromap " + micromap;
@@ -116,7 +116,7 @@ Rule geometryRule(const Finding &f, bool khr, const std::string &micromap)
     }
 }
 
-Rule instanceRule(const GpuChecks &gpu, const Finding &f)
+BrokenRule instanceRule(const GpuChecks &gpu, const Finding &f)
 {
     if ((f.what & kFindingMask) == kFindingFeature)
         return {"VUID-VkAccelerationStructureInstanceKHR-micromap-11580",
@@ -150,7 +150,7 @@ void reportFinding(GpuChecks &gpu, const Finding &f)
                               f.object);
     const std::string triangle = "triangle " + number(f.element) + ": ";
     const uint32_t what = f.what & kFindingMask;
-    Rule rule;
+    BrokenRule rule;
     if (what == kFindingCounts) {
         rule = countsRule(f);
     } else if (what < kFindingCounts) {

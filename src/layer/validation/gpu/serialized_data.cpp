@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cstring>
 
+#include "layer/input/checked.h"
+#include "layer/input/copies.h"
+#include "layer/rules/ids.h"
 #include "layer/validation/gpu/gpu_checks.h"
 #include "layer/validation/rules/rule_check.h"
 
@@ -63,7 +66,7 @@ struct Command {
         if (structure.isMicromap() || structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
             cover(ofMicromaps);
         if (!structure.isMicromap())
-            cover((std::string("VELLUM") + "-" + vuid).c_str());
+            cover(vuid);
     }
     void cover(const char *id) const
     {
@@ -81,12 +84,9 @@ struct HeaderIds {
 };
 constexpr const char *kNotSerialized = "VELLUM-micromap-serialized";
 constexpr const char *kCopySize = "VELLUM-micromap-copy-size";
-constexpr HeaderIds kExtIds{"VUID-VkCopyMemoryToMicromapInfoEXT-src-07549",
-                            "VUID-VkCopyMemoryToMicromapInfoEXT-src-07547",
+constexpr HeaderIds kExtIds{rules::ids::kMicromapCompatible, "VUID-VkCopyMemoryToMicromapInfoEXT-src-07547",
                             "VUID-VkCopyMemoryToMicromapInfoEXT-dst-07550"};
-constexpr HeaderIds kKhrIds{"VUID-VkCopyMemoryToAccelerationStructureInfoKHR-pInfo-03414",
-                            "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960",
-                            "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-03746"};
+constexpr HeaderIds kKhrIds{rules::ids::kCompatible, rules::ids::kDamaged, rules::ids::kDeserializedSize};
 
 bool isExt(const ValidatedStructure &structure)
 {
@@ -116,7 +116,7 @@ void reportBlocks(const Command &command, Words words)
         const std::string where = "block " + std::to_string(block++) + " of the header at src ";
         const bool known = type == VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR;
         if (!known || !device.driver.enabled.khrFeature) // emulation takes the data for damaged
-            command.cover("VELLUM-VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-04960");
+            command.cover(rules::ids::kDamaged);
         if (!known)
             return device.fault(command.place, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583",
                                 where + "has the unknown type " + std::to_string(type), command.structure.handle);
@@ -128,7 +128,7 @@ void reportBlocks(const Command &command, Words words)
             const VkDeviceAddress address = number64(addresses, i);
             if (address == 0 || device.objects.byMemory.everAt(address))
                 continue;
-            return command.fault("VUID-VkCopyMemoryToAccelerationStructureInfoKHR-dst-11585",
+            return command.fault(rules::ids::kDeserializedMicromaps,
                                  where + "has an address where no micromap begins: that of number " +
                                      std::to_string(i / 2),
                                  kNotSerialized);
@@ -199,15 +199,18 @@ public:
     [[nodiscard]] bool exists() const { return pool_ != VK_NULL_HANDLE; }
     void record(VkCommandBuffer commandBuffer, const ValidatedStructure &structure) const
     {
-        CommandReports::cover("VELLUM-unknown-content"); // which the copy reports
         InjectedWork work(device_.commands, commandBuffer);
         work.barrier();
         device_.next.CmdResetQueryPool(commandBuffer, pool_, 0, 1);
         if (isExt(structure)) {
             const auto micromap = reinterpret_cast<VkMicromapEXT>(structure.handle.handle);
+            auto query = queryOf(&micromap);
+            const input::Checked checked(&micromap, query);
             device_.next.CmdWriteMicromapsPropertiesEXT(commandBuffer, 1, &micromap, type_, pool_, 0);
         } else {
             const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.handle.handle);
+            auto query = queryOf(&handle);
+            const input::Checked checked(&handle, query);
             device_.next.CmdWriteAccelerationStructuresPropertiesKHR(commandBuffer, 1, &handle, type_, pool_, 0);
         }
         // A query that was never reset must not be read by the host (VUID-vkGetQueryPoolResults-None-09401), and the
@@ -229,6 +232,14 @@ public:
     }
 
 private:
+    template <typename Handle>
+    [[nodiscard]] input::PropertyQuery queryOf(const Handle *handle) const
+    {
+        input::PropertyQuery query = input::parseQuery(1, handle, type_, 0);
+        query.byValidation = true;
+        return query;
+    }
+
     static constexpr size_t kAvailable = 2; // after the size
     static constexpr size_t kResultWords = 4;
 
@@ -378,9 +389,8 @@ void checkSerializedSize(GpuChecks &gpu, const RuleCheck &check, const std::shar
     checkSize(gpu, check, source,
               ext ? VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT
                   : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
-              ext ? "VUID-VkCopyMicromapToMemoryInfoEXT-dst-07541"
-                  : "VUID-VkCopyAccelerationStructureToMemoryInfoKHR-dst-03561",
-              most, "the buffer has " + std::to_string(most) + " bytes at dst");
+              ext ? "VUID-VkCopyMicromapToMemoryInfoEXT-dst-07541" : rules::ids::kSerializedSize, most,
+              "the buffer has " + std::to_string(most) + " bytes at dst");
 }
 
 void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
@@ -391,7 +401,7 @@ void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::share
     const bool ext = isExt(*target);
     checkSize(gpu, check, source,
               ext ? VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
-              ext ? kCopySize : "VUID-VkCopyAccelerationStructureInfoKHR-mode-12419", target->size,
+              ext ? kCopySize : rules::ids::kCompactedSize, target->size,
               "dst " + check.device().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
                   " bytes");
 }

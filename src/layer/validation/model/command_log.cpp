@@ -11,7 +11,8 @@ namespace vellum::layer
 
 void CommandLog::reset()
 {
-    steps.clear();
+    if (!steps->empty())
+        steps = std::make_shared<Steps>();
     traces = {};
     isRecording = isRendering = suspends = isSuspended = false;
 }
@@ -23,7 +24,7 @@ void CommandLogs::add(VkCommandBuffer commandBuffer, CommandLog::Step step)
         const std::lock_guard lock(submissions);
         step({});
     } else if (const auto log = get(commandBuffer)) {
-        log->steps.push_back(std::move(step));
+        log->steps->push_back(std::move(step));
     }
 }
 

@@ -48,6 +48,7 @@ struct Submission {
 
 struct CommandLog : CommandState {
     using Step = std::function<void(const Submission &)>;
+    using Steps = std::vector<Step>;
     using CommandState::CommandState;
 
     uint32_t family = 0;
@@ -56,7 +57,9 @@ struct CommandLog : CommandState {
     bool isRendering = false; // inside a render pass instance
     bool suspends = false;    // that will be suspended
     bool isSuspended = false; // between two such instances
-    std::vector<Step> steps;
+    // Shared with submissions: once the driver has the work, another thread may learn that it is complete and reset or
+    // free the command buffer before the steps have run. Never null.
+    std::shared_ptr<Steps> steps = std::make_shared<Steps>();
     TraceBindings traces;
 
     // Forgets what was recorded.
@@ -79,10 +82,6 @@ public:
     [[nodiscard]] CommandLog *get(VkCommandBuffer commandBuffer) const
     {
         return static_cast<CommandLog *>(states_.get(commandBuffer));
-    }
-    [[nodiscard]] std::shared_ptr<CommandLog> share(VkCommandBuffer commandBuffer) const
-    {
-        return std::static_pointer_cast<CommandLog>(states_.share(commandBuffer));
     }
     void resetPool(VkCommandPool pool)
     {

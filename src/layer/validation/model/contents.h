@@ -12,8 +12,8 @@
 #include <vulkan/vulkan.h>
 
 #include "core/push.h"
+#include "layer/input/objects.h"
 #include "layer/memory/memory_pool.h"
-#include "layer/validation/model/place.h"
 #include "vk/newer.h"
 
 namespace vellum::layer

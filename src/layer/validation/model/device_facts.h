@@ -12,21 +12,6 @@ namespace vellum::layer
 
 struct Driver;
 
-// The limits of the micromaps of one extension.
-struct MicromapRuleLimits {
-    uint32_t twoStateLevel = 0;
-    uint32_t fourStateLevel = 0;
-    uint32_t lossyLevel = 0;    // VK_KHR_opacity_micromap
-    uint64_t mostTriangles = 0; // VK_KHR_opacity_micromap
-};
-
-// The limits of a physical device, as the application sees them. 0: unknown.
-struct RuleLimits {
-    MicromapRuleLimits ext{};
-    MicromapRuleLimits khr{};
-    uint32_t scratchAlignment = 0;
-};
-
 struct DeviceFacts {
     // Enabled features, beyond those in EnabledFeatures.
     bool nullDescriptor = false;

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/model/device_model.h"
 
-#include <cinttypes>
-#include <cstdio>
-
 namespace vellum::layer
 {
 
@@ -12,12 +9,25 @@ void DeviceModel::fault(const std::string &place, const char *vuid, const std::s
     driver.report().fault(vuid, place + ": " + text, object.type, object.handle);
 }
 
-std::string DeviceModel::nameOf(ObjectHandle object) const
+ObjectFacts DeviceModel::factsOf(ObjectHandle handle) const
 {
-    char handle[24];
-    std::snprintf(handle, sizeof handle, "0x%" PRIx64, object.handle);
-    const std::string name = driver.report().nameOf(object.handle);
-    return name.empty() ? handle : "\"" + name + "\" (" + handle + ")";
+    const auto structure = objects.structureOf(handle);
+    if (!structure)
+        return {.exists = handle && anyUnknown, .size = UINT64_MAX};
+    ObjectFacts found{.exists = true,
+                      .type = structure->isMicromap() ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
+                                                      : structure->type,
+                      .size = structure->size};
+    found.content = found.type;
+    if (found.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR && state.rules.content)
+        found.content = state.rules.content(handle);
+    const ValidatedBuffer *buffer = structure->buffer.get();
+    if (!buffer)
+        return found;
+    if (!buffer->memory && (buffer->flags & VK_BUFFER_CREATE_SPARSE_BINDING_BIT) == 0)
+        found.unbound = buffer->handle;
+    found.hostVisible = buffer->memory && objects.memories.get(buffer->memory).hostVisible;
+    return found;
 }
 
 } // namespace vellum::layer

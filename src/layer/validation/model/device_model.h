@@ -8,10 +8,10 @@
 #include <string>
 
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/rules/place.h"
 #include "layer/validation/model/command_log.h"
 #include "layer/validation/model/device_facts.h"
 #include "layer/validation/model/objects.h"
-#include "layer/validation/model/place.h"
 
 namespace vellum::layer
 {
@@ -22,12 +22,11 @@ struct DeviceModel {
     DeviceTable &next = driver.next;
     Checks checks{};       // `gpu` only where data on the GPU can be checked
     bool emulated = false; // the implementation is the layer's emulation, which reports some of the rules itself
-    RuleLimits limits{};
     DeviceFacts facts{};
 
     // The subsystems below, once more: for validation's own work on the GPU.
     DeviceBuffers buffers{driver};
-    DeviceState state{driver, buffers};
+    DeviceState state{driver, buffers}; // its rules are evaluated as `checks` states
     DeviceCommandBuffers commands{driver, buffers, state, {}, CommandLogs::makeStates()};
     MemoryPool captureMemory{buffers.gpu, 16,
                              [](const GpuContext &) { return VkBufferUsageFlags{VK_BUFFER_USAGE_TRANSFER_DST_BIT}; },
@@ -46,8 +45,9 @@ struct DeviceModel {
     }
     // The same for a place whose text was kept: for faults that show when a command buffer is submitted.
     void fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object = {});
-    // How messages name an object: its name in quotes, if it has one, and its handle.
-    [[nodiscard]] std::string nameOf(ObjectHandle object) const;
+    // A micromap or an acceleration structure, as rules see it. Where memory ran out, an unknown one may be any.
+    [[nodiscard]] ObjectFacts factsOf(ObjectHandle handle) const;
+    [[nodiscard]] std::string nameOf(ObjectHandle object) const { return state.rules.nameOf(object); }
 };
 
 } // namespace vellum::layer

@@ -83,6 +83,15 @@ bool StructuresByMemory::isComplete() const
     return complete;
 }
 
+std::shared_ptr<ValidatedStructure> ValidatedObjects::structureOf(ObjectHandle handle) const
+{
+    if (!handle)
+        return nullptr;
+    return handle.type == VK_OBJECT_TYPE_MICROMAP_EXT
+               ? micromaps.get(reinterpret_cast<VkMicromapEXT>(handle.handle))
+               : structures.get(reinterpret_cast<VkAccelerationStructureKHR>(handle.handle));
+}
+
 std::shared_ptr<StructureContents> unknownContents(VkAccelerationStructureTypeKHR type)
 {
     auto contents = std::make_shared<StructureContents>();

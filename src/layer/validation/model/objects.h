@@ -204,7 +204,13 @@ struct ValidatedObjects {
     DescriptorTracker descriptors;
     HandleMap<VkQueue, uint32_t> queueFamilies;
     HandleMap<VkCommandPool, ValidatedCommandPool> commandPools;
+
+    // The micromap or acceleration structure of a handle; null: unknown.
+    [[nodiscard]] std::shared_ptr<ValidatedStructure> structureOf(ObjectHandle handle) const;
 };
+
+// Something could not be kept.
+inline std::atomic<bool> anyUnknown = false;
 
 // Keeps what validation knows of an object or a submission after the implementation has made it, when nothing may fail
 // any more: without memory, it stays unknown.
@@ -213,7 +219,8 @@ void remember(Keep keep) noexcept
 {
     try {
         keep();
-    } catch (const std::bad_alloc &) { // unknown
+    } catch (const std::bad_alloc &) {
+        anyUnknown = true;
     }
 }
 

@@ -94,8 +94,7 @@ std::optional<TexelBlock> texelBlockOf(VkFormat format, VkImageAspectFlags aspec
 // The ids of one of the two commands.
 struct CopyRules {
     const char *command;
-    VkBufferUsageFlags usage;
-    const char *usageRule;
+    const rules::Range &range;
     const char *flagRule;       // PROTECTED in an unprotected command buffer
     const char *noFlagRule;     // no PROTECTED in a protected one; null: no rule
     const char *imageRule;      // protected image in an unprotected command buffer
@@ -103,16 +102,14 @@ struct CopyRules {
     const char *queueRule;      // addresses on queues of transfers only
 };
 constexpr CopyRules kToImage{"vkCmdCopyMemoryToImageKHR",
-                             VK_BUFFER_USAGE_TRANSFER_SRC_BIT,
-                             "VUID-vkCmdCopyMemoryToImageKHR-addressRange-13128",
+                             rules::kToImage,
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13102",
                              nullptr,
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13103",
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13021",
                              "VUID-vkCmdCopyMemoryToImageKHR-commandBuffer-13104"};
 constexpr CopyRules kToMemory{"vkCmdCopyImageToMemoryKHR",
-                              VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                              "VUID-vkCmdCopyImageToMemoryKHR-addressRange-13129",
+                              rules::kFromImage,
                               "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13102",
                               "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13025",
                               "VUID-vkCmdCopyImageToMemoryKHR-commandBuffer-13103",
@@ -223,7 +220,7 @@ public:
             const Place place = info.element("pRegions", i);
             checkRegion(place, info_.pRegions[i]);
         }
-        if (rules_.usage == VK_BUFFER_USAGE_TRANSFER_DST_BIT)
+        if (rules_.range.usage == VK_BUFFER_USAGE_TRANSFER_DST_BIT)
             checkOverlap(info);
     }
 
@@ -243,8 +240,7 @@ private:
     void checkRegion(const Place &place, const VkDeviceMemoryImageCopyKHR &region) const
     {
         const VkDeviceAddressRangeKHR &range = region.addressRange;
-        ranges_.check(place, range, region.addressFlags, flag_rules::kImageCopy,
-                      {.usage = rules_.usage, .usageRule = rules_.usageRule});
+        ranges_.check(place, range, region.addressFlags, flag_rules::kImageCopy, rules_.range);
         ranges_.checkProtection(place, "addressFlags", region.addressFlags, rules_.flagRule, rules_.noFlagRule);
         const Place member = place.member("addressRange");
         if (onTransferQueue_ && range.address % 4 != 0)

@@ -12,6 +12,13 @@ namespace
 
 constexpr VkDeviceSize kMaxUpdate = 65536;
 
+// A range of which a command accesses `least` bytes.
+rules::Range withLeast(rules::Range range, VkDeviceSize least)
+{
+    range.least = least;
+    return range;
+}
+
 // Where a range is in memory: buffers may alias each other. Without a buffer, the range itself.
 struct MemoryRange {
     VkDeviceMemory memory = VK_NULL_HANDLE;
@@ -75,14 +82,12 @@ void checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyD
     for (uint32_t i = 0; i < copy.regionCount; ++i) {
         const VkDeviceMemoryCopyKHR &region = copy.pRegions[i];
         const Place place = info.element("pRegions", i);
-        const VkBuffer source = ranges.check(
-            place, region.srcRange, region.srcFlags, flag_rules::kCopySource,
-            {.usage = VK_BUFFER_USAGE_TRANSFER_SRC_BIT, .usageRule = "VUID-VkDeviceMemoryCopyKHR-srcRange-13017"});
-        const VkBuffer target = ranges.check(
-            place, region.dstRange, region.dstFlags, flag_rules::kCopyTarget,
-            {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT, .usageRule = "VUID-VkDeviceMemoryCopyKHR-dstRange-13018"});
+        const VkBuffer source =
+            ranges.check(place, region.srcRange, region.srcFlags, flag_rules::kCopySource, rules::kCopySource);
+        const VkBuffer target =
+            ranges.check(place, region.dstRange, region.dstFlags, flag_rules::kCopyTarget, rules::kCopyTarget);
         if (region.dstRange.size < region.srcRange.size)
-            ranges.fault(place, "VUID-VkDeviceMemoryCopyKHR-size-13016",
+            ranges.fault(place, rules::kCopySizeId,
                          "dstRange has " + std::to_string(region.dstRange.size) + " bytes, srcRange has " +
                              std::to_string(region.srcRange.size));
         ranges.checkProtection(place, "srcFlags", region.srcFlags, "VUID-vkCmdCopyMemoryKHR-commandBuffer-13012",
@@ -100,13 +105,7 @@ void checkUpdate(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDev
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdUpdateMemoryKHR");
-    ranges.check(command, range, flags, flag_rules::kUpdate,
-                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                  .usageRule = "VUID-vkCmdUpdateMemoryKHR-dstRange-13005",
-                  .alignment = 4,
-                  .alignmentRule = "VUID-vkCmdUpdateMemoryKHR-pDstRange-13006",
-                  .least = size,
-                  .leastRule = "VUID-vkCmdUpdateMemoryKHR-dataSize-13008"});
+    ranges.check(command, range, flags, flag_rules::kUpdate, withLeast(rules::kUpdated, size));
     if (range.size > kMaxUpdate)
         ranges.fault(command.member("pDstRange"), "VUID-vkCmdUpdateMemoryKHR-pDstRange-13007",
                      std::to_string(range.size) + " bytes; at most 65536 are allowed");
@@ -122,11 +121,7 @@ void checkFill(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDevic
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdFillMemoryKHR");
-    ranges.check(command, range, flags, flag_rules::kFill,
-                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                  .usageRule = "VUID-vkCmdFillMemoryKHR-dstRange-13000",
-                  .alignment = 4,
-                  .alignmentRule = "VUID-vkCmdFillMemoryKHR-pDstRange-13001"});
+    ranges.check(command, range, flags, flag_rules::kFill, rules::kFilled);
     if (range.size % 4 != 0)
         ranges.fault(command.member("pDstRange"), "VUID-vkCmdFillMemoryKHR-pDstRange-13002",
                      "size " + std::to_string(range.size) + " is not a multiple of 4");
@@ -145,11 +140,7 @@ void checkQueryResults(DeviceModel &device, VkCommandBuffer commandBuffer, uint3
     const VkDeviceSize value = wide ? 8 : 4;
     const VkDeviceSize result = (results & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) != 0 ? 2 * value : value;
     const VkDeviceSize before = count > 1 && range.stride > range.size ? range.size : (count - 1) * range.stride;
-    ranges.check(command, range, flags, flag_rules::kQueryResults,
-                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                  .usageRule = "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13080",
-                  .least = before + result,
-                  .leastRule = "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-pDstRange-13079"});
+    ranges.check(command, range, flags, flag_rules::kQueryResults, withLeast(rules::kQueryResults, before + result));
     if (range.address % value != 0 || range.stride % value != 0)
         ranges.fault(command.member("pDstRange"),
                      wide ? "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-flags-13078"
@@ -175,13 +166,7 @@ void checkMarker(DeviceModel &device, VkCommandBuffer commandBuffer, const VkMem
     if ((marker.stage & VK_PIPELINE_STAGE_2_MICROMAP_BUILD_BIT_EXT) != 0 && !device.driver.enabled.extFeature)
         ranges.fault(info.member("stage"), "VUID-VkMemoryMarkerInfoAMD-stage-11541",
                      "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled");
-    ranges.check(info, marker.dstRange, marker.dstFlags, flag_rules::kMarker,
-                 {.usage = VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                  .usageRule = "VUID-VkMemoryMarkerInfoAMD-dstRange-13039",
-                  .alignment = 4,
-                  .alignmentRule = "VUID-VkMemoryMarkerInfoAMD-dstRange-13040",
-                  .least = sizeof(uint32_t),
-                  .leastRule = "VUID-VkMemoryMarkerInfoAMD-dstRange-13041"});
+    ranges.check(info, marker.dstRange, marker.dstFlags, flag_rules::kMarker, rules::kMarker);
     ranges.checkProtection(info, "dstFlags", marker.dstFlags, "VUID-vkCmdWriteMarkerToMemoryAMD-commandBuffer-13044",
                            "VUID-vkCmdWriteMarkerToMemoryAMD-commandBuffer-13045");
     const auto buffer = bufferAt(device, marker.dstRange.address);

@@ -25,13 +25,6 @@ constexpr UsageFlags kUsageFlags[] = {
      VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR, "TRANSFORM_FEEDBACK_BUFFER_USAGE",
      &RangeFlagRules::bothFeedback, &RangeFlagRules::feedback, &RangeFlagRules::noFeedback}};
 
-std::string hex(uint64_t value)
-{
-    char text[24];
-    std::snprintf(text, sizeof text, "0x%" PRIx64, value);
-    return text;
-}
-
 } // namespace
 
 std::string textOf(const VkDeviceAddressRangeKHR &range)
@@ -40,7 +33,7 @@ std::string textOf(const VkDeviceAddressRangeKHR &range)
 }
 
 VkBuffer RangeCheck::soundBuffer(const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                                 const RangeNeed &need) const
+                                 const rules::Range &need) const
 {
     if (range.size < need.least || range.address == 0 || range.address % need.alignment != 0 ||
         (flags & (VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR | VK_ADDRESS_COMMAND_FULLY_BOUND_BIT_KHR)) != 0 ||
@@ -79,38 +72,37 @@ void RangeCheck::checkProtection(const Place &place, const char *member, VkAddre
 }
 
 VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                           const RangeFlagRules &rules, const RangeNeed &need) const
+                           const RangeFlagRules &flagRules, const rules::Range &need) const
 {
-    return check(place, range, flags, rules, need,
-                 {"VUID-VkDeviceAddressRangeKHR-size-11411", "VUID-VkDeviceAddressRangeKHR-address-11365"});
+    return check(place, range, flags, flagRules, need, rules::kAnyRange);
 }
 
 void RangeCheck::check(const Place &place, const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                       const RangeFlagRules &rules, const RangeNeed &need) const
+                       const RangeFlagRules &flagRules, const rules::Range &need) const
 {
     if (range.stride > range.size)
-        fault(place.member(rules.range), "VUID-VkStridedDeviceAddressRangeKHR-stride-10957",
+        fault(place.member(flagRules.range), "VUID-VkStridedDeviceAddressRangeKHR-stride-10957",
               "stride " + std::to_string(range.stride) + " is larger than the size, " + std::to_string(range.size));
-    check(place, {range.address, range.size}, flags, rules, need,
-          {"VUID-VkStridedDeviceAddressRangeKHR-size-11411", "VUID-VkStridedDeviceAddressRangeKHR-address-11365"});
+    check(place, {range.address, range.size}, flags, flagRules, need, rules::kAnyStridedRange);
 }
 
 VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                           const RangeFlagRules &rules, const RangeNeed &need, const Ids &ids) const
+                           const RangeFlagRules &flagRules, const rules::Range &need,
+                           const rules::AnyRange &ids) const
 {
     if (const VkBuffer buffer = soundBuffer(range, flags, need))
         return buffer;
-    const Place member = place.member(rules.range);
-    if (need.leastRule && range.size < need.least)
-        fault(member, need.leastRule,
+    const Place member = place.member(flagRules.range);
+    if (need.leastId && range.size < need.least)
+        fault(member, need.leastId,
               std::to_string(range.size) + " bytes; the command accesses " + std::to_string(need.least));
     if (range.address == 0) {
         if (range.size != 0)
             fault(member, ids.null, "address 0, with a size of " + std::to_string(range.size));
         return VK_NULL_HANDLE;
     }
-    if (need.alignmentRule && range.address % need.alignment != 0)
-        fault(member, need.alignmentRule,
+    if (need.alignmentId && range.address % need.alignment != 0)
+        fault(member, need.alignmentId,
               "address " + hex(range.address) + " is not a multiple of " + std::to_string(need.alignment));
     const AddressMap &addresses = device_.buffers.addresses;
     const auto any = addresses.covering(range.address, range.size, 0);
@@ -124,11 +116,11 @@ VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &ra
     }
     // Another thread may destroy the buffer, if it is not the application's for this range.
     const auto buffer = device_.objects.buffers.get(any.buffer);
-    if (buffer && need.usageRule && !addresses.covering(range.address, range.size, need.usage).buffer)
-        fault(member, need.usageRule,
+    if (buffer && need.usageId && !addresses.covering(range.address, range.size, need.usage).buffer)
+        fault(member, need.usageId,
               "buffer " + device_.nameOf(any.buffer) + " has usage " + hex(buffer->usage) + ", without " +
                   hex(need.usage));
-    checkFlags(place, range, flags, rules);
+    checkFlags(place, range, flags, flagRules);
     return VK_NULL_HANDLE;
 }
 

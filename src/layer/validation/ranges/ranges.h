@@ -2,21 +2,12 @@
 // The check of address ranges: those of VK_KHR_device_address_commands, and barriers.
 #pragma once
 
+#include "layer/rules/address_ranges.h"
 #include "layer/validation/model/device_model.h"
 #include "layer/validation/ranges/range_rules.h"
 
 namespace vellum::layer
 {
-
-// What a command requires of a range, beyond the rules of its flags. Without an id there is no such rule.
-struct RangeNeed {
-    VkFlags64 usage = 0; // of the buffer
-    const char *usageRule = nullptr;
-    VkDeviceSize alignment = 1; // of the address
-    const char *alignmentRule = nullptr;
-    VkDeviceSize least = 0; // size
-    const char *leastRule = nullptr;
-};
 
 // Checks the ranges of one command.
 class RangeCheck
@@ -26,9 +17,9 @@ public:
     // `place`: of the structure or command that has the range. Returns the only buffer there; null if that is not
     // known.
     VkBuffer check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                   const RangeFlagRules &rules, const RangeNeed &need) const;
+                   const RangeFlagRules &flagRules, const rules::Range &need) const;
     void check(const Place &place, const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-               const RangeFlagRules &rules, const RangeNeed &need) const;
+               const RangeFlagRules &flagRules, const rules::Range &need) const;
     // The rules of the flags only.
     void checkFlags(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                     const RangeFlagRules &rules) const;
@@ -42,12 +33,9 @@ public:
 private:
     // The buffer of a range that obviously keeps all rules, in one ordinary buffer. Most do, and take one look-up.
     [[nodiscard]] VkBuffer soundBuffer(const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                                       const RangeNeed &need) const;
-    struct Ids {
-        const char *null, *buffer;
-    };
+                                       const rules::Range &need) const;
     VkBuffer check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                   const RangeFlagRules &rules, const RangeNeed &need, const Ids &ids) const;
+                   const RangeFlagRules &flagRules, const rules::Range &need, const rules::AnyRange &ids) const;
     void checkUsageFlags(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                          const RangeFlagRules &rules) const;
     void checkBinding(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/rules/creation_rules.h"
 
+#include "layer/rules/ids.h"
 #include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
@@ -32,15 +33,12 @@ void checkBuffer(const RuleCheck &check, const ValidatedBuffer &buffer, VkFlags 
 void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, VkFlags createFlags)
 {
     constexpr const char *kMember = "addressRange";
-    if (!check.require(range.address != 0, kMember, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11602",
-                       "the address is null") ||
-        !check.require(range.size != 0, kMember, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11608",
-                       "the size is 0"))
+    if (!check.require(range.address != 0, kMember, rules::ids::kCreationRangeUnknown, "the address is null") ||
+        !check.require(range.size != 0, kMember, rules::ids::kCreationRangeEmpty, "the size is 0"))
         return;
-    checkMultiple(check, range.address, 256, kMember, "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11605");
+    checkMultiple(check, range.address, 256, kMember, rules::ids::kCreationRangeAlignment);
     checkUsage(check, range.address, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR, kMember,
-               "VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11603",
-               "VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR");
+               rules::ids::kCreationRangeUsage, "VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR");
     // Of several buffers at the address, the host does not know which one the application means.
     const DeviceModel &device = check.device();
     const AddressMap::Location only = device.buffers.addresses.onlyCovering(range.address, range.size, 0);
@@ -57,7 +55,7 @@ void checkMicromapBuffer(const RuleCheck &check, const VkMicromapCreateInfoEXT &
                   "VUID-VkMicromapCreateInfoEXT-buffer-07436",
                   "it was created with VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT");
     if (info.offset > buffer.size || info.size > buffer.size - info.offset)
-        check.fault("offset", "VUID-VkMicromapCreateInfoEXT-offset-07437",
+        check.fault("offset", rules::ids::kMicromapRange,
                     std::to_string(info.offset) + " and size " + std::to_string(info.size) +
                         " are more than the buffer has, " + std::to_string(buffer.size));
 }
@@ -74,13 +72,11 @@ void checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info)
     if (!enabled.extFeature)
         check.fault("VUID-vkCreateMicromapEXT-micromap-11615", "the feature micromap is not enabled");
     const bool replays = (info.createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
-    check.require(!replays || enabled.captureReplay, "createFlags",
-                  "VUID-VkMicromapCreateInfoEXT-micromapCaptureReplay-11616",
+    check.require(!replays || enabled.captureReplay, "createFlags", rules::ids::kMicromapReplay,
                   "it asks for capture and replay; the feature micromapCaptureReplay is not enabled");
-    check.require(replays || info.deviceAddress == 0, "deviceAddress",
-                  "VUID-VkMicromapCreateInfoEXT-deviceAddress-07433",
+    check.require(replays || info.deviceAddress == 0, "deviceAddress", rules::ids::kMicromapAddress,
                   "it is not 0, but createFlags does not ask for capture and replay");
-    checkMultiple(check, info.offset, 256, "offset", "VUID-VkMicromapCreateInfoEXT-offset-07438");
+    checkMultiple(check, info.offset, 256, "offset", rules::ids::kMicromapOffset);
     if (const auto buffer = device.objects.buffers.get(info.buffer))
         checkMicromapBuffer(check, info, *buffer);
 }
@@ -90,8 +86,7 @@ void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoK
     const Place command("vkCreateAccelerationStructureKHR");
     const Place place = command.member("pCreateInfo");
     RuleCheck(device, place, info.buffer)
-        .require(info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, "type",
-                 "VUID-VkAccelerationStructureCreateInfoKHR-type-11600",
+        .require(info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, "type", rules::ids::kCreationCommand,
                  "micromaps are created by vkCreateAccelerationStructure2KHR");
 }
 
@@ -112,7 +107,7 @@ void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2
     }
     if (info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
         return;
-    check.require(device.driver.enabled.khrFeature, "type", "VUID-VkAccelerationStructureCreateInfo2KHR-micromap-11609",
+    check.require(device.driver.enabled.khrFeature, "type", rules::ids::kCreationFeature,
                   "the feature micromap of VK_KHR_opacity_micromap is not enabled");
     check.require((info.createFlags & kDescriptorReplay) == 0, "createFlags",
                   "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11610",

@@ -35,20 +35,4 @@ void checkCount(DeviceModel &device, const char *command, const char *member, ui
     }
 }
 
-void checkUnique(const RuleCheck &check, const void *chain, const char *vuid)
-{
-    constexpr VkStructureType kTypes[] = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
-                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR,
-                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR};
-    for (const VkStructureType type : kTypes) {
-        uint32_t count = 0;
-        for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
-            count += s->sType == type ? 1 : 0;
-        if (count > 1)
-            check.fault("pNext", vuid,
-                        "a structure of type " + std::to_string(type) + " is in the chain " + std::to_string(count) +
-                            " times");
-    }
-}
-
 } // namespace vellum::layer

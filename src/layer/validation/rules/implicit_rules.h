@@ -55,18 +55,6 @@ struct StructureIds {
 inline constexpr StructureIds kMicromapCreateInfo{VK_STRUCTURE_TYPE_MICROMAP_CREATE_INFO_EXT,
                                                   "VUID-VkMicromapCreateInfoEXT-sType-sType",
                                                   "VUID-VkMicromapCreateInfoEXT-pNext-pNext"};
-inline constexpr StructureIds kMicromapBuildInfo{VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT,
-                                                 "VUID-VkMicromapBuildInfoEXT-sType-sType",
-                                                 "VUID-VkMicromapBuildInfoEXT-pNext-pNext"};
-inline constexpr StructureIds kCopyMicromapInfo{VK_STRUCTURE_TYPE_COPY_MICROMAP_INFO_EXT,
-                                                "VUID-VkCopyMicromapInfoEXT-sType-sType",
-                                                "VUID-VkCopyMicromapInfoEXT-pNext-pNext"};
-inline constexpr StructureIds kCopyMicromapToMemoryInfo{VK_STRUCTURE_TYPE_COPY_MICROMAP_TO_MEMORY_INFO_EXT,
-                                                        "VUID-VkCopyMicromapToMemoryInfoEXT-sType-sType",
-                                                        "VUID-VkCopyMicromapToMemoryInfoEXT-pNext-pNext"};
-inline constexpr StructureIds kCopyMemoryToMicromapInfo{VK_STRUCTURE_TYPE_COPY_MEMORY_TO_MICROMAP_INFO_EXT,
-                                                        "VUID-VkCopyMemoryToMicromapInfoEXT-sType-sType",
-                                                        "VUID-VkCopyMemoryToMicromapInfoEXT-pNext-pNext"};
 template <typename Info>
 void checkStructure(const RuleCheck &check, const Info &info, const StructureIds &ids)
 {
@@ -75,8 +63,5 @@ void checkStructure(const RuleCheck &check, const Info &info, const StructureIds
                     std::to_string(info.sType) + " is not the type of this structure, " + std::to_string(ids.type));
     check.require(info.pNext == nullptr, "pNext", ids.pNext, "it is not null; nothing extends this structure");
 }
-
-// The structures of micromaps are in a chain once.
-void checkUnique(const RuleCheck &check, const void *chain, const char *vuid);
 
 } // namespace vellum::layer

@@ -6,6 +6,7 @@
 
 #include "core/opacity.h"
 #include "layer/base/pipeline_info.h"
+#include "layer/rules/ids.h"
 #include "layer/validation/model/device_model.h"
 #include "spirv/module/scan.h"
 
@@ -14,7 +15,7 @@ namespace vellum::layer
 namespace
 {
 
-constexpr VkFlags64 kMicromaps = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
+constexpr VkFlags64 kMicromapFlags = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
 constexpr VkFlags64 kNoMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
 constexpr VkFlags64 kNotMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
 constexpr auto kShaderNotMixed =
@@ -75,7 +76,7 @@ void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderS
 void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const char *micromapRule,
                 const char *mixedRule)
 {
-    if ((flags & kMicromaps) != 0)
+    if ((flags & kMicromapFlags) != 0)
         device.fault(place.member("flags"), micromapRule,
                      "RAY_TRACING_OPACITY_MICROMAP, which is for ray tracing pipelines only");
     if ((flags & kNotMixed) != 0 && !device.driver.enabled.khrFeature)
@@ -87,26 +88,26 @@ void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const 
 void checkRayTracingFlags(DeviceModel &device, const Place &place, const VkRayTracingPipelineCreateInfoKHR &info,
                           VkFlags64 flags)
 {
-    const bool micromaps = (flags & kMicromaps) != 0;
+    const bool micromaps = (flags & kMicromapFlags) != 0;
     const Place member = place.member("flags");
     const auto &enabled = device.driver.enabled;
     if (micromaps && (flags & kNoMicromaps) != 0)
         device.fault(member, "VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392",
                      "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
     if (micromaps && !enabled.anyFeature())
-        device.fault(member, "VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597",
+        device.fault(member, rules::ids::kRayTracingFeature,
                      "RAY_TRACING_OPACITY_MICROMAP; the feature micromap is not enabled");
     if ((flags & kNotMixed) != 0 && (!micromaps || !enabled.khrFeature))
         device.fault(
-            member, "VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599",
+            member, rules::ids::kRayTracingMixed,
             std::string("OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, without ") +
                 (micromaps ? "the feature micromap of VK_KHR_opacity_micromap" : "RAY_TRACING_OPACITY_MICROMAP"));
     for (uint32_t i = 0; micromaps && info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
         const auto library = device.objects.pipelines.libraries.get(info.pLibraryInfo->pLibraries[i]);
-        if (library && (*library & kMicromaps) == 0) {
+        if (library && (*library & kMicromapFlags) == 0) {
             const Place libraries = place.member("pLibraryInfo");
             device.fault(
-                libraries.element("pLibraries", i), "VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598",
+                libraries.element("pLibraries", i), rules::ids::kRayTracingLibraries,
                 "the library was created without RAY_TRACING_OPACITY_MICROMAP; the pipeline has it",
                 ObjectHandle(VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(info.pLibraryInfo->pLibraries[i])));
         }
@@ -121,8 +122,7 @@ void checkPipelines(DeviceModel &device, uint32_t count, const VkComputePipeline
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
         const VkFlags64 flags = flagsOf(infos[i]);
-        checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367",
-                   "VUID-VkComputePipelineCreateInfo-flags-11593");
+        checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367", rules::ids::kComputeMixed);
         checkStage(device, place.member("stage"), infos[i].stage, flags);
     }
 }
@@ -133,8 +133,7 @@ void checkPipelines(DeviceModel &device, uint32_t count, const VkGraphicsPipelin
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
         const VkFlags64 flags = flagsOf(infos[i]);
-        checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401",
-                   "VUID-VkGraphicsPipelineCreateInfo-flags-11595");
+        checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401", rules::ids::kGraphicsMixed);
         // A library without shaders ignores pStages, which may be invalid.
         const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
             infos[i].pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
@@ -165,7 +164,7 @@ void checkShaders(DeviceModel &device, uint32_t count, const VkShaderCreateInfoE
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
         if ((infos[i].flags & kShaderNotMixed) != 0 && !device.driver.enabled.khrFeature)
-            device.fault(place.member("flags"), "VUID-VkShaderCreateInfoEXT-micromap-11623",
+            device.fault(place.member("flags"), rules::ids::kShaderMixed,
                          "OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX; micromap of "
                          "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
         if (infos[i].codeType == VK_SHADER_CODE_TYPE_SPIRV_EXT)

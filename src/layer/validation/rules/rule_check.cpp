@@ -5,13 +5,6 @@
 
 namespace vellum::layer
 {
-namespace
-{
-
-constexpr VkBufferCreateFlags kSparse = VK_BUFFER_CREATE_SPARSE_BINDING_BIT;
-
-} // namespace
-
 void RuleCheck::whenExecuted(const char *vuid, std::function<std::string()> find) const
 {
     if (!vuid)
@@ -47,14 +40,6 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
     return {buffer->memory, begin, begin + bytes};
 }
 
-void checkBound(const RuleCheck &check, const ValidatedStructure *structure, const char *member, const char *vuid)
-{
-    const ValidatedBuffer *buffer = structure ? structure->buffer.get() : nullptr;
-    if (buffer && !buffer->memory && (buffer->flags & kSparse) == 0)
-        check.fault(member, vuid,
-                    "the buffer " + check.device().nameOf(buffer->handle) + " is not bound to device memory");
-}
-
 void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,
                 const char *usageName)
 {
@@ -63,16 +48,6 @@ void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage
     if (any.buffer && !addresses.covering(address, 1, usage).buffer)
         check.fault(member, vuid,
                     "the buffer " + check.device().nameOf(any.buffer) + " was created without " + usageName);
-}
-
-void checkBytes(const RuleCheck &check, VkDeviceAddress address, VkDeviceSize bytes, const char *member,
-                const char *vuid)
-{
-    const VkDeviceSize available = check.device().buffers.addresses.bytesFrom(address);
-    if (available < bytes)
-        check.fault(member, vuid,
-                    "the buffer has " + std::to_string(available) + " bytes from there; the command needs " +
-                        std::to_string(bytes));
 }
 
 bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid)

@@ -25,6 +25,7 @@ public:
     // The check of a part, whose place must outlive it.
     [[nodiscard]] RuleCheck at(const Place &place) const { return {device_, place, object_, commandBuffer_}; }
     [[nodiscard]] const Place &place() const { return place_; }
+    [[nodiscard]] ObjectHandle object() const { return object_; }
     [[nodiscard]] VkCommandBuffer commandBuffer() const { return commandBuffer_; } // null for host commands
 
     void fault(const char *vuid, const std::string &text) const
@@ -74,14 +75,9 @@ MemoryRange memoryAt(const DeviceModel &device, VkDeviceAddress address, VkDevic
 
 // --- Rules that several commands have ---
 
-// The buffer of the structure is bound to memory.
-void checkBound(const RuleCheck &check, const ValidatedStructure *structure, const char *member, const char *vuid);
 // Some buffer at the address has the usage. Unknown addresses are not checked.
 void checkUsage(const RuleCheck &check, VkDeviceAddress address, VkFlags64 usage, const char *member, const char *vuid,
                 const char *usageName);
-// The buffer at the address has `bytes` bytes from there. Unknown addresses are not checked.
-void checkBytes(const RuleCheck &check, VkDeviceAddress address, VkDeviceSize bytes, const char *member,
-                const char *vuid);
 bool checkMultiple(const RuleCheck &check, uint64_t value, uint64_t divisor, const char *member, const char *vuid);
 // The micromap is constructed when the command is executed. Does nothing for other structures.
 void checkConstructed(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &micromap, const char *vuid);

@@ -2,7 +2,6 @@
 // What commands access, and messages about accesses that nothing orders.
 #include <algorithm>
 
-#include "layer/validation/rules/build_input.h"
 #include "layer/validation/sync/sync_checks.h"
 
 namespace vellum::layer::sync
@@ -247,10 +246,14 @@ Scope copyScope(const std::shared_ptr<ValidatedStructure> &structure, bool write
     return {kStructureCopy, writes ? kStructureWrite : kStructureRead};
 }
 
-void addMicromapBuild(const DeviceSync &sync, Recorder &recorder, const MicromapBuildInput &build,
-                      VkPipelineStageFlags2 stage, VkAccessFlags2 write, VkAccessFlags2 scratchAccess, uint64_t scratch)
+void addBuild(const DeviceSync &sync, Recorder &recorder, const input::MicromapBuild &build)
 {
-    const uint64_t triangles = build.triangleCount();
+    const VkPipelineStageFlags2 stage = build.khr ? kBuild : kMicromapBuild;
+    const VkAccessFlags2 write = build.khr ? kStructureWrite : kMicromapWrite;
+    const VkAccessFlags2 read = build.khr ? kStructureRead : kMicromapRead;
+    const auto kind = build.khr ? ScratchSizes::kindOf(VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, false)
+                                : ScratchSizes::kMicromapExt;
+    const uint64_t triangles = build.usages.triangles();
     if (triangles > 0) {
         const uint64_t bytes = (triangles - 1) * build.triangleStride + sizeof(VkMicromapTriangleEXT);
         recorder.reads("triangleArray", {stage, kShaderRead},
@@ -258,23 +261,22 @@ void addMicromapBuild(const DeviceSync &sync, Recorder &recorder, const Micromap
         // Where in it triangles have their data is not known to the host. Offset 0 is used.
         recorder.reads("data", {stage, kShaderRead}, locationAt(sync.device, build.data.deviceAddress, 1));
     }
-    recorder.writes("scratch memory", {stage, scratchAccess},
-                    locationAt(sync.device, build.scratch.deviceAddress, scratch));
-    writeStructure(recorder, {stage, write}, build.target);
+    recorder.writes("scratch memory", {stage, read | write},
+                    locationAt(sync.device, build.scratch.deviceAddress, sync.scratch.smallest(kind)));
+    writeStructure(recorder, {stage, write}, sync.device.objects.structureOf(build.target));
 }
 
-void addAttachment(const DeviceSync &sync, Recorder &recorder, const VkAccelerationStructureGeometryKHR &geometry,
+// `range`: null for an indirect build.
+void addAttachment(const DeviceSync &sync, Recorder &recorder, const input::Attachment &attachment,
                    const VkAccelerationStructureBuildRangeInfoKHR *range)
 {
-    const auto attachment = attachmentOf(sync.device, geometry);
-    if (!attachment)
-        return;
-    readStructure(recorder, {kBuild, attachment->khr ? kStructureRead : kMicromapRead}, attachment->micromap);
-    const uint32_t bytes = indexBytes(attachment->indexType);
+    readStructure(recorder, {kBuild, attachment.khr ? kStructureRead : kMicromapRead},
+                  sync.device.objects.structureOf(attachment.micromap));
+    const uint32_t bytes = input::indexBytes(attachment.indexType);
     if (range && range->primitiveCount > 0 && bytes != 0)
         recorder.reads("indexBuffer", {kBuild, kIndexRead},
-                       locationAt(sync.device, attachment->indexBuffer.deviceAddress,
-                                  (range->primitiveCount - 1) * attachment->indexStride + bytes));
+                       locationAt(sync.device, attachment.indexBuffer.deviceAddress,
+                                  (range->primitiveCount - 1) * attachment.indexStride + bytes));
 }
 
 void addInstances(const DeviceSync &sync, Recorder &recorder,
@@ -285,76 +287,51 @@ void addInstances(const DeviceSync &sync, Recorder &recorder,
         return;
     recorder.reads("instances", {kBuild, kShaderRead},
                    locationAt(sync.device, instances.data.deviceAddress + range->primitiveOffset,
-                              range->primitiveCount * instanceStride(instances)));
+                              range->primitiveCount * input::instanceStride(instances)));
 }
 
-void addStructureBuild(const DeviceSync &sync, Recorder &recorder,
-                       const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                       const VkAccelerationStructureBuildRangeInfoKHR *ranges)
+void addBuild(const DeviceSync &sync, Recorder &recorder, const input::StructureBuild &build)
 {
-    for (uint32_t g = 0; g < info.geometryCount; ++g) {
-        const VkAccelerationStructureGeometryKHR *geometry = geometryOf(info, g);
-        if (!geometry)
-            break;
-        addAttachment(sync, recorder, *geometry, ranges ? &ranges[g] : nullptr);
-        if (geometry->geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR)
-            addInstances(sync, recorder, geometry->geometry.instances, ranges ? &ranges[g] : nullptr);
+    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
+        const input::Geometry &geometry = build.geometries[g];
+        const auto *range = build.ranges.direct ? &build.ranges.direct[g] : nullptr;
+        if (geometry.attachment)
+            addAttachment(sync, recorder, *geometry.attachment, range);
+        else if (geometry.isInstances())
+            addInstances(sync, recorder, geometry.given->geometry.instances, range);
     }
-    const bool update = info.mode == VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR;
-    const uint64_t scratch = sync.scratch.smallest(ScratchSizes::kindOf(info.type, update));
-    if (update)
+    const auto &info = *build.given;
+    const uint64_t scratch = sync.scratch.smallest(ScratchSizes::kindOf(info.type, build.isUpdate()));
+    if (build.isUpdate())
         readStructure(recorder, {kBuild, kStructureRead},
-                      sync.device.objects.structures.get(info.srcAccelerationStructure));
+                      sync.device.objects.structureOf(info.srcAccelerationStructure));
     recorder.writes("scratch memory", {kBuild, kStructureRead | kStructureWrite},
                     locationAt(sync.device, info.scratchData.deviceAddress, scratch));
-    writeStructure(recorder, {kBuild, kStructureWrite},
-                   sync.device.objects.structures.get(info.dstAccelerationStructure));
+    writeStructure(recorder, {kBuild, kStructureWrite}, sync.device.objects.structureOf(info.dstAccelerationStructure));
 }
 
 } // namespace
 
-void recordBuilds(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count, const VkMicromapBuildInfoEXT *infos)
-{
-    if (!sync.device.checks.sync)
-        return;
-    Recorder recorder(sync, commandBuffer, "vkCmdBuildMicromapsEXT");
-    for (uint32_t i = 0; i < count; ++i) {
-        recorder.element("pInfos", i);
-        addMicromapBuild(sync, recorder, micromapBuildOf(sync.device, infos[i]), kMicromapBuild, kMicromapWrite,
-                         kMicromapRead | kMicromapWrite, sync.scratch.smallest(ScratchSizes::kMicromapExt));
-    }
-    recorder.record();
-}
-
-void recordBuilds(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, uint32_t count,
-                  const VkAccelerationStructureBuildGeometryInfoKHR *infos,
-                  const VkAccelerationStructureBuildRangeInfoKHR *const *ranges)
+void recordBuilds(DeviceSync &sync, VkCommandBuffer commandBuffer, const char *command, const input::Builds &builds)
 {
     if (!sync.device.checks.sync)
         return;
     Recorder recorder(sync, commandBuffer, command);
-    for (uint32_t i = 0; i < count; ++i) {
-        recorder.element("pInfos", i);
-        if (!buildsMicromap(infos[i]))
-            addStructureBuild(sync, recorder, infos[i], ranges ? ranges[i] : nullptr);
-        else if (const auto build = micromapBuildOf(sync.device, infos[i]))
-            addMicromapBuild(sync, recorder, *build, kBuild, kStructureWrite, kStructureRead | kStructureWrite,
-                             sync.scratch.smallest(ScratchSizes::kindOf(infos[i].type, false)));
+    for (const input::MicromapBuild &build : builds.micromaps) {
+        recorder.element("pInfos", build.element);
+        if (!build.khr || build.hasData)
+            addBuild(sync, recorder, build);
     }
-    recorder.record();
-}
-
-void recordIndirectRanges(DeviceSync &sync, VkCommandBuffer commandBuffer, uint32_t count,
-                          const VkAccelerationStructureBuildGeometryInfoKHR *infos, const VkDeviceAddress *addresses)
-{
-    if (!sync.device.checks.sync || !addresses)
-        return;
-    Recorder recorder(sync, commandBuffer, "vkCmdBuildAccelerationStructuresIndirectKHR");
-    for (uint32_t i = 0; i < count; ++i) {
-        recorder.element("pIndirectDeviceAddresses", i);
-        if (infos[i].geometryCount > 0 && !buildsMicromap(infos[i]))
-            recorder.reads("ranges", {kBuild, VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT},
-                           locationAt(sync.device, addresses[i], sizeof(VkAccelerationStructureBuildRangeInfoKHR)));
+    for (const input::StructureBuild &build : builds.structures) {
+        recorder.element("pInfos", build.element);
+        addBuild(sync, recorder, build);
+    }
+    for (const input::StructureBuild &build : builds.structures) {
+        recorder.element("pIndirectDeviceAddresses", build.element);
+        if (!build.geometries.empty() && build.ranges.indirect != 0)
+            recorder.reads(
+                "ranges", {kBuild, VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT},
+                locationAt(sync.device, build.ranges.indirect, sizeof(VkAccelerationStructureBuildRangeInfoKHR)));
     }
     recorder.record();
 }

@@ -13,6 +13,7 @@
 #include <vulkan/vulkan.h>
 
 #include "layer/base/handle_map.h"
+#include "layer/input/builds.h"
 #include "layer/validation/model/device_model.h"
 #include "layer/validation/sync/sync_tracker.h"
 #include "vk/newer.h"
@@ -74,14 +75,7 @@ namespace sync
 
 // --- Accesses of commands; nothing is recorded where `sync` is off.
 
-void recordBuilds(DeviceSync &, VkCommandBuffer, uint32_t count, const VkMicromapBuildInfoEXT *infos);
-// `ranges`: null for indirect builds, and without ranges an element is unknown.
-void recordBuilds(DeviceSync &, VkCommandBuffer, const char *command, uint32_t count,
-                  const VkAccelerationStructureBuildGeometryInfoKHR *infos,
-                  const VkAccelerationStructureBuildRangeInfoKHR *const *ranges);
-// The ranges of an indirect build.
-void recordIndirectRanges(DeviceSync &, VkCommandBuffer, uint32_t count,
-                          const VkAccelerationStructureBuildGeometryInfoKHR *infos, const VkDeviceAddress *addresses);
+void recordBuilds(DeviceSync &, VkCommandBuffer, const char *command, const input::Builds &builds);
 
 // Copies and queries of structures and micromaps. A null one is unknown.
 void recordCopy(DeviceSync &, VkCommandBuffer, const char *command, const std::shared_ptr<ValidatedStructure> &source,

@@ -19,7 +19,7 @@
 
 #include <vulkan/vulkan.h>
 
-#include "layer/validation/model/place.h"
+#include "layer/input/objects.h"
 
 namespace vellum::layer::sync
 {

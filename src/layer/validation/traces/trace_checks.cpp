@@ -5,7 +5,6 @@
 #include <cstring>
 
 #include "layer/validation/gpu/serialized_data.h"
-#include "layer/validation/rules/build_input.h"
 
 namespace vellum::layer
 {
@@ -287,7 +286,7 @@ CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandB
 {
     const uint32_t count = range.primitiveCount;
     const VkDeviceAddress source = instances.data.deviceAddress + range.primitiveOffset;
-    const VkDeviceSize bytes = instanceStride(instances);
+    const VkDeviceSize bytes = input::instanceStride(instances);
     if (count > device.buffers.addresses.elementsFrom(source, bytes, bytes))
         return {}; // outside their buffer
     auto memory = Capture::make(device.captureMemory, Capture::kCountWords + size_t{count} * 2, Capture::kCountWords);
@@ -306,13 +305,13 @@ CapturedInstances captureInstances(DeviceModel &device, VkCommandBuffer commandB
     return {count, std::move(memory)};
 }
 
-CapturedIndices captureIndices(DeviceModel &device, VkCommandBuffer commandBuffer, const AttachmentInput &attachment,
+CapturedIndices captureIndices(DeviceModel &device, VkCommandBuffer commandBuffer, const input::Attachment &attachment,
                                uint32_t count)
 {
-    const uint32_t bytes = indexBytes(attachment.indexType);
+    const uint32_t bytes = input::indexBytes(attachment.indexType);
     const VkDeviceAddress source = attachment.indexBuffer.deviceAddress;
     const auto buffer = bufferAt(device, source);
-    if (bytes == 0 || !attachment.handle.handle || !buffer || count == 0)
+    if (bytes == 0 || !attachment.micromap || !buffer || count == 0)
         return {};
     const VkDeviceSize rest = buffer->address + buffer->size - source;
     if (VkDeviceSize{count - 1} * attachment.indexStride + bytes > rest)
@@ -385,21 +384,21 @@ void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineB
     }
 }
 
-void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer,
-                     const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                     const VkAccelerationStructureBuildRangeInfoKHR *ranges, StructureContents &contents)
+void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const input::StructureBuild &build,
+                     StructureContents &contents)
 {
     const CommandState *state = device.commands.states.get(commandBuffer);
+    const auto *ranges = build.ranges.direct;
     // In a command buffer that inherits conditional rendering, dispatches may be discarded.
     if (!device.checks.gpu || !ranges || !state || state->inheritsConditionalRendering)
         return;
     for (uint32_t g = 0; g < contents.geometries.size(); ++g) {
-        const VkAccelerationStructureGeometryKHR &geometry = *geometryOf(info, g);
-        if (geometry.geometryType == VK_GEOMETRY_TYPE_INSTANCES_KHR)
-            contents.instances = captureInstances(device, commandBuffer, geometry.geometry.instances, ranges[g]);
-        else if (const auto attachment = attachmentOf(device, geometry))
+        const input::Geometry &geometry = build.geometries[g];
+        if (geometry.isInstances())
+            contents.instances = captureInstances(device, commandBuffer, geometry.given->geometry.instances, ranges[g]);
+        else if (geometry.attachment)
             contents.geometries[g].indices =
-                captureIndices(device, commandBuffer, *attachment, ranges[g].primitiveCount);
+                captureIndices(device, commandBuffer, *geometry.attachment, ranges[g].primitiveCount);
     }
 }
 

@@ -15,6 +15,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/input/builds.h"
 #include "layer/memory/fixed_memory.h"
 #include "layer/memory/gpu_memory.h"
 #include "layer/validation/model/device_model.h"
@@ -146,8 +147,7 @@ void bindTracingShaders(DeviceTraces &traces, VkCommandBuffer commandBuffer, uin
 void runTracing(DeviceTraces &traces, VkCommandBuffer commandBuffer, VkPipelineBindPoint point, const char *command);
 
 // Records what fills the contents of a structure, which a direct build constructs, beside what the host knows.
-void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer,
-                     const VkAccelerationStructureBuildGeometryInfoKHR &info,
-                     const VkAccelerationStructureBuildRangeInfoKHR *ranges, StructureContents &contents);
+void captureContents(DeviceModel &device, VkCommandBuffer commandBuffer, const input::StructureBuild &build,
+                     StructureContents &contents);
 
 } // namespace vellum::layer

@@ -15,11 +15,11 @@
 namespace vellum::layer
 {
 
-class InputCheck
+class CommandCheck
 {
 public:
     // `element`: index in pInfos. `object`: the object that messages are about, or 0.
-    InputCheck(Reporter &report, const char *command, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0,
+    CommandCheck(Reporter &report, const char *command, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0,
                std::optional<uint32_t> element = std::nullopt)
         : report_(report), command_(command), type_(type), object_(object), element_(element)
     {

@@ -1,31 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a fault is: a command, the way from its parameters to a member, and an object.
+// Where a fault is: a command, and the path from its parameters to a member.
 #pragma once
 
 #include <cstdint>
 #include <string>
 
-#include <vulkan/vulkan.h>
-
 namespace vellum::layer
 {
-
-// An object that a message names.
-struct ObjectHandle {
-    ObjectHandle() = default;
-    ObjectHandle(VkObjectType t, uint64_t h) : type(t), handle(h) {}
-    ObjectHandle(VkBuffer buffer) : ObjectHandle(VK_OBJECT_TYPE_BUFFER, uint64_t(buffer)) {}
-    ObjectHandle(VkMicromapEXT micromap) : ObjectHandle(VK_OBJECT_TYPE_MICROMAP_EXT, uint64_t(micromap)) {}
-    ObjectHandle(VkAccelerationStructureKHR structure)
-        : ObjectHandle(VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, uint64_t(structure))
-    {
-    }
-    ObjectHandle(VkCommandBuffer commandBuffer) : ObjectHandle(VK_OBJECT_TYPE_COMMAND_BUFFER, uint64_t(commandBuffer))
-    {
-    }
-    VkObjectType type = VK_OBJECT_TYPE_UNKNOWN;
-    uint64_t handle = 0;
-};
 
 // A place refers to the one around it, which must outlive it. Its text is made only for a fault.
 class Place

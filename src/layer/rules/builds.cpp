@@ -1,0 +1,872 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <unordered_set>
+
+#include "layer/rules/builds.h"
+
+namespace vellum::layer::rules
+{
+namespace
+{
+
+using enum Severity;
+
+constexpr VkFlags kExtFlags = VK_BUILD_MICROMAP_PREFER_FAST_TRACE_BIT_EXT |
+                              VK_BUILD_MICROMAP_PREFER_FAST_BUILD_BIT_EXT | VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT;
+constexpr auto kDisplacement = static_cast<VkMicromapTypeEXT>(1000397000);
+constexpr VkFlags64 kExtInput = VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT;
+constexpr VkFlags64 kKhrInput = VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;
+
+// Rules that builds of micromaps and of other structures have.
+constexpr const char *kArrays = "VUID-VkAccelerationStructureBuildGeometryInfoKHR-pGeometries-03788";
+constexpr const char *kBound = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03707";
+
+struct Build {
+    const input::MicromapBuild &build;
+    const RuleDevice &device;
+    const ObjectFacts &target;
+    uint64_t triangles = build.usages.triangles();
+
+    [[nodiscard]] const std::optional<MicromapSupport> &support() const { return device.support(build.khr); }
+    // Without triangles no memory is accessed.
+    [[nodiscard]] Severity ifRead(Severity severity) const { return triangles == 0 ? Report : severity; }
+};
+
+// ------------------------------------------------------------------------------------------ usage counts
+
+struct Usage {
+    const VkMicromapUsageEXT &usage;
+    bool lossy;
+    const std::optional<MicromapSupport> &support;
+    const MicromapLimits *limits; // as the application sees them; null: unknown
+
+    [[nodiscard]] bool isTwoState() const { return usage.format == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT; }
+    [[nodiscard]] bool isFourState() const { return usage.format == VK_OPACITY_MICROMAP_FORMAT_4_STATE_EXT; }
+};
+
+Found unknownFormat(const Usage &c)
+{
+    return when(
+        !c.isTwoState() && !c.isFourState(),
+        [&] { return std::to_string(c.usage.format) + " is neither 2-state nor 4-state"; },
+        !c.support || c.support->takesUnknownFormats ? Tolerate : Reject);
+}
+
+Found aboveLevel(const Usage &c, uint32_t MicromapLimits::*level)
+{
+    const auto above = [&c](uint32_t most, Severity severity) {
+        return when(
+            c.usage.subdivisionLevel > most,
+            [&] { return std::to_string(c.usage.subdivisionLevel) + " is above the limit " + std::to_string(most); },
+            severity);
+    };
+    // The size of a micromap with such triangles is undefined.
+    const Found found = c.support ? above(c.support->limits.*level, c.usage.count == 0 ? Tolerate : Reject) : Found{};
+    return found || !c.limits ? found : above(c.limits->*level, Report);
+}
+Found aboveTwoStateLevel(const Usage &c)
+{
+    return c.isTwoState() && !c.lossy ? aboveLevel(c, &MicromapLimits::twoStateLevel) : Found{};
+}
+// Unknown formats count as 4-state.
+Found aboveFourStateLevel(const Usage &c)
+{
+    return !c.isTwoState() && !c.lossy ? aboveLevel(c, &MicromapLimits::fourStateLevel) : Found{};
+}
+
+constexpr Rule<Usage> kExtUsages[] = {
+    {"VUID-VkMicromapBuildInfoEXT-format-11652", Depends, "format", unknownFormat},
+    {"VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11654", Depends, "subdivisionLevel", aboveTwoStateLevel},
+    {"VUID-VkMicromapBuildInfoEXT-subdivisionLevel-11655", Depends, "subdivisionLevel", aboveFourStateLevel},
+};
+constexpr Rule<Usage> kAttachedUsages[] = {
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-format-11679", Report, "format", unknownFormat},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-subdivisionLevel-11680", Report, "subdivisionLevel",
+     aboveTwoStateLevel},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-subdivisionLevel-11681", Report, "subdivisionLevel",
+     aboveFourStateLevel},
+};
+constexpr Rule<Usage> kKhrUsages[] = {
+    {"VUID-VkMicromapUsageKHR-format-parameter", Depends, "format", unknownFormat},
+    // Lossy builds do not change 2-state triangles.
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-format-11712", Tolerate, "format",
+     [](const Usage &c) {
+         return when(c.lossy && c.isTwoState(), "it is 2-state; a lossy build takes 4-state triangles only");
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11565", Depends, "subdivisionLevel",
+     [](const Usage &c) { return c.lossy ? aboveLevel(c, &MicromapLimits::lossyLevel) : Found{}; }},
+    {"VUID-VkAccelerationStructureGeometryMicromapDataKHR-subdivisionLevel-11645", Depends, "subdivisionLevel",
+     aboveTwoStateLevel},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-subdivisionLevel-11564", Depends, "subdivisionLevel",
+     aboveFourStateLevel},
+};
+
+Found wrongArrays(const Build &c)
+{
+    const uint32_t arrays = c.build.usages.arrays();
+    return when(arrays != 1,
+                arrays == 0 ? "usageCountsCount is not 0, but neither pUsageCounts nor ppUsageCounts is given"
+                            : "both pUsageCounts and ppUsageCounts are given",
+                arrays == 0 ? Reject : Tolerate);
+}
+
+constexpr Rule<Build> kExtCounts[] = {
+    {"VUID-VkMicromapBuildInfoEXT-pUsageCounts-07516", Depends, "pUsageCounts", wrongArrays},
+};
+constexpr Rule<Build> kKhrCounts[] = {
+    {"VUID-VkAccelerationStructureGeometryMicromapDataKHR-pUsageCounts-11642", Depends, "pUsageCounts", wrongArrays},
+    {"VUID-VkAccelerationStructureGeometryMicromapDataKHR-count-11643", Tolerate, nullptr,
+     [](const Build &c) {
+         const uint64_t most =
+             c.device.validating ? c.device.khrLimits.mostTriangles : c.support()->limits.mostTriangles;
+         return when(c.triangles > most, [&] {
+             return "the usage counts add up to " + std::to_string(c.triangles) +
+                    " triangles, more than maxMicromapTriangles, " + std::to_string(most);
+         });
+     }},
+};
+
+Verdict checkUsages(const InputCheck &check, std::span<const Rule<Usage>> rules, const input::UsageCounts &usages,
+                    bool lossy, const std::optional<MicromapSupport> &support, const MicromapLimits &limits)
+{
+    Verdict verdict;
+    for (uint32_t i = 0; i < usages.size() && (verdict.accepted || check.device().validating); ++i) {
+        const Place place = check.place().element("pUsageCounts", i);
+        verdict &= check.at(place).check(
+            rules, Usage{usages[i], lossy, support, check.device().validating ? &limits : nullptr});
+    }
+    return verdict;
+}
+
+Verdict checkCounts(const InputCheck &check, const Build &c)
+{
+    Verdict verdict = check.check<Build>(c.build.khr ? std::span<const Rule<Build>>(kKhrCounts) : kExtCounts, c);
+    const bool lossy = c.build.khr && (c.build.flags & VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR) != 0;
+    if (verdict.accepted || check.device().validating)
+        verdict &=
+            checkUsages(check, c.build.khr ? std::span<const Rule<Usage>>(kKhrUsages) : kExtUsages, c.build.usages,
+                        lossy, c.support(), c.build.khr ? check.device().khrLimits : check.device().extLimits);
+    return verdict;
+}
+
+// ------------------------------------------------------------------------------------------ what is built
+
+constexpr Rule<Build> kExtInfo[] = {
+    {"VUID-VkMicromapBuildInfoEXT-sType-sType", Report, "sType",
+     [](const Build &c) {
+         return when(c.build.sType != VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT, [&] {
+             return std::to_string(c.build.sType) + " is not VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT, " +
+                    std::to_string(VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT);
+         });
+     }},
+    {"VUID-VkMicromapBuildInfoEXT-pNext-pNext", Report, "pNext",
+     [](const Build &c) { return when(c.build.hasChain, "it is not null; nothing extends this structure"); }},
+    {"VUID-VkMicromapBuildInfoEXT-type-parameter", Reject, "type",
+     [](const Build &c) {
+         return when(c.build.type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT &&
+                         (c.support() || c.build.type != kDisplacement),
+                     [&] { return std::to_string(c.build.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"; });
+     }},
+    {"VUID-VkMicromapBuildInfoEXT-flags-parameter", Tolerate, "flags",
+     [](const Build &c) {
+         return when((c.build.flags & ~kExtFlags) != 0, [&] { return hex(c.build.flags) + " has unknown bits"; });
+     }},
+};
+
+// There is no other mode.
+Found wrongMode(const Build &c)
+{
+    return when(!c.build.isBuild, "it is not VK_BUILD_MICROMAP_MODE_BUILD_EXT");
+}
+Found noTarget(const Build &c)
+{
+    return when(!c.build.target, "it is VK_NULL_HANDLE");
+}
+constexpr Rule<Build> kExtBuild[] = {
+    {"VUID-vkCmdBuildMicromapsEXT-mode-07462", Tolerate, "mode", wrongMode},
+    {"VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", Reject, "dstMicromap", noTarget},
+};
+constexpr Rule<RuleDevice> kHostBuilds[] = {
+    {"VUID-vkBuildMicromapsEXT-micromapHostCommands-07555", Reject, nullptr, lacksHostCommands},
+};
+constexpr Rule<Build> kExtHostBuild[] = {
+    {"VUID-vkBuildMicromapsEXT-mode-07462", Tolerate, "mode", wrongMode},
+    {"VUID-vkBuildMicromapsEXT-dstMicromap-07463", Reject, "dstMicromap", noTarget},
+};
+
+bool hasGeometryType(const Build &c)
+{
+    return c.build.geometry && c.build.geometry->geometryType == VK_GEOMETRY_TYPE_MICROMAP_KHR;
+}
+constexpr Rule<Build> kKhrInfo[] = {
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-micromap-11559", Depends, "type",
+     [](const Build &c) {
+         const bool missing = c.support() && !c.support()->exists;
+         return when(missing || !c.device.driver.enabled.khrFeature,
+                     "the feature VkPhysicalDeviceOpacityMicromapFeaturesKHR::micromap is not enabled",
+                     missing ? Reject : Tolerate);
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryCount-11560", Depends, "geometryCount",
+     [](const Build &c) {
+         return when(
+             c.build.geometries != 1,
+             [&] { return std::to_string(c.build.geometries) + "; a micromap has one geometry"; },
+             c.build.geometries > 1 ? Tolerate : Reject);
+     }},
+    {kArrays, Depends, "pGeometries",
+     [](const Build &c) {
+         return when(c.build.geometries > 0 && (!c.build.geometry || c.build.twoArrays),
+                     "not exactly one of pGeometries and ppGeometries is given", c.build.geometry ? Tolerate : Reject);
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11561", Depends, "pGeometries[0].geometryType",
+     [](const Build &c) {
+         return when(c.build.geometry && !hasGeometryType(c),
+                     "the geometry of a micromap is not of type VK_GEOMETRY_TYPE_MICROMAP_KHR",
+                     c.build.hasData ? Tolerate : Reject);
+     }},
+    {"VUID-VkAccelerationStructureGeometryKHR-flags-11569", Report, "pGeometries[0].flags",
+     [](const Build &c) {
+         return when(hasGeometryType(c) && c.build.geometry->flags != 0, "the geometry of a micromap has flags");
+     }},
+    {"VUID-VkAccelerationStructureGeometryKHR-micromap-11568", Reject, "pGeometries[0].pNext",
+     [](const Build &c) {
+         return when(hasGeometryType(c) && !c.build.hasData,
+                     "there is no VkAccelerationStructureGeometryMicromapDataKHR");
+     }},
+};
+constexpr Rule<Build> kKhrBuild[] = {
+    // The layer builds a micromap all the same.
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-type-11557", Tolerate, "type",
+     [](const Build &c) { return when(c.build.indirect, "a micromap cannot be built indirectly"); }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-11545", Tolerate, "mode",
+     [](const Build &c) { return when(!c.build.isBuild, "a micromap cannot be updated"); }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-11546", Report, "srcAccelerationStructure",
+     [](const Build &c) { return when(c.build.hasSource, "a micromap is built, but it is not VK_NULL_HANDLE"); }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11544", Report, "type",
+     [](const Build &c) {
+         return when(c.build.hasRanges && !c.build.indirect,
+                     "a micromap is built, but its element of ppBuildRangeInfos is not null");
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547", Reject, "dstAccelerationStructure",
+     [](const Build &c) {
+         return when(!c.target.exists || !c.target.canHoldMicromap(),
+                     "it is not a structure of this device that was created as OPACITY_MICROMAP or GENERIC");
+     }},
+};
+
+// ------------------------------------------------------------------------------------------ memory
+
+Found tooSmall(const Build &c)
+{
+    const VkDeviceSize size = c.target.size;
+    return when(
+        c.target.exists && size < c.build.needs.micromap,
+        [&] {
+            return "it was created with " + std::to_string(size) + " bytes; the build needs " +
+                   std::to_string(c.build.needs.micromap);
+        },
+        size < c.build.needs.written ? Reject : Report);
+}
+Found notBound(const Build &c)
+{
+    return isUnbound(c.device, c.target);
+}
+
+constexpr const char *kNull = "the address is null";
+Found noData(const Build &c)
+{
+    return when(c.build.data.deviceAddress == 0, kNull, c.ifRead(Reject));
+}
+Found noTriangles(const Build &c)
+{
+    return when(c.build.triangles.deviceAddress == 0, kNull, c.ifRead(Reject));
+}
+// That one of the two inputs breaks; `broken(address)`.
+template <typename Broken>
+const char *brokenInput(const Build &c, Broken broken)
+{
+    const bool data = broken(c.build.data.deviceAddress), triangles = broken(c.build.triangles.deviceAddress);
+    return data ? (triangles ? "data and triangleArray" : "data") : triangles ? "triangleArray" : nullptr;
+}
+Found misaligned(const Build &c, uint64_t alignment)
+{
+    const char *input = brokenInput(c, [&](VkDeviceAddress address) { return address % alignment != 0; });
+    return when(
+        input != nullptr,
+        [&] {
+            return std::string(input) + ", at " + hex(c.build.data.deviceAddress) + " and " +
+                   hex(c.build.triangles.deviceAddress) + ": not a multiple of " + std::to_string(alignment);
+        },
+        c.ifRead(Tolerate));
+}
+Found withoutUsage(const Build &c, VkFlags64 usage, const char *usageName)
+{
+    const auto lacks = [&](VkDeviceAddress address) { return lacksUsage(c.device, address, usage); };
+    const char *input = brokenInput(c, lacks);
+    return when(input != nullptr,
+                [&] { return std::string("the buffer of ") + input + " was created without " + usageName; });
+}
+
+bool needsScratch(const Build &c)
+{
+    return c.build.needs.scratch != 0;
+}
+Found noScratch(const Build &c)
+{
+    return when(needsScratch(c) && c.build.scratch.deviceAddress == 0, kNull, c.ifRead(Reject));
+}
+Found misalignedScratch(const Build &c)
+{
+    const VkDeviceAddress scratch = c.build.scratch.deviceAddress;
+    if (!needsScratch(c) || scratch == 0)
+        return {};
+    const uint64_t alignment = std::max<uint64_t>(c.device.scratchAlignment, kLeastScratchAlignment);
+    return when(
+        scratch % alignment != 0, [&] { return hex(scratch) + " is not a multiple of " + std::to_string(alignment); },
+        scratch % kLeastScratchAlignment != 0 ? c.ifRead(Reject) : Report);
+}
+Found scratchWithoutUsage(const Build &c)
+{
+    return when(needsScratch(c) &&
+                    lacksUsage(c.device, c.build.scratch.deviceAddress, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT),
+                "its buffer was created without VK_BUFFER_USAGE_STORAGE_BUFFER_BIT", Report);
+}
+Found smallScratch(const Build &c)
+{
+    const VkDeviceSize available = c.device.addresses.bytesFrom(c.build.scratch.deviceAddress);
+    return when(
+        available < c.build.needs.scratch,
+        [&] {
+            return "its buffer has " + std::to_string(available) + " bytes from there; the build needs " +
+                   std::to_string(c.build.needs.scratch);
+        },
+        c.ifRead(Reject));
+}
+
+// The shaders of the layer take 32 bits. Overlapping triangles are read as they are.
+Found wrongStride(const Build &c)
+{
+    const bool tooLarge = c.build.triangleStride > UINT32_MAX;
+    return when(
+        c.support() && c.triangles > 1 &&
+            (tooLarge || (!c.build.khr && c.build.triangleStride < sizeof(VkMicromapTriangleEXT))),
+        [&] {
+            return std::to_string(c.build.triangleStride) +
+                   (tooLarge ? " does not fit 32 bits" : " is less than the 8 bytes of a VkMicromapTriangleEXT");
+        },
+        tooLarge ? Reject : Tolerate);
+}
+constexpr const char *kStrideId = "VELLUM-micromap-stride";
+
+constexpr Rule<Build> kExtMemory[] = {
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07461", Depends, "dstMicromap", tooSmall},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Report, "dstMicromap", notBound},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Depends, "data", noData},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10897", Depends, "triangleArray", noTriangles},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07515", Report, nullptr, [](const Build &c) { return misaligned(c, 256); }},
+    {"VUID-vkCmdBuildMicromapsEXT-data-07510", Report, nullptr,
+     [](const Build &c) {
+         return withoutUsage(c, kExtInput, "VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT");
+     }},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07512", Depends, "scratchData", noScratch},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07514", Depends, "scratchData", misalignedScratch},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07511", Report, "scratchData", scratchWithoutUsage},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07509", Depends, "scratchData", smallScratch},
+    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+};
+constexpr Rule<Build> kExtHostMemory[] = {
+    {"VUID-vkBuildMicromapsEXT-pInfos-07461", Depends, "dstMicromap", tooSmall},
+    {"VUID-vkBuildMicromapsEXT-pInfos-07552", Reject, "dstMicromap",
+     [](const Build &c) { return when(!c.target.hostVisible, "its buffer is not bound to host-visible memory"); }},
+    {"VUID-vkBuildMicromapsEXT-pInfos-07553", Depends, "data", noData},
+    {"VUID-vkBuildMicromapsEXT-pInfos-07554", Depends, "triangleArray", noTriangles},
+    {"VUID-vkBuildMicromapsEXT-pInfos-07556", Report, "scratchData", noScratch},
+    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+};
+constexpr Rule<Build> kKhrMemory[] = {
+    {kTargetSizeId, Depends, "dstAccelerationStructure", tooSmall},
+    {kBound, Report, "dstAccelerationStructure", notBound},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550", Depends, nullptr,
+     [](const Build &c) {
+         const char *input = brokenInput(c, [](VkDeviceAddress address) { return address == 0; });
+         return when(
+             input != nullptr, [&] { return std::string(input) + ": the address is null"; }, c.ifRead(Reject));
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552", Depends, nullptr,
+     [](const Build &c) { return misaligned(c, 128); }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11551", Report, nullptr,
+     [](const Build &c) {
+         return withoutUsage(c, kKhrInput, "VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR");
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11554", Report, "triangleArray",
+     [](const Build &c) {
+         const VkDeviceAddress array = c.build.triangles.deviceAddress;
+         const VkDeviceSize available = array % 128 == 0 ? c.device.addresses.bytesFrom(array) : UINT64_MAX;
+         const uint64_t needed = c.build.triangleStride * c.triangles;
+         return when(available < needed, [&] {
+             return "its buffer has " + std::to_string(available) + " bytes from there; the build reads " +
+                    std::to_string(needed);
+         });
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261", Depends, "scratchData",
+     [](const Build &c) {
+         const Found found = noScratch(c);
+         return found ? found : scratchWithoutUsage(c);
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03710", Depends, "scratchData", misalignedScratch},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12258", Depends, "scratchData", smallScratch},
+    {"VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11646", Depends, "triangleArrayStride",
+     [](const Build &c) {
+         return when(
+             c.build.triangleStride < sizeof(VkMicromapTriangleKHR),
+             [&] { return std::to_string(c.build.triangleStride) + " is less than 8"; }, c.ifRead(Tolerate));
+     }},
+    {"VUID-VkAccelerationStructureGeometryMicromapDataKHR-triangleArrayStride-11647", Report, "triangleArrayStride",
+     [](const Build &c) {
+         return when(c.build.triangleStride % 4 != 0,
+                     [&] { return std::to_string(c.build.triangleStride) + " is not a multiple of 4"; });
+     }},
+    {kStrideId, Depends, "triangleArrayStride", wrongStride},
+};
+
+// ------------------------------------------------------------------------------------------ flags
+
+constexpr VkFlags kForMicromaps = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_COMPACTION_BIT_KHR |
+                                  VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR |
+                                  VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_BUILD_BIT_KHR |
+                                  VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
+constexpr VkFlags kUpdate = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR;
+constexpr VkFlags kDataUpdate = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
+constexpr VkFlags kDisable = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DISABLE_OPACITY_MICROMAPS_BIT_KHR;
+constexpr VkFlags kLossy = VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR;
+
+struct Flags {
+    VkFlags flags;
+    bool micromap; // the build is of one
+    const EnabledFeatures &enabled;
+};
+constexpr Rule<Flags> kFlags[] = {
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11558", Report, "flags",
+     [](const Flags &c) {
+         return when((c.flags & kUpdate) != 0 && (c.flags & kDataUpdate) != 0,
+                     "ALLOW_OPACITY_MICROMAP_UPDATE and ALLOW_OPACITY_MICROMAP_DATA_UPDATE are both set");
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11562", Tolerate, "flags",
+     [](const Flags &c) {
+         return when(c.micromap && (c.flags & ~kForMicromaps) != 0,
+                     [&] { return hex(c.flags) + " has bits that are not for micromaps"; });
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-11563", Report, "flags",
+     [](const Flags &c) {
+         return when(!c.micromap && (c.flags & kLossy) != 0,
+                     "MICROMAP_LOSSY is set for a structure that is not a micromap");
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11709", Report, "flags",
+     [](const Flags &c) {
+         return when(
+             (c.flags & kDataUpdate) != 0 && !c.enabled.extFeature,
+             "ALLOW_OPACITY_MICROMAP_DATA_UPDATE is set, the feature micromap of VK_EXT_opacity_micromap is not "
+             "enabled");
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11710", Report, "flags",
+     [](const Flags &c) {
+         return when((c.flags & kUpdate) != 0 && !c.enabled.anyFeature(),
+                     "ALLOW_OPACITY_MICROMAP_UPDATE is set, no feature micromap is enabled");
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-flags-11711", Report, "flags",
+     [](const Flags &c) {
+         return when((c.flags & kDisable) != 0 && !c.enabled.anyFeature(),
+                     "ALLOW_DISABLE_OPACITY_MICROMAPS is set, no feature micromap is enabled");
+     }},
+};
+
+// ------------------------------------------------------------------------------------------ other structures
+
+struct Structure {
+    const input::StructureBuild &build;
+    const RuleDevice &device;
+    ObjectFacts target{};
+    ObjectFacts source{}; // of an update
+};
+
+constexpr Rule<Structure> kStructure[] = {
+    // The driver does not know the handles of emulated and translated micromaps.
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter", Reject,
+     "dstAccelerationStructure",
+     [](const Structure &c) {
+         return when(!c.target.exists || c.target.isMicromap(),
+                     "it is not an acceleration structure of this device that the build can be of");
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Reject, nullptr,
+     [](const Structure &c) {
+         return when(!c.build.ranges.given() && !c.build.geometries.empty(),
+                     "the element of ppBuildRangeInfos is null, and the structure is not a micromap");
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-04630", Reject, "srcAccelerationStructure",
+     [](const Structure &c) {
+         return when(c.build.isUpdate() && !c.build.given->srcAccelerationStructure, "an update has no source");
+     }},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629", Reject, "srcAccelerationStructure",
+     [](const Structure &c) {
+         return when(c.build.isUpdate() && c.build.given->srcAccelerationStructure &&
+                         (!c.source.exists || c.source.isMicromap()),
+                     "it is not an acceleration structure of this device that can be updated");
+     }},
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790", Reject, "geometryCount",
+     [](const Structure &c) {
+         return when(c.build.geometries.size() != 1 && c.build.isTopLevel(), [&] {
+             return std::to_string(c.build.geometries.size()) + "; a top-level structure has one geometry";
+         });
+     }},
+};
+// Not of indirect builds.
+constexpr Rule<Structure> kDirectStructure[] = {
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-mode-04628", Report, "mode",
+     [](const Structure &c) {
+         return when(!c.build.isUpdate() && c.build.given->mode != VK_BUILD_ACCELERATION_STRUCTURE_MODE_BUILD_KHR,
+                     "it is neither BUILD nor UPDATE");
+     }},
+    {kBound, Report, "dstAccelerationStructure", [](const Structure &c) { return isUnbound(c.device, c.target); }},
+};
+constexpr Rule<Structure> kGeometries[] = {
+    {kArrays, Reject, "pGeometries",
+     [](const Structure &c) {
+         return when(std::ranges::any_of(c.build.geometries, [](const auto &geometry) { return !geometry.given; }),
+                     "geometryCount is not 0, but a geometry is a null pointer");
+     }},
+    // The driver does not know this type.
+    {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-geometryType-11707", Reject, "pGeometries",
+     [](const Structure &c) {
+         const auto found = std::ranges::find_if(c.build.geometries, [](const input::Geometry &geometry) {
+             return geometry.given && geometry.given->geometryType == VK_GEOMETRY_TYPE_MICROMAP_KHR;
+         });
+         return when(found != c.build.geometries.end(), [&] {
+             return "geometry " + std::to_string(found - c.build.geometries.begin()) +
+                    " is of type VK_GEOMETRY_TYPE_MICROMAP_KHR; the structure is not a micromap";
+         });
+     }},
+};
+
+// ------------------------------------------------------------------------------------------ attachments
+
+// The objects of a command.
+struct Objects {
+    const Facts &facts;
+    const std::unordered_set<uint64_t> &built; // micromaps that it builds
+};
+struct Attached {
+    const input::Attachment &attachment;
+    const Objects *objects; // null on the host
+
+    [[nodiscard]] bool indexed() const { return attachment.indexType != VK_INDEX_TYPE_NONE_KHR; }
+    // Bytes of an index; 0 for types that the extension does not take.
+    [[nodiscard]] uint32_t indexBytes() const
+    {
+        return attachment.indexType == VK_INDEX_TYPE_UINT8_EXT && !attachment.khr
+                   ? 0
+                   : input::indexBytes(attachment.indexType);
+    }
+};
+
+Found unneededIndices(const Attached &c)
+{
+    return when(!c.indexed() && c.attachment.indexBuffer.deviceAddress != 0,
+                "it is not null, although indexType is VK_INDEX_TYPE_NONE_KHR");
+}
+Found noIndices(const Attached &c)
+{
+    return when(c.indexBytes() != 0 && c.attachment.indexStride <= UINT32_MAX &&
+                    c.attachment.indexBuffer.deviceAddress == 0,
+                "the address is null, although there is an indexType");
+}
+Found wrongIndexType(const Attached &c)
+{
+    return when(c.indexed() && c.indexBytes() == 0,
+                [&] { return std::to_string(c.attachment.indexType) + " is not allowed here"; });
+}
+Found wrongIndexStride(const Attached &c)
+{
+    return when(c.indexBytes() != 0 && c.attachment.indexStride % c.indexBytes() != 0, [&] {
+        return std::to_string(c.attachment.indexStride) + " is not a multiple of " + std::to_string(c.indexBytes());
+    });
+}
+Found largeIndexStride(const Attached &c)
+{
+    return when(c.indexBytes() != 0 && c.attachment.indexStride > UINT32_MAX,
+                [&] { return std::to_string(c.attachment.indexStride) + " is above 2^32-1"; });
+}
+
+constexpr Rule<Attached> kExtAttachment[] = {
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10719", Report, "indexType", wrongIndexType},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10722", Report, "indexStride",
+     wrongIndexStride},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-indexType-10723", Report, "indexStride",
+     largeIndexStride},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-pUsageCounts-07335", Report, "pUsageCounts",
+     [](const Attached &c) {
+         return when(c.attachment.usages.arrays() > 1, "both pUsageCounts and ppUsageCounts are given");
+     }},
+};
+constexpr Rule<Attached> kExtDirectAttachment[] = {
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10905", Report, "indexBuffer", noIndices},
+};
+constexpr Rule<Attached> kExtIndirectAttachment[] = {
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905", Report, "indexBuffer", noIndices},
+};
+constexpr Rule<Attached> kKhrAttachment[] = {
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Report, "indexType", wrongIndexType},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexStride-11573", Report, "indexStride",
+     wrongIndexStride},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexStride-11574", Report, "indexStride",
+     largeIndexStride},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11571", Report, "indexBuffer",
+     unneededIndices},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11572", Report, "indexBuffer", noIndices},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-11579", Report, "micromap",
+     [](const Attached &c) {
+         return when(!c.indexed() && !c.attachment.micromap,
+                     "it is VK_NULL_HANDLE, and indexType is VK_INDEX_TYPE_NONE_KHR");
+     }},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter", Reject, "micromap",
+     [](const Attached &c) {
+         const auto wrong = [&] {
+             const ObjectFacts facts = c.objects->facts(c.attachment.micromap);
+             return !facts.exists || !facts.canHoldMicromap();
+         };
+         return when(c.attachment.micromap && wrong(), "it is not a micromap of this device");
+     }},
+    // The layer builds micromaps first, with a barrier.
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548", Tolerate, "micromap",
+     [](const Attached &c) {
+         return when(c.attachment.micromap && c.objects->built.contains(c.attachment.micromap.handle),
+                     "it is built by the same command");
+     }},
+};
+// The host builds no structures with micromaps of VK_KHR_opacity_micromap.
+constexpr Rule<Attached> kHostAttachment[] = {
+    {"VUID-vkBuildAccelerationStructuresKHR-pInfos-11705", Report, "micromap",
+     [](const Attached &c) {
+         return when(c.attachment.khr && c.attachment.micromap,
+                     "it is not VK_NULL_HANDLE; the host builds no structures with micromaps");
+     }},
+    {"VUID-vkBuildAccelerationStructuresKHR-pInfos-10892", Report, "indexBuffer",
+     [](const Attached &c) { return c.attachment.khr ? Found{} : unneededIndices(c); }},
+    {"VUID-vkBuildAccelerationStructuresKHR-pInfos-11821", Report, "indexBuffer",
+     [](const Attached &c) {
+         return when(!c.attachment.khr && c.indexed() && !c.attachment.indexBuffer.hostAddress,
+                     "it is null, although there is an indexType");
+     }},
+};
+
+// A structure of micromaps is in a chain once.
+Found repeated(const void *const &chain)
+{
+    constexpr VkStructureType kTypes[] = {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
+                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR,
+                                          VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR};
+    for (const VkStructureType type : kTypes) {
+        uint32_t count = 0;
+        for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
+            count += s->sType == type ? 1 : 0;
+        if (count > 1)
+            return {"a structure of type " + std::to_string(type) + " is in the chain " + std::to_string(count) +
+                    " times"};
+    }
+    return {};
+}
+constexpr Rule<const void *> kTriangles[] = {
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-sType-unique", Report, "pNext", repeated},
+};
+
+Verdict checkAttachment(const InputCheck &check, bool indirect, const input::Attachment &attachment,
+                        const Objects &objects)
+{
+    const Attached c{attachment, &objects};
+    if (attachment.khr)
+        return check.check<Attached>(kKhrAttachment, c);
+    if (!check.device().validating)
+        return {}; // all are reported only
+    Verdict verdict = check.check<Attached>(kExtAttachment, c);
+    verdict &= check.check<Attached>(
+        indirect ? std::span<const Rule<Attached>>(kExtIndirectAttachment) : kExtDirectAttachment, c);
+    if (attachment.micromap)
+        verdict &=
+            checkUsages(check, kAttachedUsages, attachment.usages, false, std::nullopt, check.device().extLimits);
+    return verdict;
+}
+
+// Calls checkOne(check, geometry) for each geometry of triangles, until one is not accepted.
+template <typename CheckOne>
+Verdict checkTriangles(const InputCheck &check, const input::StructureBuild &build, CheckOne checkOne)
+{
+    Verdict verdict;
+    for (uint32_t g = 0; g < build.geometries.size() && (verdict.accepted || check.device().validating); ++g) {
+        const input::Geometry &geometry = build.geometries[g];
+        if (!geometry.isTriangles() || (!geometry.attachment && !check.device().validating))
+            continue;
+        const Place element = check.place().element("pGeometries", g);
+        const Place triangles = element.member("geometry.triangles");
+        verdict &= checkOne(check.at(triangles), geometry);
+    }
+    return verdict;
+}
+
+// ------------------------------------------------------------------------------------------ queries of sizes
+
+struct Sizes {
+    bool micromap;
+    VkAccelerationStructureBuildTypeKHR type;
+    bool hasCounts, hasGeometries;
+};
+constexpr Rule<Sizes> kSizes[] = {
+    {"VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11612", Report, "pMaxPrimitiveCounts",
+     [](const Sizes &c) {
+         return when(!c.micromap && !c.hasCounts && c.hasGeometries, "it is null, and the structure is not a micromap");
+     }},
+    {"VUID-vkGetAccelerationStructureBuildSizesKHR-buildType-11614", Report, "buildType",
+     [](const Sizes &c) {
+         return when(c.micromap && c.type != VK_ACCELERATION_STRUCTURE_BUILD_TYPE_DEVICE_KHR,
+                     "micromaps are built on the device only");
+     }},
+    {"VUID-vkGetAccelerationStructureBuildSizesKHR-pMaxPrimitiveCounts-11613", Report, "pMaxPrimitiveCounts",
+     [](const Sizes &c) { return when(c.micromap && c.hasCounts, "it is not null, and the structure is a micromap"); }},
+};
+
+Verdict checkFlags(const InputCheck &check, VkFlags flags, bool micromap)
+{
+    return check.check<Flags>(kFlags, {flags, micromap, check.device().driver.enabled});
+}
+
+// What a build is of, and its usage counts. `countsKept`: it can be asked what the build needs.
+Verdict checkInfo(const InputCheck &check, const Build &c, bool &countsKept)
+{
+    Verdict verdict = check.check<Build>(c.build.khr ? std::span<const Rule<Build>>(kKhrInfo) : kExtInfo, c);
+    if (c.build.khr && (verdict.accepted || check.device().validating))
+        verdict &= checkFlags(check, c.build.flags, true);
+    countsKept = false;
+    if ((c.build.khr && !c.build.hasData) || (!verdict.accepted && !check.device().validating))
+        return verdict;
+    const Verdict counts = checkCounts(check, c);
+    countsKept = counts.kept || (counts.accepted && c.support());
+    verdict &= counts;
+    return verdict;
+}
+
+Verdict findNeeds(const InputCheck &check, input::MicromapBuild &build)
+{
+    const RuleDevice &device = check.device();
+    const auto needs = device.needs ? device.needs(build) : std::nullopt;
+    build.needs = needs.value_or(input::BuildNeeds{});
+    if (needs || !device.support(build.khr))
+        return {};
+    return check.report("VELLUM-micromap-too-large", "pUsageCounts", Reject,
+                        "they add up to more than 2^32 triangles or data units");
+}
+
+void checkBuild(const InputCheck &check, input::MicromapBuild &build, const ObjectFacts &target)
+{
+    const Build c{build, check.device(), target};
+    bool countsKept = false;
+    Verdict verdict = checkInfo(check, c, countsKept);
+    const auto goesOn = [&] { return verdict.accepted || check.device().validating; };
+    if (goesOn())
+        verdict &= check.check<Build>(build.khr    ? std::span<const Rule<Build>>(kKhrBuild)
+                                      : build.host ? std::span<const Rule<Build>>(kExtHostBuild)
+                                                   : kExtBuild,
+                                      c);
+    if (countsKept && target.exists && target.canHoldMicromap() && goesOn())
+        verdict &= findNeeds(check, build);
+    if (build.needs.micromap > 0 && goesOn())
+        verdict &= check.check<Build>(build.khr    ? std::span<const Rule<Build>>(kKhrMemory)
+                                      : build.host ? std::span<const Rule<Build>>(kExtHostMemory)
+                                                   : kExtMemory,
+                                      c);
+    build.accepted = verdict.accepted;
+}
+
+void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &build, const Objects &objects)
+{
+    Structure c{build, check.device(), objects.facts(build.given->dstAccelerationStructure)};
+    if (build.isUpdate())
+        c.source = objects.facts(build.given->srcAccelerationStructure);
+    Verdict verdict = checkFlags(check, build.given->flags, false);
+    const auto goesOn = [&] { return verdict.accepted || check.device().validating; };
+    verdict &= check.check<Structure>(kGeometries, c);
+    if (goesOn())
+        verdict &= check.check<Structure>(kStructure, c);
+    if (!indirect && goesOn())
+        verdict &= check.check<Structure>(kDirectStructure, c);
+    if (goesOn())
+        verdict &= checkTriangles(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
+            Verdict found = part.check<const void *>(kTriangles, geometry.given->geometry.triangles.pNext);
+            if (geometry.attachment)
+                found &= checkAttachment(part, indirect, *geometry.attachment, objects);
+            return found;
+        });
+    build.accepted = verdict.accepted;
+}
+
+} // namespace
+
+void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts,
+                 bool indirect)
+{
+    const bool allowed = !builds.host || InputCheck(device, command).check<RuleDevice>(kHostBuilds, device).accepted;
+    std::unordered_set<uint64_t> built;
+    for (input::MicromapBuild &build : builds.micromaps) {
+        const Place place = command.element("pInfos", build.element);
+        checkBuild(InputCheck(device, place, build.target), build, facts(build.target));
+        build.accepted = build.accepted && allowed;
+        if (!builds.structures.empty())
+            built.insert(build.target.handle);
+    }
+    for (input::StructureBuild &build : builds.structures) {
+        const Place place = command.element("pInfos", build.element);
+        checkBuild(InputCheck(device, place, build.given->dstAccelerationStructure), indirect, build, {facts, built});
+    }
+}
+
+void checkHostBuilds(const RuleDevice &device, const Place &command, input::Builds &builds)
+{
+    for (input::StructureBuild &build : builds.structures) {
+        const Place place = command.element("pInfos", build.element);
+        const InputCheck check(device, place, build.given->dstAccelerationStructure);
+        Verdict verdict = check.check<Structure>(kGeometries, {build, device});
+        verdict &= checkTriangles(check, build, [&](const InputCheck &part, const input::Geometry &geometry) {
+            return geometry.attachment ? part.check<Attached>(kHostAttachment, {*geometry.attachment, nullptr})
+                                       : Verdict{};
+        });
+        build.accepted = verdict.accepted;
+    }
+}
+
+void checkSizes(const RuleDevice &device, const Place &command, input::Builds &query)
+{
+    const Place place = command.member("pBuildInfo");
+    const InputCheck check(device, place);
+    for (input::MicromapBuild &build : query.micromaps) {
+        bool countsKept = false;
+        const ObjectFacts none;
+        const Build c{build, device, none};
+        Verdict verdict = checkInfo(check, c, countsKept);
+        if (verdict.accepted && c.support())
+            verdict &= findNeeds(check, build);
+        build.accepted = verdict.accepted;
+    }
+    for (input::StructureBuild &build : query.structures) {
+        Verdict verdict = checkFlags(check, build.given->flags, false);
+        verdict &= check.check<Structure>(kGeometries, {build, device});
+        build.accepted = verdict.accepted;
+    }
+}
+
+void checkSizeParameters(const RuleDevice &device, const Place &command, const input::Builds &query,
+                         VkAccelerationStructureBuildTypeKHR type, bool hasCounts)
+{
+    const bool hasGeometries = !query.structures.empty() && !query.structures[0].geometries.empty();
+    InputCheck(device, command).check<Sizes>(kSizes, {!query.micromaps.empty(), type, hasCounts, hasGeometries});
+}
+
+} // namespace vellum::layer::rules

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rules of copies of micromaps and acceleration structures, and of queries of their properties. Each check sets
+// whether the command is accepted.
+#pragma once
+
+#include "layer/input/copies.h"
+#include "layer/rules/rule.h"
+
+namespace vellum::layer::rules
+{
+
+struct CopyFacts {
+    ObjectFacts source, target;
+    bool sameMemory = false; // both begin at the same byte
+};
+void checkCopy(const InputCheck &check, input::Copy &copy, const CopyFacts &facts);
+void checkCopy(const InputCheck &check, input::SerializedCopy &copy, const ObjectFacts &object);
+
+struct PoolFacts {
+    bool known = true;
+    VkQueryType type = VK_QUERY_TYPE_MAX_ENUM; // of no pool
+    uint32_t count = 0;
+};
+// On the device.
+void checkQuery(const InputCheck &check, input::PropertyQuery &query, const PoolFacts &pool, const Facts &facts);
+// vkWriteMicromapsPropertiesEXT
+void checkHostQuery(const InputCheck &check, input::PropertyQuery &query, const Facts &facts);
+// The rule of bottom-level pointers, which only top-level structures have: what a structure holds is known later.
+inline constexpr const char *kTopLevelOnlyId =
+    "VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-12425";
+
+bool isMicromapQuery(VkQueryType type);
+bool isStructureQuery(VkQueryType type);
+
+} // namespace vellum::layer::rules

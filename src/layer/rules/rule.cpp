@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/rules/rule.h"
+
+#include <cinttypes>
+#include <cstdio>
+
+namespace vellum::layer
+{
+
+std::string hex(uint64_t number)
+{
+    char text[24];
+    std::snprintf(text, sizeof text, "0x%" PRIx64, number);
+    return text;
+}
+
+std::string RuleDevice::nameOf(ObjectHandle object) const
+{
+    const std::string name = driver.report().nameOf(object.handle);
+    return name.empty() ? hex(object.handle) : "\"" + name + "\" (" + hex(object.handle) + ")";
+}
+
+Found lacksHostCommands(const RuleDevice &device)
+{
+    return when(!device.driver.enabled.hostCommands, "the feature micromapHostCommands is not enabled");
+}
+
+Found isUnbound(const RuleDevice &device, const ObjectFacts &object)
+{
+    return when(object.unbound != VK_NULL_HANDLE,
+                [&] { return "the buffer " + device.nameOf(object.unbound) + " is not bound to device memory"; });
+}
+
+bool lacksUsage(const RuleDevice &device, VkDeviceAddress address, VkFlags64 usage)
+{
+    return device.addresses.find(address).buffer && !device.addresses.covering(address, 1, usage).buffer;
+}
+
+Verdict InputCheck::report(const char *id, const char *member, Severity severity, const std::string &text) const
+{
+    if (severity == Severity::Report && !device_.validating)
+        return {};
+    Reporter &reporter = device_.driver.report();
+    const bool tolerated = severity != Severity::Reject && !(severity == Severity::Tolerate && reporter.isStrict());
+    const std::string where = (member ? place_.member(member).text() : place_.text()) + ": ";
+    if (!tolerated || device_.validating)
+        reporter.error(id, where + text, object_.type, object_.handle);
+    else
+        reporter.warning(id, where + text + "; the layer goes on", object_.type, object_.handle);
+    return {.accepted = tolerated, .kept = false};
+}
+
+} // namespace vellum::layer

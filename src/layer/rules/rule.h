@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rules of the input of commands. A rule is a row of a table: its id, what the layer does if it is broken, the member
+// that it is about, and a function that finds the violation in a parsed value. Who validates evaluates all rows, and
+// the layer's implementation of micromaps below takes the result (input/checked.h); without validation the
+// implementation evaluates those rows that it depends on. Where micromaps are the driver's own, commands are passed on
+// whatever is found.
+#pragma once
+
+#include <concepts>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "layer/base/driver.h"
+#include "layer/input/builds.h"
+#include "layer/memory/address_map.h"
+#include "layer/rules/place.h"
+
+namespace vellum::layer
+{
+
+// What the layer's implementation does with a command that breaks a rule.
+enum class Severity : uint8_t {
+    Report,   // it does not matter: the rule is checked by validation only
+    Tolerate, // the command does no harm, and is carried out, as drivers do; with the setting `strict` it is rejected
+    Reject,   // it would damage memory, read wild addresses or has no meaning
+    Depends,  // the finding states which
+};
+
+// What breaks a rule, and what is expected; an empty text: nothing.
+struct Found {
+    std::string text;
+    Severity severity = Severity::Depends;
+    explicit operator bool() const { return !text.empty(); }
+};
+template <typename Text>
+Found when(bool broken, const Text &text, Severity severity = Severity::Depends)
+{
+    if (!broken)
+        return {};
+    if constexpr (std::invocable<Text>)
+        return {text(), severity};
+    else
+        return {text, severity};
+}
+
+// A rule of a value of type Case.
+template <typename Case>
+struct Rule {
+    const char *id; // as the specification has it, or an id of Vellum
+    Severity severity;
+    const char *member; // null: the place of the check
+    Found (*find)(const Case &);
+};
+
+// The limits of micromaps.
+struct MicromapLimits {
+    uint32_t twoStateLevel = 0;
+    uint32_t fourStateLevel = 0;
+    uint32_t lossyLevel = 0;    // VK_KHR_opacity_micromap
+    uint64_t mostTriangles = 0; // VK_KHR_opacity_micromap
+};
+// What the layer's implementation of micromaps can build.
+struct MicromapSupport {
+    MicromapLimits limits;
+    bool takesUnknownFormats = false;
+    bool exists = true; // false: the device has no micromaps, and uses the layer for addresses alone
+};
+
+// A device, as rules see it.
+struct RuleDevice {
+    const Driver &driver;
+    const AddressMap &addresses;
+    // Null where micromaps of that extension are the driver's own.
+    std::optional<MicromapSupport> ext{}, khr{};
+    // What a build of a micromap needs; nullopt: it cannot be counted.
+    std::function<std::optional<input::BuildNeeds>(const input::MicromapBuild &)> needs{};
+    // The content of an acceleration structure, as the layer's implementation knows it; GENERIC: unknown.
+    std::function<VkAccelerationStructureTypeKHR(ObjectHandle)> content{};
+
+    // The rest is for validation: all rules are evaluated.
+    bool validating = false;
+    MicromapLimits extLimits{}, khrLimits{}; // as the application sees them
+    uint32_t scratchAlignment = 0;           // 0: unknown
+
+    [[nodiscard]] const std::optional<MicromapSupport> &support(bool isKhr) const { return isKhr ? khr : ext; }
+    // How messages name an object: its name in quotes, if it has one, and its handle.
+    [[nodiscard]] std::string nameOf(ObjectHandle object) const;
+};
+
+std::string hex(uint64_t number);
+
+// --- violations of rules that several commands have ---
+Found lacksHostCommands(const RuleDevice &device);
+Found isUnbound(const RuleDevice &device, const ObjectFacts &object);
+// The buffers at the address have no such usage. Unknown addresses are not checked.
+bool lacksUsage(const RuleDevice &device, VkDeviceAddress address, VkFlags64 usage);
+
+namespace rules
+{
+// The facts of an object that a command names.
+using Facts = std::function<ObjectFacts(ObjectHandle)>;
+} // namespace rules
+
+// The result of a check.
+struct Verdict {
+    bool accepted = true; // the layer's implementation carries the command out
+    bool kept = true;     // no rule is broken
+
+    void operator&=(const Verdict &other)
+    {
+        accepted = accepted && other.accepted;
+        kept = kept && other.kept;
+    }
+};
+
+// Checks the input at one place of a command.
+class InputCheck
+{
+public:
+    // `object`: the object that messages are about.
+    InputCheck(const RuleDevice &device, const Place &place, ObjectHandle object = {})
+        : device_(device), place_(place), object_(object)
+    {
+    }
+    [[nodiscard]] const RuleDevice &device() const { return device_; }
+    [[nodiscard]] const Place &place() const { return place_; }
+    // The check of a part, whose place must outlive it.
+    [[nodiscard]] InputCheck at(const Place &place) const { return {device_, place, object_}; }
+
+    // Evaluates rows, without validation up to the first that rejects.
+    template <typename Case>
+    Verdict check(std::span<const Rule<std::type_identity_t<Case>>> rules, const Case &input) const
+    {
+        Verdict verdict;
+        for (const Rule<Case> &rule : rules) {
+            if (rule.severity == Severity::Report && !device_.validating)
+                continue;
+            if (const Found found = rule.find(input))
+                verdict &= report(rule.id, rule.member,
+                                  rule.severity == Severity::Depends ? found.severity : rule.severity, found.text);
+            if (!verdict.accepted && !device_.validating)
+                break;
+        }
+        return verdict;
+    }
+    // Reports a violation.
+    Verdict report(const char *id, const char *member, Severity severity, const std::string &text) const;
+
+private:
+    const RuleDevice &device_;
+    const Place &place_;
+    ObjectHandle object_;
+};
+
+} // namespace vellum::layer

@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layer/validation/rules/build_rules.h"
+
+#include <algorithm>
+#include <span>
+
+#include "layer/rules/builds.h"
+#include "layer/validation/rules/implicit_rules.h"
+
+namespace vellum::layer
+{
+namespace
+{
+
+// --- Memory of the builds of one command ---
+
+// The memory that one build writes.
+struct BuildMemory {
+    uint32_t element = 0;
+    ObjectHandle target;
+    MemoryRange targetRange;
+    MemoryRange scratchRange;
+};
+// Rules for the memory of several builds by one command.
+struct OverlapIds {
+    const char *sameTarget; // null: as targets
+    const char *targets;
+    const char *targetAndScratch;
+    const char *scratches;
+};
+constexpr OverlapIds kMicromaps{nullptr, "VUID-vkCmdBuildMicromapsEXT-dstMicromap-11649",
+                                "VUID-vkCmdBuildMicromapsEXT-dstMicromap-11650",
+                                "VUID-vkCmdBuildMicromapsEXT-scratchData-11651"};
+constexpr OverlapIds kHostMicromaps{nullptr, "VUID-vkBuildMicromapsEXT-dstMicromap-11667", nullptr, nullptr};
+constexpr OverlapIds kStructures{"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03698",
+                                 "VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03702",
+                                 "VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-03703",
+                                 "VUID-vkCmdBuildAccelerationStructuresKHR-scratchData-03704"};
+
+BuildMemory memoryOf(const DeviceModel &device, const input::MicromapBuild &build)
+{
+    // Nothing is known of a build with another mistake. Scratch memory of the host is not in a buffer.
+    if (build.needs.micromap == 0)
+        return {build.element, build.target, {}, {}};
+    return {build.element, build.target, memoryOf(device.objects.structureOf(build.target).get(), build.needs.micromap),
+            build.host ? MemoryRange{} : memoryAt(device, build.scratch.deviceAddress, build.needs.scratch)};
+}
+
+// The first byte of each: builds of other structures need sizes that depend on their input.
+BuildMemory memoryOf(const DeviceModel &device, const input::StructureBuild &build)
+{
+    const ObjectHandle target = build.given->dstAccelerationStructure;
+    return {build.element, target, memoryOf(device.objects.structureOf(target).get(), 1),
+            memoryAt(device, build.given->scratchData.deviceAddress, 1)};
+}
+
+void checkOverlaps(const RuleCheck &command, std::span<const BuildMemory> builds, const OverlapIds &ids)
+{
+    struct Piece {
+        MemoryRange range;
+        uint32_t build;
+        bool scratch;
+    };
+    std::vector<Piece> pieces;
+    for (uint32_t i = 0; i < builds.size(); ++i) {
+        if (builds[i].targetRange.memory)
+            pieces.push_back({builds[i].targetRange, i, false});
+        if (builds[i].scratchRange.memory)
+            pieces.push_back({builds[i].scratchRange, i, true});
+    }
+    std::ranges::sort(pieces, [](const Piece &a, const Piece &b) {
+        return std::tie(a.range.memory, a.range.begin, a.build) < std::tie(b.range.memory, b.range.begin, b.build);
+    });
+    for (size_t p = 0; p < pieces.size(); ++p) {
+        for (size_t q = p + 1; q < pieces.size() && pieces[p].range.overlaps(pieces[q].range); ++q) {
+            const Piece &one = pieces[p].build > pieces[q].build ? pieces[p] : pieces[q];
+            const Piece &other = pieces[p].build > pieces[q].build ? pieces[q] : pieces[p];
+            const bool bothTargets = !one.scratch && !other.scratch;
+            const bool same = bothTargets && builds[one.build].target.handle == builds[other.build].target.handle;
+            const char *id = same && ids.sameTarget         ? ids.sameTarget
+                             : bothTargets                  ? ids.targets
+                             : one.scratch && other.scratch ? ids.scratches
+                                                            : ids.targetAndScratch;
+            const Place place = command.place().element("pInfos", builds[one.build].element);
+            command.at(place).fault(id, std::string(one.scratch ? "scratchData" : "the target") +
+                                            " overlaps in memory " + (other.scratch ? "scratchData" : "the target") +
+                                            " of pInfos[" + std::to_string(builds[other.build].element) + "]");
+        }
+    }
+}
+
+// Micromaps that geometries attach, against the targets of the other builds.
+void checkAttachedMemory(const RuleCheck &command, const input::StructureBuild &build,
+                         std::span<const BuildMemory> builds)
+{
+    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
+        const auto &attachment = build.geometries[g].attachment;
+        if (!attachment || !attachment->khr || !attachment->micromap)
+            continue;
+        const MemoryRange memory = memoryOf(command.device().objects.structureOf(attachment->micromap).get(), 1);
+        for (const BuildMemory &other : builds) {
+            const bool same = other.target.handle == attachment->micromap.handle; // another rule
+            if (other.element == build.element || same || !memory.overlaps(other.targetRange))
+                continue;
+            const Place place = command.place().element("pInfos", other.element);
+            command.at(place).fault("dstAccelerationStructure",
+                                    "VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11549",
+                                    "it overlaps in memory the micromap of pInfos[" + std::to_string(build.element) +
+                                        "].pGeometries[" + std::to_string(g) + "]");
+        }
+    }
+}
+
+// --- What attached micromaps hold ---
+
+struct ContentIds {
+    const char *ext, *khr; // the micromap is constructed
+    const char *isMicromap;
+};
+constexpr ContentIds kContentIds[] = {{"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632",
+                                       "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11701",
+                                       "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11624"},
+                                      {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11632",
+                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11701",
+                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11624"}};
+
+// A structure of VK_KHR_opacity_micromap may hold something that is not a micromap.
+void checkIsMicromap(const RuleCheck &check, const char *vuid, const std::shared_ptr<ValidatedStructure> &micromap)
+{
+    check.whenExecuted(vuid, [&device = check.device(), micromap]() -> std::string {
+        const auto contents = micromap->contents;
+        if (!contents || contents->deserialized ||
+            contents->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
+            return {};
+        return "the structure " + device.nameOf(micromap->handle) + " was not built as a micromap";
+    });
+}
+
+void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input::StructureBuild &build)
+{
+    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
+        const auto &attachment = build.geometries[g].attachment;
+        const auto micromap = attachment ? check.device().objects.structureOf(attachment->micromap) : nullptr;
+        if (!micromap)
+            continue;
+        const Place element = check.place().element("pGeometries", g);
+        const Place place = element.member("geometry.triangles");
+        checkConstructed(check.at(place), micromap, attachment->khr ? ids.khr : ids.ext);
+        if (attachment->khr)
+            checkIsMicromap(check.at(place), ids.isMicromap, micromap);
+    }
+}
+
+// --- Updates ---
+
+struct UpdateIds {
+    const char *keepsMicromap, *keepsNull, *addsNone, *sameMicromap;
+};
+constexpr UpdateIds kUpdateIds[] = {{"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625",
+                                     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11626",
+                                     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11627",
+                                     "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11629"},
+                                    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11625",
+                                     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11626",
+                                     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11627",
+                                     "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-micromap-11629"}};
+constexpr VkFlags kReplaces = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_BIT_KHR |
+                              VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_DATA_UPDATE_EXT;
+
+// What an update gives a geometry of triangles.
+struct UpdatedGeometry {
+    bool attaches = false;
+    std::shared_ptr<ValidatedStructure> micromap;
+    ObjectHandle handle;
+};
+
+// The rule that an update of a geometry breaks, and what is wrong; null if it breaks none.
+const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now, bool replaces, const UpdateIds &ids,
+                     std::string &text)
+{
+    if (!before.hasMicromap) {
+        text = "the geometry was built without a micromap; the update attaches one";
+        return now.attaches ? ids.addsNone : nullptr;
+    }
+    if (!before.khr)
+        return nullptr;
+    if (before.micromapHandle.handle == 0) {
+        text = "the geometry was built with VK_NULL_HANDLE as its micromap; the update differs";
+        return !now.attaches || now.handle.handle != 0 ? ids.keepsNull : nullptr;
+    }
+    text = "the geometry was built with a micromap; the update has none";
+    if (!now.attaches || now.handle.handle == 0)
+        return ids.keepsMicromap;
+    text = "the update attaches another micromap, which the flags of the build do not allow";
+    return !replaces && before.micromap.lock() != now.micromap ? ids.sameMicromap : nullptr;
+}
+
+void checkGeometryUpdate(const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source, uint32_t g,
+                         const UpdatedGeometry &now, const UpdateIds &ids)
+{
+    check.whenExecuted([&device = check.device(), place = check.place().text(), source, g, now, &ids] {
+        const auto contents = source->contents;
+        if (!contents || contents->deserialized || g >= contents->geometries.size())
+            return;
+        std::string text;
+        if (const char *vuid = brokenBy(contents->geometries[g], now, (contents->flags & kReplaces) != 0, ids, text))
+            device.fault(place, vuid, text, source->handle);
+    });
+}
+
+// An update, against what the source holds when the command is executed.
+void checkUpdate(const RuleCheck &check, const UpdateIds &ids, const input::StructureBuild &build)
+{
+    const auto source = check.device().objects.structureOf(build.given->srcAccelerationStructure);
+    if (!build.isUpdate() || !source)
+        return;
+    for (uint32_t g = 0; g < build.geometries.size(); ++g) {
+        const input::Geometry &geometry = build.geometries[g];
+        if (!geometry.isTriangles() || (geometry.attachment && !geometry.attachment->khr))
+            continue;
+        UpdatedGeometry now;
+        if (geometry.attachment)
+            now = {true, check.device().objects.structureOf(geometry.attachment->micromap),
+                   geometry.attachment->micromap};
+        const Place place = check.place().element("pGeometries", g);
+        checkGeometryUpdate(check.at(place), source, g, now, ids);
+    }
+}
+
+const char *nameOf(BuildCommand command)
+{
+    switch (command) {
+    case BuildCommand::Micromaps: return "vkCmdBuildMicromapsEXT";
+    case BuildCommand::HostMicromaps: return "vkBuildMicromapsEXT";
+    case BuildCommand::Structures: return "vkCmdBuildAccelerationStructuresKHR";
+    case BuildCommand::IndirectStructures: break;
+    }
+    return "vkCmdBuildAccelerationStructuresIndirectKHR";
+}
+
+} // namespace
+
+void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildCommand command, input::Builds &builds)
+{
+    const bool indirect = command == BuildCommand::IndirectStructures;
+    const Place place(nameOf(command));
+    rules::checkBuilds(
+        device.state.rules, place, builds, [&device](ObjectHandle handle) { return device.factsOf(handle); }, indirect);
+    if (!device.checks.core)
+        return;
+    if (command == BuildCommand::Micromaps && !device.driver.enabled.extFeature)
+        device.fault(place, "VUID-vkCmdBuildMicromapsEXT-micromap-11648", "the feature micromap is not enabled",
+                     commandBuffer);
+    if (command == BuildCommand::Micromaps || command == BuildCommand::HostMicromaps)
+        checkCount(device, nameOf(command), "infoCount", static_cast<uint32_t>(builds.micromaps.size()),
+                   command == BuildCommand::Micromaps ? "VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength"
+                                                      : "VUID-vkBuildMicromapsEXT-infoCount-arraylength");
+    for (const input::StructureBuild &build : builds.structures) {
+        const Place element = place.element("pInfos", build.element);
+        const RuleCheck check(device, element, build.given->dstAccelerationStructure, commandBuffer);
+        checkAttachments(check, kContentIds[indirect ? 1 : 0], build);
+        checkUpdate(check, kUpdateIds[indirect ? 1 : 0], build);
+    }
+    if (indirect || builds.micromaps.size() + builds.structures.size() < 2)
+        return;
+    std::vector<BuildMemory> memory;
+    for (const input::MicromapBuild &build : builds.micromaps)
+        memory.push_back(memoryOf(device, build));
+    for (const input::StructureBuild &build : builds.structures)
+        memory.push_back(memoryOf(device, build));
+    std::ranges::sort(memory, {}, &BuildMemory::element);
+    const RuleCheck check(device, place, commandBuffer, commandBuffer);
+    for (const input::StructureBuild &build : builds.structures)
+        checkAttachedMemory(check, build, memory);
+    if (!builds.micromaps.empty())
+        checkOverlaps(check, memory,
+                      command == BuildCommand::Structures  ? kStructures
+                      : command == BuildCommand::Micromaps ? kMicromaps
+                                                           : kHostMicromaps);
+}
+
+} // namespace vellum::layer
