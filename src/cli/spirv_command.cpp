@@ -12,9 +12,8 @@
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
-#include "cli/spirv/module_file.h"
+#include "cli/spirv/modules.h"
 #include "cli/spirv/report.h"
-#include "cli/spirv/stages.h"
 #include "core/utf8_path.h"
 #include "spirv/rewrite.h"
 

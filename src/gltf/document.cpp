@@ -2,7 +2,7 @@
 #include "gltf/document.h"
 
 #include "core/utf8_path.h"
-#include "gltf/file/outside_file.h"
+#include "gltf/file/uri.h"
 #include "base/text.h"
 
 namespace vellum

@@ -4,7 +4,7 @@
 
 #include "core/portable_math.h"
 #include "gltf/data/image.h"
-#include "gltf/file/outside_file.h"
+#include "gltf/file/uri.h"
 #include "base/text.h"
 #include "gltf/primitive.h"
 

@@ -7,7 +7,6 @@
 
 #include "gltf/alpha_textures.h"
 #include "gltf/data/accessor.h"
-#include "gltf/matrix.h"
 #include "gltf/pose.h"
 #include "gltf/scene.h"
 

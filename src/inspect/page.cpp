@@ -11,7 +11,7 @@
 #include "base/picture.h"
 #include "base/text.h"
 #include "inspect/tally.h"
-#include "gltf/file/outside_file.h"
+#include "gltf/file/uri.h"
 #include "inspect/mesh_picture.h"
 #include "inspect/page_data.h"
 #include "inspect/page_files.h"

@@ -8,7 +8,7 @@
 #include "glb_file.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_tree.h"
-#include "gltf/file/relative_uri.h"
+#include "gltf/file/uri.h"
 #include "gltf/micromaps/file_bake.h"
 #include "gltf/micromaps/stored_micromaps.h"
 #include "gltf/primitive.h"

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "base/json_writer.h"
-#include "gltf/file/outside_file.h"
+#include "gltf/file/uri.h"
 #include "inspect/page_data.h"
 #include "inspect/tally.h"
 #include "made_up_file.h"

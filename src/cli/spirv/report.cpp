@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include "base/text.h"
-#include "cli/spirv/stages.h"
+#include "cli/spirv/modules.h"
 #include "inspect/report_parts.h"
 
 namespace vellum::cli

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/spirv/lint.h"
+#include "cli/spirv/modules.h"
 
 namespace vellum::cli
 {

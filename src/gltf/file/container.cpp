@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/file/container.h"
 
+#include <cstring>
 #include <tuple>
 
-#include "gltf/file/glb.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/outside_file.h"
+#include "gltf/file/uri.h"
 
 namespace vellum
 {
@@ -103,6 +103,24 @@ Container findContainer(std::vector<uint8_t> file)
     }
     checkStructure(container.json());
     return container;
+}
+
+uint32_t glbWord(std::span<const uint8_t> bytes, size_t offset)
+{
+    uint32_t word = 0;
+    std::memcpy(&word, bytes.data() + offset, sizeof word);
+    return word;
+}
+
+std::optional<GlbChunk> firstGlbChunk(std::span<const uint8_t> chunks)
+{
+    if (chunks.size() < kGlbChunkHeaderBytes)
+        return std::nullopt;
+    const size_t length = glbWord(chunks, 0);
+    const auto content = chunks.subspan(kGlbChunkHeaderBytes);
+    if (length > content.size())
+        return std::nullopt;
+    return GlbChunk{glbWord(chunks, 4), content.first(length), content.subspan(length)};
 }
 
 } // namespace vellum

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gltf/file/json_edit.h"
 
-#include "gltf/file/gltf_error.h"
 #include "base/json_writer.h"
+#include "gltf/file/gltf_error.h"
 
 namespace vellum
 {

@@ -3,9 +3,9 @@
 
 #include <limits>
 
-#include "gltf/file/glb.h"
+#include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
-#include "gltf/file/outside_file.h"
+#include "gltf/file/uri.h"
 
 namespace vellum::gltf_json
 {

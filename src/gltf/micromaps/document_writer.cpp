@@ -10,11 +10,10 @@
 #include "base/text.h"
 #include "core/align.h"
 #include "core/hash.h"
-#include "gltf/file/glb.h"
+#include "gltf/file/container.h"
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/json_edit.h"
-#include "gltf/file/outside_file.h"
-#include "gltf/file/relative_uri.h"
+#include "gltf/file/uri.h"
 
 namespace vellum
 {

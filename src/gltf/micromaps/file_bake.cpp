@@ -8,7 +8,7 @@
 #include "gltf/file/gltf_error.h"
 #include "gltf/file/input_file.h"
 #include "gltf/file/output_files.h"
-#include "gltf/file/relative_uri.h"
+#include "gltf/file/uri.h"
 #include "gltf/micromaps/document_writer.h"
 
 namespace vellum

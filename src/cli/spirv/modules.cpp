@@ -1,14 +1,86 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/spirv/lint.h"
+#include "cli/spirv/modules.h"
 
 #include <algorithm>
+#include <cstring>
+#include <iterator>
 
-#include "cli/spirv/stages.h"
+#include "base/error.h"
+#include "cli/base/files.h"
+#include "core/utf8_path.h"
 #include "spirv/module/micromap_mode.h"
+#include "spirv/module/module.h"
+#include "spirv/module/numbers.h"
 #include "spirv/rewrite.h"
 
 namespace vellum::cli
 {
+std::vector<uint32_t> readModule(const std::filesystem::path &path)
+{
+    std::vector<uint8_t> bytes;
+    if (isStandardStream(path)) {
+        bytes = readStdin();
+    } else {
+        const std::string file = readFile(path);
+        bytes.assign(file.begin(), file.end());
+    }
+    std::vector<uint32_t> words(bytes.size() / 4);
+    std::memcpy(words.data(), bytes.data(), words.size() * 4);
+    if (bytes.size() % 4 != 0)
+        throw Error(utf8Text(path) + ": not SPIR-V: its size is no multiple of 4 bytes");
+    if (const std::string error = structureError(words); !error.empty())
+        throw Error(utf8Text(path) + ": malformed SPIR-V: " + error);
+    return words;
+}
+
+std::string structureError(std::span<const uint32_t> words)
+{
+    std::string error;
+    return spirv::Module::parse(words, error) ? std::string() : error;
+}
+
+std::string stageName(uint32_t model)
+{
+    static constexpr struct {
+        uint32_t model;
+        const char *name;
+    } kNames[] = {
+        {spv::ExecutionModelVertex, "vertex"},
+        {spv::ExecutionModelTessellationControl, "tessellation control"},
+        {spv::ExecutionModelTessellationEvaluation, "tessellation evaluation"},
+        {spv::ExecutionModelGeometry, "geometry"},
+        {spv::ExecutionModelFragment, "fragment"},
+        {spv::ExecutionModelGLCompute, "compute"},
+        {spv::ExecutionModelKernel, "kernel"},
+        {spv::ExecutionModelTaskNV, "task"},
+        {spv::ExecutionModelMeshNV, "mesh"},
+        {spv::ExecutionModelTaskEXT, "task"},
+        {spv::ExecutionModelMeshEXT, "mesh"},
+        {spv::ExecutionModelRayGenerationKHR, "raygen"},
+        {spv::ExecutionModelIntersectionKHR, "intersection"},
+        {spv::ExecutionModelAnyHitKHR, "any-hit"},
+        {spv::ExecutionModelClosestHitKHR, "closest-hit"},
+        {spv::ExecutionModelMissKHR, "miss"},
+        {spv::ExecutionModelCallableKHR, "callable"},
+    };
+    const auto *found = std::ranges::find_if(kNames, [=](const auto &entry) { return entry.model == model; });
+    return found == std::end(kNames) ? "execution model " + std::to_string(model) : found->name;
+}
+
+std::span<const PipelineRole> pipelineRoles()
+{
+    static constexpr PipelineRole kRoles[] = {
+        {"raygen", spv::ExecutionModelRayGenerationKHR, spirv::Prologue::None},
+        {"any-hit", spv::ExecutionModelAnyHitKHR, spirv::Prologue::TriangleHits},
+        {"any-hit-box", spv::ExecutionModelAnyHitKHR, spirv::Prologue::BoxHits},
+        {"intersection", spv::ExecutionModelIntersectionKHR, spirv::Prologue::BoxCulling},
+        {"closest-hit", spv::ExecutionModelClosestHitKHR, spirv::Prologue::None},
+        {"miss", spv::ExecutionModelMissKHR, spirv::Prologue::None},
+        {"callable", spv::ExecutionModelCallableKHR, spirv::Prologue::None},
+    };
+    return kRoles;
+}
+
 namespace
 {
 

@@ -1,16 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
-// What has no effect or cannot work in a module: in its use of micromaps, and where they are emulated.
+// SPIR-V modules of `vellum spirv`: files and streams of them, their stages, and what has no effect or cannot work in
+// them.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "spirv/module/micromap_mode.h"
+#include "spirv/rewrite.h"
 
 namespace vellum::cli
 {
+
+// Reads a module, from stdin for "-", and checks its structure. Throws Error.
+std::vector<uint32_t> readModule(const std::filesystem::path &path);
+
+// What is wrong with the structure of a module; empty if nothing is.
+std::string structureError(std::span<const uint32_t> words);
+
+inline std::span<const uint8_t> bytesOf(std::span<const uint32_t> words)
+{
+    return {reinterpret_cast<const uint8_t *>(words.data()), words.size_bytes()};
+}
+
+// "compute", "any-hit"
+std::string stageName(uint32_t model);
+
+// What a shader is rewritten as in a ray tracing pipeline that uses micromaps.
+struct PipelineRole {
+    const char *name;
+    uint32_t model;
+    spirv::Prologue prologue;
+};
+std::span<const PipelineRole> pipelineRoles();
 
 struct LintFinding {
     enum class Kind {
