@@ -7,4 +7,6 @@ target_compile_options(vellum_warnings INTERFACE
   # `{VK_STRUCTURE_TYPE_...}` leaves the rest of a Vulkan structure zero on purpose.
   -Wno-missing-field-initializers
   # GCC's optimizer finds these in strings of its own library where that comes from a precompiled header.
-  $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds;-Wno-restrict;-Wno-stringop-overflow;-Wno-stringop-overread>)
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds;-Wno-restrict;-Wno-stringop-overflow;-Wno-stringop-overread>
+  # A class that a .cpp file defines may have members of types of its anonymous namespace. In a batch, such a file is included.
+  $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-subobject-linkage>)
