@@ -13,7 +13,7 @@ struct BenchOptions {
     double seconds = 180; // of all parts together
     double timeout = 60;  // without progress, after which a part counts as hung
     bool force = false;   // replaces any file
-    bool worker = false;  // a process of another one
+    std::string worker;   // a process of another one: its part, for who reads lists of processes
 };
 
 // Measures, prints the verdict on stdout, and writes the report. Returns the exit code.

@@ -55,8 +55,8 @@ std::function<int()> declareBenchCommand(CLI::App &app)
         .add_option("--timeout", options->timeout,
                     "Seconds without progress, after which a part counts as hung and is ended; a slow one goes on [60]")
         ->check(between(0.1, 86400));
-    command.add_flag("--worker", options->worker, "")->group(""); // for its own processes
-    return [options] { return options->worker ? runPartWorker(options->device) : benchCommand(*options); };
+    command.add_option("--worker", options->worker, "")->group(""); // for its own processes
+    return [options] { return !options->worker.empty() ? runPartWorker(options->device) : benchCommand(*options); };
 }
 
 } // namespace vellum::cli

@@ -234,7 +234,7 @@ TEST_P(CompilerBaker, ShadersOfTheBaker)
 
 TEST_P(Compiler, ShadersOfTheRenderer)
 {
-    for (const ModuleFile &module : modulesIn(fs::path(VELLUM_TEST_BUILD) / "src/cli/shaders")) {
+    for (const ModuleFile &module : modulesIn(fs::path(VELLUM_TEST_BUILD) / "src/render/shaders")) {
         // Declares what only a device with VK_KHR_opacity_micromap knows.
         if (module.name.ends_with("_micromaps") && GetParam().api != vt::Api::Khr)
             continue;

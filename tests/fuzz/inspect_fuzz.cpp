@@ -14,7 +14,7 @@ using namespace vellum::test;
 namespace
 {
 
-void inspect(const Document &document, const DocumentBakeOptions *bake)
+void inspectDocument(const Document &document, const DocumentBakeOptions *bake)
 {
     try {
         const inspect::InspectedFile file = inspect::inspectFile(document, {}, bake);
@@ -47,12 +47,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     try {
         const Document document(file.path());
         verifyBaked(document);
-        inspect(document, nullptr);
+        inspectDocument(document, nullptr);
         DocumentBakeOptions bake;
         bake.bake.maxLevel = 2;
         bake.bake.threads = 1;
         bake.blend = true;
-        inspect(document, &bake);
+        inspectDocument(document, &bake);
     } catch (const GltfError &error) {
         FUZZ_CHECK(std::string_view(error.what()).starts_with(file.path().string() + ": "));
     } catch (const BakeError &) {

@@ -5,7 +5,7 @@
 usage: cpu_times.py test NAME COMMAND...    runs a test's command and records what it and its processes used
        cpu_times.py ctest ARGUMENTS...      runs ctest; before its closing lines, prints the tests that used most
 
-Times are lines in the file that the variable VELLUM_CPU_TIMES names: seconds and a name. Without the variable, `test` records
+Times are lines in the file that the variable VELLUM_TEST_CPU_TIMES names: seconds and a name. Without the variable, `test` records
 nothing, and `ctest` uses a temporary file. Other programs may add lines before `ctest` is run, as scripts/phase does.
 """
 import os
@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 
-VARIABLE = "VELLUM_CPU_TIMES"
+VARIABLE = "VELLUM_TEST_CPU_TIMES"
 SHOWN = 15
 CLOSING = re.compile(r"\d+% tests passed, \d+ tests failed out of \d+$")
 

@@ -17,7 +17,7 @@ import os, sys
 if "die" in sys.argv:
     os.kill(os.getpid(), 9)
 print("1/2 Test #1: one ...   Passed    0.10 sec")
-with open(os.environ["VELLUM_CPU_TIMES"], "a") as times:
+with open(os.environ["VELLUM_TEST_CPU_TIMES"], "a") as times:
     times.write("0.50 one\\n")
     for i in range(20):
         times.write(f"0.01 small{{i}}\\n")
@@ -38,14 +38,14 @@ class CpuTimes(unittest.TestCase):
         return subprocess.run([sys.executable, SCRIPT, *words], env=environment, capture_output=True, text=True, check=False)
 
     def run_test(self, *command):
-        return self.run_script("test", "a.test", *command, VELLUM_CPU_TIMES=str(self.times)).returncode
+        return self.run_script("test", "a.test", *command, VELLUM_TEST_CPU_TIMES=str(self.times)).returncode
 
     def run_ctest(self, *words):
         program = self.folder / "ctest"
         program.write_text(CTEST)
         program.chmod(0o755)
         self.times.write_text("7 building\n1.00 one\n")
-        return self.run_script("ctest", *words, VELLUM_CPU_TIMES=str(self.times))
+        return self.run_script("ctest", *words, VELLUM_TEST_CPU_TIMES=str(self.times))
 
     def test_a_test_with_its_processes(self):
         program = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {BUSY!r}])\n{BUSY}"
@@ -63,7 +63,7 @@ class CpuTimes(unittest.TestCase):
         self.assertEqual(len(self.times.read_text().splitlines()), 5)
 
     def test_nothing_is_recorded_without_the_variable(self):
-        variables = {name: value for name, value in os.environ.items() if name != "VELLUM_CPU_TIMES"}
+        variables = {name: value for name, value in os.environ.items() if name != "VELLUM_TEST_CPU_TIMES"}
         ended = subprocess.run([sys.executable, SCRIPT, "test", "a.test", "sh", "-c", "exit 3"], env=variables, check=False)
         self.assertEqual(ended.returncode, 3)
 
@@ -86,7 +86,7 @@ class CpuTimes(unittest.TestCase):
 
     def test_phases(self):
         script = f"set -e\n. {PHASE}\nphase quiet sleep 0\nphase busy {sys.executable} -c 'import time\nwhile time.process_time() < 1.2: pass'\n"
-        ended = subprocess.run(["bash", "-c", script], env=os.environ | {"VELLUM_CPU_TIMES": str(self.times)},
+        ended = subprocess.run(["bash", "-c", script], env=os.environ | {"VELLUM_TEST_CPU_TIMES": str(self.times)},
                                capture_output=True, text=True, check=False)
         self.assertEqual(ended.returncode, 0, ended.stderr)
         self.assertRegex(ended.stderr, r"^== quiet\n   \d+ s, 0 s of CPU\n== busy\n   \d+ s, [12] s of CPU\n$")

@@ -374,9 +374,9 @@ namespace
 
 constexpr std::string_view kRowEvent = R"({"event":"row","row":)"; // and the row, and a brace
 
-std::vector<std::string> argumentsOf(const BenchDevice &device)
+std::vector<std::string> argumentsOf(PartKind kind, const BenchDevice &device)
 {
-    std::vector<std::string> words = {"bench", "--worker"};
+    std::vector<std::string> words = {"bench", "--worker", kPartNames[static_cast<size_t>(kind)]};
     if (device.device.text())
         words.insert(words.end(), {"--device", *device.device.text()});
     if (device.layerFolder)
@@ -462,7 +462,7 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     };
     std::optional<job::Worker> worker;
     try {
-        worker.emplace(argumentsOf(device));
+        worker.emplace(argumentsOf(part.kind, device));
     } catch (const Error &error) { // a limit of processes or of files
         result.failure = error.what();
         return result;
