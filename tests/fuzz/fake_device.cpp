@@ -3,6 +3,7 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <string_view>
 #include <utility>
 
@@ -10,6 +11,8 @@
 
 #include "check.h"
 #include "layer/entry/instance.h"
+#include "layer/micromaps/micromap_input.h"
+#include "layer/structures/emulated_backend.h"
 
 namespace vellum::fuzz
 {
@@ -84,8 +87,8 @@ VKAPI_ATTR VkBool32 VKAPI_CALL countMessage(VkDebugUtilsMessageSeverityFlagBitsE
 
 FakeDevice::FakeDevice()
 {
-    // As the loader makes them, of a driver without the extension: the layer then passes everything on, until it is
-    // told otherwise below.
+    // As the loader makes them, of a driver without the extension: the layer then passes everything on, until
+    // micromaps are switched on below.
     VkLayerInstanceLink instanceLink{nullptr, instanceCommand, nullptr};
     VkLayerInstanceCreateInfo instanceLayer{};
     instanceLayer.sType = VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO;
@@ -108,6 +111,11 @@ FakeDevice::FakeDevice()
                VK_SUCCESS);
     state_ = &layer::deviceOf(handle_);
     state_->driver.enabled.hostCommands = true;
+    state_->structures.backend = std::make_unique<layer::EmulatedBackend>(state_->structures);
+    state_->objects.rules.ext = layer::kEmulatedSupport;
+    state_->objects.rules.needs = [this](const layer::input::MicromapBuild &build) {
+        return state_->structures.backend->needs(build);
+    };
 
     VkDebugUtilsMessengerCreateInfoEXT messenger{VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT};
     messenger.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
