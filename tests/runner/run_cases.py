@@ -178,7 +178,8 @@ class Run:
         for failure in self.elsewhere:
             print(f"FAILED: {self.options.prefix}{failure}")
         if failed:
-            variables = [f"{name}={value}" for name, value in os.environ.items() if name.startswith("VELLUM_TEST_")]
+            variables = [f"{name}={value}" for name, value in os.environ.items()
+                         if name.startswith("VELLUM_TEST_") and name != cpu_times.VARIABLE]
             print("one of them alone:", *variables, *self.options.program, f"--gtest_filter={failed[0]}")
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         print(f"{counts['passed']} passed, {counts['failed'] + len(self.elsewhere)} failed, {counts['skipped']} skipped,"
