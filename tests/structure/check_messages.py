@@ -4,8 +4,9 @@
 
 A message is known by its id, a string in src/layer that begins with VELLUM- or VUID-. On the page, an item of a list has the
 ids of one cause in backticks, their severity in bold, and words. Rows of rules state their severity (ROW), and those that
-only validation reports are not on the page, as are ids in src/layer/validation. Where the id is an argument of a function that
-sends it (SEVERITIES), the severity is known as well; where it is passed on first, the page's counts.
+only validation reports are no items, as are ids in src/layer/validation. Where the id is an argument of a function that
+sends it (SEVERITIES), the severity is known as well; where it is passed on first, the page's counts. check_rules.py writes the
+table of the rules that only validation reports.
 With --write, ids that are gone are removed, severities are corrected, and new ids get items, which lack their words.
 
 usage: check_messages.py [--write] [ROOT]
@@ -31,7 +32,7 @@ OF_ROWS = {"Tolerate": "warning", "Reject": "error", "Depends": None}
 CALL = re.compile(r"(\w+)\s*$")
 BOTH = "warning or error"
 ITEM = re.compile(r"^- .*\n(?:  .*\n)*", re.M)
-LISTED = re.compile(r"`((?:VELLUM|VUID)-[A-Za-z0-9_-]+)`")
+LISTED = re.compile(r"`(VELLUM-[A-Za-z0-9_-]+)`")
 LEVEL = re.compile(rf"\*\*({BOTH}|error|warning|info)\*\*")
 SEVERITIES = {"reject": "error", "error": "error", "tolerate": "warning", "tolerates": "warning", "warning": "warning",
               "tolerateIf": BOTH, "info": "info"}
@@ -95,8 +96,9 @@ def severity(severities):
     return BOTH if len(severities) > 1 else next(iter(severities))
 
 
-def shown(name):
-    return name.removeprefix("VELLUM-") if name.startswith("VELLUM-VUID") else name
+def sent(name):
+    """The id that a message has."""
+    return f"VELLUM-{name}" if name.startswith("VUID") else name
 
 
 def items_of(page):
@@ -111,15 +113,15 @@ def items_of(page):
 
 
 def updated(page, ids):
-    known = {shown(name): severity(severities) for name, (_, severities) in ids.items()}
+    known = {sent(name): severity(severities) for name, (_, severities) in ids.items()}
     for item, names, level, _ in items_of(page):
         left = [name for name in names if name in known]
         text = item
         for name in set(names) - set(left):
             text = re.sub(rf",\s*`{name}`|`{name}`,?\s*", "", text)
-        sent = {known[name] for name in left} - {None}
-        if len(sent) == 1:
-            text = text.replace(f"**{level}**", f"**{sent.pop()}**")
+        levels = {known[name] for name in left} - {None}
+        if len(levels) == 1:
+            text = text.replace(f"**{level}**", f"**{levels.pop()}**")
         filled = textwrap.fill(" ".join(text.split()), 120, subsequent_indent="  ", break_long_words=False,
                                break_on_hyphens=False) + "\n"
         if text != item:
@@ -139,15 +141,15 @@ def check(root):
     names = [name for _, listed, _, _ in items for name in listed]
     found = [f"{path}: {name} is put together at run time, and cannot be looked up"
              for name, (path, _) in ids.items() if name.endswith("-")]
-    known = {shown(name): where for name, where in ids.items() if not name.endswith("-")}
+    known = {sent(name): where for name, where in ids.items() if not name.endswith("-")}
     found += [f"{path}: {name} is not in {PAGE}" for name, (path, _) in sorted(known.items()) if name not in names]
     found += [f"{PAGE}: there is no message {name}" for name in sorted(set(names) - known.keys())]
     found += [f"{PAGE}: {name} is there {names.count(name)} times" for name in sorted(set(names)) if names.count(name) > 1]
     for _, listed, level, words in items:
         for name in listed:
-            sent = severity(known[name][1]) if name in known else None
-            if sent and level != sent:
-                found.append(f"{PAGE}: {name} is \"{level}\", in the code \"{sent}\"")
+            in_code = severity(known[name][1]) if name in known else None
+            if in_code and level != in_code:
+                found.append(f"{PAGE}: {name} is \"{level}\", in the code \"{in_code}\"")
         if not words:
             found.append(f"{PAGE}: {listed[0]} has no words")
     return found, len(known)

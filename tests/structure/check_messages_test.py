@@ -31,8 +31,8 @@ Not in a list: `VELLUM-text`. **error**: rejected.
   `VELLUM-size`
 
 ## Rules
-- **error** Copies. `VUID-vkCmdCopy-src-00001`
-- **warning** Sizes. `VUID-Copy-size-00002`
+- **error** Copies. `VELLUM-VUID-vkCmdCopy-src-00001`
+- **warning** Sizes. `VELLUM-VUID-Copy-size-00002`
 """
 
 
@@ -90,10 +90,10 @@ class CheckMessages(unittest.TestCase):
 - **error** Shape or size, in words that need two lines. `VELLUM-size`
 
 ## Rules
-- **warning** Sizes. `VUID-Copy-size-00002`
+- **warning** Sizes. `VELLUM-VUID-Copy-size-00002`
+- `VELLUM-VUID-vkCmdCopy-src-00002` **error**
 - `VELLUM-added` **info**
 - `VELLUM-form` **error**
-- `VUID-vkCmdCopy-src-00002` **error**
 """)
 
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks the table of rules, src/layer/validation/rules.csv, and the page that is generated from it, docs/validation.md:
+"""Checks the table of rules, src/layer/validation/rules.csv, and what is generated from it: in docs/validation.md the totals and
+the rules that are not checked, in docs/messages.md those that only validation reports:
 
 - every numbered rule (VUID) that the registry has for these extensions has a row: the rules of their commands and
   structures, those that name a micromap, and those of address ranges;
@@ -11,7 +12,7 @@
 - "without" is what the row of src/layer/rules does with a command that breaks the rule;
 - columns have words that are known.
 
-With --write, the tables of the page are written anew, rows get the tests that name their id, and those without code or
+With --write, the tables of the pages are written anew, rows get the tests that name their id, and those without code or
 test become open.
 
 usage: check_rules.py [--write] [VALIDUSAGE [ROOT]]
@@ -35,6 +36,7 @@ VALIDATION = ("src/layer/validation", "src/layer/rules") # rows of rules are eva
 PROGRAMS = "tests/validation"
 SUITE = "WrongPrograms"
 PAGE = "docs/validation.md"
+MESSAGES = check_messages.PAGE
 COLUMNS = ["vuid", "extension", "where", "how", "without", "test"]
 MICROMAP = ("VK_EXT_opacity_micromap", "VK_KHR_opacity_micromap", "VK_ARM_pipeline_opacity_micromap")
 RANGES = "VK_KHR_device_address_commands"
@@ -48,7 +50,8 @@ WHERE = {
     "impossible": "cannot be checked",
     "open": "not checked yet",
 }
-CHECKED = ("host", "gpu", "sync", "shader")
+PARTS = {"host": "core", "gpu": "gpu", "sync": "sync", "shader": "gpu"} # of the setting `validate`
+CHECKED = tuple(PARTS)
 WITHOUT = ("rejected", "tolerated", "tolerated or rejected", "works", "ignored", "passed on", "hidden", "undefined",
            "impossible")
 NUMBERED = re.compile(r"^VUID-(\w+)-(?:.*-)?(\d{5})$")
@@ -203,16 +206,6 @@ def wrong_row(row, names, tests, expected):
             yield f"{vuid}: there is no test"
 
 
-def short(vuid):
-    match = NUMBERED.match(vuid)
-    return match[2] if match else vuid
-
-
-def places(rows):
-    names = list(dict.fromkeys(match[1] for match in map(NUMBERED.match, (row["vuid"] for row in rows)) if match))
-    return ", ".join(names) if len(names) < 4 else f"{names[0]} and {len(names) - 1} more"
-
-
 def where_of(row, names, everywhere):
     """As on the page: also whether only the implementation reports the rule, and not validation."""
     where = row["where"]
@@ -231,26 +224,43 @@ def totals(rows, names, everywhere):
     return "\n".join(lines) + "\n"
 
 
-def table(rows, names, everywhere):
-    groups = {}
-    for row in rows:
-        where = where_of(row, names, everywhere)
-        key = (short(row["vuid"]), where, row["how"], row["without"], row["test"])
-        groups.setdefault(key, []).append(row)
-    lines = ["| rule | of | where | how | without validation | tests |", "|---|---|---|---|---|---|"]
-    for (number, where, how, without, test), of in sorted(groups.items()):
-        cells = (number.replace("*", "\\*"), places(of), where, how, without, test.replace(" ", ", ").replace("*", "\\*"))
-        lines.append("| " + " | ".join(cells) + " |")
+def line_of(*cells):
+    return f"| {' | '.join(cells)} |"
+
+
+def table_of_unchecked(rows, names, everywhere):
+    lines = ["| rule | why | without validation |", "|---|---|---|"]
+    lines += [line_of(f"`{row['vuid']}`", row["how"], row["without"]) for row in rows
+              if where_of(row, names, everywhere).split()[0] not in CHECKED or is_open(row, names)]
     return "\n".join(lines) + "\n"
 
 
-def generated(page, rows, root):
+def table_of_messages(rows, items):
+    """Rules that are checked, but for those that have an item."""
+    listed = {name for _, listed, _, _ in items for name in listed}
+    lines = ["| id | part | what is checked | without validation |", "|---|---|---|---|"]
+    for row in rows:
+        name = check_messages.sent(row["vuid"])
+        if row["where"] in PARTS and name not in listed:
+            lines.append(line_of(f"`{name}`", PARTS[row["where"]], row["how"], row["without"]))
+    return "\n".join(lines) + "\n"
+
+
+def between(page, name, text):
+    """The page with another text between two marks."""
+    begin, end = BEGIN.format(name), END.format(name)
+    before, rest = page.split(begin)
+    return before + begin + text + end + rest.split(end)[1]
+
+
+def pages(root, rows):
+    """The pages, each as it is and as it should be."""
     names, everywhere = in_code(root / CODE), set().union(*(in_code(root / part) for part in VALIDATION))
-    for name, text in (("totals", totals), ("rules", table)):
-        begin, end = BEGIN.format(name), END.format(name)
-        before, rest = page.split(begin)
-        page = before + begin + text(rows, names, everywhere) + end + rest.split(end)[1]
-    return page
+    found = {page: (root / page).read_text(encoding="utf-8") for page in (PAGE, MESSAGES)}
+    about = between(found[PAGE], "totals", totals(rows, names, everywhere))
+    about = between(about, "rules", table_of_unchecked(rows, names, everywhere))
+    messages = between(found[MESSAGES], "rules", table_of_messages(rows, check_messages.items_of(found[MESSAGES])))
+    return {PAGE: (found[PAGE], about), MESSAGES: (found[MESSAGES], messages)}
 
 
 def write(root):
@@ -265,8 +275,8 @@ def write(root):
     writer.writeheader()
     writer.writerows(sorted(rows, key=lambda row: row["vuid"]))
     (root / TABLE).write_text(text.getvalue(), encoding="utf-8")
-    page = root / PAGE
-    page.write_text(generated(page.read_text(encoding="utf-8"), rows, root), encoding="utf-8")
+    for page, (_, text) in pages(root, rows).items():
+        (root / page).write_text(text, encoding="utf-8")
 
 
 def check(registry, root):
@@ -280,9 +290,8 @@ def check(registry, root):
               and not any(fnmatch.fnmatchcase(name, vuid) or fnmatch.fnmatchcase(vuid, name) for vuid in vuids)]
     found += [f"{TABLE}: {line}" for line in wrong_severities(rows, check_messages.rows(root))]
     found += [f"src/layer: {name} is stated twice" for name in stated_twice(root)]
-    page = (root / PAGE).read_text(encoding="utf-8")
-    if page != generated(page, rows, root):
-        found.append(f"{PAGE}: the tables are stale; run tests/structure/check_rules.py --write")
+    found += [f"{page}: the tables are stale; run tests/structure/check_rules.py --write"
+              for page, (text, wanted) in pages(root, rows).items() if text != wanted]
     print(f"{sum(is_open(row, names) for row in rows)} rules are open")
     return found, len(rows)
 

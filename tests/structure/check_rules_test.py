@@ -31,6 +31,7 @@ CODE = 'say("VELLUM-VUID-vkMapEXT-"\n    "a-00001"); say("VELLUM-VUID-vkMapEXT-a
 PROGRAMS = 'constexpr WrongProgram kPrograms[] = {{"VUID-vkRangeKHR-b-00002", run}};\n'
 TESTS = 'TEST(Suite, Case)\n{\n    expect("VELLUM-VUID-vkOld-micromap-00004");\n}\n'
 PAGE = "# Page\n<!-- begin totals -->\n<!-- end totals -->\n<!-- begin rules -->\n<!-- end rules -->\n"
+MESSAGES = "- `VELLUM-VUID-vkListed-c-00003` **error** Words.\n<!-- begin rules -->\n<!-- end rules -->\n"
 
 
 class CheckRules(unittest.TestCase):
@@ -45,6 +46,7 @@ class CheckRules(unittest.TestCase):
         self.put("tests/validation/some_test.cpp", TESTS)
         self.put("tests/validation/some_programs.cpp", PROGRAMS)
         self.put("docs/validation.md", PAGE)
+        self.put("docs/messages.md", MESSAGES)
 
     def put(self, name, text):
         (self.root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -78,17 +80,26 @@ class CheckRules(unittest.TestCase):
         code, out = self.run_check("--write")
         self.assertEqual((code, out), (0, "1 rules are open\n\n0 findings in 4 rules\n"))
         page = self.read("docs/validation.md")
-        self.assertIn("| 00001 | vkMapEXT | gpu | data | works: all | Suite.Ca\\* |\n", page)
+        self.assertIn("| `VUID-vkRangeKHR-b-00002` | only the driver knows | ignored |\n", page)
+        self.assertIn("| `VUID-vkOld-micromap-00004` | order | undefined |\n", page)
+        self.assertNotIn("vkMapEXT", page)
         self.assertIn("| gpu | 1 |", page)
         self.assertIn("| open | 1 |", page)
+        messages = self.read("docs/messages.md")
+        self.assertIn("| `VELLUM-VUID-vkMapEXT-a-00001` | gpu | data | works: all |\n", messages)
+        self.assertIn("| `VELLUM-VUID-*-parameter` | core | pointers | passed on |\n", messages)
+        self.assertNotIn("vkRangeKHR", messages)
+
+    def test_rules_that_have_an_item(self):
+        self.put("docs/messages.md", MESSAGES.replace("vkListed-c-00003", "vkMapEXT-a-00001"))
+        self.run_check("--write")
+        self.assertEqual(self.read("docs/messages.md").count("vkMapEXT"), 1)
 
     def test_only_the_implementation_reports(self):
         self.put("src/layer/micromaps/some.cpp", CODE)
         self.put("src/layer/validation/some.cpp", "")
         self.run_check("--write")
-        page = self.read("docs/validation.md")
-        self.assertIn("| 00001 | vkMapEXT | gpu (not the driver's) | data | works: all | Suite.Ca\\* |\n", page)
-        self.assertIn("| total | 4 | 2 of them are not", page)
+        self.assertIn("| total | 4 | 2 of them are not", self.read("docs/validation.md"))
 
     def test_tests_are_filled_in(self):
         self.run_check("--write")
