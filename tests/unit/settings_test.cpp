@@ -382,15 +382,5 @@ TEST_F(SettingsTest, ValidationPrintsWhereNobodyListens)
     EXPECT_EQ(prints({{"VELLUM_VALIDATE", "core"}, {"VELLUM_REPORT_FILE", file.c_str()}}), "");
 }
 
-// What is covered is so once, whether the device found it or not: it must not hide a later fault.
-TEST(CoveredIdsTest, AreTakenTogether)
-{
-    CoveredIds covered;
-    covered.add("VELLUM-a");
-    covered.add("VELLUM-b");
-    EXPECT_EQ(covered.take(), (std::unordered_set<std::string>{"VELLUM-a", "VELLUM-b"}));
-    EXPECT_TRUE(covered.take().empty());
-}
-
 } // namespace
 } // namespace vellum::layer

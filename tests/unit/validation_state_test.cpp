@@ -223,6 +223,16 @@ TEST_F(ValidationState, SubmissionsOutliveTheirCommandBuffers)
     EXPECT_EQ(executed, 4);
 }
 
+// Where memory ran out, an unknown handle may be that of any object; other devices still know all of theirs.
+TEST_F(ValidationState, WithoutMemoryOnlyThatDeviceForgets)
+{
+    DeviceValidation other;
+    remember(other.objects, [] { throw std::bad_alloc(); });
+    const ObjectHandle unknown(handle<VkAccelerationStructureKHR>(0x10));
+    EXPECT_TRUE(other.factsOf(unknown).exists);
+    EXPECT_FALSE(device.factsOf(unknown).exists);
+}
+
 TEST_F(ValidationState, FailedResetsAndBindingsChangeNothing)
 {
     const VkCommandPool pool = makePool();

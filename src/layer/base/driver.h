@@ -53,7 +53,6 @@ struct Driver {
     const InstanceTable *instance = nullptr;
     const Settings *settings = nullptr;
     Reporter *reporter = nullptr;
-    std::shared_ptr<CoveredIds> covered; // that the validation of this device and its emulation share
     DeviceTable next;
 
     Mode mode = Mode::PassThrough;

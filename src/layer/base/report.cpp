@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
-#include <memory>
 #include <new>
 #include <utility>
 
@@ -42,12 +41,8 @@ void append(const std::string &file, std::string line)
         std::fprintf(stderr, "vellum: %s cannot be written\n", file.c_str());
 }
 
-// Of this thread: validated commands that are being carried out, and the ids that validation has reported for them,
-// which the outermost command owns. No object here has a destructor: at the end of a thread, mingw-w64 frees
-// thread_local objects before it destroys them.
-using Ids = std::vector<std::string>;
-thread_local uint32_t commandDepth = 0;
-thread_local Ids *coveredIds = nullptr;
+// Of this thread. It has no destructor: at the end of a thread, mingw-w64 frees thread_local objects before it destroys
+// them.
 thread_local HeldMessages *held = nullptr;
 
 } // namespace
@@ -80,55 +75,6 @@ std::string Reporter::nameOf(uint64_t object)
     return found == names_.end() ? std::string() : found->second;
 }
 
-void Reporter::fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object)
-{
-    std::unique_ptr<Ids> covered(std::exchange(coveredIds, nullptr)); // this message is not one of the implementation's
-    error(vuid, text, type, object);
-    delete std::exchange(coveredIds, covered.release());
-    CommandReports::cover(vuid);
-}
-
-void CoveredIds::add(const std::string &id)
-{
-    const std::lock_guard lock(mutex_);
-    ids_.insert(id);
-    any_ = true;
-}
-
-std::unordered_set<std::string> CoveredIds::take()
-{
-    if (!any_.load(std::memory_order_relaxed))
-        return {};
-    const std::lock_guard lock(mutex_);
-    any_ = false;
-    return std::exchange(ids_, {});
-}
-
-CommandReports::CommandReports()
-{
-    ++commandDepth;
-}
-
-void CommandReports::cover(const char *id)
-{
-    if (commandDepth == 0)
-        return;
-    if (!coveredIds)
-        coveredIds = new Ids;
-    coveredIds->push_back(publicId(id));
-}
-
-bool CommandReports::covers(std::string_view id)
-{
-    return coveredIds && std::ranges::find(*coveredIds, publicId(id)) != coveredIds->end();
-}
-
-CommandReports::~CommandReports()
-{
-    if (--commandDepth == 0)
-        delete std::exchange(coveredIds, nullptr);
-}
-
 HeldMessages::HeldMessages() : isInner_(held != nullptr)
 {
     if (!isInner_)
@@ -140,46 +86,34 @@ HeldMessages::~HeldMessages()
     if (isInner_)
         return;
     held = nullptr;
-    for (const auto &[reporter, message] : messages_) {
-        try {
-            reporter.get().deliver(message);
-        } catch (const std::bad_alloc &) {
-            std::fprintf(stderr, "vellum: %s: %s\n", message.id.c_str(), message.text.c_str());
-        }
-    }
+    for (const auto &[reporter, m] : messages_)
+        reporter.get().send(m.severity, m.id.c_str(), m.text, m.type, m.object);
+}
+
+bool Reporter::isWithinLimit(const std::string &id)
+{
+    if (limit_ == 0)
+        return true;
+    std::unique_lock lock(mutex_);
+    const uint32_t count = ++sent_[id];
+    lock.unlock();
+    if (count == limit_ + 1)
+        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT, "VELLUM-message-limit",
+             id + " was reported " + std::to_string(limit_) + " times; no more messages with this id are sent",
+             VK_OBJECT_TYPE_UNKNOWN, 0, false);
+    return count <= limit_;
 }
 
 void Reporter::send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text,
-                    VkObjectType type, uint64_t object) noexcept
-{
-    try {
-        if (CommandReports::covers(id))
-            return;
-        Message message{severity, kMessagePrefix + publicId(id), std::string(text), type, object};
-        if (held)
-            held->messages_.emplace_back(*this, std::move(message));
-        else
-            deliver(message);
-    } catch (const std::bad_alloc &) {
-        std::fprintf(stderr, "vellum: %s%s: %.*s\n", kMessagePrefix, id, static_cast<int>(text.size()), text.data());
+                    VkObjectType type, uint64_t object, bool isLimited) noexcept
+try {
+    if (held) {
+        held->messages_.emplace_back(*this, Message{severity, id, std::string(text), type, object});
+        return;
     }
-}
-
-void Reporter::deliver(const Message &message, bool isLimited)
-{
-    if (isLimited && limit_ > 0) {
-        std::unique_lock lock(mutex_);
-        const uint32_t count = ++sent_[message.id];
-        lock.unlock();
-        if (count == limit_ + 1)
-            deliver({VK_DEBUG_UTILS_MESSAGE_SEVERITY_INFO_BIT_EXT, "VELLUM-message-limit",
-                     message.id + " was reported " + std::to_string(limit_) +
-                         " times; no more messages with this id are sent",
-                     message.type, message.object},
-                    false);
-        if (count > limit_)
-            return;
-    }
+    const Message message{severity, kMessagePrefix + publicId(id), std::string(text), type, object};
+    if (isLimited && !isWithinLimit(message.id))
+        return;
     std::vector<Messenger> messengers;
     std::string objectName;
     {
@@ -208,8 +142,10 @@ void Reporter::deliver(const Message &message, bool isLimited)
     }
     if (!file_.empty())
         append(file_, std::string(severityName(levelOf(message.severity))) + " " + message.id + ": " + message.text);
-    if (isLimited && breakOnError_ && message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
+    if (breakOnError_ && message.severity == VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT)
         stopInDebugger();
+} catch (const std::bad_alloc &) {
+    std::fprintf(stderr, "vellum: %s%s: %.*s\n", kMessagePrefix, id, static_cast<int>(text.size()), text.data());
 }
 
 } // namespace vellum::layer

@@ -3,13 +3,11 @@
 // `report_file` to stderr and to a file.
 #pragma once
 
-#include <atomic>
 #include <functional>
 #include <mutex>
 #include <string>
 #include <string_view>
 #include <unordered_map>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -54,26 +52,13 @@ public:
     {
         send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, id, text, type, object);
     }
-    // Reports an error that validation found; its id is "VELLUM-" and `vuid`, or `vuid` if that is an id of Vellum.
-    // While the command is carried out, the implementation of micromaps does not report the same id (CommandReports).
-    void fault(const char *vuid, std::string_view text, VkObjectType type, uint64_t object);
-    // Violations that do no harm are errors.
+    // Violations that do no harm are errors, and the command is rejected.
     [[nodiscard]] bool isStrict() const { return strict_; }
-    // Reports a fault that does no harm: a warning, with the setting `strict` an error. Returns whether the layer goes
-    // on, as drivers do; it does unless `strict` is set.
-    [[nodiscard]] bool tolerates(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN,
-                                 uint64_t object = 0)
-    {
-        if (strict_)
-            error(id, text, type, object);
-        else
-            warning(id, std::string(text) + "; the layer goes on", type, object);
-        return !strict_;
-    }
     // Reports a command that the layer rejects, because carrying it out in part would be silently wrong.
     void notAvailable(const std::string &what)
     {
-        error("VELLUM-not-available", what + " is not available in this version of the layer");
+        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, "VELLUM-not-available",
+             what + " is not available in this version of the layer", VK_OBJECT_TYPE_UNKNOWN, 0);
     }
     void warning(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0)
     {
@@ -85,7 +70,6 @@ public:
     }
 
 private:
-    friend class CommandReports;
     friend class HeldMessages;
     struct Messenger {
         VkDebugUtilsMessengerEXT handle;
@@ -94,10 +78,11 @@ private:
         PFN_vkDebugUtilsMessengerCallbackEXT callback;
         void *userData;
     };
-    void send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text, VkObjectType type,
-              uint64_t object) noexcept;
     // `isLimited`: not if it is one too many of its id.
-    void deliver(const Message &message, bool isLimited = true);
+    void send(VkDebugUtilsMessageSeverityFlagBitsEXT severity, const char *id, std::string_view text, VkObjectType type,
+              uint64_t object, bool isLimited = true) noexcept;
+    // Counts a message of an id. Returns whether it is sent.
+    bool isWithinLimit(const std::string &id);
 
     ReportLevel level_ = ReportLevel::None;      // on stderr
     ReportLevel levelAlone_ = ReportLevel::None; // the same while there is no messenger
@@ -109,34 +94,6 @@ private:
     std::vector<Messenger> messengers_;
     std::unordered_map<uint64_t, std::string> names_;
     std::unordered_map<std::string, uint32_t> sent_; // messages of each id
-};
-
-// Ids of faults that validation has reported and that the implementation may find as well, on the device. When the
-// implementation reads what the device found, it does not report faults with these ids, and then removes the ids.
-class CoveredIds
-{
-public:
-    void add(const std::string &id);
-    [[nodiscard]] std::unordered_set<std::string> take();
-
-private:
-    std::mutex mutex_;
-    std::unordered_set<std::string> ids_;
-    std::atomic<bool> any_ = false;
-};
-
-// The span of one command that validation checks, in its thread. The implementation below finds some of the faults
-// again; it does not report those that validation has reported for the command.
-class CommandReports
-{
-public:
-    CommandReports();
-    ~CommandReports();
-    // The implementation does not report this id either: validation calls it in another way than the application.
-    static void cover(const char *id);
-    [[nodiscard]] static bool covers(std::string_view id);
-    CommandReports(const CommandReports &) = delete;
-    CommandReports &operator=(const CommandReports &) = delete;
 };
 
 // While it exists, messages of its thread are kept; its destructor sends them. It is created before a lock is taken

@@ -2,6 +2,7 @@
 #include "layer/command_buffer/address_barriers.h"
 
 #include "layer/command_buffer/device_command_buffers.h"
+#include "layer/input/checked.h"
 #include "layer/rules/address_ranges.h"
 
 namespace vellum::layer
@@ -37,13 +38,15 @@ void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer comman
                       const VkMemoryRangeBarriersInfoKHR &info, std::vector<VkMemoryBarrier2> &memory,
                       std::vector<VkBufferMemoryBarrier2> &buffers)
 {
+    const bool isReported =
+        input::Checked<input::CheckedRanges>::take(commandBuffer, [] { return input::CheckedRanges{}; }).reported;
     for (uint32_t i = 0; i < info.memoryRangeBarrierCount; ++i) {
         const VkMemoryRangeBarrierKHR &range = info.pMemoryRangeBarriers[i];
         const bool transfer = range.srcQueueFamilyIndex != range.dstQueueFamilyIndex;
         if (transfer && addTransfers(device, commandBuffer, range, buffers))
             continue;
         addMemoryBarrier(range, memory);
-        if (transfer)
+        if (transfer && !isReported)
             device.driver.report().error(
                 rules::kAnyRange.buffer,
                 "VkMemoryRangeBarrierKHR: addressRange is in no buffer; it is not transferred to the "

@@ -45,8 +45,10 @@ void cmdCopyMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, const
     std::map<std::pair<VkBuffer, VkBuffer>, std::vector<VkBufferCopy>> groups;
     for (uint32_t i = 0; i < info->regionCount; ++i) {
         const VkDeviceMemoryCopyKHR &region = info->pRegions[i];
-        if (region.dstRange.size < region.srcRange.size)
-            return lookup.reject(rules::kCopySizeId, "a destination is smaller than its source");
+        if (region.dstRange.size < region.srcRange.size) {
+            lookup.report(Severity::Reject, rules::kCopySizeId, "a destination is smaller than its source");
+            return;
+        }
         if (region.srcRange.size == 0) // not allowed in VkBufferCopy
             continue;
         const auto source =
@@ -92,8 +94,7 @@ void cmdUpdateMemory(DeviceAddresses &device, VkCommandBuffer commandBuffer, con
                      VkAddressCommandFlagsKHR, VkDeviceSize size, const void *data)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdUpdateMemoryKHR");
-    const auto target = lookup.find(
-        *range, {.member = "pDstRange", .range = rules::kUpdated, .least = size, .part = AddressLookup::Part::Least});
+    const auto target = lookup.find(*range, {.member = "pDstRange", .range = rules::kUpdated, .least = size});
     if (target)
         device.driver.next.CmdUpdateBuffer(commandBuffer, target->buffer, target->offset, size, data);
 }
@@ -124,8 +125,7 @@ void cmdCopyQueryPoolResultsToMemory(DeviceAddresses &device, VkCommandBuffer co
     const auto target =
         lookup.find(*range, {.member = "pDstRange",
                              .range = rules::kQueryResults,
-                             .least = tooMany ? UINT64_MAX : (count - 1) * range->stride + value * (both ? 2 : 1),
-                             .part = AddressLookup::Part::Least});
+                             .least = tooMany ? UINT64_MAX : (count - 1) * range->stride + value * (both ? 2 : 1)});
     if (target)
         cmdCopyQueryPoolResults(device.queries, commandBuffer, pool, first, count, target->buffer, target->offset,
                                 range->stride, flags);
@@ -140,8 +140,7 @@ void cmdWriteMarkerToMemory(DeviceAddresses &device, VkCommandBuffer commandBuff
         return device.driver.next.CmdWriteMarkerToMemoryAMD(commandBuffer, &own);
     }
     const AddressLookup lookup(device, commandBuffer, "vkCmdWriteMarkerToMemoryAMD");
-    const auto target = lookup.find(
-        info->dstRange, {.member = "dstRange", .range = rules::kMarker, .part = AddressLookup::Part::Least});
+    const auto target = lookup.find(info->dstRange, {.member = "dstRange", .range = rules::kMarker});
     if (target)
         cmdWriteBufferMarker2(device.commands, commandBuffer, info->stage, target->buffer, target->offset,
                               info->marker);

@@ -34,17 +34,18 @@ std::optional<uint32_t> strideOf(const AddressLookup &lookup, const rules::Indir
 {
     const bool several = draws > 1;
     if (several && stride == 0) {
-        lookup.reject(kind.noStride, "several draws with a stride of 0");
+        lookup.report(Severity::Reject, kind.noStride, "several draws with a stride of 0");
         return std::nullopt;
     }
     if (stride != 0 && stride < kind.bytes &&
-        !lookup.tolerateIf(!several, kind.smallStride,
-                           "the stride is smaller than what the device reads for each draw"))
+        !lookup.report(rules::ofStride(draws), kind.smallStride,
+                       "the stride is smaller than what the device reads for each draw"))
         return std::nullopt;
-    if (stride % 4 != 0 && !lookup.tolerateIf(!several, kind.unalignedStride, "the stride is not a multiple of 4"))
+    if (stride % 4 != 0 &&
+        !lookup.report(rules::ofStride(draws), kind.unalignedStride, "the stride is not a multiple of 4"))
         return std::nullopt;
     if (several && stride > UINT32_MAX) {
-        lookup.reject("VELLUM-not-available", "strides of 4 GiB and more are not available");
+        lookup.report(Severity::Reject, "VELLUM-not-available", "strides of 4 GiB and more are not available");
         return std::nullopt;
     }
     return static_cast<uint32_t>(several ? stride : kind.bytes);
@@ -65,7 +66,6 @@ std::optional<Draws> findDraws(const AddressLookup &lookup, const rules::Indirec
     const auto found = lookup.find(range, {.member = "addressRange",
                                            .range = rule,
                                            .least = (draws - VkDeviceSize{1}) * *stride + kind.bytes,
-                                           .part = AddressLookup::Part::Least,
                                            .leastId = kind.size});
     return found ? std::optional(Draws{*found, *stride}) : std::nullopt;
 }
@@ -88,12 +88,12 @@ void drawIndirectCount(const DeviceAddresses &device, VkCommandBuffer commandBuf
     if (info.maxDrawCount == 0)
         return;
     const AddressLookup lookup(device, commandBuffer, kind.command);
-    if (!next)
-        return lookup.reject(rules::kDrawCountFeatureId, "the driver has no indirect draws with counts");
+    if (!next) {
+        lookup.report(Severity::Reject, rules::kDrawCountFeatureId, "the driver has no indirect draws with counts");
+        return;
+    }
     const auto draws = findDraws(lookup, kind, info.addressRange, info.maxDrawCount, rules::kCountedDraws);
-    const auto count =
-        lookup.find(info.countAddressRange,
-                    {.member = "countAddressRange", .range = rules::kDrawCount, .part = AddressLookup::Part::Least});
+    const auto count = lookup.find(info.countAddressRange, {.member = "countAddressRange", .range = rules::kDrawCount});
     if (draws && count)
         next(commandBuffer, draws->at.buffer, draws->at.offset, count->buffer, count->offset, info.maxDrawCount,
              draws->stride);
@@ -127,9 +127,7 @@ void cmdBindIndexBuffer3(DeviceAddresses &device, VkCommandBuffer commandBuffer,
         return device.driver.next.CmdBindIndexBuffer(commandBuffer, null, 0, info->indexType);
     }
     const AddressLookup lookup(device, commandBuffer, "vkCmdBindIndexBuffer3KHR");
-    const auto found = lookup.find(
-        range,
-        {.member = "addressRange", .range = rules::kIndexBuffer, .least = 1, .part = AddressLookup::Part::UpToEnd});
+    const auto found = lookup.find(range, {.member = "addressRange", .range = rules::kIndexBuffer, .least = 1});
     if (!found)
         return;
     if (!device.driver.next.CmdBindIndexBuffer2KHR)
@@ -150,11 +148,8 @@ void cmdBindVertexBuffers3(DeviceAddresses &device, VkCommandBuffer commandBuffe
         strides[i] = range.stride;
         if (isNull(range.address, range.size))
             continue; // VK_NULL_HANDLE
-        const auto found = lookup.find(range, {.member = "addressRange of pBindingInfos",
-                                               .range = rules::kVertexBuffer,
-                                               .least = 1,
-                                               .index = i,
-                                               .part = AddressLookup::Part::UpToEnd});
+        const auto found = lookup.find(
+            range, {.member = "addressRange of pBindingInfos", .range = rules::kVertexBuffer, .least = 1, .index = i});
         if (!found)
             return;
         buffers[i] = found->buffer;
@@ -213,8 +208,7 @@ void cmdDispatchIndirect2(DeviceAddresses &device, VkCommandBuffer commandBuffer
                           const VkDispatchIndirect2InfoKHR *info)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdDispatchIndirect2KHR");
-    const auto found = lookup.find(
-        info->addressRange, {.member = "addressRange", .range = rules::kDispatch, .part = AddressLookup::Part::Least});
+    const auto found = lookup.find(info->addressRange, {.member = "addressRange", .range = rules::kDispatch});
     if (found)
         device.driver.next.CmdDispatchIndirect(commandBuffer, found->buffer, found->offset);
 }
@@ -223,8 +217,7 @@ void cmdBeginConditionalRendering2(DeviceAddresses &device, VkCommandBuffer comm
                                    const VkConditionalRenderingBeginInfo2EXT *info)
 {
     const AddressLookup lookup(device, commandBuffer, "vkCmdBeginConditionalRendering2EXT");
-    const auto found = lookup.find(
-        info->addressRange, {.member = "addressRange", .range = rules::kCondition, .part = AddressLookup::Part::Least});
+    const auto found = lookup.find(info->addressRange, {.member = "addressRange", .range = rules::kCondition});
     if (!found)
         return;
     // The layer's function, which records it in the CommandState.

@@ -6,23 +6,24 @@
 #include <cstdio>
 
 #include "layer/device_address/device_addresses.h"
+#include "layer/input/checked.h"
 
 namespace vellum::layer
 {
 
-void AddressLookup::reject(const char *id, const std::string &text) const
+AddressLookup::AddressLookup(const DeviceAddresses &device, VkCommandBuffer commandBuffer, const char *command,
+                             const char *otherwise)
+    : device_(device), commandBuffer_(commandBuffer), command_(command), otherwise_(otherwise),
+      isReported_(
+          input::Checked<input::CheckedRanges>::take(commandBuffer, [] { return input::CheckedRanges{}; }).reported)
 {
-    device_.driver.report().error(id, std::string(command_) + ": " + text + "; " + otherwise_,
-                                  VK_OBJECT_TYPE_COMMAND_BUFFER, reinterpret_cast<uint64_t>(commandBuffer_));
 }
 
-bool AddressLookup::tolerateIf(bool harmless, const char *id, const std::string &text) const
+bool AddressLookup::report(Severity severity, const char *id, const std::string &text) const
 {
-    if (harmless)
-        return device_.driver.report().tolerates(id, std::string(command_) + ": " + text, VK_OBJECT_TYPE_COMMAND_BUFFER,
-                                                 reinterpret_cast<uint64_t>(commandBuffer_));
-    reject(id, text);
-    return false;
+    return InputCheck(device_.commands.objects.rules, command_, commandBuffer_, isReported_)
+        .report(id, nullptr, severity, severity == Severity::Reject ? text + "; " + otherwise_ : text)
+        .accepted;
 }
 
 AddressLookup::Found AddressLookup::keep(const AddressMap::Location &location, VkDeviceSize size) const
@@ -34,34 +35,36 @@ AddressLookup::Found AddressLookup::keep(const AddressMap::Location &location, V
 std::optional<AddressLookup::Found> AddressLookup::find(const VkDeviceAddressRangeKHR &range, const Need &need,
                                                         const rules::AnyRange &ids) const
 {
-    const auto tolerate = [&](bool harmless, const char *id, const char *what) {
+    const auto textOf = [&](const char *what) {
         char text[256];
         std::snprintf(text, sizeof text, "%s (element %" PRIu32 "), %" PRIu64 " bytes at address 0x%" PRIx64 ", %s",
                       need.member, need.index, range.size, range.address, what);
-        return tolerateIf(harmless, id, text);
+        return std::string(text);
     };
     if (range.address == 0) {
-        tolerate(false, ids.null, "is a null range");
+        report(Severity::Reject, ids.null, textOf("is a null range"));
         return std::nullopt;
     }
     const AddressMap &addresses = device_.buffers.addresses;
     const VkDeviceSize least = need.least > 0 ? need.least : need.range.least;
     const VkDeviceSize size = std::max(range.size, least);
     if (range.size < least &&
-        !tolerate(range.size > 0 && addresses.covering(range.address, least, 0).buffer,
-                  need.leastId ? need.leastId : need.range.leastId, "is smaller than what the command accesses"))
+        !report(rules::ofSmallRange(addresses, range, least), need.leastId ? need.leastId : need.range.leastId,
+                textOf("is smaller than what the command accesses")))
         return std::nullopt;
     AddressMap::Location location = addresses.covering(range.address, size, need.range.usage);
     if (location.buffer)
         return keep(location, range.size);
     location = addresses.covering(range.address, size, 0);
     if (location.buffer)
-        return tolerate(true, need.range.usageId, "lies in no buffer with the usage that the command needs")
+        return report(Severity::Tolerate, need.range.usageId,
+                      textOf("lies in no buffer with the usage that the command needs"))
                    ? std::optional(keep(location, range.size))
                    : std::nullopt;
-    if (need.part != Part::All)
+    if (need.range.part != rules::Part::All)
         location = addresses.covering(range.address, std::max(least, VkDeviceSize{1}), need.range.usage);
-    return tolerate(location.buffer, ids.buffer, "does not lie in one buffer")
+    return report(rules::ofSplitRange(addresses, range, need.range, least), ids.buffer,
+                  textOf("does not lie in one buffer"))
                ? std::optional(keep(location, location.bytes))
                : std::nullopt;
 }

@@ -23,24 +23,14 @@ class AddressLookup
 public:
     // `otherwise`: what a message says about the command that is rejected.
     AddressLookup(const DeviceAddresses &device, VkCommandBuffer commandBuffer, const char *command,
-                  const char *otherwise = "nothing is recorded")
-        : device_(device), commandBuffer_(commandBuffer), command_(command), otherwise_(otherwise)
-    {
-    }
+                  const char *otherwise = "nothing is recorded");
 
-    // The part of a range that a command accesses.
-    enum class Part {
-        All,
-        Least,   // Need::least
-        UpToEnd, // any bytes, but none beyond the range
-    };
     // What a command requires of a range.
     struct Need {
         const char *member; // parameter or member, for messages
         const rules::Range &range;
-        VkDeviceSize least = 0; // minimum size; 0: that of `range`
-        uint32_t index = 0;     // array element, for messages
-        Part part = Part::All;
+        VkDeviceSize least = 0;        // minimum size; 0: that of `range`
+        uint32_t index = 0;            // array element, for messages
         const char *leastId = nullptr; // message id for a smaller range; null: that of `range`
     };
     struct Found {
@@ -51,10 +41,8 @@ public:
     [[nodiscard]] std::optional<Found> find(const VkDeviceAddressRangeKHR &range, const Need &need) const;
     [[nodiscard]] std::optional<Found> find(const VkStridedDeviceAddressRangeKHR &range, const Need &need) const;
 
-    void reject(const char *id, const std::string &text) const;
-    // Reports a finding. Returns whether the command may be recorded: the finding is harmless, and not made an error by
-    // the setting `strict`.
-    [[nodiscard]] bool tolerateIf(bool harmless, const char *id, const std::string &text) const;
+    // Reports a violation, if validation has reported none of the command. Returns whether the command may be recorded.
+    bool report(Severity severity, const char *id, const std::string &text) const;
 
 private:
     [[nodiscard]] std::optional<Found> find(const VkDeviceAddressRangeKHR &range, const Need &need,
@@ -64,8 +52,9 @@ private:
 
     const DeviceAddresses &device_;
     VkCommandBuffer commandBuffer_;
-    const char *command_;
+    Place command_;
     const char *otherwise_;
+    bool isReported_;
 };
 
 } // namespace vellum::layer

@@ -31,10 +31,8 @@ std::optional<Counters> findCounters(const AddressLookup &lookup, uint32_t count
     for (uint32_t i = 0; i < count; ++i) {
         if (infos[i].addressRange.size == 0)
             continue;
-        const auto found = lookup.find(infos[i].addressRange, {.member = "addressRange of pCounterInfos",
-                                                               .range = counter,
-                                                               .index = i,
-                                                               .part = AddressLookup::Part::Least});
+        const auto found = lookup.find(infos[i].addressRange,
+                                       {.member = "addressRange of pCounterInfos", .range = counter, .index = i});
         if (!found)
             return std::nullopt;
         counters.buffers[i] = found->buffer;
@@ -52,10 +50,9 @@ void cmdBindTransformFeedbackBuffers2(DeviceAddresses &device, VkCommandBuffer c
     std::vector<VkBuffer> buffers(count);
     std::vector<VkDeviceSize> offsets(count), sizes(count);
     for (uint32_t i = 0; i < count; ++i) {
-        const auto found = lookup.find(infos[i].addressRange, {.member = "addressRange of pBindingInfos",
-                                                               .range = rules::kFeedbackBuffer,
-                                                               .index = i,
-                                                               .part = AddressLookup::Part::UpToEnd});
+        const auto found =
+            lookup.find(infos[i].addressRange,
+                        {.member = "addressRange of pBindingInfos", .range = rules::kFeedbackBuffer, .index = i});
         if (!found)
             return;
         buffers[i] = found->buffer;
@@ -100,7 +97,6 @@ void cmdDrawIndirectByteCount2(DeviceAddresses &device, VkCommandBuffer commandB
     const auto found = lookup.find(info->addressRange, {.member = "addressRange of pCounterInfo",
                                                         .range = rules::kByteCount,
                                                         .least = sizeof(uint32_t),
-                                                        .part = AddressLookup::Part::Least,
                                                         .leastId = "VELLUM-counter-range"});
     if (found)
         device.driver.next.CmdDrawIndirectByteCountEXT(commandBuffer, instanceCount, firstInstance, found->buffer,

@@ -72,7 +72,6 @@ struct Validated<name, function> {
     static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Arguments... arguments) noexcept
     {
         return guarded<Result>([&] {
-            const CommandReports reports;
             DeviceValidation &device = *deviceOf(handle).validation;
             constexpr VkQueueFlags kQueues = queuesOf(name.text);
             if constexpr (kQueues != 0)

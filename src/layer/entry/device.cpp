@@ -212,7 +212,6 @@ VkResult DeviceCreation::prepare()
     driver.instance = &instance_.next;
     driver.settings = &instance_.settings;
     driver.reporter = &instance_.report;
-    driver.covered = std::make_shared<CoveredIds>();
     device->instance = &instance_;
     if (!dependsOnLayer(info_))
         return VK_SUCCESS;
@@ -240,6 +239,9 @@ VkResult DeviceCreation::prepare()
     const Backend &backend = *device->structures.backend;
     device->objects.rules.khr = backend.support();
     device->objects.rules.needs = [&backend](const input::MicromapBuild &build) { return backend.needs(build); };
+    device->objects.rules.placesMicromap = [&backend](VkBuffer buffer, VkDeviceSize offset, VkDeviceAddress address) {
+        return backend.placesMicromap(buffer, offset, address);
+    };
     device->objects.rules.content = [&objects = device->objects](ObjectHandle handle) {
         return structureFacts(objects, handle).content;
     };
@@ -355,6 +357,10 @@ try {
         return;
     validation->facts = factsOf(added.driver, info_);
     validation->buffers.gpu.importsHostMemory = added.buffers.gpu.importsHostMemory;
+    if (added.driver.emulated() && validation->checks.gpu) {
+        validation->reportGpuErrors = [&objects = added.objects](uint32_t known) { reportGpuErrors(objects, known); };
+        added.objects.validationReportsGpuErrors = true;
+    }
     added.validation = std::move(validation);
     if (!added.driver.providesMicromaps())
         added.driver.report().info("VELLUM-device", "the driver's opacity micromaps are validated on this device");
@@ -423,7 +429,7 @@ VKAPI_ATTR void VKAPI_CALL destroyDevice(VkDevice handle, const VkAllocationCall
         device.reset();
         destroy(handle, allocator);
     });
-    reportGpuErrors(device->objects);
+    reportGpuErrors(device->objects, 0); // those that validation has not
 }
 
 bool forgetDevices(const Instance &instance)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How validation hands the input of a command that it has parsed and checked to the layer's implementation below, which
-// is called as a driver is: with the application's arguments.
+// Validation hands the input of a command that it has parsed and checked to the layer's implementation below, which is
+// called as a driver is: with the application's arguments.
 #pragma once
 
 #include <utility>
@@ -32,6 +32,11 @@ private:
     const void *arguments_;
     Input &input_;
     Checked *outer_ = current;
+};
+
+// The check of the address ranges of a command, which is identified by its command buffer.
+struct CheckedRanges {
+    bool reported = false; // a violation
 };
 
 } // namespace vellum::layer::input

@@ -14,7 +14,7 @@
 namespace vellum::layer::input
 {
 
-// Who executes a command.
+// A command is executed by the device or by the host.
 enum class Executor { Device, Host };
 
 // A clone or a compaction.
@@ -56,6 +56,7 @@ struct SerializedCopy {
     bool rightType = true;
     bool hasChain = false;
     bool accepted = true;
+    bool isReported = false; // the data is wrong, and that was reported
 
     [[nodiscard]] bool khr() const { return object.type == VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR; }
 };

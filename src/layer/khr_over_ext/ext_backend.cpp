@@ -4,7 +4,6 @@
 #include "layer/command_buffer/injected_work.h"
 #include "layer/khr_over_ext/device_khr_over_ext.h"
 #include "layer/khr_over_ext/placed_micromaps.h"
-#include "layer/rules/ids.h"
 
 namespace vellum::layer
 {
@@ -18,19 +17,14 @@ bool ExtBackend::begin(VkCommandBuffer commandBuffer, const char *)
 
 MicromapSupport ExtBackend::support() const
 {
-    return {limits_, false, device_.driver.enabled.ext || device_.driver.enabled.khr};
+    return {limits_, false, device_.driver.enabled.ext || device_.driver.enabled.khr, true};
 }
 
-bool ExtBackend::checkMicromap(const CommandCheck &check, const BufferRange &range) const
+bool ExtBackend::placesMicromap(VkBuffer buffer, VkDeviceSize offset, VkDeviceAddress) const
 {
-    if (!device_.driver.next.CreateMicromapEXT)
-        return check.reject(rules::ids::kCreationFeature,
-                            "type is OPACITY_MICROMAP, but VK_KHR_opacity_micromap is not enabled");
     // VUID-VkMicromapCreateInfoEXT-buffer-07496
-    if ((device_.buffers.infos.get(range.buffer).usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) == 0)
-        return check.reject(rules::ids::kCreationRangeUsage, "the buffer was not created for acceleration structures");
-    return allowsMicromapAt(device_, range.buffer, range.offset) ||
-           check.reject(rules::ids::kCreationRangeAlignment, "the address of a micromap is not a multiple of 256");
+    const bool hasUsage = (device_.buffers.infos.get(buffer).usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) != 0;
+    return device_.driver.next.CreateMicromapEXT && hasUsage && allowsMicromapAt(device_, buffer, offset);
 }
 
 bool ExtBackend::createMicromap(AccelerationStructure &micromap)

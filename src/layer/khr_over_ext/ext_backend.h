@@ -22,8 +22,7 @@ public:
     // ext_builds.cpp
     [[nodiscard]] std::optional<input::BuildNeeds> needs(const input::MicromapBuild &build) const override;
     void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) override;
-    [[nodiscard]] uint32_t micromapAlignment() const override { return 256; }
-    [[nodiscard]] bool checkMicromap(const CommandCheck &check, const BufferRange &range) const override;
+    [[nodiscard]] bool placesMicromap(VkBuffer buffer, VkDeviceSize offset, VkDeviceAddress address) const override;
     bool createMicromap(AccelerationStructure &micromap) override;
 
     void created(const std::shared_ptr<AccelerationStructure> &) override {}

@@ -246,8 +246,8 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
         if (!micromaps[i].handle)
             continue;
         if (mustBeMoved(builds[i]) && !moveTriangles(device_, commandBuffer, work, builds[i])) {
-            commandCheck(device_.driver, command, builds[i].structure->handle)
-                .reject("VELLUM-out-of-memory", "no memory for the triangles");
+            rejectCommand(device_.driver, command, builds[i].structure->handle, "VELLUM-out-of-memory",
+                          "no memory for the triangles");
             builds[i].usages.clear(); // nothing is read
             builds[i].data.deviceAddress = builds[i].triangles.deviceAddress = 0;
             micromaps[i].isKnown = false;
@@ -277,8 +277,8 @@ void ExtBackend::record(VkCommandBuffer commandBuffer, const char *command, std:
         const std::vector<uint32_t> primitives = build.primitives();
         const AttachedBuild &added = attached.emplace_back(device_, limits_, build, primitives.data());
         if (added.lacksMicromap())
-            commandCheck(device_.driver, command, build.target->handle, build.element)
-                .reject("VELLUM-out-of-memory", "the driver could not make the micromap of a geometry");
+            rejectCommand(device_.driver, command, build.target->handle, "VELLUM-out-of-memory",
+                          "the driver could not make the micromap of a geometry", build.element);
         if (added.lacksMicromap() ||
             (!added.narrow().empty() && InjectedWork::rejectedIn(device_.commands, commandBuffer, command))) {
             attached.pop_back();

@@ -94,8 +94,8 @@ PlacedMicromap lastMicromap(DeviceKhrOverExt &device, const AccelerationStructur
 bool checkDriverMicromap(const DeviceKhrOverExt &device, const char *command, const AccelerationStructure &structure,
                          VkMicromapEXT micromap)
 {
-    return micromap || commandCheck(device.driver, command, structure.handle)
-                           .reject("VELLUM-out-of-memory", "the driver could not make a micromap");
+    return micromap || rejectCommand(device.driver, command, structure.handle, "VELLUM-out-of-memory",
+                                     "the driver could not make a micromap");
 }
 
 void setDriverMicromap(DeviceKhrOverExt &device, AccelerationStructure &structure, PlacedMicromap micromap)

@@ -5,9 +5,9 @@
 #include <new>
 #include <string>
 
-#include "layer/base/command_check.h"
+#include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
-#include "layer/rules/ids.h"
+#include "layer/rules/creations.h"
 
 namespace vellum::layer
 {
@@ -15,35 +15,15 @@ namespace vellum::layer
 VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreateInfoEXT *info,
                         const VkAllocationCallbacks *, VkMicromapEXT *micromap)
 {
-    const CommandCheck check(device.driver.report(), "vkCreateMicromapEXT");
-    // Tolerated: the type of the build decides.
-    if (info->type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT &&
-        !check.tolerate("VUID-VkMicromapCreateInfoEXT-type-parameter",
-                        "type is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"))
-        return VK_ERROR_VALIDATION_FAILED_EXT;
-    const bool flagged = (info->createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
-    const bool replayable = flagged && device.driver.enabled.captureReplay;
-    if (flagged && !replayable &&
-        !check.tolerate(rules::ids::kMicromapReplay,
-                        "DEVICE_ADDRESS_CAPTURE_REPLAY without the feature micromapCaptureReplay"))
-        return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
-    // Drivers ignore the address in this case, and NVRHI always sets one.
-    if (info->deviceAddress != 0 && !flagged &&
-        !check.tolerate(rules::ids::kMicromapAddress, "deviceAddress without DEVICE_ADDRESS_CAPTURE_REPLAY"))
-        return VK_ERROR_VALIDATION_FAILED_EXT;
     const VkDeviceSize bufferSize = device.buffers.infos.get(info->buffer).size;
-    const VkDeviceSize capacity = bufferSize - std::min(info->offset, bufferSize);
-    // The part inside the buffer may be large enough for the build.
-    if (info->size > capacity &&
-        !check.tolerateIf(capacity > 0, rules::ids::kMicromapRange,
-                          "offset " + std::to_string(info->offset) + " + size " + std::to_string(info->size) +
-                              " is beyond the buffer's " + std::to_string(bufferSize) + " bytes"))
+    const auto creation = input::Checked<input::Creation>::take(info, [&] {
+        const Place command("vkCreateMicromapEXT");
+        const Place place = command.member("pCreateInfo");
+        return rules::checkCreation(InputCheck(device.objects.rules, place, info->buffer), *info, bufferSize);
+    });
+    if (!creation.accepted)
         return VK_ERROR_VALIDATION_FAILED_EXT;
-    // Shaders read and write 16 bytes at once.
-    if (info->offset % 256 != 0 &&
-        !check.tolerateIf(info->offset % 16 == 0, rules::ids::kMicromapOffset,
-                          "offset " + std::to_string(info->offset) + " is not a multiple of 256"))
-        return VK_ERROR_VALIDATION_FAILED_EXT;
+    const bool replayable = creation.replays && device.driver.enabled.captureReplay;
     // The address of a micromap follows from that of its buffer, which the driver was asked to replay.
     if (replayable && info->deviceAddress != 0 &&
         info->deviceAddress != device.driver.bufferAddress(info->buffer) + info->offset) {
@@ -52,7 +32,8 @@ VkResult createMicromap(DeviceMicromaps &device, VkDevice, const VkMicromapCreat
             "vkCreateMicromapEXT: the buffer is not at the address that it had at the time of capture");
         return VK_ERROR_INVALID_OPAQUE_CAPTURE_ADDRESS;
     }
-    auto *object = new (std::nothrow) Micromap{info->buffer, info->offset, std::min(info->size, capacity), {}};
+    auto *object = new (std::nothrow)
+        Micromap{info->buffer, info->offset, std::min(info->size, bufferSize - std::min(info->offset, bufferSize)), {}};
     if (!object)
         return VK_ERROR_OUT_OF_HOST_MEMORY;
     *micromap = reinterpret_cast<VkMicromapEXT>(object);

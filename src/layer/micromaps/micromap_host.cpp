@@ -177,19 +177,16 @@ namespace
 {
 
 template <typename Info>
-bool isAccepted(DeviceMicromaps &device, const char *command, const Info &info)
+input::SerializedCopy copyOf(DeviceMicromaps &device, const char *command, const Info &info)
 {
-    return input::Checked<input::SerializedCopy>::take(
-               &info,
-               [&] {
-                   input::SerializedCopy parsed = input::parse(info, input::Executor::Host);
-                   const Place place(command);
-                   const Place member = place.member("pInfo");
-                   rules::checkCopy(InputCheck(device.objects.rules, member, parsed.object), parsed,
-                                    hostFacts(device, parsed.object));
-                   return parsed;
-               })
-        .accepted;
+    return input::Checked<input::SerializedCopy>::take(&info, [&] {
+        input::SerializedCopy parsed = input::parse(info, input::Executor::Host);
+        const Place place(command);
+        const Place member = place.member("pInfo");
+        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.object), parsed,
+                         hostFacts(device, parsed.object));
+        return parsed;
+    });
 }
 
 } // namespace
@@ -197,7 +194,7 @@ bool isAccepted(DeviceMicromaps &device, const char *command, const Info &info)
 VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMicromapToMemoryInfoEXT *info)
 {
-    if (!isAccepted(device, "vkCopyMicromapToMemoryEXT", *info))
+    if (!copyOf(device, "vkCopyMicromapToMemoryEXT", *info).accepted)
         return rejected(device);
     const uint64_t used = usedBytes(device, info->src);
     const View source = viewOf(device, info->src, used);
@@ -217,7 +214,8 @@ VkResult copyMicromapToMemory(DeviceMicromaps &device, VkDevice, VkDeferredOpera
 VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOperationKHR operation,
                               const VkCopyMemoryToMicromapInfoEXT *info)
 {
-    if (!isAccepted(device, "vkCopyMemoryToMicromapEXT", *info))
+    const input::SerializedCopy copy = copyOf(device, "vkCopyMemoryToMicromapEXT", *info);
+    if (!copy.accepted)
         return rejected(device);
     const auto *in = static_cast<const uint8_t *>(info->src.hostAddress);
     SerializedMicromapHeader header{};
@@ -234,7 +232,8 @@ VkResult copyMemoryToMicromap(DeviceMicromaps &device, VkDevice, VkDeferredOpera
         return VK_ERROR_OUT_OF_HOST_MEMORY;
     if (!known || header.micromapBytes > capacity) {
         target.invalidate();
-        reportCopy(device, known ? kTooLarge : kNotSerialized, info->dst);
+        if (!copy.isReported)
+            reportCopy(device, known ? kTooLarge : kNotSerialized, info->dst);
         return done(operation);
     }
     std::memcpy(target.bytes(), in + sizeof header, header.micromapBytes);

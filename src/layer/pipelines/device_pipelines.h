@@ -27,6 +27,7 @@ namespace vellum::layer
 struct RayTracingModule {
     std::vector<uint32_t> words; // the application's SPIR-V
     spirv::TracedFlags traced;
+    uint64_t original = 0; // hash of the application's code, where validation has changed that
 };
 
 // Warnings about shaders, each sent once for the same code: applications create thousands of pipelines from few
@@ -34,10 +35,10 @@ struct RayTracingModule {
 class ShaderWarnings
 {
 public:
-    // Returns whether this is the first call with the message `id` and this code.
-    [[nodiscard]] bool isFirst(const char *id, std::span<const uint32_t> code)
+    static uint64_t hashOf(std::span<const uint32_t> code) { return hashBytes(code.data(), code.size_bytes()); }
+    // Returns whether this is the first call with the message `id` and the hash of this code.
+    [[nodiscard]] bool isFirst(const char *id, uint64_t hash)
     {
-        const uint64_t hash = hashBytes(code.data(), code.size_bytes());
         std::lock_guard lock(mutex_);
         return sent_.emplace(id, hash).second;
     }

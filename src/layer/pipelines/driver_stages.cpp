@@ -7,6 +7,8 @@
 #include <string>
 
 #include "core/utf8_path.h"
+#include "layer/input/checked.h"
+#include "layer/input/creations.h"
 #include "layer/pipelines/device_pipelines.h"
 #include "spirv/module/khr_to_ext.h"
 #include "spirv/module/micromap_mode.h"
@@ -41,10 +43,17 @@ spirv::RewriteOptions rewriteOptions(DevicePipelines &device, std::optional<spir
 namespace
 {
 
+// The hash of the application's code: `words`, or what validation has made them of.
+uint64_t originalHash(std::span<const uint32_t> words)
+{
+    return ShaderWarnings::hashOf(
+        input::Checked<input::OriginalCode>::take(words.data(), [words] { return input::OriginalCode{words}; }).words);
+}
+
 // Sends a warning about a shader, once for the same code.
 void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const char *id, const std::string &text)
 {
-    if (device.shaderWarnings.isFirst(id, words))
+    if (device.shaderWarnings.isFirst(id, originalHash(words)))
         device.driver.report().warning(id, text);
 }
 
@@ -53,7 +62,7 @@ void warnOnce(DevicePipelines &device, std::span<const uint32_t> words, const ch
 void warnOfQueries(DevicePipelines &device, std::span<const uint32_t> words, const std::string &text)
 {
     constexpr const char *kId = "VELLUM-queries-without-micromaps";
-    if (device.shaderWarnings.isFirst(kId, words))
+    if (device.shaderWarnings.isFirst(kId, originalHash(words)))
         device.objects.warnings.warn(kId, text);
 }
 

@@ -5,10 +5,11 @@
 #include <optional>
 #include <span>
 
+#include "layer/input/checked.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/pipeline_flags.h"
 #include "layer/pipelines/shaders.h"
-#include "layer/rules/ids.h"
+#include "layer/rules/creations.h"
 
 namespace vellum::layer
 {
@@ -43,6 +44,17 @@ bool isAssumed(const DevicePipelines &device, const VkRayTracingPipelineCreateIn
                                 [&](VkPipeline library) { return device.librariesWithoutMicromaps.get(library); });
 }
 
+// Checks the create infos, if validation has not.
+input::Pipelines checked(const DevicePipelines &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
+{
+    return input::Checked<input::Pipelines>::take(infos, [&] {
+        return rules::checkPipelines(device.objects.rules, count, infos, [&](VkPipeline library) {
+            return device.driver.emulated() ? std::optional(device.rayTracingPipelines.get(library) != nullptr)
+                                            : std::nullopt;
+        });
+    });
+}
+
 } // namespace
 
 PipelineCreation::PipelineCreation(DevicePipelines &device, VkPipeline *pipelines)
@@ -61,7 +73,7 @@ bool PipelineCreation::changed() const
            std::ranges::any_of(kept_, [](const Kept &kept) { return kept.record != nullptr; });
 }
 
-VkResult PipelineCreation::add(const VkRayTracingPipelineCreateInfoKHR &info)
+VkResult PipelineCreation::add(const VkRayTracingPipelineCreateInfoKHR &info, bool accepted)
 {
     VkRayTracingPipelineCreateInfoKHR &own = infos_.emplace_back(info);
     kept_.emplace_back();
@@ -69,10 +81,10 @@ VkResult PipelineCreation::add(const VkRayTracingPipelineCreateInfoKHR &info)
     if (!driver.providesMicromaps())
         return passOn(own);
     bool usesMicromaps = (flagsOf(info) & kMicromapPipelineFlag) != 0 || isAssumed(device_, info);
-    if (!checkFlags(info, usesMicromaps))
+    if (!accepted)
         return VK_ERROR_VALIDATION_FAILED_EXT;
     if (driver.emulated()) {
-        if (const VkResult result = checkLibraries(info, usesMicromaps); result != VK_SUCCESS)
+        if (const VkResult result = chooseAsLibraries(info, usesMicromaps); result != VK_SUCCESS)
             return result;
         if (usesMicromaps)
             return addMicromapPipeline(own);
@@ -114,46 +126,18 @@ std::string PipelineCreation::message(const std::string &text) const
     return std::string(kCommand) + ": pipeline " + std::to_string(infos_.size() - 1) + " " + text;
 }
 
-bool PipelineCreation::checkFlags(const VkRayTracingPipelineCreateInfoKHR &info, bool usesMicromaps)
+// A pipeline and its libraries must agree in the micromap bit. If not, the libraries, whose shaders are already
+// rewritten, set `usesMicromaps`.
+VkResult PipelineCreation::chooseAsLibraries(const VkRayTracingPipelineCreateInfoKHR &info, bool &usesMicromaps)
 {
-    const Driver &driver = device_.driver;
-    if (usesMicromaps && !driver.enabled.anyFeature() &&
-        !driver.report().tolerates(rules::ids::kRayTracingFeature,
-                                   message("uses opacity micromaps, but the feature micromap is not enabled")))
-        return false;
-    return (flagsOf(info) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) == 0 ||
-           (usesMicromaps && driver.enabled.khrFeature) ||
-           tolerateMixedSpecialIndex(driver, rules::ids::kRayTracingMixed, kCommand);
-}
-
-// Checks that a pipeline and its libraries agree in the micromap bit. If not, the libraries, whose shaders are
-// already rewritten, set `usesMicromaps`.
-VkResult PipelineCreation::checkLibraries(const VkRayTracingPipelineCreateInfoKHR &info, bool &usesMicromaps)
-{
+    const auto usesOf = [&](VkPipeline library) { return device_.rayTracingPipelines.get(library) != nullptr; };
     const std::span<const VkPipeline> libraries = librariesOf(info);
-    bool with = false;
-    std::optional<size_t> without;
-    for (size_t i = 0; i < libraries.size(); ++i) {
-        if (device_.rayTracingPipelines.get(libraries[i]))
-            with = true;
-        else
-            without = i;
-    }
-    if (!without) {
+    const bool with = std::ranges::any_of(libraries, usesOf);
+    if (std::ranges::all_of(libraries, usesOf)) {
         usesMicromaps = usesMicromaps || with;
         return VK_SUCCESS;
     }
-    if ((flagsOf(info) & kMicromapPipelineFlag) != 0) {
-        constexpr const char *kId = rules::ids::kRayTracingLibraries;
-        const std::string text =
-            message("uses opacity micromaps, but library " + std::to_string(*without) + " was created without the bit");
-        if (with)
-            device_.driver.report().error(kId, text);
-        // If no library has it, the pipeline can be created without micromaps.
-        if (with || !device_.driver.report().tolerates(kId, text))
-            return VK_ERROR_VALIDATION_FAILED_EXT;
-    }
-    usesMicromaps = false; // where only the setting assume_micromaps has set it, without a message
+    usesMicromaps = false;
     if (!with)
         return VK_SUCCESS;
     device_.driver.report().notAvailable("a ray tracing pipeline of libraries with and without the micromap bit");
@@ -167,8 +151,12 @@ void PipelineCreation::warnOfTracing(const VkRayTracingPipelineCreateInfoKHR &in
     constexpr const char *kId = "VELLUM-pipeline-without-micromaps";
     bool isFirst = false;
     for (const VkPipelineShaderStageCreateInfo &stage : std::span(info.pStages, info.stageCount)) {
-        if (tracedBy(device_, stage).traces)
-            isFirst = device_.shaderWarnings.isFirst(kId, stageCode(device_, stage)) || isFirst;
+        if (!tracedBy(device_, stage).traces)
+            continue;
+        const auto module = device_.rayTracingModules.get(stage.module);
+        const uint64_t hash =
+            module && module->original != 0 ? module->original : ShaderWarnings::hashOf(stageCode(device_, stage));
+        isFirst = device_.shaderWarnings.isFirst(kId, hash) || isFirst;
     }
     if (isFirst)
         device_.objects.warnings.warn(
@@ -341,7 +329,7 @@ withDriverInfo(DevicePipelines &device, const VkRayTracingPipelineCreateInfoKHR 
                const std::function<VkResult(const VkRayTracingPipelineCreateInfoKHR &, const HiddenInBinary &)> &use)
 {
     PipelineCreation creation(device, nullptr);
-    const VkResult result = creation.add(info);
+    const VkResult result = creation.add(info, checked(device, 1, &info).accepted[0]);
     return result == VK_SUCCESS ? use(creation.infos().front(), creation.hidden()) : result;
 }
 
@@ -352,8 +340,10 @@ VkResult createRayTracingPipelines(DevicePipelines &device, VkDevice handle, VkD
 {
     std::fill_n(pipelines, count, VK_NULL_HANDLE);
     auto creation = std::make_unique<PipelineCreation>(device, pipelines);
-    const std::vector<VkResult> prepared =
-        prepareEach(std::span(infos, count), [&](const auto &info) { return creation->add(info); });
+    const input::Pipelines verdicts = checked(device, count, infos);
+    const std::vector<VkResult> prepared = prepareEach(std::span(infos, count), [&](const auto &info) {
+        return creation->add(info, verdicts.accepted[static_cast<size_t>(&info - infos)]);
+    });
     creation->reserve();
     const auto create = [&](VkDeferredOperationKHR deferral, uint32_t some,
                             const VkRayTracingPipelineCreateInfoKHR *driverInfos, VkPipeline *created) {

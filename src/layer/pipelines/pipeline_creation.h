@@ -30,8 +30,9 @@ public:
     // pipeline is created, but its key or binaries.
     PipelineCreation(DevicePipelines &device, VkPipeline *pipelines);
 
-    // Adds a pipeline. Returns the result of its creation if that fails before the driver is called.
-    VkResult add(const VkRayTracingPipelineCreateInfoKHR &info);
+    // Adds a pipeline. Returns the result of its creation if that fails before the driver is called. `accepted`: by the
+    // check of the rules.
+    VkResult add(const VkRayTracingPipelineCreateInfoKHR &info, bool accepted);
     // The driver's.
     [[nodiscard]] const std::vector<VkRayTracingPipelineCreateInfoKHR> &infos() const { return infos_; }
     // How the ray flags of the last pipeline travel.
@@ -63,8 +64,7 @@ private:
     };
 
     [[nodiscard]] std::string message(const std::string &text) const;
-    bool checkFlags(const VkRayTracingPipelineCreateInfoKHR &info, bool usesMicromaps);
-    VkResult checkLibraries(const VkRayTracingPipelineCreateInfoKHR &info, bool &usesMicromaps);
+    VkResult chooseAsLibraries(const VkRayTracingPipelineCreateInfoKHR &info, bool &usesMicromaps);
     void warnOfTracing(const VkRayTracingPipelineCreateInfoKHR &info);
 
     VkResult passOn(VkRayTracingPipelineCreateInfoKHR &info);

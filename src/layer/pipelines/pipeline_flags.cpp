@@ -4,7 +4,6 @@
 #include <string>
 
 #include "layer/base/driver.h"
-#include "layer/rules/ids.h"
 
 namespace vellum::layer
 {
@@ -40,32 +39,6 @@ bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCre
     own->flags = (own->flags & ~removed) | added;
     pNext = chain.head();
     return true;
-}
-
-bool tolerateMixedSpecialIndex(const Driver &driver, const char *id, const char *command)
-{
-    return driver.report().tolerates(
-        id, std::string(command) +
-                ": OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX needs the feature micromap, and in a "
-                "ray tracing pipeline RAY_TRACING_OPACITY_MICROMAP");
-}
-
-bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
-                        const char *command)
-{
-    return (pipelineFlags(pNext, flags) & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) ==
-               0 ||
-           driver.enabled.khrFeature || tolerateMixedSpecialIndex(driver, id, command);
-}
-
-bool checkShaderFlags(const Driver &driver, VkShaderCreateInfoEXT &info)
-{
-    constexpr VkFlags kDisallowMixedShader =
-        static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
-    const bool requested = (info.flags & kDisallowMixedShader) != 0;
-    info.flags &= ~kDisallowMixedShader;
-    return !requested || driver.enabled.khrFeature ||
-           tolerateMixedSpecialIndex(driver, rules::ids::kShaderMixed, "vkCreateShadersEXT");
 }
 
 } // namespace vellum::layer

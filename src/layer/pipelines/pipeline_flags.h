@@ -28,14 +28,4 @@ VkFlags64 unknownPipelineFlags(const Driver &driver);
 bool changePipelineFlags(const Driver &driver, const void *&pNext, VkPipelineCreateFlags &flags, VkFlags64 removed,
                          VkFlags64 added, std::deque<Chain> &chains, const char *command);
 
-// Reports that the flag DISALLOW_MIXED_SPECIAL_INDEX is not allowed. It is harmless: returns whether the object may be
-// created.
-bool tolerateMixedSpecialIndex(const Driver &driver, const char *id, const char *command);
-// Reports that flag of a compute or graphics pipeline if the feature is not enabled. Returns whether the pipeline may
-// be created.
-bool checkPipelineFlags(const Driver &driver, const void *pNext, VkPipelineCreateFlags flags, const char *id,
-                        const char *command);
-// As above, for a shader object. Removes the flag, which the driver does not know.
-bool checkShaderFlags(const Driver &driver, VkShaderCreateInfoEXT &info);
-
 } // namespace vellum::layer

@@ -5,9 +5,10 @@
 #include <memory>
 
 #include "layer/base/undo.h"
+#include "layer/input/checked.h"
 #include "layer/pipelines/binaries.h"
 #include "layer/pipelines/device_pipelines.h"
-#include "layer/rules/ids.h"
+#include "layer/rules/creations.h"
 #include "spirv/module/scan.h"
 
 namespace vellum::layer
@@ -22,10 +23,15 @@ VkResult createPipelines(DevicePipelines &device, VkDevice handle, VkPipelineCac
                          const Info *infos, const VkAllocationCallbacks *allocator, VkPipeline *pipelines,
                          Command command)
 {
+    const auto checked = input::Checked<input::Pipelines>::take(
+        infos, [&] { return rules::checkPipelines(device.objects.rules, count, infos); });
     std::deque<DriverPipelineInfo> driverInfos;
     std::vector<Info> own(infos, infos + count);
-    const std::vector<VkResult> prepared =
-        prepareEach(std::span(own), [&](Info &info) { return driverInfos.emplace_back(device).change(info); });
+    const std::vector<VkResult> prepared = prepareEach(std::span(own), [&](Info &info) {
+        DriverPipelineInfo &driverInfo = driverInfos.emplace_back(device);
+        return checked.accepted[static_cast<size_t>(&info - own.data())] ? driverInfo.change(info)
+                                                                         : VK_ERROR_VALIDATION_FAILED_EXT;
+    });
     const auto hasIdentifiers = [](const DriverPipelineInfo &info) { return info.identifiers.any(); };
     if (allSucceeded(prepared) && std::ranges::none_of(driverInfos, hasIdentifiers))
         return command(handle, cache, count, own.data(), allocator, pipelines);
@@ -49,8 +55,12 @@ VkResult createShaderModule(DevicePipelines &device, VkDevice handle, const VkSh
         !rewriteShader(device, driverInfo.pCode, driverInfo.codeSize, storage))
         return VK_ERROR_INVALID_SHADER_NV;
     std::shared_ptr<const RayTracingModule> original;
-    if (device.driver.providesMicromaps() && scan.hasStages)
-        original = std::make_shared<RayTracingModule>(RayTracingModule{{words.begin(), words.end()}, scan.traced});
+    if (device.driver.providesMicromaps() && scan.hasStages) {
+        const auto code =
+            input::Checked<input::OriginalCode>::take(info->pCode, [] { return input::OriginalCode{}; }).words;
+        original = std::make_shared<RayTracingModule>(RayTracingModule{
+            {words.begin(), words.end()}, scan.traced, code.empty() ? 0 : ShaderWarnings::hashOf(code)});
+    }
     const VkResult result = device.driver.next.CreateShaderModule(handle, &driverInfo, allocator, module);
     if (result != VK_SUCCESS)
         return result;
@@ -73,11 +83,9 @@ void destroyShaderModule(DevicePipelines &device, VkDevice handle, VkShaderModul
 
 template <typename Info>
 VkResult DriverPipelineInfo::change(Info &info, const VkPipelineShaderStageCreateInfo *&stages, uint32_t count,
-                                    const char *flagsId, const char *command)
+                                    const char *command)
 {
     const Driver &driver = device_.driver;
-    if (driver.providesMicromaps() && !checkPipelineFlags(driver, info.pNext, info.flags, flagsId, command))
-        return VK_ERROR_VALIDATION_FAILED_EXT;
     if (!changePipelineFlags(driver, info.pNext, info.flags, unknownPipelineFlags(driver), 0, chains_, command))
         return VK_ERROR_INITIALIZATION_FAILED;
     if (binariesOf(info.pNext))
@@ -91,7 +99,7 @@ VkResult DriverPipelineInfo::change(Info &info, const VkPipelineShaderStageCreat
 VkResult DriverPipelineInfo::change(VkComputePipelineCreateInfo &info)
 {
     const VkPipelineShaderStageCreateInfo *stage = &info.stage;
-    const VkResult result = change(info, stage, 1, rules::ids::kComputeMixed, "vkCreateComputePipelines");
+    const VkResult result = change(info, stage, 1, "vkCreateComputePipelines");
     if (stage != &info.stage)
         info.stage = *stage;
     return result;
@@ -100,7 +108,7 @@ VkResult DriverPipelineInfo::change(VkComputePipelineCreateInfo &info)
 VkResult DriverPipelineInfo::change(VkGraphicsPipelineCreateInfo &info)
 {
     const uint32_t count = hasShaderStages(info) && info.pStages ? info.stageCount : 0;
-    return change(info, info.pStages, count, rules::ids::kGraphicsMixed, "vkCreateGraphicsPipelines");
+    return change(info, info.pStages, count, "vkCreateGraphicsPipelines");
 }
 
 VkResult createComputePipelines(DevicePipelines &device, VkDevice handle, VkPipelineCache cache, uint32_t count,
@@ -122,11 +130,18 @@ VkResult createGraphicsPipelines(DevicePipelines &device, VkDevice handle, VkPip
 VkResult createShaders(DevicePipelines &device, VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
                        const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
+    constexpr auto kPromise =
+        static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
+    const auto checked = input::Checked<input::Pipelines>::take(
+        infos, [&] { return rules::checkShaders(device.objects.rules, count, infos); });
     std::vector<VkShaderCreateInfoEXT> own(infos, infos + count);
     std::deque<SharedWords> storage;
     const auto prepare = [&](VkShaderCreateInfoEXT &info) {
-        if (device.driver.providesMicromaps() && !checkShaderFlags(device.driver, info))
-            return VK_ERROR_VALIDATION_FAILED_EXT;
+        if (device.driver.providesMicromaps()) {
+            info.flags &= ~kPromise; // the driver does not know it
+            if (!checked.accepted[static_cast<size_t>(&info - own.data())])
+                return VK_ERROR_VALIDATION_FAILED_EXT;
+        }
         if (info.codeType == VK_SHADER_CODE_TYPE_BINARY_EXT && !device.driver.emulated())
             return VK_SUCCESS;
         if (info.codeType == VK_SHADER_CODE_TYPE_BINARY_EXT) {

@@ -33,8 +33,7 @@ public:
 
 private:
     template <typename Info>
-    VkResult change(Info &info, const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, const char *flagsId,
-                    const char *command);
+    VkResult change(Info &info, const VkPipelineShaderStageCreateInfo *&stages, uint32_t count, const char *command);
 
     DevicePipelines &device_;
     DriverStages stages_;

@@ -281,7 +281,7 @@ Found noTriangles(const Build &c)
 {
     return when(c.build.triangles.deviceAddress == 0, kNull, c.ifRead(Reject));
 }
-// That one of the two inputs breaks; `broken(address)`.
+// Returns the name of the inputs whose address is broken, by `broken(address)`; null: none is.
 template <typename Broken>
 const char *brokenInput(const Build &c, Broken broken)
 {
@@ -739,7 +739,7 @@ Verdict checkFlags(const InputCheck &check, VkFlags flags, bool micromap)
     return check.check<Flags>(kFlags, {flags, micromap, check.device().driver.enabled});
 }
 
-// What a build is of, and its usage counts. `countsKept`: it can be asked what the build needs.
+// Checks the kind of a build and its usage counts. Sets `countsKept` if its sizes can be queried.
 Verdict checkInfo(const InputCheck &check, const Build &c, bool &countsKept)
 {
     Verdict verdict = check.check<Build>(c.build.khr ? std::span<const Rule<Build>>(kKhrInfo) : kExtInfo, c);

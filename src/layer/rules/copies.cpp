@@ -208,7 +208,7 @@ Found wrongType(const Query &c)
 Found wrongPool(const Query &c)
 {
     return when(
-        c.pool.known && c.pool.type != c.query.type && !wrongType(c),
+        c.pool.known && c.pool.type != c.query.type,
         [&] {
             return "it was created with type " + std::to_string(c.pool.type) + ", not " + std::to_string(c.query.type);
         },

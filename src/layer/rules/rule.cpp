@@ -42,12 +42,15 @@ Verdict InputCheck::report(const char *id, const char *member, Severity severity
         return {};
     Reporter &reporter = device_.driver.report();
     const bool tolerated = severity != Severity::Reject && !(severity == Severity::Tolerate && reporter.isStrict());
+    const Verdict verdict{.accepted = tolerated, .kept = false};
+    if (isReported_)
+        return verdict;
     const std::string where = (member ? place_.member(member).text() : place_.text()) + ": ";
-    if (!tolerated || device_.validating)
-        reporter.error(id, where + text, object_.type, object_.handle);
-    else
+    if (tolerated && severity == Severity::Tolerate && device_.implements(object_))
         reporter.warning(id, where + text + "; the layer goes on", object_.type, object_.handle);
-    return {.accepted = tolerated, .kept = false};
+    else
+        reporter.error(id, where + text, object_.type, object_.handle);
+    return verdict;
 }
 
 } // namespace vellum::layer

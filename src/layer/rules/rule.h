@@ -20,7 +20,7 @@
 namespace vellum::layer
 {
 
-// What the layer's implementation does with a command that breaks a rule.
+// The severity of a violation: the layer's implementation carries the command out or not.
 enum class Severity : uint8_t {
     Report,   // it does not matter: the rule is checked by validation only
     Tolerate, // the command does no harm, and is carried out, as drivers do; with the setting `strict` it is rejected
@@ -28,7 +28,7 @@ enum class Severity : uint8_t {
     Depends,  // the finding states which
 };
 
-// What breaks a rule, and what is expected; an empty text: nothing.
+// A violation: the text states what was found and what is expected. No violation: the text is empty.
 struct Found {
     std::string text;
     Severity severity = Severity::Depends;
@@ -61,11 +61,12 @@ struct MicromapLimits {
     uint32_t lossyLevel = 0;    // VK_KHR_opacity_micromap
     uint64_t mostTriangles = 0; // VK_KHR_opacity_micromap
 };
-// What the layer's implementation of micromaps can build.
+// The micromaps that the layer's implementation can build.
 struct MicromapSupport {
     MicromapLimits limits;
     bool takesUnknownFormats = false;
-    bool exists = true; // false: the device has no micromaps, and uses the layer for addresses alone
+    bool exists = true;      // false: the device has no micromaps, and uses the layer for addresses alone
+    bool needsUsage = false; // buffers of micromaps need the usage of acceleration structures
 };
 
 // A device, as rules see it.
@@ -74,10 +75,14 @@ struct RuleDevice {
     const AddressMap &addresses;
     // Null where micromaps of that extension are the driver's own.
     std::optional<MicromapSupport> ext{}, khr{};
-    // What a build of a micromap needs; nullopt: it cannot be counted.
+    // Returns the sizes that a build of a micromap needs; nullopt: they cannot be counted.
     std::function<std::optional<input::BuildNeeds>(const input::MicromapBuild &)> needs{};
     // The content of an acceleration structure, as the layer's implementation knows it; GENERIC: unknown.
     std::function<VkAccelerationStructureTypeKHR(ObjectHandle)> content{};
+
+    // Returns whether the layer can place a micromap in the buffer at the offset. The address is 0 where it is not
+    // known.
+    std::function<bool(VkBuffer, VkDeviceSize offset, VkDeviceAddress)> placesMicromap{};
 
     // The rest is for validation: all rules are evaluated.
     bool validating = false;
@@ -85,7 +90,12 @@ struct RuleDevice {
     uint32_t scratchAlignment = 0;           // 0: unknown
 
     [[nodiscard]] const std::optional<MicromapSupport> &support(bool isKhr) const { return isKhr ? khr : ext; }
-    // How messages name an object: its name in quotes, if it has one, and its handle.
+    // Returns whether the layer, and not the driver, carries out commands about the object.
+    [[nodiscard]] bool implements(ObjectHandle object) const
+    {
+        return ext || (khr && object.type != VK_OBJECT_TYPE_MICROMAP_EXT);
+    }
+    // Names an object for messages: its name in quotes, if it has one, and its handle.
     [[nodiscard]] std::string nameOf(ObjectHandle object) const;
 };
 
@@ -119,21 +129,24 @@ struct Verdict {
 class InputCheck
 {
 public:
-    // `object`: the object that messages are about.
-    InputCheck(const RuleDevice &device, const Place &place, ObjectHandle object = {})
-        : device_(device), place_(place), object_(object)
+    // `object`: the object that messages are about. `isReported`: violations were reported before.
+    InputCheck(const RuleDevice &device, const Place &place, ObjectHandle object = {}, bool isReported = false)
+        : device_(device), place_(place), object_(object), isReported_(isReported)
     {
     }
     [[nodiscard]] const RuleDevice &device() const { return device_; }
     [[nodiscard]] const Place &place() const { return place_; }
     // The check of a part, whose place must outlive it.
-    [[nodiscard]] InputCheck at(const Place &place) const { return {device_, place, object_}; }
+    [[nodiscard]] InputCheck at(const Place &place) const { return {device_, place, object_, isReported_}; }
 
-    // Evaluates rows, without validation up to the first that rejects.
+    // Evaluates rows: with validation all, and otherwise those of commands that the layer carries out, up to the first
+    // that rejects.
     template <typename Case>
     Verdict check(std::span<const Rule<std::type_identity_t<Case>>> rules, const Case &input) const
     {
         Verdict verdict;
+        if (!device_.validating && !device_.implements(object_))
+            return verdict;
         for (const Rule<Case> &rule : rules) {
             if (rule.severity == Severity::Report && !device_.validating)
                 continue;
@@ -145,13 +158,15 @@ public:
         }
         return verdict;
     }
-    // Reports a violation.
+    // Reports a violation. All violations are reported here: a warning if the layer carries the command out all the
+    // same, and otherwise an error.
     Verdict report(const char *id, const char *member, Severity severity, const std::string &text) const;
 
 private:
     const RuleDevice &device_;
     const Place &place_;
     ObjectHandle object_;
+    bool isReported_;
 };
 
 } // namespace vellum::layer

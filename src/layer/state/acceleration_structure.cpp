@@ -324,13 +324,18 @@ uint32_t unitsOf(VkDeviceSize bytes)
 
 void reportGpuErrors(DeviceState &device)
 {
+    if (!device.validationReportsGpuErrors)
+        reportGpuErrors(device, 0);
+}
+
+void reportGpuErrors(DeviceState &device, uint32_t known)
+{
     // Validation has a state of its own, whose shaders count none.
     if (!device.root.countsGpuErrors())
         return;
-    const auto covered = device.driver.covered->take();
-    const uint32_t bits = device.root.takeGpuErrors();
+    const uint32_t bits = device.root.takeGpuErrors() & ~known;
     for (uint32_t i = 0; bits != 0 && i < kGpuErrors; ++i) {
-        if ((bits >> i & 1u) != 0 && !covered.contains(kGpuErrorTexts[i].id))
+        if ((bits >> i & 1u) != 0)
             device.driver.report().error(kGpuErrorTexts[i].id, kGpuErrorTexts[i].text);
     }
 }

@@ -17,9 +17,8 @@ struct BufferRange {
     VkDeviceSize size = 0;     // of the part of the range that is in the buffer
     AddressMap::Owner owner{}; // of the buffer, if it was found by an address
 };
-// An empty range after a message. `micromapAlignment`: the least alignment of micromap addresses.
-BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCreateInfo2KHR &info,
-                    VkDeviceSize micromapAlignment);
+// Checks the creation. An empty range if it is rejected.
+BufferRange rangeOf(const DeviceState &device, const VkAccelerationStructureCreateInfo2KHR &info);
 
 // Creates the driver's structure: by the same command if the driver has it, and otherwise in the buffer.
 VkResult createInRange(const Driver &driver, const VkAccelerationStructureCreateInfo2KHR &info,

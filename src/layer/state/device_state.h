@@ -29,6 +29,7 @@ struct DeviceState {
     std::atomic<uint32_t> mostGeometries{1}; // of all bottom-level builds recorded
     PrivateData privateData{};
     MicromapWarnings warnings{driver};
+    std::atomic<bool> validationReportsGpuErrors{false}; // by reportGpuErrors(device, known)
     HandleMap<VkAccelerationStructureKHR, std::shared_ptr<AccelerationStructure>> accelerationStructures{};
     std::mutex unboundMutex{}; // guards the next member
     // GENERIC structures whose buffers have no memory yet.

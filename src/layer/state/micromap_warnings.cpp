@@ -8,8 +8,6 @@ namespace vellum::layer
 
 void MicromapWarnings::warn(const char *id, const std::string &text)
 {
-    if (CommandReports::covers(id))
-        return;
     {
         std::lock_guard lock(mutex_);
         // Where EXT is the driver's, the application uses its micromaps without the layer.

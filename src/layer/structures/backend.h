@@ -29,10 +29,8 @@ public:
     [[nodiscard]] virtual MicromapSupport support() const = 0;
     [[nodiscard]] virtual std::optional<input::BuildNeeds> needs(const input::MicromapBuild &build) const = 0;
     virtual void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) = 0;
-    // The alignment of the addresses of micromaps.
-    [[nodiscard]] virtual uint32_t micromapAlignment() const = 0;
-    // Whether a micromap can be created at `range`; reports why not.
-    [[nodiscard]] virtual bool checkMicromap(const CommandCheck &check, const BufferRange &range) const = 0;
+    // Returns whether a micromap can be created there (RuleDevice::placesMicromap).
+    [[nodiscard]] virtual bool placesMicromap(VkBuffer buffer, VkDeviceSize offset, VkDeviceAddress address) const = 0;
     // Creates the driver's objects for a micromap. False: out of memory.
     virtual bool createMicromap(AccelerationStructure &micromap) = 0;
 

@@ -23,8 +23,11 @@ public:
         return emulatedNeeds(build);
     }
     void record(VkCommandBuffer commandBuffer, const char *command, std::vector<MicromapBuild> builds) override;
-    [[nodiscard]] uint32_t micromapAlignment() const override { return 16; } // shaders read and write 16 bytes at once
-    [[nodiscard]] bool checkMicromap(const CommandCheck &, const BufferRange &) const override { return true; }
+    // Shaders read and write 16 bytes at once.
+    [[nodiscard]] bool placesMicromap(VkBuffer, VkDeviceSize offset, VkDeviceAddress address) const override
+    {
+        return (address != 0 ? address : offset) % 16 == 0;
+    }
     bool createMicromap(AccelerationStructure &) override { return true; }
 
     void created(const std::shared_ptr<AccelerationStructure> &structure) override;

@@ -95,7 +95,7 @@ private:
 
     void reject(Part &part, const char *id, const std::string &text)
     {
-        commandCheck(device_.driver, command_, part.target().handle, part.build.element).reject(id, text);
+        rejectCommand(device_.driver, command_, part.target().handle, id, text, part.build.element);
         part.skipped = true;
     }
 
@@ -111,11 +111,10 @@ private:
             prepareBottomLevel(part);
     }
 
-    void rejectTooSmall(Part &part)
+    static std::string tooSmall(const Part &part)
     {
-        reject(part, rules::kTargetSizeId,
-               "dstAccelerationStructure has " + std::to_string(part.target().size) +
-                   " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives");
+        return "dstAccelerationStructure has " + std::to_string(part.target().size) +
+               " bytes, less than vkGetAccelerationStructureBuildSizesKHR gives";
     }
 
     [[nodiscard]] VkDeviceSize driverBytes(StructureBuild &build, const std::vector<uint32_t> &primitives) const
@@ -143,7 +142,7 @@ private:
         VkDeviceSize offset = alignUp(needed, kPartAlignment);
         const VkDeviceSize bytes = offset + part.tailBytes;
         if (part.tailBytes > target.size || (offset + part.tailBytes > target.size && !part.build.source)) {
-            rejectTooSmall(part);
+            reject(part, rules::kTargetSizeId, tooSmall(part));
             return;
         }
         // An update of a compacted structure: the device knows the location of its records; if it has none, they come
@@ -190,7 +189,7 @@ private:
         const uint32_t count = build.ranges.primitives(0);
         const TopLevelLayout layout(device_.driver, build.info.flags, count);
         if (layout.bytes() > target.size) {
-            rejectTooSmall(part);
+            reject(part, rules::kTargetSizeId, tooSmall(part));
             return false;
         }
         const auto slots = slotsFor(device_.objects, target, count);

@@ -10,7 +10,7 @@
 #include "layer/base/undo.h"
 #include "layer/input/checked.h"
 #include "layer/rules/builds.h"
-#include "layer/rules/ids.h"
+#include "layer/rules/creations.h"
 #include "layer/state/buffer_range.h"
 #include "layer/structures/device_structures.h"
 #include "layer/structures/exact_size_handle.h"
@@ -62,11 +62,8 @@ void addDriversStructure(DeviceStructures &device, const std::shared_ptr<Acceler
     undo.keep();
 }
 
-VkResult addMicromap(DeviceStructures &device, const CommandCheck &check, const BufferRange &range,
-                     VkAccelerationStructureKHR &result)
+VkResult addMicromap(DeviceStructures &device, const BufferRange &range, VkAccelerationStructureKHR &result)
 {
-    if (!device.backend->checkMicromap(check, range))
-        return VK_ERROR_VALIDATION_FAILED_EXT;
     const auto structure = newStructure(range, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR);
     const auto handle = reinterpret_cast<VkAccelerationStructureKHR>(structure.get());
     addStructure(device, structure, handle);
@@ -139,14 +136,16 @@ VkResult createAccelerationStructure(DeviceStructures &device, VkDevice handle,
                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR) {
-        const CommandCheck check(device.driver.report(), "vkCreateAccelerationStructureKHR");
         const VkDeviceSize bytes = device.buffers.infos.get(info->buffer).size;
-        const bool possible = info->offset % 16 == 0 && info->offset < bytes;
-        if (!check.tolerateIf(possible, rules::ids::kCreationCommand,
-                              "a micromap is made by vkCreateAccelerationStructure2KHR"))
+        const auto creation = input::Checked<input::Creation>::take(info, [&] {
+            const Place command("vkCreateAccelerationStructureKHR");
+            const Place place = command.member("pCreateInfo");
+            return rules::checkCreation(InputCheck(device.objects.rules, place, info->buffer), *info, bytes);
+        });
+        if (!creation.accepted)
             return VK_ERROR_VALIDATION_FAILED_EXT;
-        return addMicromap(device, check, {info->buffer, info->offset, std::min(info->size, bytes - info->offset)},
-                           *result);
+        const VkDeviceSize capacity = bytes - std::min(info->offset, bytes);
+        return addMicromap(device, {info->buffer, info->offset, std::min(info->size, capacity)}, *result);
     }
     const auto structure = newStructure({info->buffer, info->offset, info->size}, info->type);
     const VkResult created = device.driver.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
@@ -159,11 +158,11 @@ VkResult createAccelerationStructure2(DeviceStructures &device, VkDevice,
                                       const VkAccelerationStructureCreateInfo2KHR *info,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
-    const BufferRange range = rangeOf(device.objects, *info, device.backend->micromapAlignment());
+    const BufferRange range = rangeOf(device.objects, *info);
     if (!range.buffer)
         return VK_ERROR_VALIDATION_FAILED_EXT;
     if (info->type == VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
-        return addMicromap(device, {device.driver.report(), "vkCreateAccelerationStructure2KHR"}, range, *result);
+        return addMicromap(device, range, *result);
     const auto structure = newStructure(range, info->type);
     const VkResult created = createInRange(device.driver, *info, range, allocator, *result);
     if (created == VK_SUCCESS)
@@ -273,9 +272,8 @@ void cmdCopyAccelerationStructure(DeviceStructures &device, VkCommandBuffer comm
     if (!copy)
         return;
     if (const VkDeviceSize bytes = device.backend->cloneBytes(*copy); !copy->compact && copy->target->size < bytes)
-        commandCheck(device.driver, kCommand, info->dst)
-            .reject("VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
-                    "dst has " + std::to_string(copy->target->size) + " bytes, src " + std::to_string(bytes));
+        rejectCommand(device.driver, kCommand, info->dst, "VUID-VkCopyAccelerationStructureInfoKHR-mode-12418",
+                      "dst has " + std::to_string(copy->target->size) + " bytes, src " + std::to_string(bytes));
     else
         device.backend->record(commandBuffer, *copy);
 }

@@ -93,15 +93,16 @@ bool recordTopLevelCopy(InjectedWork &work, DeviceStructures &device, VkCommandB
                         const char *command, AccelerationStructure &target, VkDeviceAddress source,
                         const TopLevelLayout &layout, uint32_t from)
 {
-    const CommandCheck check = commandCheck(device.driver, command, target.handle);
     if (layout.bytes() > target.size)
-        return check.reject(from == kFromStructure ? rules::ids::kCompactedSize : rules::ids::kDeserializedSize,
-                            "dst is too small for any top-level structure");
+        return rejectCommand(device.driver, command, target.handle,
+                             from == kFromStructure ? rules::ids::kCompactedSize : rules::ids::kDeserializedSize,
+                             "dst is too small for any top-level structure");
     const auto slots = slotsFor(device.objects, target, layout.count);
     const auto state = device.commands.states.get(commandBuffer);
     const VkDeviceAddress scratch = state ? state->scratch.allocate(alignUp(layout.scratchBytes(), kPartAlignment)) : 0;
     if (!slots || !scratch)
-        return check.reject("VELLUM-out-of-memory", "no slots or no scratch memory for the copy");
+        return rejectCommand(device.driver, command, target.handle, "VELLUM-out-of-memory",
+                             "no slots or no scratch memory for the copy");
     device.commands.states.keep(commandBuffer, slots->use());
     becomesTopLevel(target, layout.count, layout.bytes());
     TlasInstancesPush push{};
@@ -161,8 +162,8 @@ void recordStructureCopy(DeviceStructures &device, VkCommandBuffer commandBuffer
     const StructureDescriptor sourceDescriptor = descriptorOf(device.objects, source);
     const StructureDescriptor targetDescriptor = descriptorOf(device.objects, target);
     if (!sourceDescriptor.address || !targetDescriptor.address) {
-        commandCheck(device.driver, kCommand, target.handle)
-            .reject("VELLUM-out-of-memory", "no memory for the layer's tables");
+        rejectCommand(device.driver, kCommand, target.handle, "VELLUM-out-of-memory",
+                      "no memory for the layer's tables");
         return;
     }
     if (const auto state = device.commands.states.get(commandBuffer))

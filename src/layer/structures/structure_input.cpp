@@ -141,9 +141,9 @@ std::optional<StructureCopy> structureCopyOf(const DeviceState &objects, const c
     }
     const bool micromaps = canHoldMicromap(*copy.source) && canHoldMicromap(*copy.target);
     if (copy.isMicromap() ? !micromaps : copy.target->type != kGeneric && copy.target->type != copy.type) {
-        commandCheck(objects.driver, command, info.dst)
-            .reject("VELLUM-copy-type", copy.isMicromap() ? "one of src and dst is not a micromap"
-                                                          : "dst was created with another type than src");
+        rejectCommand(objects.driver, command, info.dst, "VELLUM-copy-type",
+                      copy.isMicromap() ? "one of src and dst is not a micromap"
+                                        : "dst was created with another type than src");
         return std::nullopt;
     }
     return copy;

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
-#include "layer/base/command_check.h"
 #include "layer/base/pnext.h"
 #include "layer/input/builds.h"
 #include "layer/state/device_state.h"
@@ -87,12 +87,15 @@ std::optional<SerializedCopy> saveOf(const DeviceState &objects, const char *com
 std::optional<SerializedCopy> restoreOf(const DeviceState &objects, const char *command,
                                         const VkCopyMemoryToAccelerationStructureInfoKHR &info);
 
-// The check of a command's input, whose messages name a structure.
-inline CommandCheck commandCheck(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
-                                 std::optional<uint32_t> element = std::nullopt)
+// Reports an error of a command, about a structure. Returns false, so that callers can write return rejectCommand(...).
+// `element`: of pInfos.
+inline bool rejectCommand(const Driver &driver, const char *command, VkAccelerationStructureKHR structure,
+                          const char *id, const std::string &text, std::optional<uint32_t> element = std::nullopt)
 {
-    return {driver.report(), command, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR, reinterpret_cast<uint64_t>(structure),
-            element};
+    const std::string where = std::string(command) + (element ? ": pInfos[" + std::to_string(*element) + "]: " : ": ");
+    driver.report().error(id, where + text, VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR,
+                          reinterpret_cast<uint64_t>(structure));
+    return false;
 }
 
 } // namespace vellum::layer

@@ -60,8 +60,8 @@ void saveBottomLevel(InjectedWork &work, DeviceStructures &device, VkCommandBuff
     state.scratch.restart();
     const VkDeviceAddress staging = state.scratch.allocate(kPlanBytes + stagingBytes);
     if (!staging) {
-        commandCheck(device.driver, "vkCmdCopyAccelerationStructureToMemoryKHR", source.handle)
-            .reject("VELLUM-out-of-memory", "no memory for the driver's serialized data");
+        rejectCommand(device.driver, "vkCmdCopyAccelerationStructureToMemoryKHR", source.handle, "VELLUM-out-of-memory",
+                      "no memory for the driver's serialized data");
         return;
     }
     VkCopyAccelerationStructureToMemoryInfoKHR driverInfo{
@@ -123,7 +123,7 @@ struct Restore {
 
     bool reject(const char *id, const char *text) const
     {
-        return commandCheck(device.driver, kRestoreCommand, target->handle).reject(id, text);
+        return rejectCommand(device.driver, kRestoreCommand, target->handle, id, text);
     }
 
     // Whether the deserialization can be recorded; reports why not.

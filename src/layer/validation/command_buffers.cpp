@@ -28,7 +28,7 @@ VkResult createCommandPool(DeviceValidation &device, VkDevice handle, const VkCo
 {
     const VkResult result = device.next.CreateCommandPool(handle, info, allocator, pool);
     if (result == VK_SUCCESS)
-        remember([&] {
+        remember(device.objects, [&] {
             const bool isProtected = (info->flags & VK_COMMAND_POOL_CREATE_PROTECTED_BIT) != 0;
             device.objects.commandPools.set(*pool, {info->queueFamilyIndex, isProtected});
         });
@@ -240,8 +240,9 @@ void cmdWaitEvents(DeviceValidation &device, VkCommandBuffer commandBuffer, uint
 void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDependencyInfo *info)
 {
     const Place command("vkCmdPipelineBarrier2");
-    if (device.checks.core)
-        ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    });
     sync::recordBarriers(device.sync, commandBuffer, *info);
     device.next.CmdPipelineBarrier2(commandBuffer, info);
 }
@@ -249,8 +250,9 @@ void cmdPipelineBarrier2(DeviceValidation &device, VkCommandBuffer commandBuffer
 void cmdSetEvent2(DeviceValidation &device, VkCommandBuffer commandBuffer, VkEvent event, const VkDependencyInfo *info)
 {
     const Place command("vkCmdSetEvent2");
-    if (device.checks.core)
-        ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDependency(device, command.member("pDependencyInfo"), *info, commandBuffer);
+    });
     sync::recordSet(device.sync, commandBuffer, event);
     device.next.CmdSetEvent2(commandBuffer, event, info);
 }
@@ -259,8 +261,13 @@ void cmdWaitEvents2(DeviceValidation &device, VkCommandBuffer commandBuffer, uin
                     const VkDependencyInfo *infos)
 {
     const Place command("vkCmdWaitEvents2");
-    for (uint32_t i = 0; device.checks.core && i < count; ++i)
-        ranges::checkDependency(device, command.element("pDependencyInfos", i), infos[i], commandBuffer);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        bool kept = true;
+        for (uint32_t i = 0; i < count; ++i)
+            kept = ranges::checkDependency(device, command.element("pDependencyInfos", i), infos[i], commandBuffer) &&
+                   kept;
+        return kept;
+    });
     sync::recordWait(device.sync, commandBuffer, count, events, infos);
     device.next.CmdWaitEvents2(commandBuffer, count, events, infos);
 }

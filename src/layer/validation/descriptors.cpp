@@ -120,7 +120,7 @@ VkResult createDescriptorSetLayout(DeviceValidation &device, VkDevice handle,
     const VkResult result = device.next.CreateDescriptorSetLayout(handle, info, allocator, layout);
     if (result != VK_SUCCESS)
         return result;
-    remember([&] {
+    remember(device.objects, [&] {
         const DescriptorAccess access(device);
         auto &sizes = access.layouts()[*layout];
         sizes.clear();
@@ -157,7 +157,7 @@ VkResult allocateDescriptorSets(DeviceValidation &device, VkDevice handle, const
     const VkResult result = device.next.AllocateDescriptorSets(handle, info, sets);
     if (result != VK_SUCCESS || !device.checks.gpu)
         return result;
-    remember([&] {
+    remember(device.objects, [&] {
         const DescriptorAccess access(device);
         for (uint32_t i = 0; i < info->descriptorSetCount; ++i) {
             auto set = std::make_shared<StructureSet>();
@@ -205,7 +205,7 @@ VkResult createDescriptorUpdateTemplate(DeviceValidation &device, VkDevice handl
     const VkResult created = device.next.CreateDescriptorUpdateTemplate(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    remember([&] {
+    remember(device.objects, [&] {
         const DescriptorAccess access(device);
         StructureTemplate &form = access.templates()[*result];
         form.stages = info->templateType == VK_DESCRIPTOR_UPDATE_TEMPLATE_TYPE_PUSH_DESCRIPTORS_KHR

@@ -41,6 +41,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     device->driver = driver;
     device->driver.mode = Mode::PassThrough; // whoever implements micromaps is a driver that has them
     device->driver.ownAddressCommands = false;
+    device->implementsRanges = driver.ownAddressCommands;
     device->driver.next.load(driver.handle, implementation);
     device->checks = driver.settings->validate;
     device->emulated = driver.emulated();
@@ -52,6 +53,7 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
         return rules.support(build.khr) ? rules.needs(build) : driverNeeds(model, build);
     };
     own.content = rules.content;
+    own.placesMicromap = rules.placesMicromap;
     own.extLimits = limits.ext;
     own.khrLimits = limits.khr;
     own.scratchAlignment = limits.scratchAlignment;

@@ -38,7 +38,7 @@ VkResult buildAccelerationStructures(DeviceValidation &device, VkDevice handle, 
         const auto structure = device.objects.structures.get(infos[i].dstAccelerationStructure);
         if (!structure)
             continue;
-        remember([&] {
+        remember(device.objects, [&] {
             device.logs.add(VK_NULL_HANDLE, [&](const Submission &) {
                 setContents(device, *structure, unknownContents(infos[i].type));
             });
@@ -60,7 +60,7 @@ VkResult buildMicromaps(DeviceValidation &device, VkDevice handle, VkDeferredOpe
     const input::Checked checked(infos, builds);
     const VkResult result = device.next.BuildMicromapsEXT(handle, operation, count, infos);
     for (size_t i = 0; succeeded(result) && i < kept.micromaps.size(); ++i)
-        remember([&] { micromapBuilt(device, VK_NULL_HANDLE, kept.micromaps[i]); });
+        remember(device.objects, [&] { micromapBuilt(device, VK_NULL_HANDLE, kept.micromaps[i]); });
     return result;
 }
 
@@ -74,8 +74,9 @@ VkResult copyMicromap(DeviceValidation &device, VkDevice handle, VkDeferredOpera
     const input::Checked checked(info, copy);
     const VkResult result = device.next.CopyMicromapEXT(handle, operation, info);
     if (succeeded(result))
-        remember(
-            [&] { copied(check, device.objects.micromaps.get(info->src), device.objects.micromaps.get(info->dst)); });
+        remember(device.objects, [&] {
+            copied(check, device.objects.micromaps.get(info->src), device.objects.micromaps.get(info->dst));
+        });
     return result;
 }
 
@@ -99,10 +100,11 @@ VkResult copyMemoryToMicromap(DeviceValidation &device, VkDevice handle, VkDefer
     const Structure target = device.objects.micromaps.get(info->dst);
     input::SerializedCopy copy = checkCopy(check, input::parse(*info, input::Executor::Host), nullptr);
     auto header = checkSerializedData(check, info->src.hostAddress, target.get());
+    copy.isReported = header && header->isWrong;
     const input::Checked checked(info, copy);
     const VkResult result = device.next.CopyMemoryToMicromapEXT(handle, operation, info);
     if (succeeded(result))
-        remember([&] { deserialized(check, target, std::move(header)); });
+        remember(device.objects, [&] { deserialized(check, target, std::move(header)); });
     return result;
 }
 
@@ -152,7 +154,7 @@ VkResult copyAccelerationStructure(DeviceValidation &device, VkDevice handle, Vk
     checkDeserializedMicromaps(device.gpu, check, source, "VUID-vkCopyAccelerationStructureKHR-src-11587");
     const VkResult result = device.next.CopyAccelerationStructureKHR(handle, operation, info);
     if (succeeded(result))
-        remember([&] { copied(check, source, device.objects.structures.get(info->dst)); });
+        remember(device.objects, [&] { copied(check, source, device.objects.structures.get(info->dst)); });
     return result;
 }
 
@@ -166,7 +168,7 @@ VkResult copyMemoryToAccelerationStructure(DeviceValidation &device, VkDevice ha
     auto header = checkSerializedData(check, info->src.hostAddress, target.get());
     const VkResult result = device.next.CopyMemoryToAccelerationStructureKHR(handle, operation, info);
     if (succeeded(result))
-        remember([&] { deserialized(check, target, std::move(header)); });
+        remember(device.objects, [&] { deserialized(check, target, std::move(header)); });
     device.traces.deserializes = true;
     return result;
 }

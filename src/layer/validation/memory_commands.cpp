@@ -40,8 +40,7 @@ void cmdUpdateBuffer(DeviceValidation &device, VkCommandBuffer commandBuffer, Vk
 
 void cmdCopyMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkCopy(device, commandBuffer, *info);
+    const CheckedRanges checked(device, commandBuffer, [&] { return ranges::checkCopy(device, commandBuffer, *info); });
     sync::recordCopy(device.sync, commandBuffer, *info);
     device.next.CmdCopyMemoryKHR(commandBuffer, info);
 }
@@ -49,8 +48,8 @@ void cmdCopyMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, cons
 void cmdUpdateMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
                      VkAddressCommandFlagsKHR flags, VkDeviceSize size, const void *data)
 {
-    if (device.checks.core)
-        ranges::checkUpdate(device, commandBuffer, *range, flags, size);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkUpdate(device, commandBuffer, *range, flags, size); });
     sync::recordWrite(device.sync, commandBuffer, "vkCmdUpdateMemoryKHR", *range);
     device.next.CmdUpdateMemoryKHR(commandBuffer, range, flags, size, data);
 }
@@ -58,8 +57,8 @@ void cmdUpdateMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, co
 void cmdFillMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR *range,
                    VkAddressCommandFlagsKHR flags, uint32_t data)
 {
-    if (device.checks.core)
-        ranges::checkFill(device, commandBuffer, *range, flags);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkFill(device, commandBuffer, *range, flags); });
     sync::recordWrite(device.sync, commandBuffer, "vkCmdFillMemoryKHR", *range);
     device.next.CmdFillMemoryKHR(commandBuffer, range, flags, data);
 }
@@ -68,53 +67,55 @@ void cmdCopyQueryPoolResultsToMemory(DeviceValidation &device, VkCommandBuffer c
                                      uint32_t first, uint32_t count, const VkStridedDeviceAddressRangeKHR *range,
                                      VkAddressCommandFlagsKHR flags, VkQueryResultFlags results)
 {
-    if (device.checks.core && count > 0)
-        ranges::checkQueryResults(device, commandBuffer, count, *range, flags, results);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return count == 0 || ranges::checkQueryResults(device, commandBuffer, count, *range, flags, results);
+    });
     device.next.CmdCopyQueryPoolResultsToMemoryKHR(commandBuffer, pool, first, count, range, flags, results);
 }
 
 void cmdWriteMarkerToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD *info)
 {
-    if (device.checks.core)
-        ranges::checkMarker(device, commandBuffer, *info);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkMarker(device, commandBuffer, *info); });
     device.next.CmdWriteMarkerToMemoryAMD(commandBuffer, info);
 }
 
 void cmdCopyMemoryToImage(DeviceValidation &device, VkCommandBuffer commandBuffer,
                           const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkCopyToImage(device, commandBuffer, *info);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkCopyToImage(device, commandBuffer, *info); });
     device.next.CmdCopyMemoryToImageKHR(commandBuffer, info);
 }
 
 void cmdCopyImageToMemory(DeviceValidation &device, VkCommandBuffer commandBuffer,
                           const VkCopyDeviceMemoryImageInfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkCopyFromImage(device, commandBuffer, *info);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkCopyFromImage(device, commandBuffer, *info); });
     device.next.CmdCopyImageToMemoryKHR(commandBuffer, info);
 }
 
 void cmdBindIndexBuffer3(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkIndexBuffer(device, commandBuffer, *info);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkIndexBuffer(device, commandBuffer, *info); });
     device.next.CmdBindIndexBuffer3KHR(commandBuffer, info);
 }
 
 void cmdBindVertexBuffers3(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                            const VkBindVertexBuffer3InfoKHR *infos)
 {
-    if (device.checks.core)
-        ranges::checkVertexBuffers(device, commandBuffer, first, count, infos);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkVertexBuffers(device, commandBuffer, first, count, infos); });
     device.next.CmdBindVertexBuffers3KHR(commandBuffer, first, count, infos);
 }
 
 void cmdDrawIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer, const VkDrawIndirect2InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
+    });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirect2KHR");
     device.next.CmdDrawIndirect2KHR(commandBuffer, info);
 }
@@ -122,8 +123,9 @@ void cmdDrawIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer, c
 void cmdDrawIndexedIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                              const VkDrawIndirect2InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
+    });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirect2KHR");
     device.next.CmdDrawIndexedIndirect2KHR(commandBuffer, info);
 }
@@ -131,8 +133,9 @@ void cmdDrawIndexedIndirect2(DeviceValidation &device, VkCommandBuffer commandBu
 void cmdDrawMeshTasksIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                const VkDrawIndirect2InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
+    });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirect2EXT");
     device.next.CmdDrawMeshTasksIndirect2EXT(commandBuffer, info);
 }
@@ -140,8 +143,9 @@ void cmdDrawMeshTasksIndirect2(DeviceValidation &device, VkCommandBuffer command
 void cmdDrawIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                            const VkDrawIndirectCount2InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Vertices, *info);
+    });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectCount2KHR");
     device.next.CmdDrawIndirectCount2KHR(commandBuffer, info);
 }
@@ -149,8 +153,9 @@ void cmdDrawIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuff
 void cmdDrawIndexedIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                   const VkDrawIndirectCount2InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::Indexed, *info);
+    });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndexedIndirectCount2KHR");
     device.next.CmdDrawIndexedIndirectCount2KHR(commandBuffer, info);
 }
@@ -158,8 +163,9 @@ void cmdDrawIndexedIndirectCount2(DeviceValidation &device, VkCommandBuffer comm
 void cmdDrawMeshTasksIndirectCount2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                                     const VkDrawIndirectCount2InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkDraw(device, commandBuffer, ranges::DrawKind::MeshTasks, *info);
+    });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawMeshTasksIndirectCount2EXT");
     device.next.CmdDrawMeshTasksIndirectCount2EXT(commandBuffer, info);
 }
@@ -167,8 +173,8 @@ void cmdDrawMeshTasksIndirectCount2(DeviceValidation &device, VkCommandBuffer co
 void cmdDispatchIndirect2(DeviceValidation &device, VkCommandBuffer commandBuffer,
                           const VkDispatchIndirect2InfoKHR *info)
 {
-    if (device.checks.core)
-        ranges::checkDispatch(device, commandBuffer, *info);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkDispatch(device, commandBuffer, *info); });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_COMPUTE, "vkCmdDispatchIndirect2KHR");
     device.next.CmdDispatchIndirect2KHR(commandBuffer, info);
 }
@@ -177,8 +183,9 @@ void cmdBeginConditionalRendering2(DeviceValidation &device, VkCommandBuffer com
                                    const VkConditionalRenderingBeginInfo2EXT *info)
 {
     const auto state = device.commands.states.get(commandBuffer);
-    if (device.checks.core)
-        ranges::checkCondition(device, commandBuffer, *info, state && state->conditionalRendering);
+    const CheckedRanges checked(device, commandBuffer, [&] {
+        return ranges::checkCondition(device, commandBuffer, *info, state && state->conditionalRendering);
+    });
     // For injected work, and for the end of conditional rendering.
     const auto at = device.buffers.addresses.covering(info->addressRange.address, sizeof(uint32_t),
                                                       VK_BUFFER_USAGE_CONDITIONAL_RENDERING_BIT_EXT);
@@ -191,24 +198,24 @@ void cmdBeginConditionalRendering2(DeviceValidation &device, VkCommandBuffer com
 void cmdBindTransformFeedbackBuffers2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first,
                                       uint32_t count, const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    if (device.checks.core)
-        ranges::checkFeedbackBuffers(device, commandBuffer, count, infos);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkFeedbackBuffers(device, commandBuffer, count, infos); });
     device.next.CmdBindTransformFeedbackBuffers2EXT(commandBuffer, first, count, infos);
 }
 
 void cmdBeginTransformFeedback2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                                 const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    if (device.checks.core)
-        ranges::checkFeedbackBegin(device, commandBuffer, count, infos);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkFeedbackBegin(device, commandBuffer, count, infos); });
     device.next.CmdBeginTransformFeedback2EXT(commandBuffer, first, count, infos);
 }
 
 void cmdEndTransformFeedback2(DeviceValidation &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                               const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    if (device.checks.core)
-        ranges::checkFeedbackEnd(device, commandBuffer, count, infos);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkFeedbackEnd(device, commandBuffer, count, infos); });
     device.next.CmdEndTransformFeedback2EXT(commandBuffer, first, count, infos);
 }
 
@@ -216,8 +223,8 @@ void cmdDrawIndirectByteCount2(DeviceValidation &device, VkCommandBuffer command
                                uint32_t firstInstance, const VkBindTransformFeedbackBuffer2InfoEXT *info,
                                uint32_t counterOffset, uint32_t vertexStride)
 {
-    if (device.checks.core)
-        ranges::checkByteCount(device, commandBuffer, *info);
+    const CheckedRanges checked(device, commandBuffer,
+                                [&] { return ranges::checkByteCount(device, commandBuffer, *info); });
     runTracing(device.traces, commandBuffer, VK_PIPELINE_BIND_POINT_GRAPHICS, "vkCmdDrawIndirectByteCount2EXT");
     device.next.CmdDrawIndirectByteCount2EXT(commandBuffer, instanceCount, firstInstance, info, counterOffset,
                                              vertexStride);

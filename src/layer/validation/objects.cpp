@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Queues, memory, buffers, images, acceleration structures and micromaps.
 #include "layer/base/pnext.h"
+#include "layer/input/checked.h"
 #include "layer/validation/commands.h"
 #include "layer/validation/ranges/ranges.h"
 #include "layer/validation/rules/creation_rules.h"
@@ -76,14 +77,14 @@ void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStruc
 void getDeviceQueue(DeviceValidation &device, VkDevice handle, uint32_t family, uint32_t index, VkQueue *queue)
 {
     device.next.GetDeviceQueue(handle, family, index, queue);
-    remember([&] { device.objects.queueFamilies.set(*queue, family); });
+    remember(device.objects, [&] { device.objects.queueFamilies.set(*queue, family); });
 }
 
 void getDeviceQueue2(DeviceValidation &device, VkDevice handle, const VkDeviceQueueInfo2 *info, VkQueue *queue)
 {
     device.next.GetDeviceQueue2(handle, info, queue);
     if (*queue)
-        remember([&] { device.objects.queueFamilies.set(*queue, info->queueFamilyIndex); });
+        remember(device.objects, [&] { device.objects.queueFamilies.set(*queue, info->queueFamilyIndex); });
 }
 
 VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemoryAllocateInfo *info,
@@ -91,7 +92,7 @@ VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemor
 {
     const VkResult result = device.next.AllocateMemory(handle, info, allocator, memory);
     if (result == VK_SUCCESS)
-        remember([&] { device.objects.memories.set(*memory, memoryOf(device, *info)); });
+        remember(device.objects, [&] { device.objects.memories.set(*memory, memoryOf(device, *info)); });
     return result;
 }
 
@@ -109,7 +110,7 @@ VkResult createBuffer(DeviceValidation &device, VkDevice handle, const VkBufferC
     const VkResult created = device.next.CreateBuffer(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    remember([&] {
+    remember(device.objects, [&] {
         auto buffer = std::make_shared<ValidatedBuffer>();
         buffer->handle = *result;
         buffer->size = info->size;
@@ -139,7 +140,7 @@ VkResult bindBufferMemory(DeviceValidation &device, VkDevice handle, VkBuffer bu
 {
     const VkResult result = device.next.BindBufferMemory(handle, buffer, memory, offset);
     if (result == VK_SUCCESS)
-        remember([&] { bound(device, buffer, memory, offset); });
+        remember(device.objects, [&] { bound(device, buffer, memory, offset); });
     return result;
 }
 
@@ -148,7 +149,7 @@ VkResult bindBufferMemory2(DeviceValidation &device, VkDevice handle, uint32_t c
 {
     const VkResult result = device.next.BindBufferMemory2(handle, count, infos);
     for (uint32_t i = 0; result == VK_SUCCESS && i < count; ++i)
-        remember([&] { bound(device, infos[i].buffer, infos[i].memory, infos[i].memoryOffset); });
+        remember(device.objects, [&] { bound(device, infos[i].buffer, infos[i].memory, infos[i].memoryOffset); });
     return result;
 }
 
@@ -157,7 +158,8 @@ VkDeviceAddress getBufferDeviceAddress(DeviceValidation &device, VkDevice handle
     const VkDeviceAddress address = device.next.GetBufferDeviceAddress(handle, info);
     if (const auto buffer = device.objects.buffers.get(info->buffer); buffer && !buffer->address) { // it is sparse
         buffer->address = address;
-        remember([&] { device.buffers.addresses.add(address, info->buffer, buffer->size, buffer->usage); });
+        remember(device.objects,
+                 [&] { device.buffers.addresses.add(address, info->buffer, buffer->size, buffer->usage); });
     }
     return address;
 }
@@ -166,12 +168,12 @@ VkResult createAccelerationStructure(DeviceValidation &device, VkDevice handle,
                                      const VkAccelerationStructureCreateInfoKHR *info,
                                      const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
-    if (device.checks.core)
-        checkCreation(device, *info);
+    input::Creation creation = checkCreation(device, *info);
+    const input::Checked checked(info, creation);
     const VkResult created = device.next.CreateAccelerationStructureKHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    remember([&] {
+    remember(device.objects, [&] {
         auto structure = newStructure(device, *result, info->type, info->buffer, info->offset, info->size,
                                       info->createFlags, allocator != nullptr);
         device.objects.byMemory.add(structure);
@@ -185,14 +187,14 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
                                       const VkAllocationCallbacks *allocator, VkAccelerationStructureKHR *result)
 {
     const Place command("vkCreateAccelerationStructure2KHR");
-    if (device.checks.core) {
-        checkCreation(device, *info);
+    input::Creation creation = checkCreation(device, *info);
+    if (device.checks.core)
         ranges::checkCreation(device, command, *info);
-    }
+    const input::Checked checked(info, creation);
     const VkResult created = device.next.CreateAccelerationStructure2KHR(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    remember([&] {
+    remember(device.objects, [&] {
         const AddressMap::Location place = device.buffers.addresses.find(info->addressRange.address);
         auto structure = newStructure(device, *result, info->type, place.buffer, place.offset, info->addressRange.size,
                                       info->createFlags, allocator != nullptr);
@@ -223,18 +225,18 @@ VkDeviceAddress getAccelerationStructureDeviceAddress(DeviceValidation &device, 
 {
     const VkDeviceAddress address = device.next.GetAccelerationStructureDeviceAddressKHR(handle, info);
     if (const auto structure = device.objects.structures.get(info->accelerationStructure))
-        remember([&] { setReference(device, structure, address); });
+        remember(device.objects, [&] { setReference(device, structure, address); });
     return address;
 }
 
 VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicromapCreateInfoEXT *info,
                         const VkAllocationCallbacks *allocator, VkMicromapEXT *result)
 {
-    if (device.checks.core)
-        checkCreation(device, *info);
+    input::Creation creation = checkCreation(device, *info);
+    const input::Checked checked(info, creation);
     const VkResult created = device.next.CreateMicromapEXT(handle, info, allocator, result);
     if (created == VK_SUCCESS)
-        remember([&] {
+        remember(device.objects, [&] {
             device.objects.micromaps.set(
                 *result, newStructure(device, *result, VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR,
                                       info->buffer, info->offset, info->size, info->createFlags, allocator != nullptr));
@@ -262,7 +264,7 @@ VkResult createImage(DeviceValidation &device, VkDevice handle, const VkImageCre
 {
     const VkResult result = device.next.CreateImage(handle, info, allocator, image);
     if (result == VK_SUCCESS)
-        remember([&] {
+        remember(device.objects, [&] {
             device.objects.images.set(*image, std::make_shared<const ValidatedImage>(
                                                   ValidatedImage{info->format, info->flags, info->arrayLayers}));
         });

@@ -2,6 +2,7 @@
 // Shader modules, pipelines, shader objects, and commands that run generated commands.
 #include "layer/base/pipeline_info.h"
 #include "layer/base/pnext.h"
+#include "layer/input/checked.h"
 #include "layer/validation/commands.h"
 #include "layer/validation/rules/pipeline_rules.h"
 #include "layer/validation/traces/traced_code.h"
@@ -17,17 +18,17 @@ constexpr VkShaderStageFlags kRayTracingStages =
     VK_SHADER_STAGE_RAYGEN_BIT_KHR | VK_SHADER_STAGE_ANY_HIT_BIT_KHR | VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR |
     VK_SHADER_STAGE_MISS_BIT_KHR | VK_SHADER_STAGE_INTERSECTION_BIT_KHR | VK_SHADER_STAGE_CALLABLE_BIT_KHR;
 
-// Creates pipelines by `create(infos)`.
+// Creates pipelines by `create(infos)`. `checked`: by the rules.
 template <typename Info, typename Create>
 VkResult createPipelines(DeviceValidation &device, uint32_t count, const Info *infos, VkPipeline *pipelines,
-                         Create create)
+                         input::Pipelines checked, Create create)
 {
     std::vector<Info> own(infos, infos + count);
     MarkedPipelines marked(device.traces);
     for (Info &info : own)
         marked.change(info);
     marked.prepare();
-    marked.coverWarnings();
+    const input::Checked handed(own.data(), checked);
     const VkResult result = create(own.data());
     marked.set(count, pipelines);
     return result;
@@ -59,7 +60,7 @@ VkResult createShaderModule(DeviceValidation &device, VkDevice handle, const VkS
     const VkResult result = device.next.CreateShaderModule(handle, info, allocator, module);
     if (result != VK_SUCCESS)
         return result;
-    remember([&] {
+    remember(device.objects, [&] {
         keepModule(device, *info, *module);
         const std::span<const uint32_t> words(info->pCode, info->codeSize / 4);
         if ((device.checks.gpu || device.checks.core) && spirv::scan(words).tracesRays)
@@ -81,8 +82,8 @@ VkResult createComputePipelines(DeviceValidation &device, VkDevice handle, VkPip
                                 const VkComputePipelineCreateInfo *infos, const VkAllocationCallbacks *allocator,
                                 VkPipeline *pipelines)
 {
-    checkPipelines(device, count, infos);
-    return createPipelines(device, count, infos, pipelines, [&](const VkComputePipelineCreateInfo *own) {
+    const input::Pipelines checked = checkPipelines(device, count, infos);
+    return createPipelines(device, count, infos, pipelines, checked, [&](const VkComputePipelineCreateInfo *own) {
         return device.next.CreateComputePipelines(handle, cache, count, own, allocator, pipelines);
     });
 }
@@ -94,8 +95,8 @@ VkResult createGraphicsPipelines(DeviceValidation &device, VkDevice handle, VkPi
     const Place command("vkCreateGraphicsPipelines");
     for (uint32_t i = 0; i < count && device.checks.core; ++i)
         checkLibraries(device, command.element("pCreateInfos", i), infos[i]);
-    checkPipelines(device, count, infos);
-    return createPipelines(device, count, infos, pipelines, [&](const VkGraphicsPipelineCreateInfo *own) {
+    const input::Pipelines checked = checkPipelines(device, count, infos);
+    return createPipelines(device, count, infos, pipelines, checked, [&](const VkGraphicsPipelineCreateInfo *own) {
         return device.next.CreateGraphicsPipelines(handle, cache, count, own, allocator, pipelines);
     });
 }
@@ -108,11 +109,13 @@ VkResult createRayTracingPipelines(DeviceValidation &device, VkDevice handle, Vk
     const auto create = [&](const VkRayTracingPipelineCreateInfoKHR *own) {
         return device.next.CreateRayTracingPipelinesKHR(handle, deferred, cache, count, own, allocator, pipelines);
     };
-    checkPipelines(device, count, infos);
+    input::Pipelines checked = checkPipelines(device, count, infos);
+    const input::Checked handed(infos, checked);
     // The create infos of a deferred operation are used, and the handles are written, after this command.
-    const VkResult result = deferred ? create(infos) : createPipelines(device, count, infos, pipelines, create);
+    const VkResult result =
+        deferred ? create(infos) : createPipelines(device, count, infos, pipelines, checked, create);
     if (result == VK_SUCCESS || result == VK_OPERATION_NOT_DEFERRED_KHR)
-        remember([&] { keepLibraries(device, count, infos, pipelines); });
+        remember(device.objects, [&] { keepLibraries(device, count, infos, pipelines); });
     return result;
 }
 
@@ -128,11 +131,12 @@ void destroyPipeline(DeviceValidation &device, VkDevice handle, VkPipeline pipel
 VkResult createShaders(DeviceValidation &device, VkDevice handle, uint32_t count, const VkShaderCreateInfoEXT *infos,
                        const VkAllocationCallbacks *allocator, VkShaderEXT *shaders)
 {
-    checkShaders(device, count, infos);
+    input::Pipelines checked = checkShaders(device, count, infos);
     std::vector<VkShaderCreateInfoEXT> own(infos, infos + count);
     MarkedShaders marked(device.traces);
     for (VkShaderCreateInfoEXT &info : own)
         marked.change(info);
+    const input::Checked handed(own.data(), checked);
     const VkResult result = device.next.CreateShadersEXT(handle, count, own.data(), allocator, shaders);
     marked.set(count, shaders);
     return result;

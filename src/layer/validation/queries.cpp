@@ -81,7 +81,7 @@ input::PropertyQuery writeProperties(const RuleCheck &command, input::PropertyQu
     const DeviceModel &device = command.device();
     const Pool pool = device.objects.queryPools.get(handle);
     const auto count = static_cast<uint32_t>(query.objects.size());
-    rules::PoolFacts facts{.known = pool || !anyUnknown};
+    rules::PoolFacts facts{.known = pool || !device.objects.anyUnknown};
     if (pool) {
         facts.type = pool->type;
         facts.count = static_cast<uint32_t>(pool->states.size());
@@ -118,7 +118,7 @@ VkResult createQueryPool(DeviceValidation &device, VkDevice handle, const VkQuer
     const VkResult created = device.next.CreateQueryPool(handle, info, allocator, result);
     if (created != VK_SUCCESS)
         return created;
-    remember([&] {
+    remember(device.objects, [&] {
         auto pool = std::make_shared<ValidatedQueryPool>();
         pool->type = info->queryType;
         pool->states.assign(info->queryCount, State::Unknown);

@@ -89,7 +89,7 @@ VkResult submit(DeviceValidation &device, VkQueue queue, std::span<const Submit>
     const bool ordered = turn.await();
     if (result != VK_SUCCESS)
         return result;
-    remember([&] {
+    remember(device.objects, [&] {
         for (size_t i = 0; i < batches.size(); ++i)
             executeBatch(device, queue, batches[i], ordered, steps[i]);
         sync::signalFence(device.sync, queue, fence, ordered);
@@ -231,7 +231,7 @@ VkResult createSemaphore(DeviceValidation &device, VkDevice handle, const VkSema
     const auto *type =
         findInChain<VkSemaphoreTypeCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO);
     if (result == VK_SUCCESS && type && type->semaphoreType == VK_SEMAPHORE_TYPE_TIMELINE)
-        remember([&] {
+        remember(device.objects, [&] {
             device.sync.timelines.set(*semaphore, true);
             device.sync.tracker.hostSignal(uint64_t(*semaphore), type->initialValue);
         });
@@ -253,7 +253,7 @@ void destroySemaphore(DeviceValidation &device, VkDevice handle, VkSemaphore sem
 VkResult signalSemaphore(DeviceValidation &device, VkDevice handle, const VkSemaphoreSignalInfo *info)
 {
     // Known before the driver signals it, as a host wait may end then.
-    remember([&] { device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value); });
+    remember(device.objects, [&] { device.sync.tracker.hostSignal(uint64_t(info->semaphore), info->value); });
     const VkResult result = device.next.SignalSemaphore(handle, info);
     if (result != VK_SUCCESS)
         device.sync.tracker.undoHostSignal(uint64_t(info->semaphore), info->value);

@@ -57,23 +57,16 @@ struct Command {
     DeviceModel &device;
     const std::string &place;
     const ValidatedStructure &structure;
-    bool onHost = false; // at once
+    uint32_t &found; // what an emulation finds as well, one bit for each kGpuError*
 
-    // Emulation finds the fault as well, and has another id for micromaps.
-    void fault(const char *vuid, const std::string &text, const char *ofMicromaps) const
+    // `error`: of an emulation, which has another one for micromaps.
+    void fault(const char *vuid, const std::string &text, uint32_t error, uint32_t ofMicromaps) const
     {
         device.fault(place, vuid, text, structure.handle);
         if (structure.isMicromap() || structure.type == VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR)
-            cover(ofMicromaps);
+            found |= 1u << ofMicromaps;
         if (!structure.isMicromap())
-            cover(vuid);
-    }
-    void cover(const char *id) const
-    {
-        if (onHost)
-            CommandReports::cover(id);
-        else if (device.emulated)
-            device.driver.covered->add(id);
+            found |= 1u << error;
     }
 };
 
@@ -82,8 +75,6 @@ struct HeaderIds {
     const char *total;
     const char *size;
 };
-constexpr const char *kNotSerialized = "VELLUM-micromap-serialized";
-constexpr const char *kCopySize = "VELLUM-micromap-copy-size";
 constexpr HeaderIds kExtIds{rules::ids::kMicromapCompatible, "VUID-VkCopyMemoryToMicromapInfoEXT-src-07547",
                             "VUID-VkCopyMemoryToMicromapInfoEXT-dst-07550"};
 constexpr HeaderIds kKhrIds{rules::ids::kCompatible, rules::ids::kDamaged, rules::ids::kDeserializedSize};
@@ -116,7 +107,7 @@ void reportBlocks(const Command &command, Words words)
         const std::string where = "block " + std::to_string(block++) + " of the header at src ";
         const bool known = type == VK_ACCELERATION_STRUCTURE_SERIALIZED_BLOCK_TYPE_OPACITY_MICROMAP_KHR;
         if (!known || !device.driver.enabled.khrFeature) // emulation takes the data for damaged
-            command.cover(rules::ids::kDamaged);
+            command.found |= 1u << shared::kGpuErrorDamagedData;
         if (!known)
             return device.fault(command.place, "VUID-VkCopyMemoryToAccelerationStructureInfoKHR-src-11583",
                                 where + "has the unknown type " + std::to_string(type), command.structure.handle);
@@ -131,7 +122,7 @@ void reportBlocks(const Command &command, Words words)
             return command.fault(rules::ids::kDeserializedMicromaps,
                                  where + "has an address where no micromap begins: that of number " +
                                      std::to_string(i / 2),
-                                 kNotSerialized);
+                                 shared::kGpuErrorUnknownMicromap, shared::kGpuErrorMicromapData);
         }
     });
 }
@@ -154,7 +145,7 @@ void reportHeader(const Command &command, Words words, VkDeviceSize readable)
         return command.fault(ids.compatible,
                              "the version in the header at src is not compatible with this device: the data is not "
                              "serialized data, or of another driver",
-                             kNotSerialized);
+                             shared::kGpuErrorForeignData, shared::kGpuErrorMicromapData);
     if (!hasSizes(command.device, target.type))
         return;
     const uint64_t total = number64(words, kTotalBytes);
@@ -166,13 +157,13 @@ void reportHeader(const Command &command, Words words, VkDeviceSize readable)
         command.fault(ids.total,
                       "the header at src states " + std::to_string(total) + " bytes; its buffer ends after " +
                           std::to_string(readable),
-                      kNotSerialized);
+                      shared::kGpuErrorDamagedData, shared::kGpuErrorMicromapData);
     if (size > target.size)
         command.fault(ids.size,
                       "dst " + command.device.nameOf(target.handle) + " was created with " +
                           std::to_string(target.size) + " bytes; the header at src states that deserialization needs " +
                           std::to_string(size),
-                      kCopySize);
+                      shared::kGpuErrorTargetTooSmall, shared::kGpuErrorMicromapTooSmall);
     if (!ext)
         reportBlocks(command, words);
 }
@@ -258,9 +249,9 @@ void addWhenExecuted(GpuChecks &gpu, const RuleCheck &check, PendingChecks::Chec
     });
 }
 
-// The size of `source` is at most `most`.
+// The size of `source` is at most `most`. `error`: of an emulation.
 void checkSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
-               VkQueryType type, const char *vuid, VkDeviceSize most, const std::string &text)
+               VkQueryType type, const char *vuid, VkDeviceSize most, const std::string &text, uint32_t error)
 {
     DeviceModel &device = check.device();
     const CommandState *state = device.commands.states.get(check.commandBuffer());
@@ -272,15 +263,17 @@ void checkSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<Val
         return;
     query->record(check.commandBuffer(), *source);
     check.whenExecuted([query] {}); // it lives as long as the commands, which may be submitted again
-    addWhenExecuted(
-        gpu, check, [&device, query = std::move(query), place = check.place().text(), vuid, most, text, source] {
-            const auto size = query->result();
-            if (size && *size > most)
-                Command{device, place, *source}.fault(
-                    vuid, text + "; src " + device.nameOf(source->handle) + " needs " + std::to_string(*size),
-                    kCopySize);
-            return size.has_value();
-        });
+    addWhenExecuted(gpu, check,
+                    [&device, query = std::move(query), place = check.place().text(), vuid, most, text, source,
+                     error](uint32_t &found) {
+                        const auto size = query->result();
+                        if (size && *size > most)
+                            Command{device, place, *source, found}.fault(
+                                vuid,
+                                text + "; src " + device.nameOf(source->handle) + " needs " + std::to_string(*size),
+                                error, shared::kGpuErrorMicromapTooSmall);
+                        return size.has_value();
+                    });
 }
 
 } // namespace
@@ -315,13 +308,17 @@ void PendingChecks::add(Check check)
 
 void PendingChecks::report(DeviceModel &device)
 {
-    if (!any_)
-        return;
     const HeldMessages held;
-    const std::lock_guard submissions(device.logs.submissions); // change what structures hold
+    if (any_) {
+        const std::lock_guard submissions(device.logs.submissions); // change what structures hold
+        const std::lock_guard lock(mutex_);
+        std::erase_if(checks_, [this](const Check &check) { return check(found_); });
+        any_ = !checks_.empty();
+    }
+    if (any_ || !device.reportGpuErrors)
+        return;
     const std::lock_guard lock(mutex_);
-    std::erase_if(checks_, [](const Check &check) { return check(); });
-    any_ = !checks_.empty();
+    device.reportGpuErrors(std::exchange(found_, 0));
 }
 
 std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const RuleCheck &check, VkDeviceAddress data,
@@ -347,9 +344,9 @@ std::shared_ptr<SerializedHeader> checkSerializedData(GpuChecks &gpu, const Rule
     }
     auto header = std::make_shared<SerializedHeader>(std::move(capture), count);
     check.whenExecuted([&device, header] { header->number = ++device.numbers; });
-    addWhenExecuted(gpu, check, [&device, header, place = check.place().text(), readable, target] {
+    addWhenExecuted(gpu, check, [&device, header, place = check.place().text(), readable, target](uint32_t &found) {
         if (header->state() == SerializedHeader::State::Read)
-            reportHeader({device, place, *target}, header->words(), readable);
+            reportHeader({device, place, *target, found}, header->words(), readable);
         return header->state() != SerializedHeader::State::NotRead;
     });
     return header;
@@ -369,12 +366,14 @@ std::shared_ptr<SerializedHeader> checkSerializedData(const RuleCheck &check, co
         words.resize(std::max(words.size(), kHeaderWords));
         std::memcpy(words.data(), data, words.size() * sizeof(uint32_t));
     }
+    uint32_t found = 0;
     {
         const HeldMessages held;
         const std::lock_guard submissions(device.logs.submissions); // change what structures hold
-        reportHeader({device, check.place().text(), *target, true}, words, UINT64_MAX);
+        reportHeader({device, check.place().text(), *target, found}, words, UINT64_MAX);
     }
     auto header = std::make_shared<SerializedHeader>(std::move(words));
+    header->isWrong = found != 0;
     header->number = ++device.numbers;
     return header;
 }
@@ -390,7 +389,7 @@ void checkSerializedSize(GpuChecks &gpu, const RuleCheck &check, const std::shar
               ext ? VK_QUERY_TYPE_MICROMAP_SERIALIZATION_SIZE_EXT
                   : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SERIALIZATION_SIZE_KHR,
               ext ? "VUID-VkCopyMicromapToMemoryInfoEXT-dst-07541" : rules::ids::kSerializedSize, most,
-              "the buffer has " + std::to_string(most) + " bytes at dst");
+              "the buffer has " + std::to_string(most) + " bytes at dst", shared::kGpuErrorMemoryTooSmall);
 }
 
 void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
@@ -401,9 +400,10 @@ void checkCompactedSize(GpuChecks &gpu, const RuleCheck &check, const std::share
     const bool ext = isExt(*target);
     checkSize(gpu, check, source,
               ext ? VK_QUERY_TYPE_MICROMAP_COMPACTED_SIZE_EXT : VK_QUERY_TYPE_ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR,
-              ext ? kCopySize : rules::ids::kCompactedSize, target->size,
+              ext ? "VELLUM-micromap-copy-size" : rules::ids::kCompactedSize, target->size,
               "dst " + check.device().nameOf(target->handle) + " was created with " + std::to_string(target->size) +
-                  " bytes");
+                  " bytes",
+              shared::kGpuErrorCopyTooSmall);
 }
 
 std::string wrongMicromapOf(const DeviceModel &device, const StructureContents &contents, uint64_t number)
@@ -440,7 +440,7 @@ void checkDeserializedMicromaps(GpuChecks &gpu, const RuleCheck &check,
         const auto contents = source->contents;
         if (!contents || !contents->header || !submission.ordered)
             return;
-        gpu.pending.add([&device, place, source, vuid, contents, number = device.numbers.load()] {
+        gpu.pending.add([&device, place, source, vuid, contents, number = device.numbers.load()](uint32_t &) {
             if (contents->header->state() == SerializedHeader::State::NotRead)
                 return false;
             if (contents->header->state() == SerializedHeader::State::Read)

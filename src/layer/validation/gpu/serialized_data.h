@@ -37,7 +37,8 @@ public:
     // The addresses of micromaps in the blocks of the header, as far as there are words.
     [[nodiscard]] std::vector<VkDeviceAddress> micromaps() const;
 
-    uint64_t number = 0; // DeviceModel::numbers when the data was deserialized
+    uint64_t number = 0;  // DeviceModel::numbers when the data was deserialized
+    bool isWrong = false; // data in host memory, which was reported
 
 private:
     std::vector<uint32_t> own_;
@@ -49,14 +50,18 @@ private:
 class PendingChecks
 {
 public:
-    using Check = std::function<bool()>; // returns whether it is done
+    // Returns whether it is done. Adds to `found` what the shaders of an emulation find as well, one bit for each
+    // kGpuError*.
+    using Check = std::function<bool(uint32_t &found)>;
     void add(Check check);
+    // Reports what checks have found, and when none waits, what else the shaders of an emulation have found.
     void report(DeviceModel &device);
 
 private:
     std::atomic<bool> any_ = false; // read without the mutex
     std::mutex mutex_;
     std::vector<Check> checks_;
+    uint32_t found_ = 0; // by checks, of what an emulation finds
 };
 
 // Checks data that is deserialized, before the command is recorded. Returns its header; null if it is not known.

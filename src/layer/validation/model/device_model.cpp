@@ -4,16 +4,11 @@
 namespace vellum::layer
 {
 
-void DeviceModel::fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object)
-{
-    driver.report().fault(vuid, place + ": " + text, object.type, object.handle);
-}
-
 ObjectFacts DeviceModel::factsOf(ObjectHandle handle) const
 {
     const auto structure = objects.structureOf(handle);
     if (!structure)
-        return {.exists = handle && anyUnknown, .size = UINT64_MAX};
+        return {.exists = handle && objects.anyUnknown, .size = UINT64_MAX};
     ObjectFacts found{.exists = true,
                       .type = structure->isMicromap() ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
                                                       : structure->type,

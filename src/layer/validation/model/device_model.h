@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -20,8 +21,9 @@ struct DeviceModel {
     // The implementation as a driver: `driver.next` holds its commands.
     Driver driver;
     DeviceTable &next = driver.next;
-    Checks checks{};       // `gpu` only where data on the GPU can be checked
-    bool emulated = false; // the implementation is the layer's emulation, which reports some of the rules itself
+    Checks checks{};               // `gpu` only where data on the GPU can be checked
+    bool emulated = false;         // the implementation is the layer's emulation
+    bool implementsRanges = false; // VK_KHR_device_address_commands is the layer's
     DeviceFacts facts{};
 
     // The subsystems below, once more: for validation's own work on the GPU.
@@ -33,18 +35,25 @@ struct DeviceModel {
                              GpuBuffer::Content::Undefined};
     StructureRecords records{}; // without the check `gpu` it has none
 
+    // Reports what the shaders of an emulation have found, but for `known`, one bit for each kGpuError*. Null: there is
+    // no emulation, or it reports that itself.
+    std::function<void(uint32_t known)> reportGpuErrors{};
+
     ValidatedObjects objects{};
     CommandLogs logs{commands.states};
     std::atomic<uint64_t> numbers{0}; // of structures
 
     // Reports the violation of a rule. `vuid`: as the specification names it; for a rule without one, an
     // id of Vellum. `text`: what was found, what is expected.
-    void fault(const Place &place, const char *vuid, const std::string &text, ObjectHandle object = {})
+    void fault(const Place &place, const char *vuid, const std::string &text, ObjectHandle object = {}) const
     {
-        fault(place.text(), vuid, text, object);
+        driver.report().error(vuid, place.text() + ": " + text, object.type, object.handle);
     }
     // The same for a place whose text was kept: for faults that show when a command buffer is submitted.
-    void fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object = {});
+    void fault(const std::string &place, const char *vuid, const std::string &text, ObjectHandle object = {}) const
+    {
+        driver.report().error(vuid, place + ": " + text, object.type, object.handle);
+    }
     // A micromap or an acceleration structure, as rules see it. Where memory ran out, an unknown one may be any.
     [[nodiscard]] ObjectFacts factsOf(ObjectHandle handle) const;
     [[nodiscard]] std::string nameOf(ObjectHandle object) const { return state.rules.nameOf(object); }

@@ -191,6 +191,7 @@ struct ValidatedCommandPool {
 };
 
 struct ValidatedObjects {
+    std::atomic<bool> anyUnknown = false; // something could not be kept
     StructuresByMemory byMemory;
     StructuresByReference byReference;
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
@@ -209,18 +210,15 @@ struct ValidatedObjects {
     [[nodiscard]] std::shared_ptr<ValidatedStructure> structureOf(ObjectHandle handle) const;
 };
 
-// Something could not be kept.
-inline std::atomic<bool> anyUnknown = false;
-
 // Keeps what validation knows of an object or a submission after the implementation has made it, when nothing may fail
 // any more: without memory, it stays unknown.
 template <typename Keep>
-void remember(Keep keep) noexcept
+void remember(ValidatedObjects &objects, Keep keep) noexcept
 {
     try {
         keep();
     } catch (const std::bad_alloc &) {
-        anyUnknown = true;
+        objects.anyUnknown = true;
     }
 }
 

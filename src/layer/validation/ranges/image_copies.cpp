@@ -211,7 +211,7 @@ public:
                            (families[log->family] & (VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT)) == 0;
     }
 
-    void check() const
+    [[nodiscard]] bool check() const
     {
         const Place command(rules_.command);
         const Place info = command.member("pCopyMemoryInfo");
@@ -222,6 +222,7 @@ public:
         }
         if (rules_.range.usage == VK_BUFFER_USAGE_TRANSFER_DST_BIT)
             checkOverlap(info);
+        return ranges_.isKept();
     }
 
 private:
@@ -304,14 +305,14 @@ private:
 
 } // namespace
 
-void checkCopyToImage(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryImageInfoKHR &info)
+bool checkCopyToImage(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryImageInfoKHR &info)
 {
-    ImageCopyCheck(device, commandBuffer, kToImage, info).check();
+    return ImageCopyCheck(device, commandBuffer, kToImage, info).check();
 }
 
-void checkCopyFromImage(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryImageInfoKHR &info)
+bool checkCopyFromImage(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryImageInfoKHR &info)
 {
-    ImageCopyCheck(device, commandBuffer, kToMemory, info).check();
+    return ImageCopyCheck(device, commandBuffer, kToMemory, info).check();
 }
 
 } // namespace vellum::layer::ranges

@@ -103,22 +103,23 @@ bool isFamily(const DeviceModel &device, uint32_t family)
            family == VK_QUEUE_FAMILY_FOREIGN_EXT;
 }
 
-void checkRangeBarrier(DeviceModel &device, const Place &place, const VkMemoryRangeBarrierKHR &barrier,
+// Returns whether the rules of the range are kept.
+bool checkRangeBarrier(DeviceModel &device, const Place &place, const VkMemoryRangeBarrierKHR &barrier,
                        VkCommandBuffer commandBuffer)
 {
     checkScopes(device, place, barrier, kRangeBarrier, commandBuffer);
-    RangeCheck(device, commandBuffer)
-        .check(place, barrier.addressRange, barrier.addressFlags, flag_rules::kBarrier, {});
+    const RangeCheck range(device, commandBuffer);
+    range.check(place, barrier.addressRange, barrier.addressFlags, flag_rules::kBarrier, {});
     const uint32_t from = barrier.srcQueueFamilyIndex, to = barrier.dstQueueFamilyIndex;
     if (from == to)
-        return;
+        return range.isKept();
     const std::string families = "from queue family " + std::to_string(from) + " to " + std::to_string(to);
     if (((barrier.srcStageMask | barrier.dstStageMask) & VK_PIPELINE_STAGE_2_HOST_BIT) != 0)
         device.fault(place, "VUID-VkMemoryRangeBarrierKHR-srcStageMask-13089",
                      families + ", with the stage HOST; they must be equal", commandBuffer);
     const auto buffer = bufferAt(device, barrier.addressRange.address);
     if (!buffer || !buffer->exclusive)
-        return;
+        return range.isKept();
     if (!isFamily(device, from))
         device.fault(place.member("srcQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13087",
                      families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family",
@@ -127,6 +128,7 @@ void checkRangeBarrier(DeviceModel &device, const Place &place, const VkMemoryRa
         device.fault(place.member("dstQueueFamilyIndex"), "VUID-VkMemoryRangeBarrierKHR-address-13088",
                      families + ", of exclusive buffer " + device.nameOf(buffer->handle) + ": there is no such family",
                      commandBuffer);
+    return range.isKept();
 }
 
 } // namespace
@@ -139,7 +141,7 @@ void checkStage(DeviceModel &device, const Place &place, VkPipelineStageFlags2 s
                      "MICROMAP_BUILD; micromap of VkPhysicalDeviceOpacityMicromapFeaturesEXT is not enabled", object);
 }
 
-void checkDependency(DeviceModel &device, const Place &place, const VkDependencyInfo &info,
+bool checkDependency(DeviceModel &device, const Place &place, const VkDependencyInfo &info,
                      VkCommandBuffer commandBuffer)
 {
     for (uint32_t i = 0; i < info.memoryBarrierCount; ++i)
@@ -153,9 +155,12 @@ void checkDependency(DeviceModel &device, const Place &place, const VkDependency
                     commandBuffer);
     const auto *ranges =
         findInChain<VkMemoryRangeBarriersInfoKHR>(info.pNext, VK_STRUCTURE_TYPE_MEMORY_RANGE_BARRIERS_INFO_KHR);
+    bool kept = true;
     for (uint32_t i = 0; ranges && i < ranges->memoryRangeBarrierCount; ++i)
-        checkRangeBarrier(device, place.element("pMemoryRangeBarriers", i), ranges->pMemoryRangeBarriers[i],
-                          commandBuffer);
+        kept = checkRangeBarrier(device, place.element("pMemoryRangeBarriers", i), ranges->pMemoryRangeBarriers[i],
+                                 commandBuffer) &&
+               kept;
+    return kept;
 }
 
 void checkSubmission(DeviceModel &device, const Place &submit, const VkSubmitInfo2 &info)

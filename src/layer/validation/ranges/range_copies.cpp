@@ -72,7 +72,7 @@ void checkOverlap(const RangeCheck &ranges, const Place &info, std::vector<Part>
 
 } // namespace
 
-void checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &copy)
+bool checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyDeviceMemoryInfoKHR &copy)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdCopyMemoryKHR");
@@ -98,9 +98,10 @@ void checkCopy(DeviceModel &device, VkCommandBuffer commandBuffer, const VkCopyD
         parts.push_back({memoryOf(device, region.dstRange, target), i, "dstRange"});
     }
     checkOverlap(ranges, info, std::move(parts));
+    return ranges.isKept();
 }
 
-void checkUpdate(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
+bool checkUpdate(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
                  VkAddressCommandFlagsKHR flags, VkDeviceSize size)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -114,9 +115,10 @@ void checkUpdate(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDev
                      std::to_string(size) + " is not a multiple of 4");
     ranges.checkProtection(command, "dstFlags", flags, "VUID-vkCmdUpdateMemoryKHR-commandBuffer-13010",
                            "VUID-vkCmdUpdateMemoryKHR-commandBuffer-13011");
+    return ranges.isKept();
 }
 
-void checkFill(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
+bool checkFill(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDeviceAddressRangeKHR &range,
                VkAddressCommandFlagsKHR flags)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -127,9 +129,10 @@ void checkFill(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDevic
                      "size " + std::to_string(range.size) + " is not a multiple of 4");
     ranges.checkProtection(command, "dstFlags", flags, "VUID-vkCmdFillMemoryKHR-commandBuffer-13003",
                            "VUID-vkCmdFillMemoryKHR-commandBuffer-13004");
+    return ranges.isKept();
 }
 
-void checkQueryResults(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
+bool checkQueryResults(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
                        const VkStridedDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
                        VkQueryResultFlags results)
 {
@@ -150,9 +153,10 @@ void checkQueryResults(DeviceModel &device, VkCommandBuffer commandBuffer, uint3
     if ((flags & VK_ADDRESS_COMMAND_PROTECTED_BIT_KHR) != 0)
         ranges.fault(command.member("dstFlags"), "VUID-vkCmdCopyQueryPoolResultsToMemoryKHR-dstFlags-13085",
                      "PROTECTED; query results are not written to protected memory");
+    return ranges.isKept();
 }
 
-void checkMarker(DeviceModel &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD &marker)
+bool checkMarker(DeviceModel &device, VkCommandBuffer commandBuffer, const VkMemoryMarkerInfoAMD &marker)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdWriteMarkerToMemoryAMD");
@@ -177,6 +181,7 @@ void checkMarker(DeviceModel &device, VkCommandBuffer commandBuffer, const VkMem
                           : "VUID-vkCmdWriteMarkerToMemoryAMD-pInfo-13047",
                      std::string(flag ? "PROTECTED" : "no PROTECTED") + ", for buffer " +
                          device.nameOf(buffer->handle) + ", which is " + (flag ? "not protected" : "protected"));
+    return ranges.isKept();
 }
 
 } // namespace vellum::layer::ranges

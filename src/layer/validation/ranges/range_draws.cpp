@@ -68,24 +68,29 @@ void checkDraws(const DeviceModel &device, const RangeCheck &ranges, const Place
     const Place member = info.member("addressRange");
     const std::string stride = "stride " + std::to_string(range.stride);
     const VkDeviceSize rest = range.size - std::min(range.size, draws.bytes);
-    const auto fault = [&](bool broken, const char *id, const std::string &text) {
-        if (broken && draws.isValidated)
-            ranges.fault(member, id, text);
-    };
-    fault(count > 0 && (range.size < draws.bytes || (range.stride != 0 && rest / range.stride < count - 1)), draws.size,
-          std::to_string(range.size) + " bytes, " + stride + "; the command reads " + std::to_string(draws.bytes) +
-              " bytes for each of " + std::to_string(count) + " draws");
-    fault(count > 1 && range.stride == 0, draws.noStride, stride + ", for " + std::to_string(count) + " draws");
-    fault(range.stride != 0 && range.stride < draws.bytes, draws.smallStride,
-          stride + "; the commands of a draw have " + std::to_string(draws.bytes) + " bytes");
-    fault(range.stride % 4 != 0, draws.unalignedStride, stride + " is not a multiple of 4");
+    const VkDeviceSize least = (std::max(count, 1u) - 1) * range.stride + draws.bytes;
+    const Severity severity = rules::ofStride(count);
+    const auto &addresses = device.buffers.addresses;
+    if (draws.isValidated && count > 0 &&
+        (range.size < draws.bytes || (range.stride != 0 && rest / range.stride < count - 1)))
+        ranges.fault(member, draws.size,
+                     std::to_string(range.size) + " bytes, " + stride + "; the command reads " +
+                         std::to_string(draws.bytes) + " bytes for each of " + std::to_string(count) + " draws",
+                     rules::ofSmallRange(addresses, {range.address, range.size}, least));
+    if (draws.isValidated && count > 1 && range.stride == 0)
+        ranges.fault(member, draws.noStride, stride + ", for " + std::to_string(count) + " draws");
+    if (draws.isValidated && range.stride != 0 && range.stride < draws.bytes)
+        ranges.fault(member, draws.smallStride,
+                     stride + "; the commands of a draw have " + std::to_string(draws.bytes) + " bytes", severity);
+    if (draws.isValidated && range.stride % 4 != 0)
+        ranges.fault(member, draws.unalignedStride, stride + " is not a multiple of 4", severity);
     const auto buffer = bufferAt(device, range.address);
     if (buffer && (buffer->flags & VK_BUFFER_CREATE_PROTECTED_BIT) != 0 && !device.facts.protectedNoFault)
         ranges.fault(member, protectedBufferRule, "buffer " + device.nameOf(buffer->handle) + " is protected");
 }
 
 // A range of size 0 is no counter.
-void checkCounters(DeviceModel &device, VkCommandBuffer commandBuffer, const char *name, uint32_t count,
+bool checkCounters(DeviceModel &device, VkCommandBuffer commandBuffer, const char *name, uint32_t count,
                    const VkBindTransformFeedbackBuffer2InfoEXT *infos, const rules::Range &counter)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -97,11 +102,12 @@ void checkCounters(DeviceModel &device, VkCommandBuffer commandBuffer, const cha
             need.least = 0;
         ranges.check(info, infos[i].addressRange, infos[i].addressFlags, flag_rules::kFeedbackBuffer, need);
     }
+    return ranges.isKept();
 }
 
 } // namespace
 
-void checkIndexBuffer(DeviceModel &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR &buffer)
+bool checkIndexBuffer(DeviceModel &device, VkCommandBuffer commandBuffer, const VkBindIndexBuffer3InfoKHR &buffer)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdBindIndexBuffer3KHR");
@@ -113,18 +119,21 @@ void checkIndexBuffer(DeviceModel &device, VkCommandBuffer commandBuffer, const 
     if (buffer.indexType == kUint8 && !device.facts.indexTypeUint8)
         ranges.fault(info.member("indexType"), "VUID-VkBindIndexBuffer3InfoKHR-indexType-13054",
                      "VK_INDEX_TYPE_UINT8, without the feature indexTypeUint8");
-    if (range.size == 0 && range.address != 0)
-        return ranges.fault(info.member("addressRange"), rules::kIndexBuffer.leastId,
-                            "address " + textOf(range) + "; of size 0, the address must be 0");
+    if (range.size == 0 && range.address != 0) {
+        ranges.fault(info.member("addressRange"), rules::kIndexBuffer.leastId,
+                     "address " + textOf(range) + "; of size 0, the address must be 0");
+        return false;
+    }
     if (range.size == 0 && !device.facts.nullDescriptor)
         ranges.fault(info.member("addressRange"), "VUID-VkBindIndexBuffer3InfoKHR-None-13055",
                      "size 0, without the feature nullDescriptor");
     rules::Range need = rules::kIndexBuffer;
     need.alignment = std::max(input::indexBytes(buffer.indexType), 1u);
     ranges.check(info, range, buffer.addressFlags, flag_rules::kIndexBuffer, need);
+    return ranges.isKept();
 }
 
-void checkVertexBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
+bool checkVertexBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t first, uint32_t count,
                         const VkBindVertexBuffer3InfoKHR *buffers)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -139,9 +148,10 @@ void checkVertexBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, uint
                      std::to_string(count) + " bindings from " + std::to_string(first) + "; " + limit);
     for (uint32_t i = 0; i < count; ++i)
         checkVertexBuffer(device, ranges, command.element("pBindingInfos", i), buffers[i]);
+    return ranges.isKept();
 }
 
-void checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind, const VkDrawIndirect2InfoKHR &info)
+bool checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind, const VkDrawIndirect2InfoKHR &info)
 {
     const Draw &draw = kDraws[static_cast<size_t>(kind)];
     const RangeCheck ranges(device, commandBuffer);
@@ -151,9 +161,10 @@ void checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind
     checkDraws(device, ranges, place, draw.draws, info.addressRange, info.drawCount,
                "VUID-VkDrawIndirect2InfoKHR-protectedNoFault-13108");
     ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kDraw, rules::kDraws);
+    return ranges.isKept();
 }
 
-void checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind,
+bool checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind,
                const VkDrawIndirectCount2InfoKHR &info)
 {
     const Draw &draw = kCountedDraws[static_cast<size_t>(kind)];
@@ -167,9 +178,10 @@ void checkDraw(DeviceModel &device, VkCommandBuffer commandBuffer, DrawKind kind
                "VUID-VkDrawIndirectCount2InfoKHR-protectedNoFault-13108");
     ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kCountedDraw, rules::kCountedDraws);
     ranges.check(place, info.countAddressRange, info.countAddressFlags, flag_rules::kDrawCount, rules::kDrawCount);
+    return ranges.isKept();
 }
 
-void checkDispatch(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDispatchIndirect2InfoKHR &info)
+bool checkDispatch(DeviceModel &device, VkCommandBuffer commandBuffer, const VkDispatchIndirect2InfoKHR &info)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdDispatchIndirect2KHR");
@@ -180,9 +192,10 @@ void checkDispatch(DeviceModel &device, VkCommandBuffer commandBuffer, const VkD
         ranges.fault(place.member("addressRange"), "VUID-VkDispatchIndirect2InfoKHR-protectedNoFault-13108",
                      "buffer " + device.nameOf(buffer->handle) + " is protected");
     ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kDispatch, rules::kDispatch);
+    return ranges.isKept();
 }
 
-void checkCondition(DeviceModel &device, VkCommandBuffer commandBuffer, const VkConditionalRenderingBeginInfo2EXT &info,
+bool checkCondition(DeviceModel &device, VkCommandBuffer commandBuffer, const VkConditionalRenderingBeginInfo2EXT &info,
                     bool isActive)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -192,9 +205,10 @@ void checkCondition(DeviceModel &device, VkCommandBuffer commandBuffer, const Vk
         ranges.fault(command, "VUID-vkCmdBeginConditionalRendering2EXT-None-13063",
                      "conditional rendering is active already");
     ranges.check(place, info.addressRange, info.addressFlags, flag_rules::kCondition, rules::kCondition);
+    return ranges.isKept();
 }
 
-void checkFeedbackBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
+bool checkFeedbackBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
                           const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
     const RangeCheck ranges(device, commandBuffer);
@@ -209,27 +223,29 @@ void checkFeedbackBuffers(DeviceModel &device, VkCommandBuffer commandBuffer, ui
         ranges.check(info, infos[i].addressRange, infos[i].addressFlags, flag_rules::kFeedbackBuffer,
                      rules::kFeedbackBuffer);
     }
+    return ranges.isKept();
 }
 
-void checkByteCount(DeviceModel &device, VkCommandBuffer commandBuffer,
+bool checkByteCount(DeviceModel &device, VkCommandBuffer commandBuffer,
                     const VkBindTransformFeedbackBuffer2InfoEXT &info)
 {
     const RangeCheck ranges(device, commandBuffer);
     const Place command("vkCmdDrawIndirectByteCount2EXT");
     ranges.check(command.member("pCounterInfo"), info.addressRange, info.addressFlags, flag_rules::kFeedbackBuffer,
                  rules::kByteCount);
+    return ranges.isKept();
 }
 
-void checkFeedbackBegin(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
+bool checkFeedbackBegin(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
                         const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    checkCounters(device, commandBuffer, "vkCmdBeginTransformFeedback2EXT", count, infos, rules::kBeginCounter);
+    return checkCounters(device, commandBuffer, "vkCmdBeginTransformFeedback2EXT", count, infos, rules::kBeginCounter);
 }
 
-void checkFeedbackEnd(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
+bool checkFeedbackEnd(DeviceModel &device, VkCommandBuffer commandBuffer, uint32_t count,
                       const VkBindTransformFeedbackBuffer2InfoEXT *infos)
 {
-    checkCounters(device, commandBuffer, "vkCmdEndTransformFeedback2EXT", count, infos, rules::kEndCounter);
+    return checkCounters(device, commandBuffer, "vkCmdEndTransformFeedback2EXT", count, infos, rules::kEndCounter);
 }
 
 } // namespace vellum::layer::ranges

@@ -48,9 +48,11 @@ VkBuffer RangeCheck::soundBuffer(const VkDeviceAddressRangeKHR &range, VkAddress
     return sound ? only.buffer : VK_NULL_HANDLE;
 }
 
-void RangeCheck::fault(const Place &place, const char *vuid, const std::string &text) const
+void RangeCheck::fault(const Place &place, const char *vuid, const std::string &text, Severity severity) const
 {
-    device_.fault(place, vuid, text, commandBuffer_ ? ObjectHandle(commandBuffer_) : ObjectHandle());
+    kept_ = false;
+    InputCheck(device_.state.rules, place, commandBuffer_ ? ObjectHandle(commandBuffer_) : ObjectHandle())
+        .report(vuid, nullptr, device_.implementsRanges ? severity : Severity::Reject, text);
 }
 
 bool RangeCheck::isProtected() const
@@ -87,15 +89,16 @@ void RangeCheck::check(const Place &place, const VkStridedDeviceAddressRangeKHR 
 }
 
 VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &range, VkAddressCommandFlagsKHR flags,
-                           const RangeFlagRules &flagRules, const rules::Range &need,
-                           const rules::AnyRange &ids) const
+                           const RangeFlagRules &flagRules, const rules::Range &need, const rules::AnyRange &ids) const
 {
     if (const VkBuffer buffer = soundBuffer(range, flags, need))
         return buffer;
     const Place member = place.member(flagRules.range);
+    const AddressMap &addresses = device_.buffers.addresses;
     if (need.leastId && range.size < need.least)
         fault(member, need.leastId,
-              std::to_string(range.size) + " bytes; the command accesses " + std::to_string(need.least));
+              std::to_string(range.size) + " bytes; the command accesses " + std::to_string(need.least),
+              rules::ofSmallRange(addresses, range, need.least));
     if (range.address == 0) {
         if (range.size != 0)
             fault(member, ids.null, "address 0, with a size of " + std::to_string(range.size));
@@ -104,14 +107,14 @@ VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &ra
     if (need.alignmentId && range.address % need.alignment != 0)
         fault(member, need.alignmentId,
               "address " + hex(range.address) + " is not a multiple of " + std::to_string(need.alignment));
-    const AddressMap &addresses = device_.buffers.addresses;
     const auto any = addresses.covering(range.address, range.size, 0);
     if (!any.buffer) {
         const auto at = addresses.find(range.address);
         fault(member, ids.buffer,
               textOf(range) + (at.buffer ? ": its buffer " + device_.nameOf(at.buffer) + " ends after " +
                                                std::to_string(at.bytes) + " bytes"
-                                         : ": there is no buffer at this address"));
+                                         : ": there is no buffer at this address"),
+              rules::ofSplitRange(addresses, range, need, need.least));
         return VK_NULL_HANDLE;
     }
     // Another thread may destroy the buffer, if it is not the application's for this range.
@@ -119,7 +122,8 @@ VkBuffer RangeCheck::check(const Place &place, const VkDeviceAddressRangeKHR &ra
     if (buffer && need.usageId && !addresses.covering(range.address, range.size, need.usage).buffer)
         fault(member, need.usageId,
               "buffer " + device_.nameOf(any.buffer) + " has usage " + hex(buffer->usage) + ", without " +
-                  hex(need.usage));
+                  hex(need.usage),
+              Severity::Tolerate);
     checkFlags(place, range, flags, flagRules);
     return VK_NULL_HANDLE;
 }

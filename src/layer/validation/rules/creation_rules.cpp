@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/validation/rules/creation_rules.h"
 
-#include "layer/rules/ids.h"
+#include "layer/rules/creations.h"
 #include "layer/validation/rules/implicit_rules.h"
 
 namespace vellum::layer
@@ -32,13 +32,6 @@ void checkBuffer(const RuleCheck &check, const ValidatedBuffer &buffer, VkFlags 
 
 void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, VkFlags createFlags)
 {
-    constexpr const char *kMember = "addressRange";
-    if (!check.require(range.address != 0, kMember, rules::ids::kCreationRangeUnknown, "the address is null") ||
-        !check.require(range.size != 0, kMember, rules::ids::kCreationRangeEmpty, "the size is 0"))
-        return;
-    checkMultiple(check, range.address, 256, kMember, rules::ids::kCreationRangeAlignment);
-    checkUsage(check, range.address, VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR, kMember,
-               rules::ids::kCreationRangeUsage, "VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_STORAGE_BIT_KHR");
     // Of several buffers at the address, the host does not know which one the application means.
     const DeviceModel &device = check.device();
     const AddressMap::Location only = device.buffers.addresses.onlyCovering(range.address, range.size, 0);
@@ -46,7 +39,7 @@ void checkRange(const RuleCheck &check, const VkDeviceAddressRangeKHR &range, Vk
         checkBuffer(check, *buffer, createFlags);
 }
 
-void checkMicromapBuffer(const RuleCheck &check, const VkMicromapCreateInfoEXT &info, const ValidatedBuffer &buffer)
+void checkMicromapBuffer(const RuleCheck &check, const ValidatedBuffer &buffer)
 {
     check.require((buffer.usage & VK_BUFFER_USAGE_MICROMAP_STORAGE_BIT_EXT) != 0, "buffer",
                   "VUID-VkMicromapCreateInfoEXT-buffer-07435",
@@ -54,46 +47,44 @@ void checkMicromapBuffer(const RuleCheck &check, const VkMicromapCreateInfoEXT &
     check.require((buffer.flags & VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT) == 0, "buffer",
                   "VUID-VkMicromapCreateInfoEXT-buffer-07436",
                   "it was created with VK_BUFFER_CREATE_SPARSE_RESIDENCY_BIT");
-    if (info.offset > buffer.size || info.size > buffer.size - info.offset)
-        check.fault("offset", rules::ids::kMicromapRange,
-                    std::to_string(info.offset) + " and size " + std::to_string(info.size) +
-                        " are more than the buffer has, " + std::to_string(buffer.size));
 }
 
 } // namespace
 
-void checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info)
+input::Creation checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info)
 {
-    const EnabledFeatures &enabled = device.driver.enabled;
     const Place command("vkCreateMicromapEXT");
     const Place place = command.member("pCreateInfo");
+    const auto buffer = device.objects.buffers.get(info.buffer);
+    const input::Creation creation = rules::checkCreation(InputCheck(device.state.rules, place, info.buffer), info,
+                                                          buffer ? buffer->size : UINT64_MAX);
+    if (!device.checks.core)
+        return creation;
     const RuleCheck check(device, place, info.buffer);
     checkStructure(check, info, kMicromapCreateInfo);
-    if (!enabled.extFeature)
+    if (!device.driver.enabled.extFeature)
         check.fault("VUID-vkCreateMicromapEXT-micromap-11615", "the feature micromap is not enabled");
-    const bool replays = (info.createFlags & VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT) != 0;
-    check.require(!replays || enabled.captureReplay, "createFlags", rules::ids::kMicromapReplay,
-                  "it asks for capture and replay; the feature micromapCaptureReplay is not enabled");
-    check.require(replays || info.deviceAddress == 0, "deviceAddress", rules::ids::kMicromapAddress,
-                  "it is not 0, but createFlags does not ask for capture and replay");
-    checkMultiple(check, info.offset, 256, "offset", rules::ids::kMicromapOffset);
-    if (const auto buffer = device.objects.buffers.get(info.buffer))
-        checkMicromapBuffer(check, info, *buffer);
+    if (buffer)
+        checkMicromapBuffer(check, *buffer);
+    return creation;
 }
 
-void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info)
+input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info)
 {
     const Place command("vkCreateAccelerationStructureKHR");
     const Place place = command.member("pCreateInfo");
-    RuleCheck(device, place, info.buffer)
-        .require(info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR, "type", rules::ids::kCreationCommand,
-                 "micromaps are created by vkCreateAccelerationStructure2KHR");
+    const auto buffer = device.objects.buffers.get(info.buffer);
+    return rules::checkCreation(InputCheck(device.state.rules, place, info.buffer), info,
+                                buffer ? buffer->size : UINT64_MAX);
 }
 
-void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info)
+input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info)
 {
     const Place command("vkCreateAccelerationStructure2KHR");
     const Place place = command.member("pCreateInfo");
+    const input::Creation creation = rules::checkCreation(InputCheck(device.state.rules, place), info);
+    if (!device.checks.core)
+        return creation;
     const RuleCheck check(device, place);
     checkRange(check, info.addressRange, info.createFlags);
     if ((info.createFlags & kReplay) != 0) {
@@ -106,14 +97,13 @@ void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2
                       "bufferDeviceAddressMultiDevice is not enabled");
     }
     if (info.type != VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR)
-        return;
-    check.require(device.driver.enabled.khrFeature, "type", rules::ids::kCreationFeature,
-                  "the feature micromap of VK_KHR_opacity_micromap is not enabled");
+        return creation;
     check.require((info.createFlags & kDescriptorReplay) == 0, "createFlags",
                   "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11610",
                   "DESCRIPTOR_BUFFER_CAPTURE_REPLAY is not for micromaps");
     check.require((info.createFlags & VK_ACCELERATION_STRUCTURE_CREATE_MOTION_BIT_NV) == 0, "createFlags",
                   "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11611", "MOTION is not for micromaps");
+    return creation;
 }
 
 void checkMicromapDestruction(DeviceModel &device)

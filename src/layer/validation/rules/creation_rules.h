@@ -2,14 +2,15 @@
 // The rules of creating and destroying micromaps and acceleration structures.
 #pragma once
 
+#include "layer/input/creations.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
 {
 
-void checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info);
-void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info);
-void checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info);
+input::Creation checkCreation(DeviceModel &device, const VkMicromapCreateInfoEXT &info);
+input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfoKHR &info);
+input::Creation checkCreation(DeviceModel &device, const VkAccelerationStructureCreateInfo2KHR &info);
 // Of any handle, VK_NULL_HANDLE included.
 void checkMicromapDestruction(DeviceModel &device);
 // `structure`: null if it is unknown. `allocator`: allocation callbacks are given.

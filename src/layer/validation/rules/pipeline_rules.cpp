@@ -6,7 +6,7 @@
 
 #include "core/opacity.h"
 #include "layer/base/pipeline_info.h"
-#include "layer/rules/ids.h"
+#include "layer/rules/creations.h"
 #include "layer/validation/model/device_model.h"
 #include "spirv/module/scan.h"
 
@@ -17,9 +17,6 @@ namespace
 
 constexpr VkFlags64 kMicromapFlags = VK_PIPELINE_CREATE_RAY_TRACING_OPACITY_MICROMAP_BIT_EXT;
 constexpr VkFlags64 kNoMicromaps = VK_PIPELINE_CREATE_2_DISALLOW_OPACITY_MICROMAP_BIT_ARM;
-constexpr VkFlags64 kNotMixed = VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR;
-constexpr auto kShaderNotMixed =
-    static_cast<VkFlags>(VK_SHADER_CREATE_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_EXT);
 
 template <typename Info>
 VkFlags64 flagsOf(const Info &info)
@@ -72,68 +69,35 @@ void checkStage(DeviceModel &device, const Place &place, const VkPipelineShaderS
     }
 }
 
-// Flags of a pipeline that rays of ray tracing pipelines do not meet.
-void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const char *micromapRule,
-                const char *mixedRule)
+// The flag of a pipeline that rays of ray tracing pipelines do not meet.
+void checkFlags(DeviceModel &device, const Place &place, VkFlags64 flags, const char *micromapRule)
 {
     if ((flags & kMicromapFlags) != 0)
         device.fault(place.member("flags"), micromapRule,
                      "RAY_TRACING_OPACITY_MICROMAP, which is for ray tracing pipelines only");
-    if ((flags & kNotMixed) != 0 && !device.driver.enabled.khrFeature)
-        device.fault(place.member("flags"), mixedRule,
-                     "OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX; micromap of "
-                     "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
-}
-
-void checkRayTracingFlags(DeviceModel &device, const Place &place, const VkRayTracingPipelineCreateInfoKHR &info,
-                          VkFlags64 flags)
-{
-    const bool micromaps = (flags & kMicromapFlags) != 0;
-    const Place member = place.member("flags");
-    const auto &enabled = device.driver.enabled;
-    if (micromaps && (flags & kNoMicromaps) != 0)
-        device.fault(member, "VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392",
-                     "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
-    if (micromaps && !enabled.anyFeature())
-        device.fault(member, rules::ids::kRayTracingFeature,
-                     "RAY_TRACING_OPACITY_MICROMAP; the feature micromap is not enabled");
-    if ((flags & kNotMixed) != 0 && (!micromaps || !enabled.khrFeature))
-        device.fault(
-            member, rules::ids::kRayTracingMixed,
-            std::string("OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, without ") +
-                (micromaps ? "the feature micromap of VK_KHR_opacity_micromap" : "RAY_TRACING_OPACITY_MICROMAP"));
-    for (uint32_t i = 0; micromaps && info.pLibraryInfo && i < info.pLibraryInfo->libraryCount; ++i) {
-        const auto library = device.objects.pipelines.libraries.get(info.pLibraryInfo->pLibraries[i]);
-        if (library && (*library & kMicromapFlags) == 0) {
-            const Place libraries = place.member("pLibraryInfo");
-            device.fault(
-                libraries.element("pLibraries", i), rules::ids::kRayTracingLibraries,
-                "the library was created without RAY_TRACING_OPACITY_MICROMAP; the pipeline has it",
-                ObjectHandle(VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(info.pLibraryInfo->pLibraries[i])));
-        }
-    }
 }
 
 } // namespace
 
-void checkPipelines(DeviceModel &device, uint32_t count, const VkComputePipelineCreateInfo *infos)
+input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkComputePipelineCreateInfo *infos)
 {
     const Place command("vkCreateComputePipelines");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
         const VkFlags64 flags = flagsOf(infos[i]);
-        checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367", rules::ids::kComputeMixed);
+        checkFlags(device, place, flags, "VUID-VkComputePipelineCreateInfo-flags-07367");
         checkStage(device, place.member("stage"), infos[i].stage, flags);
     }
+    return rules::checkPipelines(device.state.rules, count, infos);
 }
 
-void checkPipelines(DeviceModel &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
+input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkGraphicsPipelineCreateInfo *infos)
 {
     const Place command("vkCreateGraphicsPipelines");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
         const VkFlags64 flags = flagsOf(infos[i]);
-        checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401", rules::ids::kGraphicsMixed);
+        checkFlags(device, place, flags, "VUID-VkGraphicsPipelineCreateInfo-flags-07401");
         // A library without shaders ignores pStages, which may be invalid.
         const auto *library = findInChain<VkGraphicsPipelineLibraryCreateInfoEXT>(
             infos[i].pNext, VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_LIBRARY_CREATE_INFO_EXT);
@@ -144,33 +108,37 @@ void checkPipelines(DeviceModel &device, uint32_t count, const VkGraphicsPipelin
         for (uint32_t s = 0; hasStages && s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
     }
+    return rules::checkPipelines(device.state.rules, count, infos);
 }
 
-void checkPipelines(DeviceModel &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
+input::Pipelines checkPipelines(DeviceModel &device, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *infos)
 {
     const Place command("vkCreateRayTracingPipelinesKHR");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
         const VkFlags64 flags = flagsOf(infos[i]);
-        checkRayTracingFlags(device, place, infos[i], flags);
+        if ((flags & kMicromapFlags) != 0 && (flags & kNoMicromaps) != 0)
+            device.fault(place.member("flags"), "VUID-VkRayTracingPipelineCreateInfoKHR-flags-10392",
+                         "both RAY_TRACING_OPACITY_MICROMAP and DISALLOW_OPACITY_MICROMAP");
         for (uint32_t s = 0; s < infos[i].stageCount; ++s)
             checkStage(device, place.element("pStages", s), infos[i].pStages[s], flags);
     }
+    return rules::checkPipelines(device.state.rules, count, infos, [&](VkPipeline handle) {
+        const auto library = device.objects.pipelines.libraries.get(handle);
+        return library ? std::optional((*library & kMicromapFlags) != 0) : std::nullopt;
+    });
 }
 
-void checkShaders(DeviceModel &device, uint32_t count, const VkShaderCreateInfoEXT *infos)
+input::Pipelines checkShaders(DeviceModel &device, uint32_t count, const VkShaderCreateInfoEXT *infos)
 {
     const Place command("vkCreateShadersEXT");
     for (uint32_t i = 0; device.checks.core && i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
-        if ((infos[i].flags & kShaderNotMixed) != 0 && !device.driver.enabled.khrFeature)
-            device.fault(place.member("flags"), rules::ids::kShaderMixed,
-                         "OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX; micromap of "
-                         "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
         if (infos[i].codeType == VK_SHADER_CODE_TYPE_SPIRV_EXT)
             checkWords(device, place,
                        {static_cast<const uint32_t *>(infos[i].pCode), infos[i].codeSize / sizeof(uint32_t)});
     }
+    return rules::checkShaders(device.state.rules, count, infos);
 }
 
 void checkModule(DeviceModel &device, const VkShaderModuleCreateInfo &info)

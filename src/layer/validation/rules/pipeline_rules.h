@@ -5,6 +5,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include "layer/input/creations.h"
 #include "vk/newer.h"
 
 namespace vellum::layer
@@ -12,11 +13,11 @@ namespace vellum::layer
 
 struct DeviceModel;
 
-// What is checked when they are created.
-void checkPipelines(DeviceModel &, uint32_t count, const VkComputePipelineCreateInfo *);
-void checkPipelines(DeviceModel &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
-void checkPipelines(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
-void checkShaders(DeviceModel &, uint32_t count, const VkShaderCreateInfoEXT *);
+// Check them when they are created.
+input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkComputePipelineCreateInfo *);
+input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
+input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);
+input::Pipelines checkShaders(DeviceModel &, uint32_t count, const VkShaderCreateInfoEXT *);
 void checkModule(DeviceModel &, const VkShaderModuleCreateInfo &);
 // What is kept of what was created, for pipelines that use it.
 void keepModule(DeviceModel &, const VkShaderModuleCreateInfo &, VkShaderModule);

@@ -31,12 +31,13 @@ public:
     void fault(const char *vuid, const std::string &text) const
     {
         if (vuid)
-            device_.fault(place_, vuid, text, object_);
+            device_.driver.report().error(vuid, place_.text() + ": " + text, object_.type, object_.handle);
     }
     void fault(const char *member, const char *vuid, const std::string &text) const
     {
         if (vuid)
-            device_.fault(place_.member(member), vuid, text, object_);
+            device_.driver.report().error(vuid, place_.member(member).text() + ": " + text, object_.type,
+                                          object_.handle);
     }
     // Returns `kept`.
     bool require(bool kept, const char *member, const char *vuid, const char *found) const

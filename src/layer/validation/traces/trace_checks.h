@@ -135,7 +135,6 @@ struct DeviceTraces {
     HandleMap<VkShaderModule, std::shared_ptr<const std::vector<uint32_t>>> modules{}; // that trace rays
     HandleMap<VkPipeline, std::shared_ptr<const TracingCode>> pipelines{};
     HandleMap<VkShaderEXT, std::shared_ptr<const TracingCode>> shaders{};
-    HandleMap<uint64_t, bool> marked{};           // hashes of code with marks
     HandleMap<VkPipeline, VkFlags64> libraries{}; // flags of pipeline libraries
 };
 

@@ -3,8 +3,9 @@
 
 #include <algorithm>
 
-#include "core/hash.h"
 #include "layer/base/pipeline_info.h"
+#include "layer/input/checked.h"
+#include "layer/input/creations.h"
 #include "spirv/module/micromap_mode.h"
 #include "spirv/module/scan.h"
 
@@ -119,12 +120,6 @@ void MarkedPipelines::change(VkRayTracingPipelineCreateInfoKHR &info)
     addLibraries(info.pLibraryInfo);
 }
 
-void MarkedPipelines::coverWarnings() const
-{
-    if (!modules_.empty() && !anyFirst_)
-        CommandReports::cover("VELLUM-pipeline-without-micromaps");
-}
-
 void MarkedPipelines::prepare()
 {
     for (Made &made : made_) {
@@ -143,7 +138,7 @@ void MarkedPipelines::set(uint32_t count, const VkPipeline *pipelines)
             continue;
         Made &made = made_[i];
         if ((made.flags & VK_PIPELINE_CREATE_LIBRARY_BIT_KHR) != 0)
-            remember([&] { traces_.libraries.set(pipelines[i], made.flags); });
+            remember(traces_.device.objects, [&] { traces_.libraries.set(pipelines[i], made.flags); });
         if (!made.code)
             continue;
         made.code->handle = {VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(pipelines[i])};
@@ -183,16 +178,11 @@ void MarkedPipelines::change(VkPipelineShaderStageCreateInfo &stage)
     const std::vector<uint32_t> marked = withMarks(traces_, code, sites);
     if (marked.empty())
         return;
-    // The implementation warns of each code once, and takes the copies for others.
-    const uint64_t hash = Hash::of(words);
-    const bool isFirst = !traces_.marked.get(hash);
-    traces_.marked.set(hash, true);
-    anyFirst_ = anyFirst_ || isFirst;
-    if (known || !isFirst)
-        CommandReports::cover("VELLUM-queries-without-micromaps");
     VkShaderModuleCreateInfo info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
     info.codeSize = marked.size() * sizeof(uint32_t);
     info.pCode = marked.data();
+    input::OriginalCode original{words}; // the implementation warns of each code once
+    const input::Checked checked(info.pCode, original);
     VkShaderModule &module = modules_.emplace_back(VK_NULL_HANDLE);
     if (device_.next.CreateShaderModule(device_.driver.handle, &info, nullptr, &module) != VK_SUCCESS)
         return modules_.pop_back();

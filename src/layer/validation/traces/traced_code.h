@@ -27,7 +27,6 @@ public:
     void change(VkComputePipelineCreateInfo &info);
     void change(VkGraphicsPipelineCreateInfo &info);
     void change(VkRayTracingPipelineCreateInfoKHR &info);
-    void coverWarnings() const;
     // Before the pipelines are created: nothing may fail later, since no other shader may get the marks of theirs.
     void prepare();
     // The pipelines were created.
@@ -52,7 +51,6 @@ private:
     std::deque<std::vector<VkPipelineShaderStageCreateInfo>> stages_;
     std::deque<Chain> chains_;
     std::vector<VkShaderModule> modules_;
-    bool anyFirst_ = false; // some code gets marks that had none before
 };
 
 // The same for shader objects.
