@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Settings come from a file, a structure in the instance's chain, and the environment, each stronger than those before.
 #include "layer/base/settings.h"
+#include "layer/rules/rule.h"
 
 #include <cstdlib>
 #include <filesystem>
@@ -342,13 +343,24 @@ TEST(ReporterTest, ToleratesUnlessStrict)
     info.pUserData = &texts;
     Reporter report;
     report.addMessenger(VK_NULL_HANDLE, info);
-    Settings settings;
-    report.apply(settings);
-    EXPECT_TRUE(report.tolerates("VELLUM-a", "one"));
-    settings.strict = true;
-    report.apply(settings);
-    EXPECT_FALSE(report.tolerates("VELLUM-a", "two"));
-    EXPECT_EQ(texts, "warning: VELLUM-a: one; the layer goes on\nerror: VELLUM-a: two\n");
+    Driver driver;
+    driver.reporter = &report;
+    const AddressMap addresses;
+    RuleDevice device{driver, addresses};
+    device.ext = MicromapSupport{};
+    const Place place("vkCommand");
+    for (const bool validating : {false, true}) {
+        device.validating = validating;
+        texts.clear();
+        Settings settings;
+        report.apply(settings);
+        EXPECT_TRUE(InputCheck(device, place).report("VELLUM-a", nullptr, Severity::Tolerate, "one").accepted);
+        settings.strict = true;
+        report.apply(settings);
+        EXPECT_FALSE(InputCheck(device, place).report("VELLUM-a", nullptr, Severity::Tolerate, "two").accepted);
+        EXPECT_EQ(texts, "warning: VELLUM-a: vkCommand: one; the layer goes on\nerror: VELLUM-a: vkCommand: two\n")
+            << "validating: " << validating;
+    }
 }
 
 // Whoever validates a program that has no messenger sees what is found.

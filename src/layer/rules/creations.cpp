@@ -123,7 +123,7 @@ input::Creation checked(const InputCheck &check, input::Creation creation, std::
 
 // ------------------------------------------------------------------------------------------ pipelines
 
-struct Flags {
+struct PipelineFlags {
     VkFlags64 flags;
     const RuleDevice &device;
     bool hasLibraryWith = false;   // a library of the pipeline has the micromap bit
@@ -138,29 +138,29 @@ struct Flags {
         return (flags & VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR) != 0;
     }
 };
-Found mixed(const Flags &c)
+Found mixed(const PipelineFlags &c)
 {
     return when(c.isMixed() && !c.device.driver.enabled.khrFeature,
                 "OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX; micromap of "
                 "VkPhysicalDeviceOpacityMicromapFeaturesKHR is not enabled");
 }
-constexpr Rule<Flags> kCompute[] = {
+constexpr Rule<PipelineFlags> kCompute[] = {
     {"VUID-VkComputePipelineCreateInfo-flags-11593", Tolerate, "flags", mixed},
 };
-constexpr Rule<Flags> kGraphics[] = {
+constexpr Rule<PipelineFlags> kGraphics[] = {
     {"VUID-VkGraphicsPipelineCreateInfo-flags-11595", Tolerate, "flags", mixed},
 };
-constexpr Rule<Flags> kShaders[] = {
+constexpr Rule<PipelineFlags> kShaders[] = {
     {"VUID-VkShaderCreateInfoEXT-micromap-11623", Tolerate, "flags", mixed},
 };
-constexpr Rule<Flags> kRayTracing[] = {
+constexpr Rule<PipelineFlags> kRayTracing[] = {
     {"VUID-VkRayTracingPipelineCreateInfoKHR-flags-11597", Tolerate, "flags",
-     [](const Flags &c) {
+     [](const PipelineFlags &c) {
          return when(c.usesMicromaps() && !c.device.driver.enabled.anyFeature(),
                      "RAY_TRACING_OPACITY_MICROMAP; the feature micromap is not enabled");
      }},
     {"VUID-VkRayTracingPipelineCreateInfoKHR-flags-11599", Tolerate, "flags",
-     [](const Flags &c) {
+     [](const PipelineFlags &c) {
          return when(c.isMixed() && (!c.usesMicromaps() || !c.device.driver.enabled.khrFeature), [&] {
              return std::string("OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX, without ") +
                     (c.usesMicromaps() ? "the feature micromap of VK_KHR_opacity_micromap"
@@ -169,9 +169,9 @@ constexpr Rule<Flags> kRayTracing[] = {
      }},
 };
 // If no library has the bit, emulation creates the pipeline without micromaps.
-constexpr Rule<Flags> kLibrary[] = {
+constexpr Rule<PipelineFlags> kLibrary[] = {
     {"VUID-VkRayTracingPipelineCreateInfoKHR-pLibraries-11598", Depends, nullptr,
-     [](const Flags &c) {
+     [](const PipelineFlags &c) {
          return when(c.usesMicromaps() && c.library == false,
                      "the library was created without RAY_TRACING_OPACITY_MICROMAP, which the pipeline has",
                      !c.device.ext      ? Report
@@ -182,14 +182,14 @@ constexpr Rule<Flags> kLibrary[] = {
 
 template <typename Info>
 input::Pipelines checkFlags(const RuleDevice &device, const char *name, uint32_t count, const Info *infos,
-                            std::span<const Rule<Flags>> rules)
+                            std::span<const Rule<PipelineFlags>> rules)
 {
     input::Pipelines pipelines;
     const Place command(name);
     for (uint32_t i = 0; i < count; ++i) {
         const Place place = command.element("pCreateInfos", i);
-        const Flags c{pipelineFlags(infos[i].pNext, infos[i].flags), device};
-        pipelines.accepted.push_back(InputCheck(device, place).check<Flags>(rules, c).accepted);
+        const PipelineFlags c{pipelineFlags(infos[i].pNext, infos[i].flags), device};
+        pipelines.accepted.push_back(InputCheck(device, place).check<PipelineFlags>(rules, c).accepted);
     }
     return pipelines;
 }
@@ -230,7 +230,7 @@ input::Pipelines checkPipelines(const RuleDevice &device, uint32_t count,
     const Place command(kCommand);
     for (uint32_t i = 0; i < count; ++i) {
         const auto *info = infos[i].pLibraryInfo;
-        Flags c{pipelineFlags(infos[i].pNext, infos[i].flags), device};
+        PipelineFlags c{pipelineFlags(infos[i].pNext, infos[i].flags), device};
         if (!info || !c.usesMicromaps())
             continue;
         const std::span<const VkPipeline> given(info->pLibraries, info->libraryCount);
@@ -241,7 +241,7 @@ input::Pipelines checkPipelines(const RuleDevice &device, uint32_t count,
             c.library = libraries(given[l]);
             const Place part = place.element("pLibraries", l);
             const ObjectHandle object(VK_OBJECT_TYPE_PIPELINE, reinterpret_cast<uint64_t>(given[l]));
-            if (!InputCheck(device, part, object).check<Flags>(kLibrary, c).accepted)
+            if (!InputCheck(device, part, object).check<PipelineFlags>(kLibrary, c).accepted)
                 pipelines.accepted[i] = false;
         }
     }
@@ -259,7 +259,7 @@ input::Pipelines checkShaders(const RuleDevice &device, uint32_t count, const Vk
         const VkFlags64 flags = (infos[i].flags & kMixed) != 0
                                     ? VK_PIPELINE_CREATE_2_OPACITY_MICROMAP_DISALLOW_MIXED_SPECIAL_INDEX_BIT_KHR
                                     : VkFlags64{0};
-        shaders.accepted.push_back(InputCheck(device, place).check<Flags>(kShaders, {flags, device}).accepted);
+        shaders.accepted.push_back(InputCheck(device, place).check<PipelineFlags>(kShaders, {flags, device}).accepted);
     }
     return shaders;
 }
