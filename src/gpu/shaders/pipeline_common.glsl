@@ -79,18 +79,6 @@ layout(push_constant) uniform Push
     uvec2 sceneAddress;
 } push;
 
-const uint kNever = 0u;
-const uint kAlways = 1u;
-const uint kHash = 2u;
-const uint kTerminate = 3u;
-
-bool confirms(uint rule, uint customIndex, uint instance, uint geometry, uint primitive)
-{
-    const uint h = (customIndex * 0x9e3779b1u) ^ (instance * 0x85ebca6bu) ^ (geometry * 0xc2b2ae35u) ^
-                   (primitive * 0x27d4eb2fu);
-    return rule == kAlways || rule == kTerminate || (rule == kHash && ((h ^ (h >> 15u)) & 0x40u) != 0u);
-}
-
 uint canaryOf(uint id)
 {
     return id * 0x9e3779b1u + 0x7f4a7c15u;
