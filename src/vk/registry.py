@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes what Vellum knows of Vulkan's registry, vk.xml, into src/vk:
 
-- structure_sizes.h: the size of every structure with an sType. The layer copies pNext chains of applications that are newer
-  than the headers it was built with.
+- structure_sizes.h: the size and name of every structure with an sType. The layer copies pNext chains of applications that are
+  newer than the headers it was built with.
+- enum_names.h: the names of values that messages have. NAMED lists their types.
 - command_aliases.h: names of commands before they were promoted.
 - newer.h: declarations that the oldest supported headers (1.3.239) lack, under their own names. NEWER lists them.
 
@@ -50,6 +51,7 @@ NEWER = {
     "VK_QCOM_tile_shading": "VkDispatchTileInfoQCOM vkCmdDispatchTileQCOM",
     "VK_KHR_maintenance10": "VkRenderingEndInfoKHR vkCmdEndRendering2KHR",
 }
+NAMED = ("VkIndexType", "VkMicromapTypeEXT", "VkOpacityMicromapFormatEXT", "VkQueryType")
 # The layer does not handle the pipelines of VK_NV_ray_tracing, so this one is a command of its own to it.
 NO_ALIASES = {"vkGetRayTracingShaderGroupHandlesNV"}
 WIDTHS = {"void": 1, "char": 1, "float": 4, "double": 8, "int": 4, "size_t": 8, "int8_t": 1, "uint8_t": 1, "int16_t": 2,
@@ -94,6 +96,7 @@ class Registry:
         self.enums = {node.get("name"): node for node in root.findall("enums")}
         self.values = {}  # of constants
         self.names = {}  # of constants that are other names
+        self.added = {}  # type of an enumeration: values that extensions add
         self.required = {}  # name: the first version or extension that requires it
         self.guarded = {}  # version or extension: what it requires
         self.provisional = set()
@@ -112,6 +115,7 @@ class Registry:
                 for item in part:
                     if item.tag == "enum":
                         self.add_value(item, block.get("number"))
+                        self.added.setdefault(item.get("extends"), []).append(item.get("name"))
                     if item.tag in ("type", "command", "enum") and for_vulkan(item):
                         self.guarded.setdefault(guard, []).append(item.get("name"))
                         self.required.setdefault(item.get("name"), guard)
@@ -201,6 +205,12 @@ class Registry:
             rows.append((int(self.value(self.s_type(name))), name, self.layout(name)[0]))
         return sorted(rows)
 
+    def enumerants(self, name):
+        """(value, name) of every value of an enumeration."""
+        own = [node.get("name") for node in self.enums[self.original(name, self.types)].findall("enum")]
+        names = {value for value in own + self.added.get(self.original(name, self.types), []) if value in self.values}
+        return sorted((int(self.value(value)), value) for value in names)
+
     def aliases(self):
         """Alias: the command."""
         return {name: self.original(name, self.commands) for name, node in sorted(self.commands.items())
@@ -213,8 +223,8 @@ def head(registry, about):
 
 
 def structure_sizes(registry):
-    rows = "".join(f"    {{{value}, {size}}}, // {name}\n" for value, name, size in registry.structures())
-    return head(registry, "The size of each structure with an sType, on systems of 64 bits.") + f"""#include <cstdint>
+    rows = "".join(f'    {{{value}, {size}, "{name}"}},\n' for value, name, size in registry.structures())
+    return head(registry, "The size and name of each structure with an sType, on systems of 64 bits.") + f"""#include <cstdint>
 
 namespace vellum
 {{
@@ -222,12 +232,34 @@ namespace vellum
 struct StructureSize {{
     int32_t type; // VkStructureType
     uint16_t bytes;
+    const char *name;
 }};
 // Sorted by type. Structures of provisional extensions may change and are not here.
 // clang-format off
 inline constexpr StructureSize kStructureSizes[] = {{
 {rows}}};
 // clang-format on
+
+}} // namespace vellum
+"""
+
+
+def enum_names(registry):
+    tables = ""
+    for name in NAMED:
+        rows = "".join(f'    {{{value}, "{constant}"}},\n' for value, constant in registry.enumerants(name))
+        tables += f"inline constexpr EnumName k{name[2:]}Names[] = {{\n{rows}}};\n"
+    return head(registry, "Names of values that messages have.") + f"""#include <cstdint>
+
+namespace vellum
+{{
+
+struct EnumName {{
+    int32_t value;
+    const char *name;
+}};
+// clang-format off
+{tables}// clang-format on
 
 }} // namespace vellum
 """
@@ -327,7 +359,7 @@ def newer(registry):
 def main():
     registry = Registry(sys.argv[1])
     folder = pathlib.Path(__file__).resolve().parent
-    for name in ("structure_sizes", "command_aliases", "newer"):
+    for name in ("structure_sizes", "enum_names", "command_aliases", "newer"):
         (folder / f"{name}.h").write_text(globals()[name](registry), encoding="utf-8")
 
 

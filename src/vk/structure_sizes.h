@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Written by src/vk/registry.py from Vulkan's registry 1.4.360.
-// The size of each structure with an sType, on systems of 64 bits.
+// The size and name of each structure with an sType, on systems of 64 bits.
 #pragma once
 
 #include <cstdint>
@@ -11,1246 +11,1247 @@ namespace vellum
 struct StructureSize {
     int32_t type; // VkStructureType
     uint16_t bytes;
+    const char *name;
 };
 // Sorted by type. Structures of provisional extensions may change and are not here.
 // clang-format off
 inline constexpr StructureSize kStructureSizes[] = {
-    {0, 48}, // VkApplicationInfo
-    {1, 64}, // VkInstanceCreateInfo
-    {2, 40}, // VkDeviceQueueCreateInfo
-    {3, 72}, // VkDeviceCreateInfo
-    {4, 72}, // VkSubmitInfo
-    {5, 32}, // VkMemoryAllocateInfo
-    {6, 40}, // VkMappedMemoryRange
-    {7, 96}, // VkBindSparseInfo
-    {8, 24}, // VkFenceCreateInfo
-    {9, 24}, // VkSemaphoreCreateInfo
-    {10, 24}, // VkEventCreateInfo
-    {11, 32}, // VkQueryPoolCreateInfo
-    {12, 56}, // VkBufferCreateInfo
-    {13, 56}, // VkBufferViewCreateInfo
-    {14, 88}, // VkImageCreateInfo
-    {15, 80}, // VkImageViewCreateInfo
-    {16, 40}, // VkShaderModuleCreateInfo
-    {17, 40}, // VkPipelineCacheCreateInfo
-    {18, 48}, // VkPipelineShaderStageCreateInfo
-    {19, 48}, // VkPipelineVertexInputStateCreateInfo
-    {20, 32}, // VkPipelineInputAssemblyStateCreateInfo
-    {21, 24}, // VkPipelineTessellationStateCreateInfo
-    {22, 48}, // VkPipelineViewportStateCreateInfo
-    {23, 64}, // VkPipelineRasterizationStateCreateInfo
-    {24, 48}, // VkPipelineMultisampleStateCreateInfo
-    {25, 104}, // VkPipelineDepthStencilStateCreateInfo
-    {26, 56}, // VkPipelineColorBlendStateCreateInfo
-    {27, 32}, // VkPipelineDynamicStateCreateInfo
-    {28, 144}, // VkGraphicsPipelineCreateInfo
-    {29, 96}, // VkComputePipelineCreateInfo
-    {30, 48}, // VkPipelineLayoutCreateInfo
-    {31, 80}, // VkSamplerCreateInfo
-    {32, 32}, // VkDescriptorSetLayoutCreateInfo
-    {33, 40}, // VkDescriptorPoolCreateInfo
-    {34, 40}, // VkDescriptorSetAllocateInfo
-    {35, 64}, // VkWriteDescriptorSet
-    {36, 56}, // VkCopyDescriptorSet
-    {37, 64}, // VkFramebufferCreateInfo
-    {38, 64}, // VkRenderPassCreateInfo
-    {39, 24}, // VkCommandPoolCreateInfo
-    {40, 32}, // VkCommandBufferAllocateInfo
-    {41, 56}, // VkCommandBufferInheritanceInfo
-    {42, 32}, // VkCommandBufferBeginInfo
-    {43, 64}, // VkRenderPassBeginInfo
-    {44, 56}, // VkBufferMemoryBarrier
-    {45, 72}, // VkImageMemoryBarrier
-    {46, 24}, // VkMemoryBarrier
-    {49, 64}, // VkPhysicalDeviceVulkan11Features
-    {50, 112}, // VkPhysicalDeviceVulkan11Properties
-    {51, 208}, // VkPhysicalDeviceVulkan12Features
-    {52, 736}, // VkPhysicalDeviceVulkan12Properties
-    {53, 80}, // VkPhysicalDeviceVulkan13Features
-    {54, 216}, // VkPhysicalDeviceVulkan13Properties
-    {55, 104}, // VkPhysicalDeviceVulkan14Features
-    {56, 144}, // VkPhysicalDeviceVulkan14Properties
-    {1000001000, 104}, // VkSwapchainCreateInfoKHR
-    {1000001001, 64}, // VkPresentInfoKHR
-    {1000002000, 32}, // VkDisplayModeCreateInfoKHR
-    {1000002001, 64}, // VkDisplaySurfaceCreateInfoKHR
-    {1000003000, 56}, // VkDisplayPresentInfoKHR
-    {1000004000, 40}, // VkXlibSurfaceCreateInfoKHR
-    {1000005000, 40}, // VkXcbSurfaceCreateInfoKHR
-    {1000006000, 40}, // VkWaylandSurfaceCreateInfoKHR
-    {1000008000, 32}, // VkAndroidSurfaceCreateInfoKHR
-    {1000009000, 40}, // VkWin32SurfaceCreateInfoKHR
-    {1000011000, 40}, // VkDebugReportCallbackCreateInfoEXT
-    {1000018000, 24}, // VkPipelineRasterizationStateRasterizationOrderAMD
-    {1000022000, 40}, // VkDebugMarkerObjectNameInfoEXT
-    {1000022001, 56}, // VkDebugMarkerObjectTagInfoEXT
-    {1000022002, 40}, // VkDebugMarkerMarkerInfoEXT
-    {1000023000, 32}, // VkVideoProfileInfoKHR
-    {1000023001, 336}, // VkVideoCapabilitiesKHR
-    {1000023002, 48}, // VkVideoPictureResourceInfoKHR
-    {1000023003, 48}, // VkVideoSessionMemoryRequirementsKHR
-    {1000023004, 48}, // VkBindVideoSessionMemoryInfoKHR
-    {1000023005, 64}, // VkVideoSessionCreateInfoKHR
-    {1000023006, 40}, // VkVideoSessionParametersCreateInfoKHR
-    {1000023007, 24}, // VkVideoSessionParametersUpdateInfoKHR
-    {1000023008, 56}, // VkVideoBeginCodingInfoKHR
-    {1000023009, 24}, // VkVideoEndCodingInfoKHR
-    {1000023010, 24}, // VkVideoCodingControlInfoKHR
-    {1000023011, 32}, // VkVideoReferenceSlotInfoKHR
-    {1000023012, 24}, // VkQueueFamilyVideoPropertiesKHR
-    {1000023013, 32}, // VkVideoProfileListInfoKHR
-    {1000023014, 24}, // VkPhysicalDeviceVideoFormatInfoKHR
-    {1000023015, 56}, // VkVideoFormatPropertiesKHR
-    {1000023016, 24}, // VkQueueFamilyQueryResultStatusPropertiesKHR
-    {1000024000, 120}, // VkVideoDecodeInfoKHR
-    {1000024001, 24}, // VkVideoDecodeCapabilitiesKHR
-    {1000024002, 24}, // VkVideoDecodeUsageInfoKHR
-    {1000026000, 24}, // VkDedicatedAllocationImageCreateInfoNV
-    {1000026001, 24}, // VkDedicatedAllocationBufferCreateInfoNV
-    {1000026002, 32}, // VkDedicatedAllocationMemoryAllocateInfoNV
-    {1000028000, 24}, // VkPhysicalDeviceTransformFeedbackFeaturesEXT
-    {1000028001, 64}, // VkPhysicalDeviceTransformFeedbackPropertiesEXT
-    {1000028002, 24}, // VkPipelineRasterizationStateStreamCreateInfoEXT
-    {1000029000, 32}, // VkCuModuleCreateInfoNVX
-    {1000029001, 32}, // VkCuFunctionCreateInfoNVX
-    {1000029002, 88}, // VkCuLaunchInfoNVX
-    {1000029004, 24}, // VkCuModuleTexturingModeCreateInfoNVX
-    {1000030000, 40}, // VkImageViewHandleInfoNVX
-    {1000030001, 32}, // VkImageViewAddressPropertiesNVX
-    {1000038000, 72}, // VkVideoEncodeH264CapabilitiesKHR
-    {1000038001, 32}, // VkVideoEncodeH264SessionParametersCreateInfoKHR
-    {1000038002, 48}, // VkVideoEncodeH264SessionParametersAddInfoKHR
-    {1000038003, 48}, // VkVideoEncodeH264PictureInfoKHR
-    {1000038004, 24}, // VkVideoEncodeH264DpbSlotInfoKHR
-    {1000038005, 32}, // VkVideoEncodeH264NaluSliceInfoKHR
-    {1000038006, 32}, // VkVideoEncodeH264GopRemainingFrameInfoKHR
-    {1000038007, 24}, // VkVideoEncodeH264ProfileInfoKHR
-    {1000038008, 40}, // VkVideoEncodeH264RateControlInfoKHR
-    {1000038009, 64}, // VkVideoEncodeH264RateControlLayerInfoKHR
-    {1000038010, 24}, // VkVideoEncodeH264SessionCreateInfoKHR
-    {1000038011, 64}, // VkVideoEncodeH264QualityLevelPropertiesKHR
-    {1000038012, 32}, // VkVideoEncodeH264SessionParametersGetInfoKHR
-    {1000038013, 24}, // VkVideoEncodeH264SessionParametersFeedbackInfoKHR
-    {1000039000, 88}, // VkVideoEncodeH265CapabilitiesKHR
-    {1000039001, 40}, // VkVideoEncodeH265SessionParametersCreateInfoKHR
-    {1000039002, 64}, // VkVideoEncodeH265SessionParametersAddInfoKHR
-    {1000039003, 40}, // VkVideoEncodeH265PictureInfoKHR
-    {1000039004, 24}, // VkVideoEncodeH265DpbSlotInfoKHR
-    {1000039005, 32}, // VkVideoEncodeH265NaluSliceSegmentInfoKHR
-    {1000039006, 32}, // VkVideoEncodeH265GopRemainingFrameInfoKHR
-    {1000039007, 24}, // VkVideoEncodeH265ProfileInfoKHR
-    {1000039009, 40}, // VkVideoEncodeH265RateControlInfoKHR
-    {1000039010, 64}, // VkVideoEncodeH265RateControlLayerInfoKHR
-    {1000039011, 24}, // VkVideoEncodeH265SessionCreateInfoKHR
-    {1000039012, 56}, // VkVideoEncodeH265QualityLevelPropertiesKHR
-    {1000039013, 40}, // VkVideoEncodeH265SessionParametersGetInfoKHR
-    {1000039014, 32}, // VkVideoEncodeH265SessionParametersFeedbackInfoKHR
-    {1000040000, 32}, // VkVideoDecodeH264CapabilitiesKHR
-    {1000040001, 40}, // VkVideoDecodeH264PictureInfoKHR
-    {1000040003, 24}, // VkVideoDecodeH264ProfileInfoKHR
-    {1000040004, 32}, // VkVideoDecodeH264SessionParametersCreateInfoKHR
-    {1000040005, 48}, // VkVideoDecodeH264SessionParametersAddInfoKHR
-    {1000040006, 24}, // VkVideoDecodeH264DpbSlotInfoKHR
-    {1000041000, 24}, // VkTextureLODGatherFormatPropertiesAMD
-    {1000044000, 72}, // VkRenderingInfo
-    {1000044001, 72}, // VkRenderingAttachmentInfo
-    {1000044002, 40}, // VkPipelineRenderingCreateInfo
-    {1000044003, 24}, // VkPhysicalDeviceDynamicRenderingFeatures
-    {1000044004, 56}, // VkCommandBufferInheritanceRenderingInfo
-    {1000044006, 40}, // VkRenderingFragmentShadingRateAttachmentInfoKHR
-    {1000044007, 32}, // VkRenderingFragmentDensityMapAttachmentInfoEXT
-    {1000044008, 40}, // VkAttachmentSampleCountInfoAMD
-    {1000044009, 24}, // VkMultiviewPerViewAttributesInfoNVX
-    {1000049000, 24}, // VkStreamDescriptorSurfaceCreateInfoGGP
-    {1000050000, 24}, // VkPhysicalDeviceCornerSampledImageFeaturesNV
-    {1000053000, 64}, // VkRenderPassMultiviewCreateInfo
-    {1000053001, 32}, // VkPhysicalDeviceMultiviewFeatures
-    {1000053002, 24}, // VkPhysicalDeviceMultiviewProperties
-    {1000056000, 24}, // VkExternalMemoryImageCreateInfoNV
-    {1000056001, 24}, // VkExportMemoryAllocateInfoNV
-    {1000057000, 32}, // VkImportMemoryWin32HandleInfoNV
-    {1000057001, 32}, // VkExportMemoryWin32HandleInfoNV
-    {1000058000, 72}, // VkWin32KeyedMutexAcquireReleaseInfoNV
-    {1000059000, 240}, // VkPhysicalDeviceFeatures2
-    {1000059001, 840}, // VkPhysicalDeviceProperties2
-    {1000059002, 32}, // VkFormatProperties2
-    {1000059003, 48}, // VkImageFormatProperties2
-    {1000059004, 40}, // VkPhysicalDeviceImageFormatInfo2
-    {1000059005, 40}, // VkQueueFamilyProperties2
-    {1000059006, 536}, // VkPhysicalDeviceMemoryProperties2
-    {1000059007, 40}, // VkSparseImageFormatProperties2
-    {1000059008, 40}, // VkPhysicalDeviceSparseImageFormatInfo2
-    {1000060000, 24}, // VkMemoryAllocateFlagsInfo
-    {1000060003, 32}, // VkDeviceGroupRenderPassBeginInfo
-    {1000060004, 24}, // VkDeviceGroupCommandBufferBeginInfo
-    {1000060005, 64}, // VkDeviceGroupSubmitInfo
-    {1000060006, 24}, // VkDeviceGroupBindSparseInfo
-    {1000060007, 152}, // VkDeviceGroupPresentCapabilitiesKHR
-    {1000060008, 24}, // VkImageSwapchainCreateInfoKHR
-    {1000060009, 32}, // VkBindImageMemorySwapchainInfoKHR
-    {1000060010, 56}, // VkAcquireNextImageInfoKHR
-    {1000060011, 40}, // VkDeviceGroupPresentInfoKHR
-    {1000060012, 24}, // VkDeviceGroupSwapchainCreateInfoKHR
-    {1000060013, 32}, // VkBindBufferMemoryDeviceGroupInfo
-    {1000060014, 48}, // VkBindImageMemoryDeviceGroupInfo
-    {1000061000, 32}, // VkValidationFlagsEXT
-    {1000062000, 32}, // VkViSurfaceCreateInfoNN
-    {1000063000, 24}, // VkPhysicalDeviceShaderDrawParametersFeatures
-    {1000066000, 24}, // VkPhysicalDeviceTextureCompressionASTCHDRFeatures
-    {1000067000, 24}, // VkImageViewASTCDecodeModeEXT
-    {1000067001, 24}, // VkPhysicalDeviceASTCDecodeFeaturesEXT
-    {1000068000, 32}, // VkPipelineRobustnessCreateInfo
-    {1000068001, 24}, // VkPhysicalDevicePipelineRobustnessFeatures
-    {1000068002, 32}, // VkPhysicalDevicePipelineRobustnessProperties
-    {1000070000, 288}, // VkPhysicalDeviceGroupProperties
-    {1000070001, 32}, // VkDeviceGroupDeviceCreateInfo
-    {1000071000, 24}, // VkPhysicalDeviceExternalImageFormatInfo
-    {1000071001, 32}, // VkExternalImageFormatProperties
-    {1000071002, 32}, // VkPhysicalDeviceExternalBufferInfo
-    {1000071003, 32}, // VkExternalBufferProperties
-    {1000071004, 64}, // VkPhysicalDeviceIDProperties
-    {1000072000, 24}, // VkExternalMemoryBufferCreateInfo
-    {1000072001, 24}, // VkExternalMemoryImageCreateInfo
-    {1000072002, 24}, // VkExportMemoryAllocateInfo
-    {1000073000, 40}, // VkImportMemoryWin32HandleInfoKHR
-    {1000073001, 40}, // VkExportMemoryWin32HandleInfoKHR
-    {1000073002, 24}, // VkMemoryWin32HandlePropertiesKHR
-    {1000073003, 32}, // VkMemoryGetWin32HandleInfoKHR
-    {1000074000, 24}, // VkImportMemoryFdInfoKHR
-    {1000074001, 24}, // VkMemoryFdPropertiesKHR
-    {1000074002, 32}, // VkMemoryGetFdInfoKHR
-    {1000075000, 72}, // VkWin32KeyedMutexAcquireReleaseInfoKHR
-    {1000076000, 24}, // VkPhysicalDeviceExternalSemaphoreInfo
-    {1000076001, 32}, // VkExternalSemaphoreProperties
-    {1000077000, 24}, // VkExportSemaphoreCreateInfo
-    {1000078000, 48}, // VkImportSemaphoreWin32HandleInfoKHR
-    {1000078001, 40}, // VkExportSemaphoreWin32HandleInfoKHR
-    {1000078002, 48}, // VkD3D12FenceSubmitInfoKHR
-    {1000078003, 32}, // VkSemaphoreGetWin32HandleInfoKHR
-    {1000079000, 40}, // VkImportSemaphoreFdInfoKHR
-    {1000079001, 32}, // VkSemaphoreGetFdInfoKHR
-    {1000080000, 24}, // VkPhysicalDevicePushDescriptorProperties
-    {1000081000, 24}, // VkCommandBufferInheritanceConditionalRenderingInfoEXT
-    {1000081001, 24}, // VkPhysicalDeviceConditionalRenderingFeaturesEXT
-    {1000081002, 40}, // VkConditionalRenderingBeginInfoEXT
-    {1000082000, 24}, // VkPhysicalDeviceShaderFloat16Int8Features
-    {1000083000, 32}, // VkPhysicalDevice16BitStorageFeatures
-    {1000084000, 32}, // VkPresentRegionsKHR
-    {1000085000, 72}, // VkDescriptorUpdateTemplateCreateInfo
-    {1000087000, 32}, // VkPipelineViewportWScalingStateCreateInfoNV
-    {1000090000, 72}, // VkSurfaceCapabilities2EXT
-    {1000091000, 24}, // VkDisplayPowerInfoEXT
-    {1000091001, 24}, // VkDeviceEventInfoEXT
-    {1000091002, 24}, // VkDisplayEventInfoEXT
-    {1000091003, 24}, // VkSwapchainCounterCreateInfoEXT
-    {1000092000, 32}, // VkPresentTimesInfoGOOGLE
-    {1000094000, 32}, // VkPhysicalDeviceSubgroupProperties
-    {1000097000, 24}, // VkPhysicalDeviceMultiviewPerViewAttributesPropertiesNVX
-    {1000098000, 32}, // VkPipelineViewportSwizzleStateCreateInfoNV
-    {1000099000, 24}, // VkPhysicalDeviceDiscardRectanglePropertiesEXT
-    {1000099001, 40}, // VkPipelineDiscardRectangleStateCreateInfoEXT
-    {1000101000, 56}, // VkPhysicalDeviceConservativeRasterizationPropertiesEXT
-    {1000101001, 32}, // VkPipelineRasterizationConservativeStateCreateInfoEXT
-    {1000102000, 24}, // VkPhysicalDeviceDepthClipEnableFeaturesEXT
-    {1000102001, 24}, // VkPipelineRasterizationDepthClipStateCreateInfoEXT
-    {1000105000, 64}, // VkHdrMetadataEXT
-    {1000108000, 24}, // VkPhysicalDeviceImagelessFramebufferFeatures
-    {1000108001, 32}, // VkFramebufferAttachmentsCreateInfo
-    {1000108002, 48}, // VkFramebufferAttachmentImageInfo
-    {1000108003, 32}, // VkRenderPassAttachmentBeginInfo
-    {1000109000, 56}, // VkAttachmentDescription2
-    {1000109001, 32}, // VkAttachmentReference2
-    {1000109002, 88}, // VkSubpassDescription2
-    {1000109003, 48}, // VkSubpassDependency2
-    {1000109004, 80}, // VkRenderPassCreateInfo2
-    {1000109005, 24}, // VkSubpassBeginInfo
-    {1000109006, 16}, // VkSubpassEndInfo
-    {1000110000, 24}, // VkPhysicalDeviceRelaxedLineRasterizationFeaturesIMG
-    {1000111000, 24}, // VkSharedPresentSurfaceCapabilitiesKHR
-    {1000112000, 24}, // VkPhysicalDeviceExternalFenceInfo
-    {1000112001, 32}, // VkExternalFenceProperties
-    {1000113000, 24}, // VkExportFenceCreateInfo
-    {1000114000, 48}, // VkImportFenceWin32HandleInfoKHR
-    {1000114001, 40}, // VkExportFenceWin32HandleInfoKHR
-    {1000114002, 32}, // VkFenceGetWin32HandleInfoKHR
-    {1000115000, 40}, // VkImportFenceFdInfoKHR
-    {1000115001, 32}, // VkFenceGetFdInfoKHR
-    {1000116000, 24}, // VkPhysicalDevicePerformanceQueryFeaturesKHR
-    {1000116001, 24}, // VkPhysicalDevicePerformanceQueryPropertiesKHR
-    {1000116002, 32}, // VkQueryPoolPerformanceCreateInfoKHR
-    {1000116003, 24}, // VkPerformanceQuerySubmitInfoKHR
-    {1000116004, 32}, // VkAcquireProfilingLockInfoKHR
-    {1000116005, 48}, // VkPerformanceCounterKHR
-    {1000116006, 792}, // VkPerformanceCounterDescriptionKHR
-    {1000117000, 24}, // VkPhysicalDevicePointClippingProperties
-    {1000117001, 32}, // VkRenderPassInputAttachmentAspectCreateInfo
-    {1000117002, 24}, // VkImageViewUsageCreateInfo
-    {1000117003, 24}, // VkPipelineTessellationDomainOriginStateCreateInfo
-    {1000119000, 24}, // VkPhysicalDeviceSurfaceInfo2KHR
-    {1000119001, 72}, // VkSurfaceCapabilities2KHR
-    {1000119002, 24}, // VkSurfaceFormat2KHR
-    {1000120000, 24}, // VkPhysicalDeviceVariablePointersFeatures
-    {1000121000, 64}, // VkDisplayProperties2KHR
-    {1000121001, 32}, // VkDisplayPlaneProperties2KHR
-    {1000121002, 40}, // VkDisplayModeProperties2KHR
-    {1000121003, 32}, // VkDisplayPlaneInfo2KHR
-    {1000121004, 88}, // VkDisplayPlaneCapabilities2KHR
-    {1000122000, 32}, // VkIOSSurfaceCreateInfoMVK
-    {1000123000, 32}, // VkMacOSSurfaceCreateInfoMVK
-    {1000127000, 24}, // VkMemoryDedicatedRequirements
-    {1000127001, 32}, // VkMemoryDedicatedAllocateInfo
-    {1000128000, 40}, // VkDebugUtilsObjectNameInfoEXT
-    {1000128001, 56}, // VkDebugUtilsObjectTagInfoEXT
-    {1000128002, 40}, // VkDebugUtilsLabelEXT
-    {1000128003, 96}, // VkDebugUtilsMessengerCallbackDataEXT
-    {1000128004, 48}, // VkDebugUtilsMessengerCreateInfoEXT
-    {1000129000, 24}, // VkAndroidHardwareBufferUsageANDROID
-    {1000129001, 32}, // VkAndroidHardwareBufferPropertiesANDROID
-    {1000129002, 72}, // VkAndroidHardwareBufferFormatPropertiesANDROID
-    {1000129003, 24}, // VkImportAndroidHardwareBufferInfoANDROID
-    {1000129004, 24}, // VkMemoryGetAndroidHardwareBufferInfoANDROID
-    {1000129005, 24}, // VkExternalFormatANDROID
-    {1000129006, 72}, // VkAndroidHardwareBufferFormatProperties2ANDROID
-    {1000130000, 24}, // VkPhysicalDeviceSamplerFilterMinmaxProperties
-    {1000130001, 24}, // VkSamplerReductionModeCreateInfo
-    {1000133000, 32}, // VkPhysicalDeviceGpaFeaturesAMD
-    {1000133001, 48}, // VkPhysicalDeviceGpaPropertiesAMD
-    {1000133002, 88}, // VkGpaSampleBeginInfoAMD
-    {1000133003, 24}, // VkGpaSessionCreateInfoAMD
-    {1000133004, 32}, // VkGpaDeviceClockModeInfoAMD
-    {1000133005, 24}, // VkPhysicalDeviceGpaProperties2AMD
-    {1000133006, 32}, // VkGpaDeviceGetClockInfoAMD
-    {1000135000, 40}, // VkTexelBufferDescriptorInfoEXT
-    {1000135001, 32}, // VkImageDescriptorInfoEXT
-    {1000135002, 32}, // VkResourceDescriptorInfoEXT
-    {1000135003, 48}, // VkBindHeapInfoEXT
-    {1000135004, 40}, // VkPushDataInfoEXT
-    {1000135005, 96}, // VkDescriptorSetAndBindingMappingEXT
-    {1000135006, 32}, // VkShaderDescriptorSetAndBindingMappingInfoEXT
-    {1000135007, 24}, // VkOpaqueCaptureDataCreateInfoEXT
-    {1000135008, 152}, // VkPhysicalDeviceDescriptorHeapPropertiesEXT
-    {1000135009, 24}, // VkPhysicalDeviceDescriptorHeapFeaturesEXT
-    {1000135010, 32}, // VkCommandBufferInheritanceDescriptorHeapInfoEXT
-    {1000135011, 24}, // VkSamplerCustomBorderColorIndexCreateInfoEXT
-    {1000135012, 24}, // VkIndirectCommandsLayoutPushDataTokenNV
-    {1000135013, 24}, // VkSubsampledImageFormatPropertiesEXT
-    {1000135014, 40}, // VkPhysicalDeviceDescriptorHeapTensorPropertiesARM
-    {1000138000, 24}, // VkPhysicalDeviceInlineUniformBlockFeatures
-    {1000138001, 40}, // VkPhysicalDeviceInlineUniformBlockProperties
-    {1000138002, 32}, // VkWriteDescriptorSetInlineUniformBlock
-    {1000138003, 24}, // VkDescriptorPoolInlineUniformBlockCreateInfo
-    {1000141000, 32}, // VkPhysicalDeviceShaderBfloat16FeaturesKHR
-    {1000143000, 40}, // VkSampleLocationsInfoEXT
-    {1000143001, 48}, // VkRenderPassSampleLocationsBeginInfoEXT
-    {1000143002, 64}, // VkPipelineSampleLocationsStateCreateInfoEXT
-    {1000143003, 48}, // VkPhysicalDeviceSampleLocationsPropertiesEXT
-    {1000143004, 24}, // VkMultisamplePropertiesEXT
-    {1000145000, 24}, // VkProtectedSubmitInfo
-    {1000145001, 24}, // VkPhysicalDeviceProtectedMemoryFeatures
-    {1000145002, 24}, // VkPhysicalDeviceProtectedMemoryProperties
-    {1000145003, 32}, // VkDeviceQueueInfo2
-    {1000146000, 24}, // VkBufferMemoryRequirementsInfo2
-    {1000146001, 24}, // VkImageMemoryRequirementsInfo2
-    {1000146002, 24}, // VkImageSparseMemoryRequirementsInfo2
-    {1000146003, 40}, // VkMemoryRequirements2
-    {1000146004, 64}, // VkSparseImageMemoryRequirements2
-    {1000147000, 32}, // VkImageFormatListCreateInfo
-    {1000148000, 24}, // VkPhysicalDeviceBlendOperationAdvancedFeaturesEXT
-    {1000148001, 40}, // VkPhysicalDeviceBlendOperationAdvancedPropertiesEXT
-    {1000148002, 32}, // VkPipelineColorBlendAdvancedStateCreateInfoEXT
-    {1000149000, 32}, // VkPipelineCoverageToColorStateCreateInfoNV
-    {1000150000, 80}, // VkAccelerationStructureBuildGeometryInfoKHR
-    {1000150002, 24}, // VkAccelerationStructureDeviceAddressInfoKHR
-    {1000150003, 32}, // VkAccelerationStructureGeometryAabbsDataKHR
-    {1000150004, 32}, // VkAccelerationStructureGeometryInstancesDataKHR
-    {1000150005, 64}, // VkAccelerationStructureGeometryTrianglesDataKHR
-    {1000150006, 96}, // VkAccelerationStructureGeometryKHR
-    {1000150007, 32}, // VkWriteDescriptorSetAccelerationStructureKHR
-    {1000150009, 24}, // VkAccelerationStructureVersionInfoKHR
-    {1000150010, 40}, // VkCopyAccelerationStructureInfoKHR
-    {1000150011, 40}, // VkCopyAccelerationStructureToMemoryInfoKHR
-    {1000150012, 40}, // VkCopyMemoryToAccelerationStructureInfoKHR
-    {1000150013, 40}, // VkPhysicalDeviceAccelerationStructureFeaturesKHR
-    {1000150014, 64}, // VkPhysicalDeviceAccelerationStructurePropertiesKHR
-    {1000150015, 104}, // VkRayTracingPipelineCreateInfoKHR
-    {1000150016, 48}, // VkRayTracingShaderGroupCreateInfoKHR
-    {1000150017, 64}, // VkAccelerationStructureCreateInfoKHR
-    {1000150018, 24}, // VkRayTracingPipelineInterfaceCreateInfoKHR
-    {1000150020, 40}, // VkAccelerationStructureBuildSizesInfoKHR
-    {1000152000, 40}, // VkPipelineCoverageModulationStateCreateInfoNV
-    {1000154000, 24}, // VkPhysicalDeviceShaderSMBuiltinsFeaturesNV
-    {1000154001, 24}, // VkPhysicalDeviceShaderSMBuiltinsPropertiesNV
-    {1000156000, 64}, // VkSamplerYcbcrConversionCreateInfo
-    {1000156001, 24}, // VkSamplerYcbcrConversionInfo
-    {1000156002, 24}, // VkBindImagePlaneMemoryInfo
-    {1000156003, 24}, // VkImagePlaneMemoryRequirementsInfo
-    {1000156004, 24}, // VkPhysicalDeviceSamplerYcbcrConversionFeatures
-    {1000156005, 24}, // VkSamplerYcbcrConversionImageFormatProperties
-    {1000157000, 40}, // VkBindBufferMemoryInfo
-    {1000157001, 40}, // VkBindImageMemoryInfo
-    {1000158000, 32}, // VkDrmFormatModifierPropertiesListEXT
-    {1000158002, 40}, // VkPhysicalDeviceImageDrmFormatModifierInfoEXT
-    {1000158003, 32}, // VkImageDrmFormatModifierListCreateInfoEXT
-    {1000158004, 40}, // VkImageDrmFormatModifierExplicitCreateInfoEXT
-    {1000158005, 24}, // VkImageDrmFormatModifierPropertiesEXT
-    {1000158006, 32}, // VkDrmFormatModifierPropertiesList2EXT
-    {1000160000, 40}, // VkValidationCacheCreateInfoEXT
-    {1000160001, 24}, // VkShaderModuleValidationCacheCreateInfoEXT
-    {1000161000, 32}, // VkDescriptorSetLayoutBindingFlagsCreateInfo
-    {1000161001, 96}, // VkPhysicalDeviceDescriptorIndexingFeatures
-    {1000161002, 112}, // VkPhysicalDeviceDescriptorIndexingProperties
-    {1000161003, 32}, // VkDescriptorSetVariableDescriptorCountAllocateInfo
-    {1000161004, 24}, // VkDescriptorSetVariableDescriptorCountLayoutSupport
-    {1000164000, 32}, // VkPipelineViewportShadingRateImageStateCreateInfoNV
-    {1000164001, 24}, // VkPhysicalDeviceShadingRateImageFeaturesNV
-    {1000164002, 32}, // VkPhysicalDeviceShadingRateImagePropertiesNV
-    {1000164005, 32}, // VkPipelineViewportCoarseSampleOrderStateCreateInfoNV
-    {1000165000, 80}, // VkRayTracingPipelineCreateInfoNV
-    {1000165001, 64}, // VkAccelerationStructureCreateInfoNV
-    {1000165003, 168}, // VkGeometryNV
-    {1000165004, 96}, // VkGeometryTrianglesNV
-    {1000165005, 40}, // VkGeometryAABBNV
-    {1000165006, 56}, // VkBindAccelerationStructureMemoryInfoNV
-    {1000165007, 32}, // VkWriteDescriptorSetAccelerationStructureNV
-    {1000165008, 32}, // VkAccelerationStructureMemoryRequirementsInfoNV
-    {1000165009, 64}, // VkPhysicalDeviceRayTracingPropertiesNV
-    {1000165011, 40}, // VkRayTracingShaderGroupCreateInfoNV
-    {1000165012, 40}, // VkAccelerationStructureInfoNV
-    {1000166000, 24}, // VkPhysicalDeviceRepresentativeFragmentTestFeaturesNV
-    {1000166001, 24}, // VkPipelineRepresentativeFragmentTestStateCreateInfoNV
-    {1000168000, 32}, // VkPhysicalDeviceMaintenance3Properties
-    {1000168001, 24}, // VkDescriptorSetLayoutSupport
-    {1000170000, 24}, // VkPhysicalDeviceImageViewImageFormatInfoEXT
-    {1000170001, 24}, // VkFilterCubicImageViewImageFormatPropertiesEXT
-    {1000172000, 24}, // VkPhysicalDeviceCooperativeMatrixConversionFeaturesQCOM
-    {1000173000, 24}, // VkPhysicalDeviceElapsedTimerQueryFeaturesQCOM
-    {1000174000, 24}, // VkDeviceQueueGlobalPriorityCreateInfo
-    {1000175000, 24}, // VkPhysicalDeviceShaderSubgroupExtendedTypesFeatures
-    {1000177000, 32}, // VkPhysicalDevice8BitStorageFeatures
-    {1000178000, 32}, // VkImportMemoryHostPointerInfoEXT
-    {1000178001, 24}, // VkMemoryHostPointerPropertiesEXT
-    {1000178002, 24}, // VkPhysicalDeviceExternalMemoryHostPropertiesEXT
-    {1000180000, 24}, // VkPhysicalDeviceShaderAtomicInt64Features
-    {1000181000, 24}, // VkPhysicalDeviceShaderClockFeaturesKHR
-    {1000183000, 24}, // VkPipelineCompilerControlCreateInfoAMD
-    {1000184000, 24}, // VkCalibratedTimestampInfoKHR
-    {1000185000, 72}, // VkPhysicalDeviceShaderCorePropertiesAMD
-    {1000187000, 24}, // VkVideoDecodeH265CapabilitiesKHR
-    {1000187001, 40}, // VkVideoDecodeH265SessionParametersCreateInfoKHR
-    {1000187002, 64}, // VkVideoDecodeH265SessionParametersAddInfoKHR
-    {1000187003, 24}, // VkVideoDecodeH265ProfileInfoKHR
-    {1000187004, 40}, // VkVideoDecodeH265PictureInfoKHR
-    {1000187005, 24}, // VkVideoDecodeH265DpbSlotInfoKHR
-    {1000189000, 24}, // VkDeviceMemoryOverallocationCreateInfoAMD
-    {1000190000, 24}, // VkPhysicalDeviceVertexAttributeDivisorPropertiesEXT
-    {1000190001, 32}, // VkPipelineVertexInputDivisorStateCreateInfo
-    {1000190002, 24}, // VkPhysicalDeviceVertexAttributeDivisorFeatures
-    {1000191000, 24}, // VkPresentFrameTokenGGP
-    {1000192000, 40}, // VkPipelineCreationFeedbackCreateInfo
-    {1000196000, 536}, // VkPhysicalDeviceDriverProperties
-    {1000197000, 88}, // VkPhysicalDeviceFloatControlsProperties
-    {1000199000, 32}, // VkPhysicalDeviceDepthStencilResolveProperties
-    {1000199001, 32}, // VkSubpassDescriptionDepthStencilResolve
-    {1000201000, 24}, // VkPhysicalDeviceComputeShaderDerivativesFeaturesKHR
-    {1000202000, 24}, // VkPhysicalDeviceMeshShaderFeaturesNV
-    {1000202001, 88}, // VkPhysicalDeviceMeshShaderPropertiesNV
-    {1000203000, 24}, // VkPhysicalDeviceFragmentShaderBarycentricFeaturesKHR
-    {1000204000, 24}, // VkPhysicalDeviceShaderImageFootprintFeaturesNV
-    {1000205000, 32}, // VkPipelineViewportExclusiveScissorStateCreateInfoNV
-    {1000205002, 24}, // VkPhysicalDeviceExclusiveScissorFeaturesNV
-    {1000206000, 32}, // VkCheckpointDataNV
-    {1000206001, 24}, // VkQueueFamilyCheckpointPropertiesNV
-    {1000207000, 24}, // VkPhysicalDeviceTimelineSemaphoreFeatures
-    {1000207001, 24}, // VkPhysicalDeviceTimelineSemaphoreProperties
-    {1000207002, 32}, // VkSemaphoreTypeCreateInfo
-    {1000207003, 48}, // VkTimelineSemaphoreSubmitInfo
-    {1000207004, 40}, // VkSemaphoreWaitInfo
-    {1000207005, 32}, // VkSemaphoreSignalInfo
-    {1000208000, 32}, // VkPhysicalDevicePresentTimingFeaturesEXT
-    {1000208001, 32}, // VkSwapchainTimingPropertiesEXT
-    {1000208002, 40}, // VkSwapchainTimeDomainPropertiesEXT
-    {1000208003, 32}, // VkPresentTimingsInfoEXT
-    {1000208004, 48}, // VkPresentTimingInfoEXT
-    {1000208005, 32}, // VkPastPresentationTimingInfoEXT
-    {1000208006, 48}, // VkPastPresentationTimingPropertiesEXT
-    {1000208007, 72}, // VkPastPresentationTimingEXT
-    {1000208008, 32}, // VkPresentTimingSurfaceCapabilitiesEXT
-    {1000208009, 40}, // VkSwapchainCalibratedTimestampInfoEXT
-    {1000209000, 24}, // VkPhysicalDeviceShaderIntegerFunctions2FeaturesINTEL
-    {1000210000, 24}, // VkQueryPoolPerformanceQueryCreateInfoINTEL
-    {1000210001, 24}, // VkInitializePerformanceApiInfoINTEL
-    {1000210002, 24}, // VkPerformanceMarkerInfoINTEL
-    {1000210003, 24}, // VkPerformanceStreamMarkerInfoINTEL
-    {1000210004, 32}, // VkPerformanceOverrideInfoINTEL
-    {1000210005, 24}, // VkPerformanceConfigurationAcquireInfoINTEL
-    {1000211000, 32}, // VkPhysicalDeviceVulkanMemoryModelFeatures
-    {1000212000, 32}, // VkPhysicalDevicePCIBusInfoPropertiesEXT
-    {1000213000, 24}, // VkDisplayNativeHdrSurfaceCapabilitiesAMD
-    {1000213001, 24}, // VkSwapchainDisplayNativeHdrCreateInfoAMD
-    {1000214000, 24}, // VkImagePipeSurfaceCreateInfoFUCHSIA
-    {1000215000, 24}, // VkPhysicalDeviceShaderTerminateInvocationFeatures
-    {1000217000, 32}, // VkMetalSurfaceCreateInfoEXT
-    {1000218000, 32}, // VkPhysicalDeviceFragmentDensityMapFeaturesEXT
-    {1000218001, 40}, // VkPhysicalDeviceFragmentDensityMapPropertiesEXT
-    {1000218002, 24}, // VkRenderPassFragmentDensityMapCreateInfoEXT
-    {1000221000, 24}, // VkPhysicalDeviceScalarBlockLayoutFeatures
-    {1000225000, 32}, // VkPhysicalDeviceSubgroupSizeControlProperties
-    {1000225001, 24}, // VkPipelineShaderStageRequiredSubgroupSizeCreateInfo
-    {1000225002, 24}, // VkPhysicalDeviceSubgroupSizeControlFeatures
-    {1000226000, 32}, // VkFragmentShadingRateAttachmentInfoKHR
-    {1000226001, 32}, // VkPipelineFragmentShadingRateStateCreateInfoKHR
-    {1000226002, 96}, // VkPhysicalDeviceFragmentShadingRatePropertiesKHR
-    {1000226003, 32}, // VkPhysicalDeviceFragmentShadingRateFeaturesKHR
-    {1000226004, 32}, // VkPhysicalDeviceFragmentShadingRateKHR
-    {1000227000, 24}, // VkPhysicalDeviceShaderCoreProperties2AMD
-    {1000229000, 24}, // VkPhysicalDeviceCoherentMemoryFeaturesAMD
-    {1000231000, 24}, // VkPhysicalDeviceShaderConstantDataFeaturesKHR
-    {1000232000, 24}, // VkPhysicalDeviceDynamicRenderingLocalReadFeatures
-    {1000232001, 32}, // VkRenderingAttachmentLocationInfo
-    {1000232002, 48}, // VkRenderingInputAttachmentIndexInfo
-    {1000233000, 24}, // VkPhysicalDeviceShaderAbortFeaturesKHR
-    {1000233001, 32}, // VkDeviceFaultShaderAbortMessageInfoKHR
-    {1000233002, 24}, // VkPhysicalDeviceShaderAbortPropertiesKHR
-    {1000234000, 24}, // VkPhysicalDeviceShaderImageAtomicInt64FeaturesEXT
-    {1000235000, 24}, // VkPhysicalDeviceShaderQuadControlFeaturesKHR
-    {1000237000, 272}, // VkPhysicalDeviceMemoryBudgetPropertiesEXT
-    {1000238000, 24}, // VkPhysicalDeviceMemoryPriorityFeaturesEXT
-    {1000238001, 24}, // VkMemoryPriorityAllocateInfoEXT
-    {1000239000, 24}, // VkSurfaceProtectedCapabilitiesKHR
-    {1000240000, 24}, // VkPhysicalDeviceDedicatedAllocationImageAliasingFeaturesNV
-    {1000241000, 24}, // VkPhysicalDeviceSeparateDepthStencilLayoutsFeatures
-    {1000241001, 24}, // VkAttachmentReferenceStencilLayout
-    {1000241002, 24}, // VkAttachmentDescriptionStencilLayout
-    {1000244000, 32}, // VkPhysicalDeviceBufferDeviceAddressFeaturesEXT
-    {1000244001, 24}, // VkBufferDeviceAddressInfo
-    {1000244002, 24}, // VkBufferDeviceAddressCreateInfoEXT
-    {1000245000, 1048}, // VkPhysicalDeviceToolProperties
-    {1000246000, 24}, // VkImageStencilUsageCreateInfo
-    {1000247000, 48}, // VkValidationFeaturesEXT
-    {1000248000, 24}, // VkPhysicalDevicePresentWaitFeaturesKHR
-    {1000249000, 24}, // VkPhysicalDeviceCooperativeMatrixFeaturesNV
-    {1000249001, 48}, // VkCooperativeMatrixPropertiesNV
-    {1000249002, 24}, // VkPhysicalDeviceCooperativeMatrixPropertiesNV
-    {1000250000, 24}, // VkPhysicalDeviceCoverageReductionModeFeaturesNV
-    {1000250001, 24}, // VkPipelineCoverageReductionStateCreateInfoNV
-    {1000250002, 32}, // VkFramebufferMixedSamplesCombinationNV
-    {1000251000, 32}, // VkPhysicalDeviceFragmentShaderInterlockFeaturesEXT
-    {1000252000, 24}, // VkPhysicalDeviceYcbcrImageArraysFeaturesEXT
-    {1000253000, 24}, // VkPhysicalDeviceUniformBufferStandardLayoutFeatures
-    {1000254000, 24}, // VkPhysicalDeviceProvokingVertexFeaturesEXT
-    {1000254001, 24}, // VkPipelineRasterizationProvokingVertexStateCreateInfoEXT
-    {1000254002, 24}, // VkPhysicalDeviceProvokingVertexPropertiesEXT
-    {1000255000, 24}, // VkSurfaceFullScreenExclusiveInfoEXT
-    {1000255001, 24}, // VkSurfaceFullScreenExclusiveWin32InfoEXT
-    {1000255002, 24}, // VkSurfaceCapabilitiesFullScreenExclusiveEXT
-    {1000256000, 24}, // VkHeadlessSurfaceCreateInfoEXT
-    {1000257000, 32}, // VkPhysicalDeviceBufferDeviceAddressFeatures
-    {1000257002, 24}, // VkBufferOpaqueCaptureAddressCreateInfo
-    {1000257003, 24}, // VkMemoryOpaqueCaptureAddressAllocateInfo
-    {1000257004, 24}, // VkDeviceMemoryOpaqueCaptureAddressInfo
-    {1000259000, 40}, // VkPhysicalDeviceLineRasterizationFeatures
-    {1000259001, 32}, // VkPipelineRasterizationLineStateCreateInfo
-    {1000259002, 24}, // VkPhysicalDeviceLineRasterizationProperties
-    {1000260000, 64}, // VkPhysicalDeviceShaderAtomicFloatFeaturesEXT
-    {1000261000, 24}, // VkPhysicalDeviceHostQueryResetFeatures
-    {1000265000, 24}, // VkPhysicalDeviceIndexTypeUint8Features
-    {1000267000, 24}, // VkPhysicalDeviceExtendedDynamicStateFeaturesEXT
-    {1000269000, 24}, // VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR
-    {1000269001, 24}, // VkPipelineInfoKHR
-    {1000269002, 536}, // VkPipelineExecutablePropertiesKHR
-    {1000269003, 32}, // VkPipelineExecutableInfoKHR
-    {1000269004, 544}, // VkPipelineExecutableStatisticKHR
-    {1000269005, 552}, // VkPipelineExecutableInternalRepresentationKHR
-    {1000270000, 24}, // VkPhysicalDeviceHostImageCopyFeatures
-    {1000270001, 72}, // VkPhysicalDeviceHostImageCopyProperties
-    {1000270002, 72}, // VkMemoryToImageCopy
-    {1000270003, 72}, // VkImageToMemoryCopy
-    {1000270004, 48}, // VkCopyImageToMemoryInfo
-    {1000270005, 48}, // VkCopyMemoryToImageInfo
-    {1000270006, 56}, // VkHostImageLayoutTransitionInfo
-    {1000270007, 64}, // VkCopyImageToImageInfo
-    {1000270008, 24}, // VkSubresourceHostMemcpySize
-    {1000270009, 24}, // VkHostImageCopyDevicePerformanceQuery
-    {1000271000, 48}, // VkMemoryMapInfo
-    {1000271001, 32}, // VkMemoryUnmapInfo
-    {1000272000, 32}, // VkPhysicalDeviceMapMemoryPlacedFeaturesEXT
-    {1000272001, 24}, // VkPhysicalDeviceMapMemoryPlacedPropertiesEXT
-    {1000272002, 24}, // VkMemoryMapPlacedInfoEXT
-    {1000273000, 64}, // VkPhysicalDeviceShaderAtomicFloat2FeaturesEXT
-    {1000274000, 24}, // VkSurfacePresentModeKHR
-    {1000274001, 48}, // VkSurfacePresentScalingCapabilitiesKHR
-    {1000274002, 32}, // VkSurfacePresentModeCompatibilityKHR
-    {1000275000, 24}, // VkPhysicalDeviceSwapchainMaintenance1FeaturesKHR
-    {1000275001, 32}, // VkSwapchainPresentFenceInfoKHR
-    {1000275002, 32}, // VkSwapchainPresentModesCreateInfoKHR
-    {1000275003, 32}, // VkSwapchainPresentModeInfoKHR
-    {1000275004, 32}, // VkSwapchainPresentScalingCreateInfoKHR
-    {1000275005, 40}, // VkReleaseSwapchainImagesInfoKHR
-    {1000276000, 24}, // VkPhysicalDeviceShaderDemoteToHelperInvocationFeatures
-    {1000277000, 56}, // VkPhysicalDeviceDeviceGeneratedCommandsPropertiesNV
-    {1000277001, 48}, // VkGraphicsShaderGroupCreateInfoNV
-    {1000277002, 48}, // VkGraphicsPipelineShaderGroupsCreateInfoNV
-    {1000277003, 88}, // VkIndirectCommandsLayoutTokenNV
-    {1000277004, 56}, // VkIndirectCommandsLayoutCreateInfoNV
-    {1000277005, 120}, // VkGeneratedCommandsInfoNV
-    {1000277006, 48}, // VkGeneratedCommandsMemoryRequirementsInfoNV
-    {1000277007, 24}, // VkPhysicalDeviceDeviceGeneratedCommandsFeaturesNV
-    {1000278000, 24}, // VkPhysicalDeviceInheritedViewportScissorFeaturesNV
-    {1000278001, 32}, // VkCommandBufferInheritanceViewportScissorInfoNV
-    {1000280000, 24}, // VkPhysicalDeviceShaderIntegerDotProductFeatures
-    {1000280001, 136}, // VkPhysicalDeviceShaderIntegerDotProductProperties
-    {1000281000, 24}, // VkPhysicalDeviceTexelBufferAlignmentFeaturesEXT
-    {1000281001, 48}, // VkPhysicalDeviceTexelBufferAlignmentProperties
-    {1000282000, 40}, // VkCommandBufferInheritanceRenderPassTransformInfoQCOM
-    {1000282001, 24}, // VkRenderPassTransformBeginInfoQCOM
-    {1000283000, 32}, // VkPhysicalDeviceDepthBiasControlFeaturesEXT
-    {1000283001, 32}, // VkDepthBiasInfoEXT
-    {1000283002, 24}, // VkDepthBiasRepresentationInfoEXT
-    {1000284000, 24}, // VkPhysicalDeviceDeviceMemoryReportFeaturesEXT
-    {1000284001, 40}, // VkDeviceDeviceMemoryReportCreateInfoEXT
-    {1000284002, 64}, // VkDeviceMemoryReportCallbackDataEXT
-    {1000286000, 32}, // VkPhysicalDeviceRobustness2FeaturesKHR
-    {1000286001, 32}, // VkPhysicalDeviceRobustness2PropertiesKHR
-    {1000287000, 40}, // VkSamplerCustomBorderColorCreateInfoEXT
-    {1000287001, 24}, // VkPhysicalDeviceCustomBorderColorPropertiesEXT
-    {1000287002, 24}, // VkPhysicalDeviceCustomBorderColorFeaturesEXT
-    {1000288000, 24}, // VkPhysicalDeviceTextureCompressionASTC3DFeaturesEXT
-    {1000290000, 32}, // VkPipelineLibraryCreateInfoKHR
-    {1000292000, 24}, // VkPhysicalDevicePresentBarrierFeaturesNV
-    {1000292001, 24}, // VkSurfaceCapabilitiesPresentBarrierNV
-    {1000292002, 24}, // VkSwapchainPresentBarrierCreateInfoNV
-    {1000294000, 32}, // VkPresentIdKHR
-    {1000294001, 24}, // VkPhysicalDevicePresentIdFeaturesKHR
-    {1000295000, 24}, // VkPhysicalDevicePrivateDataFeatures
-    {1000295001, 24}, // VkDevicePrivateDataCreateInfo
-    {1000295002, 24}, // VkPrivateDataSlotCreateInfo
-    {1000297000, 24}, // VkPhysicalDevicePipelineCreationCacheControlFeatures
-    {1000299000, 128}, // VkVideoEncodeInfoKHR
-    {1000299001, 48}, // VkVideoEncodeRateControlInfoKHR
-    {1000299002, 40}, // VkVideoEncodeRateControlLayerInfoKHR
-    {1000299003, 56}, // VkVideoEncodeCapabilitiesKHR
-    {1000299004, 32}, // VkVideoEncodeUsageInfoKHR
-    {1000299005, 24}, // VkQueryPoolVideoEncodeFeedbackCreateInfoKHR
-    {1000299006, 32}, // VkPhysicalDeviceVideoEncodeQualityLevelInfoKHR
-    {1000299007, 24}, // VkVideoEncodeQualityLevelPropertiesKHR
-    {1000299008, 24}, // VkVideoEncodeQualityLevelInfoKHR
-    {1000299009, 24}, // VkVideoEncodeSessionParametersGetInfoKHR
-    {1000299010, 24}, // VkVideoEncodeSessionParametersFeedbackInfoKHR
-    {1000300000, 24}, // VkPhysicalDeviceDiagnosticsConfigFeaturesNV
-    {1000300001, 24}, // VkDeviceDiagnosticsConfigCreateInfoNV
-    {1000302000, 24}, // VkPerfHintInfoQCOM
-    {1000302001, 24}, // VkPhysicalDeviceQueuePerfHintFeaturesQCOM
-    {1000302002, 24}, // VkPhysicalDeviceQueuePerfHintPropertiesQCOM
-    {1000303000, 32}, // VkPhysicalDeviceImageProcessing3FeaturesQCOM
-    {1000304000, 24}, // VkPhysicalDeviceShaderMultipleWaitQueuesFeaturesQCOM
-    {1000304001, 24}, // VkPhysicalDeviceShaderMultipleWaitQueuesPropertiesQCOM
-    {1000305000, 24}, // VkPhysicalDeviceShaderSplitBarrierFeaturesEXT
-    {1000305001, 24}, // VkPhysicalDeviceShaderSplitBarrierPropertiesEXT
-    {1000309000, 72}, // VkPhysicalDeviceTileShadingFeaturesQCOM
-    {1000309001, 40}, // VkPhysicalDeviceTileShadingPropertiesQCOM
-    {1000309002, 32}, // VkRenderPassTileShadingCreateInfoQCOM
-    {1000309003, 16}, // VkPerTileBeginInfoQCOM
-    {1000309004, 16}, // VkPerTileEndInfoQCOM
-    {1000309005, 16}, // VkDispatchTileInfoQCOM
-    {1000310000, 24}, // VkQueryLowLatencySupportNV
-    {1000311000, 24}, // VkExportMetalObjectCreateInfoEXT
-    {1000311001, 16}, // VkExportMetalObjectsInfoEXT
-    {1000311002, 24}, // VkExportMetalDeviceInfoEXT
-    {1000311003, 32}, // VkExportMetalCommandQueueInfoEXT
-    {1000311004, 32}, // VkExportMetalBufferInfoEXT
-    {1000311005, 24}, // VkImportMetalBufferInfoEXT
-    {1000311006, 56}, // VkExportMetalTextureInfoEXT
-    {1000311007, 32}, // VkImportMetalTextureInfoEXT
-    {1000311008, 32}, // VkExportMetalIOSurfaceInfoEXT
-    {1000311009, 24}, // VkImportMetalIOSurfaceInfoEXT
-    {1000311010, 40}, // VkExportMetalSharedEventInfoEXT
-    {1000311011, 24}, // VkImportMetalSharedEventInfoEXT
-    {1000314000, 48}, // VkMemoryBarrier2
-    {1000314001, 80}, // VkBufferMemoryBarrier2
-    {1000314002, 96}, // VkImageMemoryBarrier2
-    {1000314003, 64}, // VkDependencyInfo
-    {1000314004, 64}, // VkSubmitInfo2
-    {1000314005, 48}, // VkSemaphoreSubmitInfo
-    {1000314006, 32}, // VkCommandBufferSubmitInfo
-    {1000314007, 24}, // VkPhysicalDeviceSynchronization2Features
-    {1000314008, 24}, // VkQueueFamilyCheckpointProperties2NV
-    {1000314009, 32}, // VkCheckpointData2NV
-    {1000316000, 256}, // VkPhysicalDeviceDescriptorBufferPropertiesEXT
-    {1000316001, 24}, // VkPhysicalDeviceDescriptorBufferDensityMapPropertiesEXT
-    {1000316002, 32}, // VkPhysicalDeviceDescriptorBufferFeaturesEXT
-    {1000316003, 40}, // VkDescriptorAddressInfoEXT
-    {1000316004, 32}, // VkDescriptorGetInfoEXT
-    {1000316005, 24}, // VkBufferCaptureDescriptorDataInfoEXT
-    {1000316006, 24}, // VkImageCaptureDescriptorDataInfoEXT
-    {1000316007, 24}, // VkImageViewCaptureDescriptorDataInfoEXT
-    {1000316008, 24}, // VkSamplerCaptureDescriptorDataInfoEXT
-    {1000316009, 32}, // VkAccelerationStructureCaptureDescriptorDataInfoEXT
-    {1000316010, 24}, // VkOpaqueCaptureDescriptorDataCreateInfoEXT
-    {1000316011, 32}, // VkDescriptorBufferBindingInfoEXT
-    {1000316012, 24}, // VkDescriptorBufferBindingPushDescriptorBufferHandleEXT
-    {1000318000, 64}, // VkDeviceMemoryCopyKHR
-    {1000318001, 32}, // VkCopyDeviceMemoryInfoKHR
-    {1000318002, 88}, // VkDeviceMemoryImageCopyKHR
-    {1000318003, 40}, // VkCopyDeviceMemoryImageInfoKHR
-    {1000318004, 32}, // VkMemoryRangeBarriersInfoKHR
-    {1000318005, 80}, // VkMemoryRangeBarrierKHR
-    {1000318006, 24}, // VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR
-    {1000318007, 40}, // VkBindIndexBuffer3InfoKHR
-    {1000318008, 56}, // VkBindVertexBuffer3InfoKHR
-    {1000318009, 48}, // VkDrawIndirect2InfoKHR
-    {1000318010, 72}, // VkDrawIndirectCount2InfoKHR
-    {1000318011, 40}, // VkDispatchIndirect2InfoKHR
-    {1000318012, 40}, // VkConditionalRenderingBeginInfo2EXT
-    {1000318013, 40}, // VkBindTransformFeedbackBuffer2InfoEXT
-    {1000318014, 48}, // VkMemoryMarkerInfoAMD
-    {1000318015, 48}, // VkAccelerationStructureCreateInfo2KHR
-    {1000320000, 24}, // VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT
-    {1000320001, 24}, // VkPhysicalDeviceGraphicsPipelineLibraryPropertiesEXT
-    {1000320002, 24}, // VkGraphicsPipelineLibraryCreateInfoEXT
-    {1000321000, 24}, // VkPhysicalDeviceShaderEarlyAndLateFragmentTestsFeaturesAMD
-    {1000322000, 24}, // VkPhysicalDeviceFragmentShaderBarycentricPropertiesKHR
-    {1000323000, 24}, // VkPhysicalDeviceShaderSubgroupUniformControlFlowFeaturesKHR
-    {1000325000, 24}, // VkPhysicalDeviceZeroInitializeWorkgroupMemoryFeatures
-    {1000326000, 24}, // VkPhysicalDeviceFragmentShadingRateEnumsPropertiesNV
-    {1000326001, 32}, // VkPhysicalDeviceFragmentShadingRateEnumsFeaturesNV
-    {1000326002, 32}, // VkPipelineFragmentShadingRateEnumStateCreateInfoNV
-    {1000327000, 24}, // VkAccelerationStructureGeometryMotionTrianglesDataNV
-    {1000327001, 24}, // VkPhysicalDeviceRayTracingMotionBlurFeaturesNV
-    {1000327002, 24}, // VkAccelerationStructureMotionInfoNV
-    {1000328000, 40}, // VkPhysicalDeviceMeshShaderFeaturesEXT
-    {1000328001, 160}, // VkPhysicalDeviceMeshShaderPropertiesEXT
-    {1000330000, 24}, // VkPhysicalDeviceYcbcr2Plane444FormatsFeaturesEXT
-    {1000332000, 24}, // VkPhysicalDeviceFragmentDensityMap2FeaturesEXT
-    {1000332001, 32}, // VkPhysicalDeviceFragmentDensityMap2PropertiesEXT
-    {1000333000, 24}, // VkCopyCommandTransformInfoQCOM
-    {1000335000, 24}, // VkPhysicalDeviceImageRobustnessFeatures
-    {1000336000, 32}, // VkPhysicalDeviceWorkgroupMemoryExplicitLayoutFeaturesKHR
-    {1000337000, 48}, // VkCopyBufferInfo2
-    {1000337001, 56}, // VkCopyImageInfo2
-    {1000337002, 48}, // VkCopyBufferToImageInfo2
-    {1000337003, 56}, // VkCopyImageToBufferInfo2
-    {1000337004, 64}, // VkBlitImageInfo2
-    {1000337005, 56}, // VkResolveImageInfo2
-    {1000337006, 40}, // VkBufferCopy2
-    {1000337007, 88}, // VkImageCopy2
-    {1000337008, 96}, // VkImageBlit2
-    {1000337009, 72}, // VkBufferImageCopy2
-    {1000337010, 88}, // VkImageResolve2
-    {1000338000, 24}, // VkPhysicalDeviceImageCompressionControlFeaturesEXT
-    {1000338001, 32}, // VkImageCompressionControlEXT
-    {1000338002, 56}, // VkSubresourceLayout2
-    {1000338003, 32}, // VkImageSubresource2
-    {1000338004, 24}, // VkImageCompressionPropertiesEXT
-    {1000339000, 24}, // VkPhysicalDeviceAttachmentFeedbackLoopLayoutFeaturesEXT
-    {1000340000, 24}, // VkPhysicalDevice4444FormatsFeaturesEXT
-    {1000341000, 24}, // VkPhysicalDeviceFaultFeaturesEXT
-    {1000341001, 32}, // VkDeviceFaultCountsEXT
-    {1000341002, 296}, // VkDeviceFaultInfoEXT
-    {1000342000, 32}, // VkPhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT
-    {1000344000, 24}, // VkPhysicalDeviceRGBA10X6FormatsFeaturesEXT
-    {1000346000, 40}, // VkDirectFBSurfaceCreateInfoEXT
-    {1000347000, 40}, // VkPhysicalDeviceRayTracingPipelineFeaturesKHR
-    {1000347001, 48}, // VkPhysicalDeviceRayTracingPipelinePropertiesKHR
-    {1000348013, 24}, // VkPhysicalDeviceRayQueryFeaturesKHR
-    {1000351000, 24}, // VkPhysicalDeviceMutableDescriptorTypeFeaturesEXT
-    {1000351002, 32}, // VkMutableDescriptorTypeCreateInfoEXT
-    {1000352000, 24}, // VkPhysicalDeviceVertexInputDynamicStateFeaturesEXT
-    {1000352001, 32}, // VkVertexInputBindingDescription2EXT
-    {1000352002, 32}, // VkVertexInputAttributeDescription2EXT
-    {1000353000, 56}, // VkPhysicalDeviceDrmPropertiesEXT
-    {1000354000, 24}, // VkPhysicalDeviceAddressBindingReportFeaturesEXT
-    {1000354001, 48}, // VkDeviceAddressBindingCallbackDataEXT
-    {1000355000, 24}, // VkPhysicalDeviceDepthClipControlFeaturesEXT
-    {1000355001, 24}, // VkPipelineViewportDepthClipControlCreateInfoEXT
-    {1000356000, 24}, // VkPhysicalDevicePrimitiveTopologyListRestartFeaturesEXT
-    {1000360000, 40}, // VkFormatProperties3
-    {1000361000, 24}, // VkPhysicalDevicePresentModeFifoLatestReadyFeaturesKHR
-    {1000364000, 24}, // VkImportMemoryZirconHandleInfoFUCHSIA
-    {1000364001, 24}, // VkMemoryZirconHandlePropertiesFUCHSIA
-    {1000364002, 32}, // VkMemoryGetZirconHandleInfoFUCHSIA
-    {1000365000, 40}, // VkImportSemaphoreZirconHandleInfoFUCHSIA
-    {1000365001, 32}, // VkSemaphoreGetZirconHandleInfoFUCHSIA
-    {1000366000, 24}, // VkBufferCollectionCreateInfoFUCHSIA
-    {1000366001, 32}, // VkImportMemoryBufferCollectionFUCHSIA
-    {1000366002, 32}, // VkBufferCollectionImageCreateInfoFUCHSIA
-    {1000366003, 104}, // VkBufferCollectionPropertiesFUCHSIA
-    {1000366004, 120}, // VkBufferConstraintsInfoFUCHSIA
-    {1000366005, 32}, // VkBufferCollectionBufferCreateInfoFUCHSIA
-    {1000366006, 80}, // VkImageConstraintsInfoFUCHSIA
-    {1000366007, 136}, // VkImageFormatConstraintsInfoFUCHSIA
-    {1000366008, 24}, // VkSysmemColorSpaceFUCHSIA
-    {1000366009, 40}, // VkBufferCollectionConstraintsInfoFUCHSIA
-    {1000369000, 32}, // VkSubpassShadingPipelineCreateInfoHUAWEI
-    {1000369001, 24}, // VkPhysicalDeviceSubpassShadingFeaturesHUAWEI
-    {1000369002, 24}, // VkPhysicalDeviceSubpassShadingPropertiesHUAWEI
-    {1000370000, 24}, // VkPhysicalDeviceInvocationMaskFeaturesHUAWEI
-    {1000371000, 32}, // VkMemoryGetRemoteAddressInfoNV
-    {1000371001, 24}, // VkPhysicalDeviceExternalMemoryRDMAFeaturesNV
-    {1000372000, 32}, // VkPipelinePropertiesIdentifierEXT
-    {1000372001, 24}, // VkPhysicalDevicePipelinePropertiesFeaturesEXT
-    {1000375000, 24}, // VkPhysicalDeviceFrameBoundaryFeaturesEXT
-    {1000375001, 88}, // VkFrameBoundaryEXT
-    {1000376000, 24}, // VkPhysicalDeviceMultisampledRenderToSingleSampledFeaturesEXT
-    {1000376001, 24}, // VkSubpassResolvePerformanceQueryEXT
-    {1000376002, 24}, // VkMultisampledRenderToSingleSampledInfoEXT
-    {1000377000, 32}, // VkPhysicalDeviceExtendedDynamicState2FeaturesEXT
-    {1000378000, 40}, // VkScreenSurfaceCreateInfoQNX
-    {1000381000, 24}, // VkPhysicalDeviceColorWriteEnableFeaturesEXT
-    {1000381001, 32}, // VkPipelineColorWriteCreateInfoEXT
-    {1000382000, 32}, // VkPhysicalDevicePrimitivesGeneratedQueryFeaturesEXT
-    {1000386000, 24}, // VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR
-    {1000387000, 24}, // VkPhysicalDeviceShaderUntypedPointersFeaturesKHR
-    {1000388000, 24}, // VkPhysicalDeviceGlobalPriorityQueryFeatures
-    {1000388001, 88}, // VkQueueFamilyGlobalPriorityProperties
-    {1000390000, 24}, // VkPhysicalDeviceVideoEncodeRgbConversionFeaturesVALVE
-    {1000390001, 32}, // VkVideoEncodeRgbConversionCapabilitiesVALVE
-    {1000390002, 24}, // VkVideoEncodeProfileRgbConversionInfoVALVE
-    {1000390003, 32}, // VkVideoEncodeSessionRgbConversionCreateInfoVALVE
-    {1000391000, 24}, // VkPhysicalDeviceImageViewMinLodFeaturesEXT
-    {1000391001, 24}, // VkImageViewMinLodCreateInfoEXT
-    {1000392000, 24}, // VkPhysicalDeviceMultiDrawFeaturesEXT
-    {1000392001, 24}, // VkPhysicalDeviceMultiDrawPropertiesEXT
-    {1000393000, 24}, // VkPhysicalDeviceImage2DViewOf3DFeaturesEXT
-    {1000395000, 32}, // VkPhysicalDeviceShaderTileImageFeaturesEXT
-    {1000395001, 32}, // VkPhysicalDeviceShaderTileImagePropertiesEXT
-    {1000396000, 96}, // VkMicromapBuildInfoEXT
-    {1000396001, 24}, // VkMicromapVersionInfoEXT
-    {1000396002, 40}, // VkCopyMicromapInfoEXT
-    {1000396003, 40}, // VkCopyMicromapToMemoryInfoEXT
-    {1000396004, 40}, // VkCopyMemoryToMicromapInfoEXT
-    {1000396005, 32}, // VkPhysicalDeviceOpacityMicromapFeaturesEXT
-    {1000396006, 24}, // VkPhysicalDeviceOpacityMicromapPropertiesEXT
-    {1000396007, 64}, // VkMicromapCreateInfoEXT
-    {1000396008, 40}, // VkMicromapBuildSizesInfoEXT
-    {1000396009, 72}, // VkAccelerationStructureTrianglesOpacityMicromapEXT
-    {1000404000, 24}, // VkPhysicalDeviceClusterCullingShaderFeaturesHUAWEI
-    {1000404001, 56}, // VkPhysicalDeviceClusterCullingShaderPropertiesHUAWEI
-    {1000404002, 24}, // VkPhysicalDeviceClusterCullingShaderVrsFeaturesHUAWEI
-    {1000411000, 24}, // VkPhysicalDeviceBorderColorSwizzleFeaturesEXT
-    {1000411001, 40}, // VkSamplerBorderColorComponentMappingCreateInfoEXT
-    {1000412000, 24}, // VkPhysicalDevicePageableDeviceLocalMemoryFeaturesEXT
-    {1000413000, 24}, // VkPhysicalDeviceMaintenance4Features
-    {1000413001, 24}, // VkPhysicalDeviceMaintenance4Properties
-    {1000413002, 24}, // VkDeviceBufferMemoryRequirements
-    {1000413003, 32}, // VkDeviceImageMemoryRequirements
-    {1000415000, 32}, // VkPhysicalDeviceShaderCorePropertiesARM
-    {1000416000, 24}, // VkPhysicalDeviceShaderSubgroupRotateFeatures
-    {1000417000, 24}, // VkDeviceQueueShaderCoreControlCreateInfoARM
-    {1000417001, 24}, // VkPhysicalDeviceSchedulingControlsFeaturesARM
-    {1000417002, 24}, // VkPhysicalDeviceSchedulingControlsPropertiesARM
-    {1000417003, 32}, // VkDispatchParametersARM
-    {1000417004, 32}, // VkPhysicalDeviceSchedulingControlsDispatchParametersPropertiesARM
-    {1000418000, 24}, // VkPhysicalDeviceImageSlicedViewOf3DFeaturesEXT
-    {1000418001, 24}, // VkImageViewSlicedCreateInfoEXT
-    {1000420000, 24}, // VkPhysicalDeviceDescriptorSetHostMappingFeaturesVALVE
-    {1000420001, 32}, // VkDescriptorSetBindingReferenceVALVE
-    {1000420002, 32}, // VkDescriptorSetLayoutHostMappingInfoVALVE
-    {1000421000, 24}, // VkPhysicalDeviceDepthClampZeroOneFeaturesKHR
-    {1000422000, 24}, // VkPhysicalDeviceNonSeamlessCubeMapFeaturesEXT
-    {1000424000, 24}, // VkPhysicalDeviceRenderPassStripedFeaturesARM
-    {1000424001, 32}, // VkPhysicalDeviceRenderPassStripedPropertiesARM
-    {1000424002, 32}, // VkRenderPassStripeBeginInfoARM
-    {1000424003, 32}, // VkRenderPassStripeInfoARM
-    {1000424004, 32}, // VkRenderPassStripeSubmitInfoARM
-    {1000425000, 24}, // VkPhysicalDeviceFragmentDensityMapOffsetFeaturesEXT
-    {1000425001, 24}, // VkPhysicalDeviceFragmentDensityMapOffsetPropertiesEXT
-    {1000425002, 32}, // VkRenderPassFragmentDensityMapOffsetEndInfoEXT
-    {1000426000, 24}, // VkPhysicalDeviceCopyMemoryIndirectFeaturesNV
-    {1000426001, 24}, // VkPhysicalDeviceCopyMemoryIndirectPropertiesKHR
-    {1000427000, 24}, // VkPhysicalDeviceMemoryDecompressionFeaturesEXT
-    {1000427001, 32}, // VkPhysicalDeviceMemoryDecompressionPropertiesEXT
-    {1000428000, 32}, // VkPhysicalDeviceDeviceGeneratedCommandsComputeFeaturesNV
-    {1000428001, 40}, // VkComputePipelineIndirectBufferInfoNV
-    {1000428002, 32}, // VkPipelineIndirectDeviceAddressInfoNV
-    {1000429008, 24}, // VkPhysicalDeviceRayTracingLinearSweptSpheresFeaturesNV
-    {1000429009, 96}, // VkAccelerationStructureGeometryLinearSweptSpheresDataNV
-    {1000429010, 88}, // VkAccelerationStructureGeometrySpheresDataNV
-    {1000430000, 24}, // VkPhysicalDeviceLinearColorAttachmentFeaturesNV
-    {1000434000, 24}, // VkPhysicalDeviceShaderMaximalReconvergenceFeaturesKHR
-    {1000437000, 24}, // VkPhysicalDeviceImageCompressionControlSwapchainFeaturesEXT
-    {1000440000, 32}, // VkPhysicalDeviceImageProcessingFeaturesQCOM
-    {1000440001, 48}, // VkPhysicalDeviceImageProcessingPropertiesQCOM
-    {1000440002, 40}, // VkImageViewSampleWeightCreateInfoQCOM
-    {1000451000, 32}, // VkPhysicalDeviceNestedCommandBufferFeaturesEXT
-    {1000451001, 24}, // VkPhysicalDeviceNestedCommandBufferPropertiesEXT
-    {1000452000, 24}, // VkNativeBufferUsageOHOS
-    {1000452001, 32}, // VkNativeBufferPropertiesOHOS
-    {1000452002, 72}, // VkNativeBufferFormatPropertiesOHOS
-    {1000452003, 24}, // VkImportNativeBufferInfoOHOS
-    {1000452004, 24}, // VkMemoryGetNativeBufferInfoOHOS
-    {1000452005, 24}, // VkExternalFormatOHOS
-    {1000453000, 24}, // VkExternalMemoryAcquireUnmodifiedEXT
-    {1000455000, 144}, // VkPhysicalDeviceExtendedDynamicState3FeaturesEXT
-    {1000455001, 24}, // VkPhysicalDeviceExtendedDynamicState3PropertiesEXT
-    {1000458000, 24}, // VkPhysicalDeviceSubpassMergeFeedbackFeaturesEXT
-    {1000458001, 24}, // VkRenderPassCreationControlEXT
-    {1000458002, 24}, // VkRenderPassCreationFeedbackCreateInfoEXT
-    {1000458003, 24}, // VkRenderPassSubpassFeedbackCreateInfoEXT
-    {1000459000, 32}, // VkDirectDriverLoadingInfoLUNARG
-    {1000459001, 32}, // VkDirectDriverLoadingListLUNARG
-    {1000460000, 48}, // VkTensorCreateInfoARM
-    {1000460001, 40}, // VkTensorViewCreateInfoARM
-    {1000460002, 40}, // VkBindTensorMemoryInfoARM
-    {1000460003, 32}, // VkWriteDescriptorSetTensorARM
-    {1000460004, 88}, // VkPhysicalDeviceTensorPropertiesARM
-    {1000460005, 32}, // VkTensorFormatPropertiesARM
-    {1000460006, 56}, // VkTensorDescriptionARM
-    {1000460007, 24}, // VkTensorMemoryRequirementsInfoARM
-    {1000460008, 64}, // VkTensorMemoryBarrierARM
-    {1000460009, 40}, // VkPhysicalDeviceTensorFeaturesARM
-    {1000460010, 24}, // VkDeviceTensorMemoryRequirementsARM
-    {1000460011, 48}, // VkCopyTensorInfoARM
-    {1000460012, 48}, // VkTensorCopyARM
-    {1000460013, 32}, // VkTensorDependencyInfoARM
-    {1000460014, 24}, // VkMemoryDedicatedAllocateInfoTensorARM
-    {1000460015, 40}, // VkPhysicalDeviceExternalTensorInfoARM
-    {1000460016, 32}, // VkExternalTensorPropertiesARM
-    {1000460017, 24}, // VkExternalMemoryTensorCreateInfoARM
-    {1000460018, 24}, // VkPhysicalDeviceDescriptorBufferTensorFeaturesARM
-    {1000460019, 40}, // VkPhysicalDeviceDescriptorBufferTensorPropertiesARM
-    {1000460020, 24}, // VkDescriptorGetTensorInfoARM
-    {1000460021, 24}, // VkTensorCaptureDescriptorDataInfoARM
-    {1000460022, 24}, // VkTensorViewCaptureDescriptorDataInfoARM
-    {1000460023, 32}, // VkFrameBoundaryTensorsARM
-    {1000462000, 24}, // VkPhysicalDeviceShaderModuleIdentifierFeaturesEXT
-    {1000462001, 32}, // VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT
-    {1000462002, 32}, // VkPipelineShaderStageModuleIdentifierCreateInfoEXT
-    {1000462003, 56}, // VkShaderModuleIdentifierEXT
-    {1000464000, 24}, // VkPhysicalDeviceOpticalFlowFeaturesNV
-    {1000464001, 64}, // VkPhysicalDeviceOpticalFlowPropertiesNV
-    {1000464002, 24}, // VkOpticalFlowImageFormatInfoNV
-    {1000464003, 24}, // VkOpticalFlowImageFormatPropertiesNV
-    {1000464004, 56}, // VkOpticalFlowSessionCreateInfoNV
-    {1000464005, 32}, // VkOpticalFlowExecuteInfoNV
-    {1000464010, 32}, // VkOpticalFlowSessionCreatePrivateDataInfoNV
-    {1000465000, 24}, // VkPhysicalDeviceLegacyDitheringFeaturesEXT
-    {1000466000, 24}, // VkPhysicalDevicePipelineProtectedAccessFeatures
-    {1000468000, 24}, // VkPhysicalDeviceExternalFormatResolveFeaturesANDROID
-    {1000468001, 32}, // VkPhysicalDeviceExternalFormatResolvePropertiesANDROID
-    {1000468002, 24}, // VkAndroidHardwareBufferFormatResolvePropertiesANDROID
-    {1000470000, 24}, // VkPhysicalDeviceMaintenance5Features
-    {1000470001, 40}, // VkPhysicalDeviceMaintenance5Properties
-    {1000470003, 40}, // VkRenderingAreaInfo
-    {1000470004, 32}, // VkDeviceImageSubresourceInfo
-    {1000470005, 24}, // VkPipelineCreateFlags2CreateInfo
-    {1000470006, 24}, // VkBufferUsageFlags2CreateInfo
-    {1000476000, 24}, // VkPhysicalDeviceAntiLagFeaturesAMD
-    {1000476001, 32}, // VkAntiLagDataAMD
-    {1000476002, 32}, // VkAntiLagPresentationInfoAMD
-    {1000479000, 24}, // VkSurfaceCapabilitiesPresentId2KHR
-    {1000479001, 32}, // VkPresentId2KHR
-    {1000479002, 24}, // VkPhysicalDevicePresentId2FeaturesKHR
-    {1000480000, 24}, // VkSurfaceCapabilitiesPresentWait2KHR
-    {1000480001, 24}, // VkPhysicalDevicePresentWait2FeaturesKHR
-    {1000480002, 32}, // VkPresentWait2InfoKHR
-    {1000481000, 24}, // VkPhysicalDeviceRayTracingPositionFetchFeaturesKHR
-    {1000482000, 24}, // VkPhysicalDeviceShaderObjectFeaturesEXT
-    {1000482001, 40}, // VkPhysicalDeviceShaderObjectPropertiesEXT
-    {1000482002, 96}, // VkShaderCreateInfoEXT
-    {1000483000, 24}, // VkPhysicalDevicePipelineBinaryFeaturesKHR
-    {1000483001, 40}, // VkPipelineBinaryCreateInfoKHR
-    {1000483002, 32}, // VkPipelineBinaryInfoKHR
-    {1000483003, 56}, // VkPipelineBinaryKeyKHR
-    {1000483004, 40}, // VkPhysicalDevicePipelineBinaryPropertiesKHR
-    {1000483005, 24}, // VkReleaseCapturedPipelineDataInfoKHR
-    {1000483006, 24}, // VkPipelineBinaryDataInfoKHR
-    {1000483007, 16}, // VkPipelineCreateInfoKHR
-    {1000483008, 24}, // VkDevicePipelineBinaryInternalCacheControlKHR
-    {1000483009, 32}, // VkPipelineBinaryHandlesInfoKHR
-    {1000484000, 24}, // VkPhysicalDeviceTilePropertiesFeaturesQCOM
-    {1000484001, 48}, // VkTilePropertiesQCOM
-    {1000485000, 24}, // VkPhysicalDeviceAmigoProfilingFeaturesSEC
-    {1000485001, 32}, // VkAmigoProfilingSubmitInfoSEC
-    {1000488000, 24}, // VkPhysicalDeviceMultiviewPerViewViewportsFeaturesQCOM
-    {1000490000, 24}, // VkPhysicalDeviceRayTracingInvocationReorderFeaturesNV
-    {1000490001, 24}, // VkPhysicalDeviceRayTracingInvocationReorderPropertiesNV
-    {1000491000, 24}, // VkPhysicalDeviceCooperativeVectorFeaturesNV
-    {1000491001, 32}, // VkPhysicalDeviceCooperativeVectorPropertiesNV
-    {1000491002, 40}, // VkCooperativeVectorPropertiesNV
-    {1000491004, 96}, // VkConvertCooperativeVectorMatrixInfoNV
-    {1000492000, 24}, // VkPhysicalDeviceExtendedSparseAddressSpaceFeaturesNV
-    {1000492001, 32}, // VkPhysicalDeviceExtendedSparseAddressSpacePropertiesNV
-    {1000495000, 24}, // VkPhysicalDeviceLegacyVertexAttributesFeaturesEXT
-    {1000495001, 24}, // VkPhysicalDeviceLegacyVertexAttributesPropertiesEXT
-    {1000496000, 32}, // VkLayerSettingsCreateInfoEXT
-    {1000497000, 24}, // VkPhysicalDeviceShaderCoreBuiltinsFeaturesARM
-    {1000497001, 32}, // VkPhysicalDeviceShaderCoreBuiltinsPropertiesARM
-    {1000498000, 24}, // VkPhysicalDevicePipelineLibraryGroupHandlesFeaturesEXT
-    {1000499000, 24}, // VkPhysicalDeviceDynamicRenderingUnusedAttachmentsFeaturesEXT
-    {1000504000, 24}, // VkPhysicalDeviceInternallySynchronizedQueuesFeaturesKHR
-    {1000505000, 32}, // VkLatencySleepModeInfoNV
-    {1000505001, 32}, // VkLatencySleepInfoNV
-    {1000505002, 32}, // VkSetLatencyMarkerInfoNV
-    {1000505003, 32}, // VkGetLatencyMarkerInfoNV
-    {1000505004, 128}, // VkLatencyTimingsFrameReportNV
-    {1000505005, 24}, // VkLatencySubmissionPresentIdNV
-    {1000505006, 24}, // VkOutOfBandQueueTypeInfoNV
-    {1000505007, 24}, // VkSwapchainLatencyCreateInfoNV
-    {1000505008, 32}, // VkLatencySurfaceCapabilitiesNV
-    {1000506000, 24}, // VkPhysicalDeviceCooperativeMatrixFeaturesKHR
-    {1000506001, 56}, // VkCooperativeMatrixPropertiesKHR
-    {1000506002, 24}, // VkPhysicalDeviceCooperativeMatrixPropertiesKHR
-    {1000507000, 48}, // VkDataGraphPipelineCreateInfoARM
-    {1000507001, 32}, // VkDataGraphPipelineSessionCreateInfoARM
-    {1000507002, 32}, // VkDataGraphPipelineResourceInfoARM
-    {1000507003, 32}, // VkDataGraphPipelineConstantARM
-    {1000507004, 32}, // VkDataGraphPipelineSessionMemoryRequirementsInfoARM
-    {1000507005, 48}, // VkBindDataGraphPipelineSessionMemoryInfoARM
-    {1000507006, 40}, // VkPhysicalDeviceDataGraphFeaturesARM
-    {1000507007, 56}, // VkDataGraphPipelineShaderModuleCreateInfoARM
-    {1000507008, 40}, // VkDataGraphPipelinePropertyQueryResultARM
-    {1000507009, 24}, // VkDataGraphPipelineInfoARM
-    {1000507010, 24}, // VkDataGraphPipelineCompilerControlCreateInfoARM
-    {1000507011, 24}, // VkDataGraphPipelineSessionBindPointRequirementsInfoARM
-    {1000507012, 32}, // VkDataGraphPipelineSessionBindPointRequirementARM
-    {1000507013, 32}, // VkDataGraphPipelineIdentifierCreateInfoARM
-    {1000507014, 24}, // VkDataGraphPipelineDispatchInfoARM
-    {1000507015, 32}, // VkDataGraphPipelineConstantTensorSemiStructuredSparsityInfoARM
-    {1000507016, 32}, // VkDataGraphProcessingEngineCreateInfoARM
-    {1000507017, 24}, // VkQueueFamilyDataGraphProcessingEnginePropertiesARM
-    {1000507018, 160}, // VkQueueFamilyDataGraphPropertiesARM
-    {1000507019, 24}, // VkPhysicalDeviceQueueFamilyDataGraphProcessingEngineInfoARM
-    {1000508000, 56}, // VkQueueFamilyDataGraphTOSAPropertiesARM
-    {1000510000, 24}, // VkPhysicalDeviceMultiviewPerViewRenderAreasFeaturesQCOM
-    {1000510001, 32}, // VkMultiviewPerViewRenderAreasRenderPassBeginInfoQCOM
-    {1000511000, 24}, // VkPhysicalDeviceComputeShaderDerivativesPropertiesKHR
-    {1000512000, 24}, // VkVideoDecodeAV1CapabilitiesKHR
-    {1000512001, 80}, // VkVideoDecodeAV1PictureInfoKHR
-    {1000512003, 24}, // VkVideoDecodeAV1ProfileInfoKHR
-    {1000512004, 24}, // VkVideoDecodeAV1SessionParametersCreateInfoKHR
-    {1000512005, 24}, // VkVideoDecodeAV1DpbSlotInfoKHR
-    {1000513000, 128}, // VkVideoEncodeAV1CapabilitiesKHR
-    {1000513001, 48}, // VkVideoEncodeAV1SessionParametersCreateInfoKHR
-    {1000513002, 80}, // VkVideoEncodeAV1PictureInfoKHR
-    {1000513003, 24}, // VkVideoEncodeAV1DpbSlotInfoKHR
-    {1000513004, 24}, // VkPhysicalDeviceVideoEncodeAV1FeaturesKHR
-    {1000513005, 24}, // VkVideoEncodeAV1ProfileInfoKHR
-    {1000513006, 40}, // VkVideoEncodeAV1RateControlInfoKHR
-    {1000513007, 64}, // VkVideoEncodeAV1RateControlLayerInfoKHR
-    {1000513008, 88}, // VkVideoEncodeAV1QualityLevelPropertiesKHR
-    {1000513009, 24}, // VkVideoEncodeAV1SessionCreateInfoKHR
-    {1000513010, 32}, // VkVideoEncodeAV1GopRemainingFrameInfoKHR
-    {1000514000, 24}, // VkPhysicalDeviceVideoDecodeVP9FeaturesKHR
-    {1000514001, 24}, // VkVideoDecodeVP9CapabilitiesKHR
-    {1000514002, 48}, // VkVideoDecodeVP9PictureInfoKHR
-    {1000514003, 24}, // VkVideoDecodeVP9ProfileInfoKHR
-    {1000515000, 24}, // VkPhysicalDeviceVideoMaintenance1FeaturesKHR
-    {1000515001, 32}, // VkVideoInlineQueryInfoKHR
-    {1000516000, 24}, // VkPhysicalDevicePerStageDescriptorSetFeaturesNV
-    {1000518000, 24}, // VkPhysicalDeviceImageProcessing2FeaturesQCOM
-    {1000518001, 24}, // VkPhysicalDeviceImageProcessing2PropertiesQCOM
-    {1000518002, 32}, // VkSamplerBlockMatchWindowCreateInfoQCOM
-    {1000519000, 24}, // VkSamplerCubicWeightsCreateInfoQCOM
-    {1000519001, 24}, // VkPhysicalDeviceCubicWeightsFeaturesQCOM
-    {1000519002, 24}, // VkBlitImageCubicWeightsInfoQCOM
-    {1000520000, 24}, // VkPhysicalDeviceYcbcrDegammaFeaturesQCOM
-    {1000520001, 24}, // VkSamplerYcbcrConversionYcbcrDegammaCreateInfoQCOM
-    {1000521000, 24}, // VkPhysicalDeviceCubicClampFeaturesQCOM
-    {1000524000, 24}, // VkPhysicalDeviceAttachmentFeedbackLoopDynamicStateFeaturesEXT
-    {1000525000, 24}, // VkPhysicalDeviceVertexAttributeDivisorProperties
-    {1000527000, 24}, // VkPhysicalDeviceUnifiedImageLayoutsFeaturesKHR
-    {1000527001, 24}, // VkAttachmentFeedbackLoopInfoEXT
-    {1000528000, 24}, // VkPhysicalDeviceShaderFloatControls2Features
-    {1000529000, 32}, // VkScreenBufferPropertiesQNX
-    {1000529001, 80}, // VkScreenBufferFormatPropertiesQNX
-    {1000529002, 24}, // VkImportScreenBufferInfoQNX
-    {1000529003, 24}, // VkExternalFormatQNX
-    {1000529004, 24}, // VkPhysicalDeviceExternalMemoryScreenBufferFeaturesQNX
-    {1000530000, 24}, // VkPhysicalDeviceLayeredDriverPropertiesMSFT
-    {1000544000, 24}, // VkPhysicalDeviceShaderExpectAssumeFeatures
-    {1000545000, 24}, // VkPhysicalDeviceMaintenance6Features
-    {1000545001, 32}, // VkPhysicalDeviceMaintenance6Properties
-    {1000545002, 24}, // VkBindMemoryStatus
-    {1000545003, 64}, // VkBindDescriptorSetsInfo
-    {1000545004, 48}, // VkPushConstantsInfo
-    {1000545005, 48}, // VkPushDescriptorSetInfo
-    {1000545006, 48}, // VkPushDescriptorSetWithTemplateInfo
-    {1000545007, 56}, // VkSetDescriptorBufferOffsetsInfoEXT
-    {1000545008, 40}, // VkBindDescriptorBufferEmbeddedSamplersInfoEXT
-    {1000546000, 24}, // VkPhysicalDeviceDescriptorPoolOverallocationFeaturesNV
-    {1000547000, 24}, // VkPhysicalDeviceTileMemoryHeapFeaturesQCOM
-    {1000547001, 24}, // VkPhysicalDeviceTileMemoryHeapPropertiesQCOM
-    {1000547002, 32}, // VkTileMemoryRequirementsQCOM
-    {1000547003, 24}, // VkTileMemoryBindInfoQCOM
-    {1000547004, 24}, // VkTileMemorySizeInfoQCOM
-    {1000549000, 24}, // VkPhysicalDeviceCopyMemoryIndirectFeaturesKHR
-    {1000549002, 56}, // VkCopyMemoryIndirectInfoKHR
-    {1000549003, 72}, // VkCopyMemoryToImageIndirectInfoKHR
-    {1000550002, 40}, // VkDecompressMemoryInfoEXT
-    {1000551000, 24}, // VkDisplaySurfaceStereoCreateInfoNV
-    {1000551001, 24}, // VkDisplayModeStereoPropertiesNV
-    {1000552000, 40}, // VkVideoEncodeIntraRefreshCapabilitiesKHR
-    {1000552001, 24}, // VkVideoEncodeSessionIntraRefreshCreateInfoKHR
-    {1000552002, 24}, // VkVideoEncodeIntraRefreshInfoKHR
-    {1000552003, 24}, // VkVideoReferenceIntraRefreshInfoKHR
-    {1000552004, 24}, // VkPhysicalDeviceVideoEncodeIntraRefreshFeaturesKHR
-    {1000553000, 24}, // VkVideoEncodeQuantizationMapCapabilitiesKHR
-    {1000553001, 24}, // VkVideoFormatQuantizationMapPropertiesKHR
-    {1000553002, 32}, // VkVideoEncodeQuantizationMapInfoKHR
-    {1000553003, 24}, // VkVideoEncodeH264QuantizationMapCapabilitiesKHR
-    {1000553004, 24}, // VkVideoEncodeH265QuantizationMapCapabilitiesKHR
-    {1000553005, 24}, // VkVideoEncodeQuantizationMapSessionParametersCreateInfoKHR
-    {1000553006, 24}, // VkVideoFormatH265QuantizationMapPropertiesKHR
-    {1000553007, 24}, // VkVideoEncodeAV1QuantizationMapCapabilitiesKHR
-    {1000553008, 24}, // VkVideoFormatAV1QuantizationMapPropertiesKHR
-    {1000553009, 24}, // VkPhysicalDeviceVideoEncodeQuantizationMapFeaturesKHR
-    {1000555000, 24}, // VkPhysicalDeviceRawAccessChainsFeaturesNV
-    {1000556000, 24}, // VkExternalComputeQueueDeviceCreateInfoNV
-    {1000556001, 24}, // VkExternalComputeQueueCreateInfoNV
-    {1000556002, 24}, // VkExternalComputeQueueDataParamsNV
-    {1000556003, 24}, // VkPhysicalDeviceExternalComputeQueuePropertiesNV
-    {1000558000, 24}, // VkPhysicalDeviceShaderRelaxedExtendedInstructionFeaturesKHR
-    {1000559000, 24}, // VkPhysicalDeviceCommandBufferInheritanceFeaturesNV
-    {1000562000, 24}, // VkPhysicalDeviceMaintenance7FeaturesKHR
-    {1000562001, 48}, // VkPhysicalDeviceMaintenance7PropertiesKHR
-    {1000562002, 32}, // VkPhysicalDeviceLayeredApiPropertiesListKHR
-    {1000562003, 288}, // VkPhysicalDeviceLayeredApiPropertiesKHR
-    {1000562004, 856}, // VkPhysicalDeviceLayeredApiVulkanPropertiesKHR
-    {1000563000, 24}, // VkPhysicalDeviceShaderAtomicFloat16VectorFeaturesNV
-    {1000564000, 24}, // VkPhysicalDeviceShaderReplicatedCompositesFeaturesEXT
-    {1000565000, 56}, // VkTensorExplicitTilingFormatPropertiesARM
-    {1000565001, 32}, // VkTensorRollingBackingCreateInfoARM
-    {1000567000, 24}, // VkPhysicalDeviceShaderFloat8FeaturesEXT
-    {1000568000, 24}, // VkPhysicalDeviceRayTracingValidationFeaturesNV
-    {1000569000, 24}, // VkPhysicalDeviceClusterAccelerationStructureFeaturesNV
-    {1000569001, 48}, // VkPhysicalDeviceClusterAccelerationStructurePropertiesNV
-    {1000569002, 24}, // VkClusterAccelerationStructureClustersBottomLevelInputNV
-    {1000569003, 48}, // VkClusterAccelerationStructureTriangleClusterInputNV
-    {1000569004, 32}, // VkClusterAccelerationStructureMoveObjectsInputNV
-    {1000569005, 40}, // VkClusterAccelerationStructureInputInfoNV
-    {1000569006, 160}, // VkClusterAccelerationStructureCommandsInfoNV
-    {1000569007, 24}, // VkRayTracingPipelineClusterAccelerationStructureCreateInfoNV
-    {1000570000, 24}, // VkPhysicalDevicePartitionedAccelerationStructureFeaturesNV
-    {1000570001, 24}, // VkPhysicalDevicePartitionedAccelerationStructurePropertiesNV
-    {1000570002, 32}, // VkWriteDescriptorSetPartitionedAccelerationStructureNV
-    {1000570003, 40}, // VkPartitionedAccelerationStructureInstancesInputNV
-    {1000570004, 96}, // VkBuildPartitionedAccelerationStructureInfoNV
-    {1000570005, 24}, // VkPartitionedAccelerationStructureFlagsNV
-    {1000572000, 24}, // VkPhysicalDeviceDeviceGeneratedCommandsFeaturesEXT
-    {1000572001, 64}, // VkPhysicalDeviceDeviceGeneratedCommandsPropertiesEXT
-    {1000572002, 40}, // VkGeneratedCommandsMemoryRequirementsInfoEXT
-    {1000572003, 32}, // VkIndirectExecutionSetCreateInfoEXT
-    {1000572004, 96}, // VkGeneratedCommandsInfoEXT
-    {1000572006, 56}, // VkIndirectCommandsLayoutCreateInfoEXT
-    {1000572007, 40}, // VkIndirectCommandsLayoutTokenEXT
-    {1000572008, 32}, // VkWriteIndirectExecutionSetPipelineEXT
-    {1000572009, 32}, // VkWriteIndirectExecutionSetShaderEXT
-    {1000572010, 32}, // VkIndirectExecutionSetPipelineInfoEXT
-    {1000572011, 56}, // VkIndirectExecutionSetShaderInfoEXT
-    {1000572012, 32}, // VkIndirectExecutionSetShaderLayoutInfoEXT
-    {1000572013, 24}, // VkGeneratedCommandsPipelineInfoEXT
-    {1000572014, 32}, // VkGeneratedCommandsShaderInfoEXT
-    {1000573000, 32}, // VkPhysicalDeviceFaultFeaturesKHR
-    {1000573001, 24}, // VkPhysicalDeviceFaultPropertiesKHR
-    {1000573002, 608}, // VkDeviceFaultInfoKHR
-    {1000573003, 32}, // VkDeviceFaultDebugInfoKHR
-    {1000574000, 24}, // VkPhysicalDeviceMaintenance8FeaturesKHR
-    {1000574002, 32}, // VkMemoryBarrierAccessFlags3KHR
-    {1000575000, 24}, // VkPhysicalDeviceImageAlignmentControlFeaturesMESA
-    {1000575001, 24}, // VkPhysicalDeviceImageAlignmentControlPropertiesMESA
-    {1000575002, 24}, // VkImageAlignmentControlCreateInfoMESA
-    {1000579000, 32}, // VkPhysicalDeviceShaderFmaFeaturesKHR
-    {1000580000, 24}, // VkPushConstantBankInfoNV
-    {1000580001, 24}, // VkPhysicalDevicePushConstantBankFeaturesNV
-    {1000580002, 32}, // VkPhysicalDevicePushConstantBankPropertiesNV
-    {1000581000, 24}, // VkPhysicalDeviceRayTracingInvocationReorderFeaturesEXT
-    {1000581001, 24}, // VkPhysicalDeviceRayTracingInvocationReorderPropertiesEXT
-    {1000582000, 24}, // VkPhysicalDeviceDepthClampControlFeaturesEXT
-    {1000582001, 32}, // VkPipelineViewportDepthClampControlCreateInfoEXT
-    {1000584000, 24}, // VkPhysicalDeviceMaintenance9FeaturesKHR
-    {1000584001, 24}, // VkPhysicalDeviceMaintenance9PropertiesKHR
-    {1000584002, 24}, // VkQueueFamilyOwnershipTransferPropertiesKHR
-    {1000586000, 24}, // VkPhysicalDeviceVideoMaintenance2FeaturesKHR
-    {1000586001, 32}, // VkVideoDecodeH264InlineSessionParametersInfoKHR
-    {1000586002, 40}, // VkVideoDecodeH265InlineSessionParametersInfoKHR
-    {1000586003, 24}, // VkVideoDecodeAV1InlineSessionParametersInfoKHR
-    {1000590000, 24}, // VkPhysicalDeviceHdrVividFeaturesHUAWEI
-    {1000590001, 32}, // VkHdrVividDynamicMetadataHUAWEI
-    {1000593000, 48}, // VkPhysicalDeviceCooperativeMatrix2FeaturesNV
-    {1000593001, 56}, // VkCooperativeMatrixFlexibleDimensionsPropertiesNV
-    {1000593002, 32}, // VkPhysicalDeviceCooperativeMatrix2PropertiesNV
-    {1000596000, 24}, // VkPhysicalDevicePipelineOpacityMicromapFeaturesARM
-    {1000598000, 24}, // VkPhysicalDeviceVideoEncodeFeedback2FeaturesKHR
-    {1000598001, 24}, // VkVideoEncodeFeedback2CapabilitiesKHR
-    {1000598002, 24}, // VkQueryPoolVideoEncodePerPartitionFeedbackCreateInfoKHR
-    {1000602000, 32}, // VkImportMemoryMetalHandleInfoEXT
-    {1000602001, 24}, // VkMemoryMetalHandlePropertiesEXT
-    {1000602002, 32}, // VkMemoryGetMetalHandleInfoEXT
-    {1000605000, 24}, // VkPhysicalDevicePerformanceCountersByRegionFeaturesARM
-    {1000605001, 40}, // VkPhysicalDevicePerformanceCountersByRegionPropertiesARM
-    {1000605002, 24}, // VkPerformanceCounterARM
-    {1000605003, 280}, // VkPerformanceCounterDescriptionARM
-    {1000605004, 48}, // VkRenderPassPerformanceCountersByRegionBeginInfoARM
-    {1000607000, 24}, // VkPhysicalDeviceShaderInstrumentationFeaturesARM
-    {1000607001, 24}, // VkPhysicalDeviceShaderInstrumentationPropertiesARM
-    {1000607002, 16}, // VkShaderInstrumentationCreateInfoARM
-    {1000607003, 528}, // VkShaderInstrumentationMetricDescriptionARM
-    {1000608000, 24}, // VkPhysicalDeviceVertexAttributeRobustnessFeaturesEXT
-    {1000609000, 24}, // VkPhysicalDeviceFormatPackFeaturesARM
-    {1000611000, 24}, // VkPhysicalDeviceFragmentDensityMapLayeredFeaturesVALVE
-    {1000611001, 24}, // VkPhysicalDeviceFragmentDensityMapLayeredPropertiesVALVE
-    {1000611002, 24}, // VkPipelineFragmentDensityMapLayeredCreateInfoVALVE
-    {1000613000, 24}, // VkSetPresentConfigNV
-    {1000613001, 24}, // VkPhysicalDevicePresentMeteringFeaturesNV
-    {1000616000, 24}, // VkPhysicalDeviceMultisampledRenderToSwapchainFeaturesEXT
-    {1000616001, 24}, // VkSwapchainFlagsSurfaceCapabilitiesEXT
-    {1000619003, 16}, // VkRenderingEndInfoKHR
-    {1000620000, 24}, // VkPhysicalDeviceZeroInitializeDeviceMemoryFeaturesEXT
-    {1000623000, 24}, // VkPhysicalDeviceOpacityMicromapFeaturesKHR
-    {1000623001, 40}, // VkPhysicalDeviceOpacityMicromapPropertiesKHR
-    {1000623002, 64}, // VkAccelerationStructureGeometryMicromapDataKHR
-    {1000623003, 56}, // VkAccelerationStructureTrianglesOpacityMicromapKHR
-    {1000627000, 24}, // VkPhysicalDeviceShader64BitIndexingFeaturesEXT
-    {1000628000, 24}, // VkPhysicalDeviceCustomResolveFeaturesEXT
-    {1000628001, 16}, // VkBeginCustomResolveInfoEXT
-    {1000628002, 40}, // VkCustomResolveCreateInfoEXT
-    {1000629000, 24}, // VkPhysicalDeviceDataGraphModelFeaturesQCOM
-    {1000629001, 24}, // VkDataGraphPipelineBuiltinModelCreateInfoQCOM
-    {1000630000, 24}, // VkPhysicalDeviceMaintenance10FeaturesKHR
-    {1000630001, 32}, // VkPhysicalDeviceMaintenance10PropertiesKHR
-    {1000630002, 24}, // VkRenderingAttachmentFlagsInfoKHR
-    {1000630004, 32}, // VkResolveImageModeInfoKHR
-    {1000631000, 24}, // VkPhysicalDeviceDataGraphOpticalFlowFeaturesARM
-    {1000631001, 48}, // VkQueueFamilyDataGraphOpticalFlowPropertiesARM
-    {1000631002, 56}, // VkDataGraphPipelineOpticalFlowCreateInfoARM
-    {1000631003, 24}, // VkDataGraphOpticalFlowImageFormatInfoARM
-    {1000631004, 24}, // VkDataGraphOpticalFlowImageFormatPropertiesARM
-    {1000631005, 24}, // VkDataGraphPipelineOpticalFlowDispatchInfoARM
-    {1000631006, 24}, // VkDataGraphPipelineResourceInfoImageLayoutARM
-    {1000631007, 32}, // VkDataGraphPipelineSingleNodeCreateInfoARM
-    {1000631008, 32}, // VkDataGraphPipelineSingleNodeConnectionARM
-    {1000635000, 24}, // VkPhysicalDeviceShaderLongVectorFeaturesEXT
-    {1000635001, 24}, // VkPhysicalDeviceShaderLongVectorPropertiesEXT
-    {1000637000, 24}, // VkPhysicalDevicePipelineCacheIncrementalModeFeaturesSEC
-    {1000642000, 24}, // VkPhysicalDeviceShaderUniformBufferUnsizedArrayFeaturesEXT
-    {1000645000, 24}, // VkComputeOccupancyPriorityParametersNV
-    {1000645001, 24}, // VkPhysicalDeviceComputeOccupancyPriorityFeaturesNV
-    {1000657000, 24}, // VkPhysicalDeviceMaintenance11FeaturesKHR
-    {1000657001, 32}, // VkQueueFamilyOptimalImageTransferGranularityPropertiesKHR
-    {1000659000, 40}, // VkPhysicalDeviceCooperativeMatrixMaintenance1FeaturesEXT
-    {1000659001, 32}, // VkPhysicalDeviceCooperativeMatrixInfo2EXT
-    {1000659002, 48}, // VkCooperativeMatrixProperties2EXT
-    {1000662000, 24}, // VkPhysicalDeviceShaderSubgroupPartitionedFeaturesEXT
-    {1000664000, 40}, // VkUbmSurfaceCreateInfoSEC
-    {1000668000, 40}, // VkFormatProperties4KHR
-    {1000668001, 24}, // VkImageCreateFlags2CreateInfoKHR
-    {1000668002, 24}, // VkImageUsageFlags2CreateInfoKHR
-    {1000668003, 24}, // VkImageViewUsage2CreateInfoKHR
-    {1000668004, 24}, // VkPhysicalDeviceExtendedFlagsFeaturesKHR
-    {1000668005, 24}, // VkImageStencilUsage2CreateInfoKHR
-    {1000668006, 24}, // VkSharedPresentSurfaceCapabilities2KHR
-    {1000672000, 32}, // VkPhysicalDeviceShaderOCPMicroscalingTypesFeaturesEXT
-    {1000673000, 32}, // VkPhysicalDeviceShaderMixedFloatDotProductFeaturesVALVE
-    {1000674000, 24}, // VkPhysicalDeviceThrottleHintFeaturesSEC
-    {1000674001, 24}, // VkThrottleHintSubmitInfoSEC
-    {1000676000, 24}, // VkDataGraphPipelineNeuralStatisticsCreateInfoARM
-    {1000676001, 24}, // VkDataGraphPipelineSessionNeuralStatisticsCreateInfoARM
-    {1000676002, 24}, // VkPhysicalDeviceDataGraphNeuralAcceleratorStatisticsFeaturesARM
-    {1000678000, 24}, // VkPhysicalDevicePrimitiveRestartIndexFeaturesEXT
-    {1000685000, 32}, // VkSurfaceCreateInfoOHOS
-    {1000687000, 24}, // VkPhysicalDeviceImageTilingControlFeaturesEXT
-    {1000687001, 24}, // VkImageTilingControlCreateInfoEXT
-    {1000689000, 24}, // VkPhysicalDeviceCooperativeMatrixDecodeVectorFeaturesNV
+    {0, 48, "VkApplicationInfo"},
+    {1, 64, "VkInstanceCreateInfo"},
+    {2, 40, "VkDeviceQueueCreateInfo"},
+    {3, 72, "VkDeviceCreateInfo"},
+    {4, 72, "VkSubmitInfo"},
+    {5, 32, "VkMemoryAllocateInfo"},
+    {6, 40, "VkMappedMemoryRange"},
+    {7, 96, "VkBindSparseInfo"},
+    {8, 24, "VkFenceCreateInfo"},
+    {9, 24, "VkSemaphoreCreateInfo"},
+    {10, 24, "VkEventCreateInfo"},
+    {11, 32, "VkQueryPoolCreateInfo"},
+    {12, 56, "VkBufferCreateInfo"},
+    {13, 56, "VkBufferViewCreateInfo"},
+    {14, 88, "VkImageCreateInfo"},
+    {15, 80, "VkImageViewCreateInfo"},
+    {16, 40, "VkShaderModuleCreateInfo"},
+    {17, 40, "VkPipelineCacheCreateInfo"},
+    {18, 48, "VkPipelineShaderStageCreateInfo"},
+    {19, 48, "VkPipelineVertexInputStateCreateInfo"},
+    {20, 32, "VkPipelineInputAssemblyStateCreateInfo"},
+    {21, 24, "VkPipelineTessellationStateCreateInfo"},
+    {22, 48, "VkPipelineViewportStateCreateInfo"},
+    {23, 64, "VkPipelineRasterizationStateCreateInfo"},
+    {24, 48, "VkPipelineMultisampleStateCreateInfo"},
+    {25, 104, "VkPipelineDepthStencilStateCreateInfo"},
+    {26, 56, "VkPipelineColorBlendStateCreateInfo"},
+    {27, 32, "VkPipelineDynamicStateCreateInfo"},
+    {28, 144, "VkGraphicsPipelineCreateInfo"},
+    {29, 96, "VkComputePipelineCreateInfo"},
+    {30, 48, "VkPipelineLayoutCreateInfo"},
+    {31, 80, "VkSamplerCreateInfo"},
+    {32, 32, "VkDescriptorSetLayoutCreateInfo"},
+    {33, 40, "VkDescriptorPoolCreateInfo"},
+    {34, 40, "VkDescriptorSetAllocateInfo"},
+    {35, 64, "VkWriteDescriptorSet"},
+    {36, 56, "VkCopyDescriptorSet"},
+    {37, 64, "VkFramebufferCreateInfo"},
+    {38, 64, "VkRenderPassCreateInfo"},
+    {39, 24, "VkCommandPoolCreateInfo"},
+    {40, 32, "VkCommandBufferAllocateInfo"},
+    {41, 56, "VkCommandBufferInheritanceInfo"},
+    {42, 32, "VkCommandBufferBeginInfo"},
+    {43, 64, "VkRenderPassBeginInfo"},
+    {44, 56, "VkBufferMemoryBarrier"},
+    {45, 72, "VkImageMemoryBarrier"},
+    {46, 24, "VkMemoryBarrier"},
+    {49, 64, "VkPhysicalDeviceVulkan11Features"},
+    {50, 112, "VkPhysicalDeviceVulkan11Properties"},
+    {51, 208, "VkPhysicalDeviceVulkan12Features"},
+    {52, 736, "VkPhysicalDeviceVulkan12Properties"},
+    {53, 80, "VkPhysicalDeviceVulkan13Features"},
+    {54, 216, "VkPhysicalDeviceVulkan13Properties"},
+    {55, 104, "VkPhysicalDeviceVulkan14Features"},
+    {56, 144, "VkPhysicalDeviceVulkan14Properties"},
+    {1000001000, 104, "VkSwapchainCreateInfoKHR"},
+    {1000001001, 64, "VkPresentInfoKHR"},
+    {1000002000, 32, "VkDisplayModeCreateInfoKHR"},
+    {1000002001, 64, "VkDisplaySurfaceCreateInfoKHR"},
+    {1000003000, 56, "VkDisplayPresentInfoKHR"},
+    {1000004000, 40, "VkXlibSurfaceCreateInfoKHR"},
+    {1000005000, 40, "VkXcbSurfaceCreateInfoKHR"},
+    {1000006000, 40, "VkWaylandSurfaceCreateInfoKHR"},
+    {1000008000, 32, "VkAndroidSurfaceCreateInfoKHR"},
+    {1000009000, 40, "VkWin32SurfaceCreateInfoKHR"},
+    {1000011000, 40, "VkDebugReportCallbackCreateInfoEXT"},
+    {1000018000, 24, "VkPipelineRasterizationStateRasterizationOrderAMD"},
+    {1000022000, 40, "VkDebugMarkerObjectNameInfoEXT"},
+    {1000022001, 56, "VkDebugMarkerObjectTagInfoEXT"},
+    {1000022002, 40, "VkDebugMarkerMarkerInfoEXT"},
+    {1000023000, 32, "VkVideoProfileInfoKHR"},
+    {1000023001, 336, "VkVideoCapabilitiesKHR"},
+    {1000023002, 48, "VkVideoPictureResourceInfoKHR"},
+    {1000023003, 48, "VkVideoSessionMemoryRequirementsKHR"},
+    {1000023004, 48, "VkBindVideoSessionMemoryInfoKHR"},
+    {1000023005, 64, "VkVideoSessionCreateInfoKHR"},
+    {1000023006, 40, "VkVideoSessionParametersCreateInfoKHR"},
+    {1000023007, 24, "VkVideoSessionParametersUpdateInfoKHR"},
+    {1000023008, 56, "VkVideoBeginCodingInfoKHR"},
+    {1000023009, 24, "VkVideoEndCodingInfoKHR"},
+    {1000023010, 24, "VkVideoCodingControlInfoKHR"},
+    {1000023011, 32, "VkVideoReferenceSlotInfoKHR"},
+    {1000023012, 24, "VkQueueFamilyVideoPropertiesKHR"},
+    {1000023013, 32, "VkVideoProfileListInfoKHR"},
+    {1000023014, 24, "VkPhysicalDeviceVideoFormatInfoKHR"},
+    {1000023015, 56, "VkVideoFormatPropertiesKHR"},
+    {1000023016, 24, "VkQueueFamilyQueryResultStatusPropertiesKHR"},
+    {1000024000, 120, "VkVideoDecodeInfoKHR"},
+    {1000024001, 24, "VkVideoDecodeCapabilitiesKHR"},
+    {1000024002, 24, "VkVideoDecodeUsageInfoKHR"},
+    {1000026000, 24, "VkDedicatedAllocationImageCreateInfoNV"},
+    {1000026001, 24, "VkDedicatedAllocationBufferCreateInfoNV"},
+    {1000026002, 32, "VkDedicatedAllocationMemoryAllocateInfoNV"},
+    {1000028000, 24, "VkPhysicalDeviceTransformFeedbackFeaturesEXT"},
+    {1000028001, 64, "VkPhysicalDeviceTransformFeedbackPropertiesEXT"},
+    {1000028002, 24, "VkPipelineRasterizationStateStreamCreateInfoEXT"},
+    {1000029000, 32, "VkCuModuleCreateInfoNVX"},
+    {1000029001, 32, "VkCuFunctionCreateInfoNVX"},
+    {1000029002, 88, "VkCuLaunchInfoNVX"},
+    {1000029004, 24, "VkCuModuleTexturingModeCreateInfoNVX"},
+    {1000030000, 40, "VkImageViewHandleInfoNVX"},
+    {1000030001, 32, "VkImageViewAddressPropertiesNVX"},
+    {1000038000, 72, "VkVideoEncodeH264CapabilitiesKHR"},
+    {1000038001, 32, "VkVideoEncodeH264SessionParametersCreateInfoKHR"},
+    {1000038002, 48, "VkVideoEncodeH264SessionParametersAddInfoKHR"},
+    {1000038003, 48, "VkVideoEncodeH264PictureInfoKHR"},
+    {1000038004, 24, "VkVideoEncodeH264DpbSlotInfoKHR"},
+    {1000038005, 32, "VkVideoEncodeH264NaluSliceInfoKHR"},
+    {1000038006, 32, "VkVideoEncodeH264GopRemainingFrameInfoKHR"},
+    {1000038007, 24, "VkVideoEncodeH264ProfileInfoKHR"},
+    {1000038008, 40, "VkVideoEncodeH264RateControlInfoKHR"},
+    {1000038009, 64, "VkVideoEncodeH264RateControlLayerInfoKHR"},
+    {1000038010, 24, "VkVideoEncodeH264SessionCreateInfoKHR"},
+    {1000038011, 64, "VkVideoEncodeH264QualityLevelPropertiesKHR"},
+    {1000038012, 32, "VkVideoEncodeH264SessionParametersGetInfoKHR"},
+    {1000038013, 24, "VkVideoEncodeH264SessionParametersFeedbackInfoKHR"},
+    {1000039000, 88, "VkVideoEncodeH265CapabilitiesKHR"},
+    {1000039001, 40, "VkVideoEncodeH265SessionParametersCreateInfoKHR"},
+    {1000039002, 64, "VkVideoEncodeH265SessionParametersAddInfoKHR"},
+    {1000039003, 40, "VkVideoEncodeH265PictureInfoKHR"},
+    {1000039004, 24, "VkVideoEncodeH265DpbSlotInfoKHR"},
+    {1000039005, 32, "VkVideoEncodeH265NaluSliceSegmentInfoKHR"},
+    {1000039006, 32, "VkVideoEncodeH265GopRemainingFrameInfoKHR"},
+    {1000039007, 24, "VkVideoEncodeH265ProfileInfoKHR"},
+    {1000039009, 40, "VkVideoEncodeH265RateControlInfoKHR"},
+    {1000039010, 64, "VkVideoEncodeH265RateControlLayerInfoKHR"},
+    {1000039011, 24, "VkVideoEncodeH265SessionCreateInfoKHR"},
+    {1000039012, 56, "VkVideoEncodeH265QualityLevelPropertiesKHR"},
+    {1000039013, 40, "VkVideoEncodeH265SessionParametersGetInfoKHR"},
+    {1000039014, 32, "VkVideoEncodeH265SessionParametersFeedbackInfoKHR"},
+    {1000040000, 32, "VkVideoDecodeH264CapabilitiesKHR"},
+    {1000040001, 40, "VkVideoDecodeH264PictureInfoKHR"},
+    {1000040003, 24, "VkVideoDecodeH264ProfileInfoKHR"},
+    {1000040004, 32, "VkVideoDecodeH264SessionParametersCreateInfoKHR"},
+    {1000040005, 48, "VkVideoDecodeH264SessionParametersAddInfoKHR"},
+    {1000040006, 24, "VkVideoDecodeH264DpbSlotInfoKHR"},
+    {1000041000, 24, "VkTextureLODGatherFormatPropertiesAMD"},
+    {1000044000, 72, "VkRenderingInfo"},
+    {1000044001, 72, "VkRenderingAttachmentInfo"},
+    {1000044002, 40, "VkPipelineRenderingCreateInfo"},
+    {1000044003, 24, "VkPhysicalDeviceDynamicRenderingFeatures"},
+    {1000044004, 56, "VkCommandBufferInheritanceRenderingInfo"},
+    {1000044006, 40, "VkRenderingFragmentShadingRateAttachmentInfoKHR"},
+    {1000044007, 32, "VkRenderingFragmentDensityMapAttachmentInfoEXT"},
+    {1000044008, 40, "VkAttachmentSampleCountInfoAMD"},
+    {1000044009, 24, "VkMultiviewPerViewAttributesInfoNVX"},
+    {1000049000, 24, "VkStreamDescriptorSurfaceCreateInfoGGP"},
+    {1000050000, 24, "VkPhysicalDeviceCornerSampledImageFeaturesNV"},
+    {1000053000, 64, "VkRenderPassMultiviewCreateInfo"},
+    {1000053001, 32, "VkPhysicalDeviceMultiviewFeatures"},
+    {1000053002, 24, "VkPhysicalDeviceMultiviewProperties"},
+    {1000056000, 24, "VkExternalMemoryImageCreateInfoNV"},
+    {1000056001, 24, "VkExportMemoryAllocateInfoNV"},
+    {1000057000, 32, "VkImportMemoryWin32HandleInfoNV"},
+    {1000057001, 32, "VkExportMemoryWin32HandleInfoNV"},
+    {1000058000, 72, "VkWin32KeyedMutexAcquireReleaseInfoNV"},
+    {1000059000, 240, "VkPhysicalDeviceFeatures2"},
+    {1000059001, 840, "VkPhysicalDeviceProperties2"},
+    {1000059002, 32, "VkFormatProperties2"},
+    {1000059003, 48, "VkImageFormatProperties2"},
+    {1000059004, 40, "VkPhysicalDeviceImageFormatInfo2"},
+    {1000059005, 40, "VkQueueFamilyProperties2"},
+    {1000059006, 536, "VkPhysicalDeviceMemoryProperties2"},
+    {1000059007, 40, "VkSparseImageFormatProperties2"},
+    {1000059008, 40, "VkPhysicalDeviceSparseImageFormatInfo2"},
+    {1000060000, 24, "VkMemoryAllocateFlagsInfo"},
+    {1000060003, 32, "VkDeviceGroupRenderPassBeginInfo"},
+    {1000060004, 24, "VkDeviceGroupCommandBufferBeginInfo"},
+    {1000060005, 64, "VkDeviceGroupSubmitInfo"},
+    {1000060006, 24, "VkDeviceGroupBindSparseInfo"},
+    {1000060007, 152, "VkDeviceGroupPresentCapabilitiesKHR"},
+    {1000060008, 24, "VkImageSwapchainCreateInfoKHR"},
+    {1000060009, 32, "VkBindImageMemorySwapchainInfoKHR"},
+    {1000060010, 56, "VkAcquireNextImageInfoKHR"},
+    {1000060011, 40, "VkDeviceGroupPresentInfoKHR"},
+    {1000060012, 24, "VkDeviceGroupSwapchainCreateInfoKHR"},
+    {1000060013, 32, "VkBindBufferMemoryDeviceGroupInfo"},
+    {1000060014, 48, "VkBindImageMemoryDeviceGroupInfo"},
+    {1000061000, 32, "VkValidationFlagsEXT"},
+    {1000062000, 32, "VkViSurfaceCreateInfoNN"},
+    {1000063000, 24, "VkPhysicalDeviceShaderDrawParametersFeatures"},
+    {1000066000, 24, "VkPhysicalDeviceTextureCompressionASTCHDRFeatures"},
+    {1000067000, 24, "VkImageViewASTCDecodeModeEXT"},
+    {1000067001, 24, "VkPhysicalDeviceASTCDecodeFeaturesEXT"},
+    {1000068000, 32, "VkPipelineRobustnessCreateInfo"},
+    {1000068001, 24, "VkPhysicalDevicePipelineRobustnessFeatures"},
+    {1000068002, 32, "VkPhysicalDevicePipelineRobustnessProperties"},
+    {1000070000, 288, "VkPhysicalDeviceGroupProperties"},
+    {1000070001, 32, "VkDeviceGroupDeviceCreateInfo"},
+    {1000071000, 24, "VkPhysicalDeviceExternalImageFormatInfo"},
+    {1000071001, 32, "VkExternalImageFormatProperties"},
+    {1000071002, 32, "VkPhysicalDeviceExternalBufferInfo"},
+    {1000071003, 32, "VkExternalBufferProperties"},
+    {1000071004, 64, "VkPhysicalDeviceIDProperties"},
+    {1000072000, 24, "VkExternalMemoryBufferCreateInfo"},
+    {1000072001, 24, "VkExternalMemoryImageCreateInfo"},
+    {1000072002, 24, "VkExportMemoryAllocateInfo"},
+    {1000073000, 40, "VkImportMemoryWin32HandleInfoKHR"},
+    {1000073001, 40, "VkExportMemoryWin32HandleInfoKHR"},
+    {1000073002, 24, "VkMemoryWin32HandlePropertiesKHR"},
+    {1000073003, 32, "VkMemoryGetWin32HandleInfoKHR"},
+    {1000074000, 24, "VkImportMemoryFdInfoKHR"},
+    {1000074001, 24, "VkMemoryFdPropertiesKHR"},
+    {1000074002, 32, "VkMemoryGetFdInfoKHR"},
+    {1000075000, 72, "VkWin32KeyedMutexAcquireReleaseInfoKHR"},
+    {1000076000, 24, "VkPhysicalDeviceExternalSemaphoreInfo"},
+    {1000076001, 32, "VkExternalSemaphoreProperties"},
+    {1000077000, 24, "VkExportSemaphoreCreateInfo"},
+    {1000078000, 48, "VkImportSemaphoreWin32HandleInfoKHR"},
+    {1000078001, 40, "VkExportSemaphoreWin32HandleInfoKHR"},
+    {1000078002, 48, "VkD3D12FenceSubmitInfoKHR"},
+    {1000078003, 32, "VkSemaphoreGetWin32HandleInfoKHR"},
+    {1000079000, 40, "VkImportSemaphoreFdInfoKHR"},
+    {1000079001, 32, "VkSemaphoreGetFdInfoKHR"},
+    {1000080000, 24, "VkPhysicalDevicePushDescriptorProperties"},
+    {1000081000, 24, "VkCommandBufferInheritanceConditionalRenderingInfoEXT"},
+    {1000081001, 24, "VkPhysicalDeviceConditionalRenderingFeaturesEXT"},
+    {1000081002, 40, "VkConditionalRenderingBeginInfoEXT"},
+    {1000082000, 24, "VkPhysicalDeviceShaderFloat16Int8Features"},
+    {1000083000, 32, "VkPhysicalDevice16BitStorageFeatures"},
+    {1000084000, 32, "VkPresentRegionsKHR"},
+    {1000085000, 72, "VkDescriptorUpdateTemplateCreateInfo"},
+    {1000087000, 32, "VkPipelineViewportWScalingStateCreateInfoNV"},
+    {1000090000, 72, "VkSurfaceCapabilities2EXT"},
+    {1000091000, 24, "VkDisplayPowerInfoEXT"},
+    {1000091001, 24, "VkDeviceEventInfoEXT"},
+    {1000091002, 24, "VkDisplayEventInfoEXT"},
+    {1000091003, 24, "VkSwapchainCounterCreateInfoEXT"},
+    {1000092000, 32, "VkPresentTimesInfoGOOGLE"},
+    {1000094000, 32, "VkPhysicalDeviceSubgroupProperties"},
+    {1000097000, 24, "VkPhysicalDeviceMultiviewPerViewAttributesPropertiesNVX"},
+    {1000098000, 32, "VkPipelineViewportSwizzleStateCreateInfoNV"},
+    {1000099000, 24, "VkPhysicalDeviceDiscardRectanglePropertiesEXT"},
+    {1000099001, 40, "VkPipelineDiscardRectangleStateCreateInfoEXT"},
+    {1000101000, 56, "VkPhysicalDeviceConservativeRasterizationPropertiesEXT"},
+    {1000101001, 32, "VkPipelineRasterizationConservativeStateCreateInfoEXT"},
+    {1000102000, 24, "VkPhysicalDeviceDepthClipEnableFeaturesEXT"},
+    {1000102001, 24, "VkPipelineRasterizationDepthClipStateCreateInfoEXT"},
+    {1000105000, 64, "VkHdrMetadataEXT"},
+    {1000108000, 24, "VkPhysicalDeviceImagelessFramebufferFeatures"},
+    {1000108001, 32, "VkFramebufferAttachmentsCreateInfo"},
+    {1000108002, 48, "VkFramebufferAttachmentImageInfo"},
+    {1000108003, 32, "VkRenderPassAttachmentBeginInfo"},
+    {1000109000, 56, "VkAttachmentDescription2"},
+    {1000109001, 32, "VkAttachmentReference2"},
+    {1000109002, 88, "VkSubpassDescription2"},
+    {1000109003, 48, "VkSubpassDependency2"},
+    {1000109004, 80, "VkRenderPassCreateInfo2"},
+    {1000109005, 24, "VkSubpassBeginInfo"},
+    {1000109006, 16, "VkSubpassEndInfo"},
+    {1000110000, 24, "VkPhysicalDeviceRelaxedLineRasterizationFeaturesIMG"},
+    {1000111000, 24, "VkSharedPresentSurfaceCapabilitiesKHR"},
+    {1000112000, 24, "VkPhysicalDeviceExternalFenceInfo"},
+    {1000112001, 32, "VkExternalFenceProperties"},
+    {1000113000, 24, "VkExportFenceCreateInfo"},
+    {1000114000, 48, "VkImportFenceWin32HandleInfoKHR"},
+    {1000114001, 40, "VkExportFenceWin32HandleInfoKHR"},
+    {1000114002, 32, "VkFenceGetWin32HandleInfoKHR"},
+    {1000115000, 40, "VkImportFenceFdInfoKHR"},
+    {1000115001, 32, "VkFenceGetFdInfoKHR"},
+    {1000116000, 24, "VkPhysicalDevicePerformanceQueryFeaturesKHR"},
+    {1000116001, 24, "VkPhysicalDevicePerformanceQueryPropertiesKHR"},
+    {1000116002, 32, "VkQueryPoolPerformanceCreateInfoKHR"},
+    {1000116003, 24, "VkPerformanceQuerySubmitInfoKHR"},
+    {1000116004, 32, "VkAcquireProfilingLockInfoKHR"},
+    {1000116005, 48, "VkPerformanceCounterKHR"},
+    {1000116006, 792, "VkPerformanceCounterDescriptionKHR"},
+    {1000117000, 24, "VkPhysicalDevicePointClippingProperties"},
+    {1000117001, 32, "VkRenderPassInputAttachmentAspectCreateInfo"},
+    {1000117002, 24, "VkImageViewUsageCreateInfo"},
+    {1000117003, 24, "VkPipelineTessellationDomainOriginStateCreateInfo"},
+    {1000119000, 24, "VkPhysicalDeviceSurfaceInfo2KHR"},
+    {1000119001, 72, "VkSurfaceCapabilities2KHR"},
+    {1000119002, 24, "VkSurfaceFormat2KHR"},
+    {1000120000, 24, "VkPhysicalDeviceVariablePointersFeatures"},
+    {1000121000, 64, "VkDisplayProperties2KHR"},
+    {1000121001, 32, "VkDisplayPlaneProperties2KHR"},
+    {1000121002, 40, "VkDisplayModeProperties2KHR"},
+    {1000121003, 32, "VkDisplayPlaneInfo2KHR"},
+    {1000121004, 88, "VkDisplayPlaneCapabilities2KHR"},
+    {1000122000, 32, "VkIOSSurfaceCreateInfoMVK"},
+    {1000123000, 32, "VkMacOSSurfaceCreateInfoMVK"},
+    {1000127000, 24, "VkMemoryDedicatedRequirements"},
+    {1000127001, 32, "VkMemoryDedicatedAllocateInfo"},
+    {1000128000, 40, "VkDebugUtilsObjectNameInfoEXT"},
+    {1000128001, 56, "VkDebugUtilsObjectTagInfoEXT"},
+    {1000128002, 40, "VkDebugUtilsLabelEXT"},
+    {1000128003, 96, "VkDebugUtilsMessengerCallbackDataEXT"},
+    {1000128004, 48, "VkDebugUtilsMessengerCreateInfoEXT"},
+    {1000129000, 24, "VkAndroidHardwareBufferUsageANDROID"},
+    {1000129001, 32, "VkAndroidHardwareBufferPropertiesANDROID"},
+    {1000129002, 72, "VkAndroidHardwareBufferFormatPropertiesANDROID"},
+    {1000129003, 24, "VkImportAndroidHardwareBufferInfoANDROID"},
+    {1000129004, 24, "VkMemoryGetAndroidHardwareBufferInfoANDROID"},
+    {1000129005, 24, "VkExternalFormatANDROID"},
+    {1000129006, 72, "VkAndroidHardwareBufferFormatProperties2ANDROID"},
+    {1000130000, 24, "VkPhysicalDeviceSamplerFilterMinmaxProperties"},
+    {1000130001, 24, "VkSamplerReductionModeCreateInfo"},
+    {1000133000, 32, "VkPhysicalDeviceGpaFeaturesAMD"},
+    {1000133001, 48, "VkPhysicalDeviceGpaPropertiesAMD"},
+    {1000133002, 88, "VkGpaSampleBeginInfoAMD"},
+    {1000133003, 24, "VkGpaSessionCreateInfoAMD"},
+    {1000133004, 32, "VkGpaDeviceClockModeInfoAMD"},
+    {1000133005, 24, "VkPhysicalDeviceGpaProperties2AMD"},
+    {1000133006, 32, "VkGpaDeviceGetClockInfoAMD"},
+    {1000135000, 40, "VkTexelBufferDescriptorInfoEXT"},
+    {1000135001, 32, "VkImageDescriptorInfoEXT"},
+    {1000135002, 32, "VkResourceDescriptorInfoEXT"},
+    {1000135003, 48, "VkBindHeapInfoEXT"},
+    {1000135004, 40, "VkPushDataInfoEXT"},
+    {1000135005, 96, "VkDescriptorSetAndBindingMappingEXT"},
+    {1000135006, 32, "VkShaderDescriptorSetAndBindingMappingInfoEXT"},
+    {1000135007, 24, "VkOpaqueCaptureDataCreateInfoEXT"},
+    {1000135008, 152, "VkPhysicalDeviceDescriptorHeapPropertiesEXT"},
+    {1000135009, 24, "VkPhysicalDeviceDescriptorHeapFeaturesEXT"},
+    {1000135010, 32, "VkCommandBufferInheritanceDescriptorHeapInfoEXT"},
+    {1000135011, 24, "VkSamplerCustomBorderColorIndexCreateInfoEXT"},
+    {1000135012, 24, "VkIndirectCommandsLayoutPushDataTokenNV"},
+    {1000135013, 24, "VkSubsampledImageFormatPropertiesEXT"},
+    {1000135014, 40, "VkPhysicalDeviceDescriptorHeapTensorPropertiesARM"},
+    {1000138000, 24, "VkPhysicalDeviceInlineUniformBlockFeatures"},
+    {1000138001, 40, "VkPhysicalDeviceInlineUniformBlockProperties"},
+    {1000138002, 32, "VkWriteDescriptorSetInlineUniformBlock"},
+    {1000138003, 24, "VkDescriptorPoolInlineUniformBlockCreateInfo"},
+    {1000141000, 32, "VkPhysicalDeviceShaderBfloat16FeaturesKHR"},
+    {1000143000, 40, "VkSampleLocationsInfoEXT"},
+    {1000143001, 48, "VkRenderPassSampleLocationsBeginInfoEXT"},
+    {1000143002, 64, "VkPipelineSampleLocationsStateCreateInfoEXT"},
+    {1000143003, 48, "VkPhysicalDeviceSampleLocationsPropertiesEXT"},
+    {1000143004, 24, "VkMultisamplePropertiesEXT"},
+    {1000145000, 24, "VkProtectedSubmitInfo"},
+    {1000145001, 24, "VkPhysicalDeviceProtectedMemoryFeatures"},
+    {1000145002, 24, "VkPhysicalDeviceProtectedMemoryProperties"},
+    {1000145003, 32, "VkDeviceQueueInfo2"},
+    {1000146000, 24, "VkBufferMemoryRequirementsInfo2"},
+    {1000146001, 24, "VkImageMemoryRequirementsInfo2"},
+    {1000146002, 24, "VkImageSparseMemoryRequirementsInfo2"},
+    {1000146003, 40, "VkMemoryRequirements2"},
+    {1000146004, 64, "VkSparseImageMemoryRequirements2"},
+    {1000147000, 32, "VkImageFormatListCreateInfo"},
+    {1000148000, 24, "VkPhysicalDeviceBlendOperationAdvancedFeaturesEXT"},
+    {1000148001, 40, "VkPhysicalDeviceBlendOperationAdvancedPropertiesEXT"},
+    {1000148002, 32, "VkPipelineColorBlendAdvancedStateCreateInfoEXT"},
+    {1000149000, 32, "VkPipelineCoverageToColorStateCreateInfoNV"},
+    {1000150000, 80, "VkAccelerationStructureBuildGeometryInfoKHR"},
+    {1000150002, 24, "VkAccelerationStructureDeviceAddressInfoKHR"},
+    {1000150003, 32, "VkAccelerationStructureGeometryAabbsDataKHR"},
+    {1000150004, 32, "VkAccelerationStructureGeometryInstancesDataKHR"},
+    {1000150005, 64, "VkAccelerationStructureGeometryTrianglesDataKHR"},
+    {1000150006, 96, "VkAccelerationStructureGeometryKHR"},
+    {1000150007, 32, "VkWriteDescriptorSetAccelerationStructureKHR"},
+    {1000150009, 24, "VkAccelerationStructureVersionInfoKHR"},
+    {1000150010, 40, "VkCopyAccelerationStructureInfoKHR"},
+    {1000150011, 40, "VkCopyAccelerationStructureToMemoryInfoKHR"},
+    {1000150012, 40, "VkCopyMemoryToAccelerationStructureInfoKHR"},
+    {1000150013, 40, "VkPhysicalDeviceAccelerationStructureFeaturesKHR"},
+    {1000150014, 64, "VkPhysicalDeviceAccelerationStructurePropertiesKHR"},
+    {1000150015, 104, "VkRayTracingPipelineCreateInfoKHR"},
+    {1000150016, 48, "VkRayTracingShaderGroupCreateInfoKHR"},
+    {1000150017, 64, "VkAccelerationStructureCreateInfoKHR"},
+    {1000150018, 24, "VkRayTracingPipelineInterfaceCreateInfoKHR"},
+    {1000150020, 40, "VkAccelerationStructureBuildSizesInfoKHR"},
+    {1000152000, 40, "VkPipelineCoverageModulationStateCreateInfoNV"},
+    {1000154000, 24, "VkPhysicalDeviceShaderSMBuiltinsFeaturesNV"},
+    {1000154001, 24, "VkPhysicalDeviceShaderSMBuiltinsPropertiesNV"},
+    {1000156000, 64, "VkSamplerYcbcrConversionCreateInfo"},
+    {1000156001, 24, "VkSamplerYcbcrConversionInfo"},
+    {1000156002, 24, "VkBindImagePlaneMemoryInfo"},
+    {1000156003, 24, "VkImagePlaneMemoryRequirementsInfo"},
+    {1000156004, 24, "VkPhysicalDeviceSamplerYcbcrConversionFeatures"},
+    {1000156005, 24, "VkSamplerYcbcrConversionImageFormatProperties"},
+    {1000157000, 40, "VkBindBufferMemoryInfo"},
+    {1000157001, 40, "VkBindImageMemoryInfo"},
+    {1000158000, 32, "VkDrmFormatModifierPropertiesListEXT"},
+    {1000158002, 40, "VkPhysicalDeviceImageDrmFormatModifierInfoEXT"},
+    {1000158003, 32, "VkImageDrmFormatModifierListCreateInfoEXT"},
+    {1000158004, 40, "VkImageDrmFormatModifierExplicitCreateInfoEXT"},
+    {1000158005, 24, "VkImageDrmFormatModifierPropertiesEXT"},
+    {1000158006, 32, "VkDrmFormatModifierPropertiesList2EXT"},
+    {1000160000, 40, "VkValidationCacheCreateInfoEXT"},
+    {1000160001, 24, "VkShaderModuleValidationCacheCreateInfoEXT"},
+    {1000161000, 32, "VkDescriptorSetLayoutBindingFlagsCreateInfo"},
+    {1000161001, 96, "VkPhysicalDeviceDescriptorIndexingFeatures"},
+    {1000161002, 112, "VkPhysicalDeviceDescriptorIndexingProperties"},
+    {1000161003, 32, "VkDescriptorSetVariableDescriptorCountAllocateInfo"},
+    {1000161004, 24, "VkDescriptorSetVariableDescriptorCountLayoutSupport"},
+    {1000164000, 32, "VkPipelineViewportShadingRateImageStateCreateInfoNV"},
+    {1000164001, 24, "VkPhysicalDeviceShadingRateImageFeaturesNV"},
+    {1000164002, 32, "VkPhysicalDeviceShadingRateImagePropertiesNV"},
+    {1000164005, 32, "VkPipelineViewportCoarseSampleOrderStateCreateInfoNV"},
+    {1000165000, 80, "VkRayTracingPipelineCreateInfoNV"},
+    {1000165001, 64, "VkAccelerationStructureCreateInfoNV"},
+    {1000165003, 168, "VkGeometryNV"},
+    {1000165004, 96, "VkGeometryTrianglesNV"},
+    {1000165005, 40, "VkGeometryAABBNV"},
+    {1000165006, 56, "VkBindAccelerationStructureMemoryInfoNV"},
+    {1000165007, 32, "VkWriteDescriptorSetAccelerationStructureNV"},
+    {1000165008, 32, "VkAccelerationStructureMemoryRequirementsInfoNV"},
+    {1000165009, 64, "VkPhysicalDeviceRayTracingPropertiesNV"},
+    {1000165011, 40, "VkRayTracingShaderGroupCreateInfoNV"},
+    {1000165012, 40, "VkAccelerationStructureInfoNV"},
+    {1000166000, 24, "VkPhysicalDeviceRepresentativeFragmentTestFeaturesNV"},
+    {1000166001, 24, "VkPipelineRepresentativeFragmentTestStateCreateInfoNV"},
+    {1000168000, 32, "VkPhysicalDeviceMaintenance3Properties"},
+    {1000168001, 24, "VkDescriptorSetLayoutSupport"},
+    {1000170000, 24, "VkPhysicalDeviceImageViewImageFormatInfoEXT"},
+    {1000170001, 24, "VkFilterCubicImageViewImageFormatPropertiesEXT"},
+    {1000172000, 24, "VkPhysicalDeviceCooperativeMatrixConversionFeaturesQCOM"},
+    {1000173000, 24, "VkPhysicalDeviceElapsedTimerQueryFeaturesQCOM"},
+    {1000174000, 24, "VkDeviceQueueGlobalPriorityCreateInfo"},
+    {1000175000, 24, "VkPhysicalDeviceShaderSubgroupExtendedTypesFeatures"},
+    {1000177000, 32, "VkPhysicalDevice8BitStorageFeatures"},
+    {1000178000, 32, "VkImportMemoryHostPointerInfoEXT"},
+    {1000178001, 24, "VkMemoryHostPointerPropertiesEXT"},
+    {1000178002, 24, "VkPhysicalDeviceExternalMemoryHostPropertiesEXT"},
+    {1000180000, 24, "VkPhysicalDeviceShaderAtomicInt64Features"},
+    {1000181000, 24, "VkPhysicalDeviceShaderClockFeaturesKHR"},
+    {1000183000, 24, "VkPipelineCompilerControlCreateInfoAMD"},
+    {1000184000, 24, "VkCalibratedTimestampInfoKHR"},
+    {1000185000, 72, "VkPhysicalDeviceShaderCorePropertiesAMD"},
+    {1000187000, 24, "VkVideoDecodeH265CapabilitiesKHR"},
+    {1000187001, 40, "VkVideoDecodeH265SessionParametersCreateInfoKHR"},
+    {1000187002, 64, "VkVideoDecodeH265SessionParametersAddInfoKHR"},
+    {1000187003, 24, "VkVideoDecodeH265ProfileInfoKHR"},
+    {1000187004, 40, "VkVideoDecodeH265PictureInfoKHR"},
+    {1000187005, 24, "VkVideoDecodeH265DpbSlotInfoKHR"},
+    {1000189000, 24, "VkDeviceMemoryOverallocationCreateInfoAMD"},
+    {1000190000, 24, "VkPhysicalDeviceVertexAttributeDivisorPropertiesEXT"},
+    {1000190001, 32, "VkPipelineVertexInputDivisorStateCreateInfo"},
+    {1000190002, 24, "VkPhysicalDeviceVertexAttributeDivisorFeatures"},
+    {1000191000, 24, "VkPresentFrameTokenGGP"},
+    {1000192000, 40, "VkPipelineCreationFeedbackCreateInfo"},
+    {1000196000, 536, "VkPhysicalDeviceDriverProperties"},
+    {1000197000, 88, "VkPhysicalDeviceFloatControlsProperties"},
+    {1000199000, 32, "VkPhysicalDeviceDepthStencilResolveProperties"},
+    {1000199001, 32, "VkSubpassDescriptionDepthStencilResolve"},
+    {1000201000, 24, "VkPhysicalDeviceComputeShaderDerivativesFeaturesKHR"},
+    {1000202000, 24, "VkPhysicalDeviceMeshShaderFeaturesNV"},
+    {1000202001, 88, "VkPhysicalDeviceMeshShaderPropertiesNV"},
+    {1000203000, 24, "VkPhysicalDeviceFragmentShaderBarycentricFeaturesKHR"},
+    {1000204000, 24, "VkPhysicalDeviceShaderImageFootprintFeaturesNV"},
+    {1000205000, 32, "VkPipelineViewportExclusiveScissorStateCreateInfoNV"},
+    {1000205002, 24, "VkPhysicalDeviceExclusiveScissorFeaturesNV"},
+    {1000206000, 32, "VkCheckpointDataNV"},
+    {1000206001, 24, "VkQueueFamilyCheckpointPropertiesNV"},
+    {1000207000, 24, "VkPhysicalDeviceTimelineSemaphoreFeatures"},
+    {1000207001, 24, "VkPhysicalDeviceTimelineSemaphoreProperties"},
+    {1000207002, 32, "VkSemaphoreTypeCreateInfo"},
+    {1000207003, 48, "VkTimelineSemaphoreSubmitInfo"},
+    {1000207004, 40, "VkSemaphoreWaitInfo"},
+    {1000207005, 32, "VkSemaphoreSignalInfo"},
+    {1000208000, 32, "VkPhysicalDevicePresentTimingFeaturesEXT"},
+    {1000208001, 32, "VkSwapchainTimingPropertiesEXT"},
+    {1000208002, 40, "VkSwapchainTimeDomainPropertiesEXT"},
+    {1000208003, 32, "VkPresentTimingsInfoEXT"},
+    {1000208004, 48, "VkPresentTimingInfoEXT"},
+    {1000208005, 32, "VkPastPresentationTimingInfoEXT"},
+    {1000208006, 48, "VkPastPresentationTimingPropertiesEXT"},
+    {1000208007, 72, "VkPastPresentationTimingEXT"},
+    {1000208008, 32, "VkPresentTimingSurfaceCapabilitiesEXT"},
+    {1000208009, 40, "VkSwapchainCalibratedTimestampInfoEXT"},
+    {1000209000, 24, "VkPhysicalDeviceShaderIntegerFunctions2FeaturesINTEL"},
+    {1000210000, 24, "VkQueryPoolPerformanceQueryCreateInfoINTEL"},
+    {1000210001, 24, "VkInitializePerformanceApiInfoINTEL"},
+    {1000210002, 24, "VkPerformanceMarkerInfoINTEL"},
+    {1000210003, 24, "VkPerformanceStreamMarkerInfoINTEL"},
+    {1000210004, 32, "VkPerformanceOverrideInfoINTEL"},
+    {1000210005, 24, "VkPerformanceConfigurationAcquireInfoINTEL"},
+    {1000211000, 32, "VkPhysicalDeviceVulkanMemoryModelFeatures"},
+    {1000212000, 32, "VkPhysicalDevicePCIBusInfoPropertiesEXT"},
+    {1000213000, 24, "VkDisplayNativeHdrSurfaceCapabilitiesAMD"},
+    {1000213001, 24, "VkSwapchainDisplayNativeHdrCreateInfoAMD"},
+    {1000214000, 24, "VkImagePipeSurfaceCreateInfoFUCHSIA"},
+    {1000215000, 24, "VkPhysicalDeviceShaderTerminateInvocationFeatures"},
+    {1000217000, 32, "VkMetalSurfaceCreateInfoEXT"},
+    {1000218000, 32, "VkPhysicalDeviceFragmentDensityMapFeaturesEXT"},
+    {1000218001, 40, "VkPhysicalDeviceFragmentDensityMapPropertiesEXT"},
+    {1000218002, 24, "VkRenderPassFragmentDensityMapCreateInfoEXT"},
+    {1000221000, 24, "VkPhysicalDeviceScalarBlockLayoutFeatures"},
+    {1000225000, 32, "VkPhysicalDeviceSubgroupSizeControlProperties"},
+    {1000225001, 24, "VkPipelineShaderStageRequiredSubgroupSizeCreateInfo"},
+    {1000225002, 24, "VkPhysicalDeviceSubgroupSizeControlFeatures"},
+    {1000226000, 32, "VkFragmentShadingRateAttachmentInfoKHR"},
+    {1000226001, 32, "VkPipelineFragmentShadingRateStateCreateInfoKHR"},
+    {1000226002, 96, "VkPhysicalDeviceFragmentShadingRatePropertiesKHR"},
+    {1000226003, 32, "VkPhysicalDeviceFragmentShadingRateFeaturesKHR"},
+    {1000226004, 32, "VkPhysicalDeviceFragmentShadingRateKHR"},
+    {1000227000, 24, "VkPhysicalDeviceShaderCoreProperties2AMD"},
+    {1000229000, 24, "VkPhysicalDeviceCoherentMemoryFeaturesAMD"},
+    {1000231000, 24, "VkPhysicalDeviceShaderConstantDataFeaturesKHR"},
+    {1000232000, 24, "VkPhysicalDeviceDynamicRenderingLocalReadFeatures"},
+    {1000232001, 32, "VkRenderingAttachmentLocationInfo"},
+    {1000232002, 48, "VkRenderingInputAttachmentIndexInfo"},
+    {1000233000, 24, "VkPhysicalDeviceShaderAbortFeaturesKHR"},
+    {1000233001, 32, "VkDeviceFaultShaderAbortMessageInfoKHR"},
+    {1000233002, 24, "VkPhysicalDeviceShaderAbortPropertiesKHR"},
+    {1000234000, 24, "VkPhysicalDeviceShaderImageAtomicInt64FeaturesEXT"},
+    {1000235000, 24, "VkPhysicalDeviceShaderQuadControlFeaturesKHR"},
+    {1000237000, 272, "VkPhysicalDeviceMemoryBudgetPropertiesEXT"},
+    {1000238000, 24, "VkPhysicalDeviceMemoryPriorityFeaturesEXT"},
+    {1000238001, 24, "VkMemoryPriorityAllocateInfoEXT"},
+    {1000239000, 24, "VkSurfaceProtectedCapabilitiesKHR"},
+    {1000240000, 24, "VkPhysicalDeviceDedicatedAllocationImageAliasingFeaturesNV"},
+    {1000241000, 24, "VkPhysicalDeviceSeparateDepthStencilLayoutsFeatures"},
+    {1000241001, 24, "VkAttachmentReferenceStencilLayout"},
+    {1000241002, 24, "VkAttachmentDescriptionStencilLayout"},
+    {1000244000, 32, "VkPhysicalDeviceBufferDeviceAddressFeaturesEXT"},
+    {1000244001, 24, "VkBufferDeviceAddressInfo"},
+    {1000244002, 24, "VkBufferDeviceAddressCreateInfoEXT"},
+    {1000245000, 1048, "VkPhysicalDeviceToolProperties"},
+    {1000246000, 24, "VkImageStencilUsageCreateInfo"},
+    {1000247000, 48, "VkValidationFeaturesEXT"},
+    {1000248000, 24, "VkPhysicalDevicePresentWaitFeaturesKHR"},
+    {1000249000, 24, "VkPhysicalDeviceCooperativeMatrixFeaturesNV"},
+    {1000249001, 48, "VkCooperativeMatrixPropertiesNV"},
+    {1000249002, 24, "VkPhysicalDeviceCooperativeMatrixPropertiesNV"},
+    {1000250000, 24, "VkPhysicalDeviceCoverageReductionModeFeaturesNV"},
+    {1000250001, 24, "VkPipelineCoverageReductionStateCreateInfoNV"},
+    {1000250002, 32, "VkFramebufferMixedSamplesCombinationNV"},
+    {1000251000, 32, "VkPhysicalDeviceFragmentShaderInterlockFeaturesEXT"},
+    {1000252000, 24, "VkPhysicalDeviceYcbcrImageArraysFeaturesEXT"},
+    {1000253000, 24, "VkPhysicalDeviceUniformBufferStandardLayoutFeatures"},
+    {1000254000, 24, "VkPhysicalDeviceProvokingVertexFeaturesEXT"},
+    {1000254001, 24, "VkPipelineRasterizationProvokingVertexStateCreateInfoEXT"},
+    {1000254002, 24, "VkPhysicalDeviceProvokingVertexPropertiesEXT"},
+    {1000255000, 24, "VkSurfaceFullScreenExclusiveInfoEXT"},
+    {1000255001, 24, "VkSurfaceFullScreenExclusiveWin32InfoEXT"},
+    {1000255002, 24, "VkSurfaceCapabilitiesFullScreenExclusiveEXT"},
+    {1000256000, 24, "VkHeadlessSurfaceCreateInfoEXT"},
+    {1000257000, 32, "VkPhysicalDeviceBufferDeviceAddressFeatures"},
+    {1000257002, 24, "VkBufferOpaqueCaptureAddressCreateInfo"},
+    {1000257003, 24, "VkMemoryOpaqueCaptureAddressAllocateInfo"},
+    {1000257004, 24, "VkDeviceMemoryOpaqueCaptureAddressInfo"},
+    {1000259000, 40, "VkPhysicalDeviceLineRasterizationFeatures"},
+    {1000259001, 32, "VkPipelineRasterizationLineStateCreateInfo"},
+    {1000259002, 24, "VkPhysicalDeviceLineRasterizationProperties"},
+    {1000260000, 64, "VkPhysicalDeviceShaderAtomicFloatFeaturesEXT"},
+    {1000261000, 24, "VkPhysicalDeviceHostQueryResetFeatures"},
+    {1000265000, 24, "VkPhysicalDeviceIndexTypeUint8Features"},
+    {1000267000, 24, "VkPhysicalDeviceExtendedDynamicStateFeaturesEXT"},
+    {1000269000, 24, "VkPhysicalDevicePipelineExecutablePropertiesFeaturesKHR"},
+    {1000269001, 24, "VkPipelineInfoKHR"},
+    {1000269002, 536, "VkPipelineExecutablePropertiesKHR"},
+    {1000269003, 32, "VkPipelineExecutableInfoKHR"},
+    {1000269004, 544, "VkPipelineExecutableStatisticKHR"},
+    {1000269005, 552, "VkPipelineExecutableInternalRepresentationKHR"},
+    {1000270000, 24, "VkPhysicalDeviceHostImageCopyFeatures"},
+    {1000270001, 72, "VkPhysicalDeviceHostImageCopyProperties"},
+    {1000270002, 72, "VkMemoryToImageCopy"},
+    {1000270003, 72, "VkImageToMemoryCopy"},
+    {1000270004, 48, "VkCopyImageToMemoryInfo"},
+    {1000270005, 48, "VkCopyMemoryToImageInfo"},
+    {1000270006, 56, "VkHostImageLayoutTransitionInfo"},
+    {1000270007, 64, "VkCopyImageToImageInfo"},
+    {1000270008, 24, "VkSubresourceHostMemcpySize"},
+    {1000270009, 24, "VkHostImageCopyDevicePerformanceQuery"},
+    {1000271000, 48, "VkMemoryMapInfo"},
+    {1000271001, 32, "VkMemoryUnmapInfo"},
+    {1000272000, 32, "VkPhysicalDeviceMapMemoryPlacedFeaturesEXT"},
+    {1000272001, 24, "VkPhysicalDeviceMapMemoryPlacedPropertiesEXT"},
+    {1000272002, 24, "VkMemoryMapPlacedInfoEXT"},
+    {1000273000, 64, "VkPhysicalDeviceShaderAtomicFloat2FeaturesEXT"},
+    {1000274000, 24, "VkSurfacePresentModeKHR"},
+    {1000274001, 48, "VkSurfacePresentScalingCapabilitiesKHR"},
+    {1000274002, 32, "VkSurfacePresentModeCompatibilityKHR"},
+    {1000275000, 24, "VkPhysicalDeviceSwapchainMaintenance1FeaturesKHR"},
+    {1000275001, 32, "VkSwapchainPresentFenceInfoKHR"},
+    {1000275002, 32, "VkSwapchainPresentModesCreateInfoKHR"},
+    {1000275003, 32, "VkSwapchainPresentModeInfoKHR"},
+    {1000275004, 32, "VkSwapchainPresentScalingCreateInfoKHR"},
+    {1000275005, 40, "VkReleaseSwapchainImagesInfoKHR"},
+    {1000276000, 24, "VkPhysicalDeviceShaderDemoteToHelperInvocationFeatures"},
+    {1000277000, 56, "VkPhysicalDeviceDeviceGeneratedCommandsPropertiesNV"},
+    {1000277001, 48, "VkGraphicsShaderGroupCreateInfoNV"},
+    {1000277002, 48, "VkGraphicsPipelineShaderGroupsCreateInfoNV"},
+    {1000277003, 88, "VkIndirectCommandsLayoutTokenNV"},
+    {1000277004, 56, "VkIndirectCommandsLayoutCreateInfoNV"},
+    {1000277005, 120, "VkGeneratedCommandsInfoNV"},
+    {1000277006, 48, "VkGeneratedCommandsMemoryRequirementsInfoNV"},
+    {1000277007, 24, "VkPhysicalDeviceDeviceGeneratedCommandsFeaturesNV"},
+    {1000278000, 24, "VkPhysicalDeviceInheritedViewportScissorFeaturesNV"},
+    {1000278001, 32, "VkCommandBufferInheritanceViewportScissorInfoNV"},
+    {1000280000, 24, "VkPhysicalDeviceShaderIntegerDotProductFeatures"},
+    {1000280001, 136, "VkPhysicalDeviceShaderIntegerDotProductProperties"},
+    {1000281000, 24, "VkPhysicalDeviceTexelBufferAlignmentFeaturesEXT"},
+    {1000281001, 48, "VkPhysicalDeviceTexelBufferAlignmentProperties"},
+    {1000282000, 40, "VkCommandBufferInheritanceRenderPassTransformInfoQCOM"},
+    {1000282001, 24, "VkRenderPassTransformBeginInfoQCOM"},
+    {1000283000, 32, "VkPhysicalDeviceDepthBiasControlFeaturesEXT"},
+    {1000283001, 32, "VkDepthBiasInfoEXT"},
+    {1000283002, 24, "VkDepthBiasRepresentationInfoEXT"},
+    {1000284000, 24, "VkPhysicalDeviceDeviceMemoryReportFeaturesEXT"},
+    {1000284001, 40, "VkDeviceDeviceMemoryReportCreateInfoEXT"},
+    {1000284002, 64, "VkDeviceMemoryReportCallbackDataEXT"},
+    {1000286000, 32, "VkPhysicalDeviceRobustness2FeaturesKHR"},
+    {1000286001, 32, "VkPhysicalDeviceRobustness2PropertiesKHR"},
+    {1000287000, 40, "VkSamplerCustomBorderColorCreateInfoEXT"},
+    {1000287001, 24, "VkPhysicalDeviceCustomBorderColorPropertiesEXT"},
+    {1000287002, 24, "VkPhysicalDeviceCustomBorderColorFeaturesEXT"},
+    {1000288000, 24, "VkPhysicalDeviceTextureCompressionASTC3DFeaturesEXT"},
+    {1000290000, 32, "VkPipelineLibraryCreateInfoKHR"},
+    {1000292000, 24, "VkPhysicalDevicePresentBarrierFeaturesNV"},
+    {1000292001, 24, "VkSurfaceCapabilitiesPresentBarrierNV"},
+    {1000292002, 24, "VkSwapchainPresentBarrierCreateInfoNV"},
+    {1000294000, 32, "VkPresentIdKHR"},
+    {1000294001, 24, "VkPhysicalDevicePresentIdFeaturesKHR"},
+    {1000295000, 24, "VkPhysicalDevicePrivateDataFeatures"},
+    {1000295001, 24, "VkDevicePrivateDataCreateInfo"},
+    {1000295002, 24, "VkPrivateDataSlotCreateInfo"},
+    {1000297000, 24, "VkPhysicalDevicePipelineCreationCacheControlFeatures"},
+    {1000299000, 128, "VkVideoEncodeInfoKHR"},
+    {1000299001, 48, "VkVideoEncodeRateControlInfoKHR"},
+    {1000299002, 40, "VkVideoEncodeRateControlLayerInfoKHR"},
+    {1000299003, 56, "VkVideoEncodeCapabilitiesKHR"},
+    {1000299004, 32, "VkVideoEncodeUsageInfoKHR"},
+    {1000299005, 24, "VkQueryPoolVideoEncodeFeedbackCreateInfoKHR"},
+    {1000299006, 32, "VkPhysicalDeviceVideoEncodeQualityLevelInfoKHR"},
+    {1000299007, 24, "VkVideoEncodeQualityLevelPropertiesKHR"},
+    {1000299008, 24, "VkVideoEncodeQualityLevelInfoKHR"},
+    {1000299009, 24, "VkVideoEncodeSessionParametersGetInfoKHR"},
+    {1000299010, 24, "VkVideoEncodeSessionParametersFeedbackInfoKHR"},
+    {1000300000, 24, "VkPhysicalDeviceDiagnosticsConfigFeaturesNV"},
+    {1000300001, 24, "VkDeviceDiagnosticsConfigCreateInfoNV"},
+    {1000302000, 24, "VkPerfHintInfoQCOM"},
+    {1000302001, 24, "VkPhysicalDeviceQueuePerfHintFeaturesQCOM"},
+    {1000302002, 24, "VkPhysicalDeviceQueuePerfHintPropertiesQCOM"},
+    {1000303000, 32, "VkPhysicalDeviceImageProcessing3FeaturesQCOM"},
+    {1000304000, 24, "VkPhysicalDeviceShaderMultipleWaitQueuesFeaturesQCOM"},
+    {1000304001, 24, "VkPhysicalDeviceShaderMultipleWaitQueuesPropertiesQCOM"},
+    {1000305000, 24, "VkPhysicalDeviceShaderSplitBarrierFeaturesEXT"},
+    {1000305001, 24, "VkPhysicalDeviceShaderSplitBarrierPropertiesEXT"},
+    {1000309000, 72, "VkPhysicalDeviceTileShadingFeaturesQCOM"},
+    {1000309001, 40, "VkPhysicalDeviceTileShadingPropertiesQCOM"},
+    {1000309002, 32, "VkRenderPassTileShadingCreateInfoQCOM"},
+    {1000309003, 16, "VkPerTileBeginInfoQCOM"},
+    {1000309004, 16, "VkPerTileEndInfoQCOM"},
+    {1000309005, 16, "VkDispatchTileInfoQCOM"},
+    {1000310000, 24, "VkQueryLowLatencySupportNV"},
+    {1000311000, 24, "VkExportMetalObjectCreateInfoEXT"},
+    {1000311001, 16, "VkExportMetalObjectsInfoEXT"},
+    {1000311002, 24, "VkExportMetalDeviceInfoEXT"},
+    {1000311003, 32, "VkExportMetalCommandQueueInfoEXT"},
+    {1000311004, 32, "VkExportMetalBufferInfoEXT"},
+    {1000311005, 24, "VkImportMetalBufferInfoEXT"},
+    {1000311006, 56, "VkExportMetalTextureInfoEXT"},
+    {1000311007, 32, "VkImportMetalTextureInfoEXT"},
+    {1000311008, 32, "VkExportMetalIOSurfaceInfoEXT"},
+    {1000311009, 24, "VkImportMetalIOSurfaceInfoEXT"},
+    {1000311010, 40, "VkExportMetalSharedEventInfoEXT"},
+    {1000311011, 24, "VkImportMetalSharedEventInfoEXT"},
+    {1000314000, 48, "VkMemoryBarrier2"},
+    {1000314001, 80, "VkBufferMemoryBarrier2"},
+    {1000314002, 96, "VkImageMemoryBarrier2"},
+    {1000314003, 64, "VkDependencyInfo"},
+    {1000314004, 64, "VkSubmitInfo2"},
+    {1000314005, 48, "VkSemaphoreSubmitInfo"},
+    {1000314006, 32, "VkCommandBufferSubmitInfo"},
+    {1000314007, 24, "VkPhysicalDeviceSynchronization2Features"},
+    {1000314008, 24, "VkQueueFamilyCheckpointProperties2NV"},
+    {1000314009, 32, "VkCheckpointData2NV"},
+    {1000316000, 256, "VkPhysicalDeviceDescriptorBufferPropertiesEXT"},
+    {1000316001, 24, "VkPhysicalDeviceDescriptorBufferDensityMapPropertiesEXT"},
+    {1000316002, 32, "VkPhysicalDeviceDescriptorBufferFeaturesEXT"},
+    {1000316003, 40, "VkDescriptorAddressInfoEXT"},
+    {1000316004, 32, "VkDescriptorGetInfoEXT"},
+    {1000316005, 24, "VkBufferCaptureDescriptorDataInfoEXT"},
+    {1000316006, 24, "VkImageCaptureDescriptorDataInfoEXT"},
+    {1000316007, 24, "VkImageViewCaptureDescriptorDataInfoEXT"},
+    {1000316008, 24, "VkSamplerCaptureDescriptorDataInfoEXT"},
+    {1000316009, 32, "VkAccelerationStructureCaptureDescriptorDataInfoEXT"},
+    {1000316010, 24, "VkOpaqueCaptureDescriptorDataCreateInfoEXT"},
+    {1000316011, 32, "VkDescriptorBufferBindingInfoEXT"},
+    {1000316012, 24, "VkDescriptorBufferBindingPushDescriptorBufferHandleEXT"},
+    {1000318000, 64, "VkDeviceMemoryCopyKHR"},
+    {1000318001, 32, "VkCopyDeviceMemoryInfoKHR"},
+    {1000318002, 88, "VkDeviceMemoryImageCopyKHR"},
+    {1000318003, 40, "VkCopyDeviceMemoryImageInfoKHR"},
+    {1000318004, 32, "VkMemoryRangeBarriersInfoKHR"},
+    {1000318005, 80, "VkMemoryRangeBarrierKHR"},
+    {1000318006, 24, "VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR"},
+    {1000318007, 40, "VkBindIndexBuffer3InfoKHR"},
+    {1000318008, 56, "VkBindVertexBuffer3InfoKHR"},
+    {1000318009, 48, "VkDrawIndirect2InfoKHR"},
+    {1000318010, 72, "VkDrawIndirectCount2InfoKHR"},
+    {1000318011, 40, "VkDispatchIndirect2InfoKHR"},
+    {1000318012, 40, "VkConditionalRenderingBeginInfo2EXT"},
+    {1000318013, 40, "VkBindTransformFeedbackBuffer2InfoEXT"},
+    {1000318014, 48, "VkMemoryMarkerInfoAMD"},
+    {1000318015, 48, "VkAccelerationStructureCreateInfo2KHR"},
+    {1000320000, 24, "VkPhysicalDeviceGraphicsPipelineLibraryFeaturesEXT"},
+    {1000320001, 24, "VkPhysicalDeviceGraphicsPipelineLibraryPropertiesEXT"},
+    {1000320002, 24, "VkGraphicsPipelineLibraryCreateInfoEXT"},
+    {1000321000, 24, "VkPhysicalDeviceShaderEarlyAndLateFragmentTestsFeaturesAMD"},
+    {1000322000, 24, "VkPhysicalDeviceFragmentShaderBarycentricPropertiesKHR"},
+    {1000323000, 24, "VkPhysicalDeviceShaderSubgroupUniformControlFlowFeaturesKHR"},
+    {1000325000, 24, "VkPhysicalDeviceZeroInitializeWorkgroupMemoryFeatures"},
+    {1000326000, 24, "VkPhysicalDeviceFragmentShadingRateEnumsPropertiesNV"},
+    {1000326001, 32, "VkPhysicalDeviceFragmentShadingRateEnumsFeaturesNV"},
+    {1000326002, 32, "VkPipelineFragmentShadingRateEnumStateCreateInfoNV"},
+    {1000327000, 24, "VkAccelerationStructureGeometryMotionTrianglesDataNV"},
+    {1000327001, 24, "VkPhysicalDeviceRayTracingMotionBlurFeaturesNV"},
+    {1000327002, 24, "VkAccelerationStructureMotionInfoNV"},
+    {1000328000, 40, "VkPhysicalDeviceMeshShaderFeaturesEXT"},
+    {1000328001, 160, "VkPhysicalDeviceMeshShaderPropertiesEXT"},
+    {1000330000, 24, "VkPhysicalDeviceYcbcr2Plane444FormatsFeaturesEXT"},
+    {1000332000, 24, "VkPhysicalDeviceFragmentDensityMap2FeaturesEXT"},
+    {1000332001, 32, "VkPhysicalDeviceFragmentDensityMap2PropertiesEXT"},
+    {1000333000, 24, "VkCopyCommandTransformInfoQCOM"},
+    {1000335000, 24, "VkPhysicalDeviceImageRobustnessFeatures"},
+    {1000336000, 32, "VkPhysicalDeviceWorkgroupMemoryExplicitLayoutFeaturesKHR"},
+    {1000337000, 48, "VkCopyBufferInfo2"},
+    {1000337001, 56, "VkCopyImageInfo2"},
+    {1000337002, 48, "VkCopyBufferToImageInfo2"},
+    {1000337003, 56, "VkCopyImageToBufferInfo2"},
+    {1000337004, 64, "VkBlitImageInfo2"},
+    {1000337005, 56, "VkResolveImageInfo2"},
+    {1000337006, 40, "VkBufferCopy2"},
+    {1000337007, 88, "VkImageCopy2"},
+    {1000337008, 96, "VkImageBlit2"},
+    {1000337009, 72, "VkBufferImageCopy2"},
+    {1000337010, 88, "VkImageResolve2"},
+    {1000338000, 24, "VkPhysicalDeviceImageCompressionControlFeaturesEXT"},
+    {1000338001, 32, "VkImageCompressionControlEXT"},
+    {1000338002, 56, "VkSubresourceLayout2"},
+    {1000338003, 32, "VkImageSubresource2"},
+    {1000338004, 24, "VkImageCompressionPropertiesEXT"},
+    {1000339000, 24, "VkPhysicalDeviceAttachmentFeedbackLoopLayoutFeaturesEXT"},
+    {1000340000, 24, "VkPhysicalDevice4444FormatsFeaturesEXT"},
+    {1000341000, 24, "VkPhysicalDeviceFaultFeaturesEXT"},
+    {1000341001, 32, "VkDeviceFaultCountsEXT"},
+    {1000341002, 296, "VkDeviceFaultInfoEXT"},
+    {1000342000, 32, "VkPhysicalDeviceRasterizationOrderAttachmentAccessFeaturesEXT"},
+    {1000344000, 24, "VkPhysicalDeviceRGBA10X6FormatsFeaturesEXT"},
+    {1000346000, 40, "VkDirectFBSurfaceCreateInfoEXT"},
+    {1000347000, 40, "VkPhysicalDeviceRayTracingPipelineFeaturesKHR"},
+    {1000347001, 48, "VkPhysicalDeviceRayTracingPipelinePropertiesKHR"},
+    {1000348013, 24, "VkPhysicalDeviceRayQueryFeaturesKHR"},
+    {1000351000, 24, "VkPhysicalDeviceMutableDescriptorTypeFeaturesEXT"},
+    {1000351002, 32, "VkMutableDescriptorTypeCreateInfoEXT"},
+    {1000352000, 24, "VkPhysicalDeviceVertexInputDynamicStateFeaturesEXT"},
+    {1000352001, 32, "VkVertexInputBindingDescription2EXT"},
+    {1000352002, 32, "VkVertexInputAttributeDescription2EXT"},
+    {1000353000, 56, "VkPhysicalDeviceDrmPropertiesEXT"},
+    {1000354000, 24, "VkPhysicalDeviceAddressBindingReportFeaturesEXT"},
+    {1000354001, 48, "VkDeviceAddressBindingCallbackDataEXT"},
+    {1000355000, 24, "VkPhysicalDeviceDepthClipControlFeaturesEXT"},
+    {1000355001, 24, "VkPipelineViewportDepthClipControlCreateInfoEXT"},
+    {1000356000, 24, "VkPhysicalDevicePrimitiveTopologyListRestartFeaturesEXT"},
+    {1000360000, 40, "VkFormatProperties3"},
+    {1000361000, 24, "VkPhysicalDevicePresentModeFifoLatestReadyFeaturesKHR"},
+    {1000364000, 24, "VkImportMemoryZirconHandleInfoFUCHSIA"},
+    {1000364001, 24, "VkMemoryZirconHandlePropertiesFUCHSIA"},
+    {1000364002, 32, "VkMemoryGetZirconHandleInfoFUCHSIA"},
+    {1000365000, 40, "VkImportSemaphoreZirconHandleInfoFUCHSIA"},
+    {1000365001, 32, "VkSemaphoreGetZirconHandleInfoFUCHSIA"},
+    {1000366000, 24, "VkBufferCollectionCreateInfoFUCHSIA"},
+    {1000366001, 32, "VkImportMemoryBufferCollectionFUCHSIA"},
+    {1000366002, 32, "VkBufferCollectionImageCreateInfoFUCHSIA"},
+    {1000366003, 104, "VkBufferCollectionPropertiesFUCHSIA"},
+    {1000366004, 120, "VkBufferConstraintsInfoFUCHSIA"},
+    {1000366005, 32, "VkBufferCollectionBufferCreateInfoFUCHSIA"},
+    {1000366006, 80, "VkImageConstraintsInfoFUCHSIA"},
+    {1000366007, 136, "VkImageFormatConstraintsInfoFUCHSIA"},
+    {1000366008, 24, "VkSysmemColorSpaceFUCHSIA"},
+    {1000366009, 40, "VkBufferCollectionConstraintsInfoFUCHSIA"},
+    {1000369000, 32, "VkSubpassShadingPipelineCreateInfoHUAWEI"},
+    {1000369001, 24, "VkPhysicalDeviceSubpassShadingFeaturesHUAWEI"},
+    {1000369002, 24, "VkPhysicalDeviceSubpassShadingPropertiesHUAWEI"},
+    {1000370000, 24, "VkPhysicalDeviceInvocationMaskFeaturesHUAWEI"},
+    {1000371000, 32, "VkMemoryGetRemoteAddressInfoNV"},
+    {1000371001, 24, "VkPhysicalDeviceExternalMemoryRDMAFeaturesNV"},
+    {1000372000, 32, "VkPipelinePropertiesIdentifierEXT"},
+    {1000372001, 24, "VkPhysicalDevicePipelinePropertiesFeaturesEXT"},
+    {1000375000, 24, "VkPhysicalDeviceFrameBoundaryFeaturesEXT"},
+    {1000375001, 88, "VkFrameBoundaryEXT"},
+    {1000376000, 24, "VkPhysicalDeviceMultisampledRenderToSingleSampledFeaturesEXT"},
+    {1000376001, 24, "VkSubpassResolvePerformanceQueryEXT"},
+    {1000376002, 24, "VkMultisampledRenderToSingleSampledInfoEXT"},
+    {1000377000, 32, "VkPhysicalDeviceExtendedDynamicState2FeaturesEXT"},
+    {1000378000, 40, "VkScreenSurfaceCreateInfoQNX"},
+    {1000381000, 24, "VkPhysicalDeviceColorWriteEnableFeaturesEXT"},
+    {1000381001, 32, "VkPipelineColorWriteCreateInfoEXT"},
+    {1000382000, 32, "VkPhysicalDevicePrimitivesGeneratedQueryFeaturesEXT"},
+    {1000386000, 24, "VkPhysicalDeviceRayTracingMaintenance1FeaturesKHR"},
+    {1000387000, 24, "VkPhysicalDeviceShaderUntypedPointersFeaturesKHR"},
+    {1000388000, 24, "VkPhysicalDeviceGlobalPriorityQueryFeatures"},
+    {1000388001, 88, "VkQueueFamilyGlobalPriorityProperties"},
+    {1000390000, 24, "VkPhysicalDeviceVideoEncodeRgbConversionFeaturesVALVE"},
+    {1000390001, 32, "VkVideoEncodeRgbConversionCapabilitiesVALVE"},
+    {1000390002, 24, "VkVideoEncodeProfileRgbConversionInfoVALVE"},
+    {1000390003, 32, "VkVideoEncodeSessionRgbConversionCreateInfoVALVE"},
+    {1000391000, 24, "VkPhysicalDeviceImageViewMinLodFeaturesEXT"},
+    {1000391001, 24, "VkImageViewMinLodCreateInfoEXT"},
+    {1000392000, 24, "VkPhysicalDeviceMultiDrawFeaturesEXT"},
+    {1000392001, 24, "VkPhysicalDeviceMultiDrawPropertiesEXT"},
+    {1000393000, 24, "VkPhysicalDeviceImage2DViewOf3DFeaturesEXT"},
+    {1000395000, 32, "VkPhysicalDeviceShaderTileImageFeaturesEXT"},
+    {1000395001, 32, "VkPhysicalDeviceShaderTileImagePropertiesEXT"},
+    {1000396000, 96, "VkMicromapBuildInfoEXT"},
+    {1000396001, 24, "VkMicromapVersionInfoEXT"},
+    {1000396002, 40, "VkCopyMicromapInfoEXT"},
+    {1000396003, 40, "VkCopyMicromapToMemoryInfoEXT"},
+    {1000396004, 40, "VkCopyMemoryToMicromapInfoEXT"},
+    {1000396005, 32, "VkPhysicalDeviceOpacityMicromapFeaturesEXT"},
+    {1000396006, 24, "VkPhysicalDeviceOpacityMicromapPropertiesEXT"},
+    {1000396007, 64, "VkMicromapCreateInfoEXT"},
+    {1000396008, 40, "VkMicromapBuildSizesInfoEXT"},
+    {1000396009, 72, "VkAccelerationStructureTrianglesOpacityMicromapEXT"},
+    {1000404000, 24, "VkPhysicalDeviceClusterCullingShaderFeaturesHUAWEI"},
+    {1000404001, 56, "VkPhysicalDeviceClusterCullingShaderPropertiesHUAWEI"},
+    {1000404002, 24, "VkPhysicalDeviceClusterCullingShaderVrsFeaturesHUAWEI"},
+    {1000411000, 24, "VkPhysicalDeviceBorderColorSwizzleFeaturesEXT"},
+    {1000411001, 40, "VkSamplerBorderColorComponentMappingCreateInfoEXT"},
+    {1000412000, 24, "VkPhysicalDevicePageableDeviceLocalMemoryFeaturesEXT"},
+    {1000413000, 24, "VkPhysicalDeviceMaintenance4Features"},
+    {1000413001, 24, "VkPhysicalDeviceMaintenance4Properties"},
+    {1000413002, 24, "VkDeviceBufferMemoryRequirements"},
+    {1000413003, 32, "VkDeviceImageMemoryRequirements"},
+    {1000415000, 32, "VkPhysicalDeviceShaderCorePropertiesARM"},
+    {1000416000, 24, "VkPhysicalDeviceShaderSubgroupRotateFeatures"},
+    {1000417000, 24, "VkDeviceQueueShaderCoreControlCreateInfoARM"},
+    {1000417001, 24, "VkPhysicalDeviceSchedulingControlsFeaturesARM"},
+    {1000417002, 24, "VkPhysicalDeviceSchedulingControlsPropertiesARM"},
+    {1000417003, 32, "VkDispatchParametersARM"},
+    {1000417004, 32, "VkPhysicalDeviceSchedulingControlsDispatchParametersPropertiesARM"},
+    {1000418000, 24, "VkPhysicalDeviceImageSlicedViewOf3DFeaturesEXT"},
+    {1000418001, 24, "VkImageViewSlicedCreateInfoEXT"},
+    {1000420000, 24, "VkPhysicalDeviceDescriptorSetHostMappingFeaturesVALVE"},
+    {1000420001, 32, "VkDescriptorSetBindingReferenceVALVE"},
+    {1000420002, 32, "VkDescriptorSetLayoutHostMappingInfoVALVE"},
+    {1000421000, 24, "VkPhysicalDeviceDepthClampZeroOneFeaturesKHR"},
+    {1000422000, 24, "VkPhysicalDeviceNonSeamlessCubeMapFeaturesEXT"},
+    {1000424000, 24, "VkPhysicalDeviceRenderPassStripedFeaturesARM"},
+    {1000424001, 32, "VkPhysicalDeviceRenderPassStripedPropertiesARM"},
+    {1000424002, 32, "VkRenderPassStripeBeginInfoARM"},
+    {1000424003, 32, "VkRenderPassStripeInfoARM"},
+    {1000424004, 32, "VkRenderPassStripeSubmitInfoARM"},
+    {1000425000, 24, "VkPhysicalDeviceFragmentDensityMapOffsetFeaturesEXT"},
+    {1000425001, 24, "VkPhysicalDeviceFragmentDensityMapOffsetPropertiesEXT"},
+    {1000425002, 32, "VkRenderPassFragmentDensityMapOffsetEndInfoEXT"},
+    {1000426000, 24, "VkPhysicalDeviceCopyMemoryIndirectFeaturesNV"},
+    {1000426001, 24, "VkPhysicalDeviceCopyMemoryIndirectPropertiesKHR"},
+    {1000427000, 24, "VkPhysicalDeviceMemoryDecompressionFeaturesEXT"},
+    {1000427001, 32, "VkPhysicalDeviceMemoryDecompressionPropertiesEXT"},
+    {1000428000, 32, "VkPhysicalDeviceDeviceGeneratedCommandsComputeFeaturesNV"},
+    {1000428001, 40, "VkComputePipelineIndirectBufferInfoNV"},
+    {1000428002, 32, "VkPipelineIndirectDeviceAddressInfoNV"},
+    {1000429008, 24, "VkPhysicalDeviceRayTracingLinearSweptSpheresFeaturesNV"},
+    {1000429009, 96, "VkAccelerationStructureGeometryLinearSweptSpheresDataNV"},
+    {1000429010, 88, "VkAccelerationStructureGeometrySpheresDataNV"},
+    {1000430000, 24, "VkPhysicalDeviceLinearColorAttachmentFeaturesNV"},
+    {1000434000, 24, "VkPhysicalDeviceShaderMaximalReconvergenceFeaturesKHR"},
+    {1000437000, 24, "VkPhysicalDeviceImageCompressionControlSwapchainFeaturesEXT"},
+    {1000440000, 32, "VkPhysicalDeviceImageProcessingFeaturesQCOM"},
+    {1000440001, 48, "VkPhysicalDeviceImageProcessingPropertiesQCOM"},
+    {1000440002, 40, "VkImageViewSampleWeightCreateInfoQCOM"},
+    {1000451000, 32, "VkPhysicalDeviceNestedCommandBufferFeaturesEXT"},
+    {1000451001, 24, "VkPhysicalDeviceNestedCommandBufferPropertiesEXT"},
+    {1000452000, 24, "VkNativeBufferUsageOHOS"},
+    {1000452001, 32, "VkNativeBufferPropertiesOHOS"},
+    {1000452002, 72, "VkNativeBufferFormatPropertiesOHOS"},
+    {1000452003, 24, "VkImportNativeBufferInfoOHOS"},
+    {1000452004, 24, "VkMemoryGetNativeBufferInfoOHOS"},
+    {1000452005, 24, "VkExternalFormatOHOS"},
+    {1000453000, 24, "VkExternalMemoryAcquireUnmodifiedEXT"},
+    {1000455000, 144, "VkPhysicalDeviceExtendedDynamicState3FeaturesEXT"},
+    {1000455001, 24, "VkPhysicalDeviceExtendedDynamicState3PropertiesEXT"},
+    {1000458000, 24, "VkPhysicalDeviceSubpassMergeFeedbackFeaturesEXT"},
+    {1000458001, 24, "VkRenderPassCreationControlEXT"},
+    {1000458002, 24, "VkRenderPassCreationFeedbackCreateInfoEXT"},
+    {1000458003, 24, "VkRenderPassSubpassFeedbackCreateInfoEXT"},
+    {1000459000, 32, "VkDirectDriverLoadingInfoLUNARG"},
+    {1000459001, 32, "VkDirectDriverLoadingListLUNARG"},
+    {1000460000, 48, "VkTensorCreateInfoARM"},
+    {1000460001, 40, "VkTensorViewCreateInfoARM"},
+    {1000460002, 40, "VkBindTensorMemoryInfoARM"},
+    {1000460003, 32, "VkWriteDescriptorSetTensorARM"},
+    {1000460004, 88, "VkPhysicalDeviceTensorPropertiesARM"},
+    {1000460005, 32, "VkTensorFormatPropertiesARM"},
+    {1000460006, 56, "VkTensorDescriptionARM"},
+    {1000460007, 24, "VkTensorMemoryRequirementsInfoARM"},
+    {1000460008, 64, "VkTensorMemoryBarrierARM"},
+    {1000460009, 40, "VkPhysicalDeviceTensorFeaturesARM"},
+    {1000460010, 24, "VkDeviceTensorMemoryRequirementsARM"},
+    {1000460011, 48, "VkCopyTensorInfoARM"},
+    {1000460012, 48, "VkTensorCopyARM"},
+    {1000460013, 32, "VkTensorDependencyInfoARM"},
+    {1000460014, 24, "VkMemoryDedicatedAllocateInfoTensorARM"},
+    {1000460015, 40, "VkPhysicalDeviceExternalTensorInfoARM"},
+    {1000460016, 32, "VkExternalTensorPropertiesARM"},
+    {1000460017, 24, "VkExternalMemoryTensorCreateInfoARM"},
+    {1000460018, 24, "VkPhysicalDeviceDescriptorBufferTensorFeaturesARM"},
+    {1000460019, 40, "VkPhysicalDeviceDescriptorBufferTensorPropertiesARM"},
+    {1000460020, 24, "VkDescriptorGetTensorInfoARM"},
+    {1000460021, 24, "VkTensorCaptureDescriptorDataInfoARM"},
+    {1000460022, 24, "VkTensorViewCaptureDescriptorDataInfoARM"},
+    {1000460023, 32, "VkFrameBoundaryTensorsARM"},
+    {1000462000, 24, "VkPhysicalDeviceShaderModuleIdentifierFeaturesEXT"},
+    {1000462001, 32, "VkPhysicalDeviceShaderModuleIdentifierPropertiesEXT"},
+    {1000462002, 32, "VkPipelineShaderStageModuleIdentifierCreateInfoEXT"},
+    {1000462003, 56, "VkShaderModuleIdentifierEXT"},
+    {1000464000, 24, "VkPhysicalDeviceOpticalFlowFeaturesNV"},
+    {1000464001, 64, "VkPhysicalDeviceOpticalFlowPropertiesNV"},
+    {1000464002, 24, "VkOpticalFlowImageFormatInfoNV"},
+    {1000464003, 24, "VkOpticalFlowImageFormatPropertiesNV"},
+    {1000464004, 56, "VkOpticalFlowSessionCreateInfoNV"},
+    {1000464005, 32, "VkOpticalFlowExecuteInfoNV"},
+    {1000464010, 32, "VkOpticalFlowSessionCreatePrivateDataInfoNV"},
+    {1000465000, 24, "VkPhysicalDeviceLegacyDitheringFeaturesEXT"},
+    {1000466000, 24, "VkPhysicalDevicePipelineProtectedAccessFeatures"},
+    {1000468000, 24, "VkPhysicalDeviceExternalFormatResolveFeaturesANDROID"},
+    {1000468001, 32, "VkPhysicalDeviceExternalFormatResolvePropertiesANDROID"},
+    {1000468002, 24, "VkAndroidHardwareBufferFormatResolvePropertiesANDROID"},
+    {1000470000, 24, "VkPhysicalDeviceMaintenance5Features"},
+    {1000470001, 40, "VkPhysicalDeviceMaintenance5Properties"},
+    {1000470003, 40, "VkRenderingAreaInfo"},
+    {1000470004, 32, "VkDeviceImageSubresourceInfo"},
+    {1000470005, 24, "VkPipelineCreateFlags2CreateInfo"},
+    {1000470006, 24, "VkBufferUsageFlags2CreateInfo"},
+    {1000476000, 24, "VkPhysicalDeviceAntiLagFeaturesAMD"},
+    {1000476001, 32, "VkAntiLagDataAMD"},
+    {1000476002, 32, "VkAntiLagPresentationInfoAMD"},
+    {1000479000, 24, "VkSurfaceCapabilitiesPresentId2KHR"},
+    {1000479001, 32, "VkPresentId2KHR"},
+    {1000479002, 24, "VkPhysicalDevicePresentId2FeaturesKHR"},
+    {1000480000, 24, "VkSurfaceCapabilitiesPresentWait2KHR"},
+    {1000480001, 24, "VkPhysicalDevicePresentWait2FeaturesKHR"},
+    {1000480002, 32, "VkPresentWait2InfoKHR"},
+    {1000481000, 24, "VkPhysicalDeviceRayTracingPositionFetchFeaturesKHR"},
+    {1000482000, 24, "VkPhysicalDeviceShaderObjectFeaturesEXT"},
+    {1000482001, 40, "VkPhysicalDeviceShaderObjectPropertiesEXT"},
+    {1000482002, 96, "VkShaderCreateInfoEXT"},
+    {1000483000, 24, "VkPhysicalDevicePipelineBinaryFeaturesKHR"},
+    {1000483001, 40, "VkPipelineBinaryCreateInfoKHR"},
+    {1000483002, 32, "VkPipelineBinaryInfoKHR"},
+    {1000483003, 56, "VkPipelineBinaryKeyKHR"},
+    {1000483004, 40, "VkPhysicalDevicePipelineBinaryPropertiesKHR"},
+    {1000483005, 24, "VkReleaseCapturedPipelineDataInfoKHR"},
+    {1000483006, 24, "VkPipelineBinaryDataInfoKHR"},
+    {1000483007, 16, "VkPipelineCreateInfoKHR"},
+    {1000483008, 24, "VkDevicePipelineBinaryInternalCacheControlKHR"},
+    {1000483009, 32, "VkPipelineBinaryHandlesInfoKHR"},
+    {1000484000, 24, "VkPhysicalDeviceTilePropertiesFeaturesQCOM"},
+    {1000484001, 48, "VkTilePropertiesQCOM"},
+    {1000485000, 24, "VkPhysicalDeviceAmigoProfilingFeaturesSEC"},
+    {1000485001, 32, "VkAmigoProfilingSubmitInfoSEC"},
+    {1000488000, 24, "VkPhysicalDeviceMultiviewPerViewViewportsFeaturesQCOM"},
+    {1000490000, 24, "VkPhysicalDeviceRayTracingInvocationReorderFeaturesNV"},
+    {1000490001, 24, "VkPhysicalDeviceRayTracingInvocationReorderPropertiesNV"},
+    {1000491000, 24, "VkPhysicalDeviceCooperativeVectorFeaturesNV"},
+    {1000491001, 32, "VkPhysicalDeviceCooperativeVectorPropertiesNV"},
+    {1000491002, 40, "VkCooperativeVectorPropertiesNV"},
+    {1000491004, 96, "VkConvertCooperativeVectorMatrixInfoNV"},
+    {1000492000, 24, "VkPhysicalDeviceExtendedSparseAddressSpaceFeaturesNV"},
+    {1000492001, 32, "VkPhysicalDeviceExtendedSparseAddressSpacePropertiesNV"},
+    {1000495000, 24, "VkPhysicalDeviceLegacyVertexAttributesFeaturesEXT"},
+    {1000495001, 24, "VkPhysicalDeviceLegacyVertexAttributesPropertiesEXT"},
+    {1000496000, 32, "VkLayerSettingsCreateInfoEXT"},
+    {1000497000, 24, "VkPhysicalDeviceShaderCoreBuiltinsFeaturesARM"},
+    {1000497001, 32, "VkPhysicalDeviceShaderCoreBuiltinsPropertiesARM"},
+    {1000498000, 24, "VkPhysicalDevicePipelineLibraryGroupHandlesFeaturesEXT"},
+    {1000499000, 24, "VkPhysicalDeviceDynamicRenderingUnusedAttachmentsFeaturesEXT"},
+    {1000504000, 24, "VkPhysicalDeviceInternallySynchronizedQueuesFeaturesKHR"},
+    {1000505000, 32, "VkLatencySleepModeInfoNV"},
+    {1000505001, 32, "VkLatencySleepInfoNV"},
+    {1000505002, 32, "VkSetLatencyMarkerInfoNV"},
+    {1000505003, 32, "VkGetLatencyMarkerInfoNV"},
+    {1000505004, 128, "VkLatencyTimingsFrameReportNV"},
+    {1000505005, 24, "VkLatencySubmissionPresentIdNV"},
+    {1000505006, 24, "VkOutOfBandQueueTypeInfoNV"},
+    {1000505007, 24, "VkSwapchainLatencyCreateInfoNV"},
+    {1000505008, 32, "VkLatencySurfaceCapabilitiesNV"},
+    {1000506000, 24, "VkPhysicalDeviceCooperativeMatrixFeaturesKHR"},
+    {1000506001, 56, "VkCooperativeMatrixPropertiesKHR"},
+    {1000506002, 24, "VkPhysicalDeviceCooperativeMatrixPropertiesKHR"},
+    {1000507000, 48, "VkDataGraphPipelineCreateInfoARM"},
+    {1000507001, 32, "VkDataGraphPipelineSessionCreateInfoARM"},
+    {1000507002, 32, "VkDataGraphPipelineResourceInfoARM"},
+    {1000507003, 32, "VkDataGraphPipelineConstantARM"},
+    {1000507004, 32, "VkDataGraphPipelineSessionMemoryRequirementsInfoARM"},
+    {1000507005, 48, "VkBindDataGraphPipelineSessionMemoryInfoARM"},
+    {1000507006, 40, "VkPhysicalDeviceDataGraphFeaturesARM"},
+    {1000507007, 56, "VkDataGraphPipelineShaderModuleCreateInfoARM"},
+    {1000507008, 40, "VkDataGraphPipelinePropertyQueryResultARM"},
+    {1000507009, 24, "VkDataGraphPipelineInfoARM"},
+    {1000507010, 24, "VkDataGraphPipelineCompilerControlCreateInfoARM"},
+    {1000507011, 24, "VkDataGraphPipelineSessionBindPointRequirementsInfoARM"},
+    {1000507012, 32, "VkDataGraphPipelineSessionBindPointRequirementARM"},
+    {1000507013, 32, "VkDataGraphPipelineIdentifierCreateInfoARM"},
+    {1000507014, 24, "VkDataGraphPipelineDispatchInfoARM"},
+    {1000507015, 32, "VkDataGraphPipelineConstantTensorSemiStructuredSparsityInfoARM"},
+    {1000507016, 32, "VkDataGraphProcessingEngineCreateInfoARM"},
+    {1000507017, 24, "VkQueueFamilyDataGraphProcessingEnginePropertiesARM"},
+    {1000507018, 160, "VkQueueFamilyDataGraphPropertiesARM"},
+    {1000507019, 24, "VkPhysicalDeviceQueueFamilyDataGraphProcessingEngineInfoARM"},
+    {1000508000, 56, "VkQueueFamilyDataGraphTOSAPropertiesARM"},
+    {1000510000, 24, "VkPhysicalDeviceMultiviewPerViewRenderAreasFeaturesQCOM"},
+    {1000510001, 32, "VkMultiviewPerViewRenderAreasRenderPassBeginInfoQCOM"},
+    {1000511000, 24, "VkPhysicalDeviceComputeShaderDerivativesPropertiesKHR"},
+    {1000512000, 24, "VkVideoDecodeAV1CapabilitiesKHR"},
+    {1000512001, 80, "VkVideoDecodeAV1PictureInfoKHR"},
+    {1000512003, 24, "VkVideoDecodeAV1ProfileInfoKHR"},
+    {1000512004, 24, "VkVideoDecodeAV1SessionParametersCreateInfoKHR"},
+    {1000512005, 24, "VkVideoDecodeAV1DpbSlotInfoKHR"},
+    {1000513000, 128, "VkVideoEncodeAV1CapabilitiesKHR"},
+    {1000513001, 48, "VkVideoEncodeAV1SessionParametersCreateInfoKHR"},
+    {1000513002, 80, "VkVideoEncodeAV1PictureInfoKHR"},
+    {1000513003, 24, "VkVideoEncodeAV1DpbSlotInfoKHR"},
+    {1000513004, 24, "VkPhysicalDeviceVideoEncodeAV1FeaturesKHR"},
+    {1000513005, 24, "VkVideoEncodeAV1ProfileInfoKHR"},
+    {1000513006, 40, "VkVideoEncodeAV1RateControlInfoKHR"},
+    {1000513007, 64, "VkVideoEncodeAV1RateControlLayerInfoKHR"},
+    {1000513008, 88, "VkVideoEncodeAV1QualityLevelPropertiesKHR"},
+    {1000513009, 24, "VkVideoEncodeAV1SessionCreateInfoKHR"},
+    {1000513010, 32, "VkVideoEncodeAV1GopRemainingFrameInfoKHR"},
+    {1000514000, 24, "VkPhysicalDeviceVideoDecodeVP9FeaturesKHR"},
+    {1000514001, 24, "VkVideoDecodeVP9CapabilitiesKHR"},
+    {1000514002, 48, "VkVideoDecodeVP9PictureInfoKHR"},
+    {1000514003, 24, "VkVideoDecodeVP9ProfileInfoKHR"},
+    {1000515000, 24, "VkPhysicalDeviceVideoMaintenance1FeaturesKHR"},
+    {1000515001, 32, "VkVideoInlineQueryInfoKHR"},
+    {1000516000, 24, "VkPhysicalDevicePerStageDescriptorSetFeaturesNV"},
+    {1000518000, 24, "VkPhysicalDeviceImageProcessing2FeaturesQCOM"},
+    {1000518001, 24, "VkPhysicalDeviceImageProcessing2PropertiesQCOM"},
+    {1000518002, 32, "VkSamplerBlockMatchWindowCreateInfoQCOM"},
+    {1000519000, 24, "VkSamplerCubicWeightsCreateInfoQCOM"},
+    {1000519001, 24, "VkPhysicalDeviceCubicWeightsFeaturesQCOM"},
+    {1000519002, 24, "VkBlitImageCubicWeightsInfoQCOM"},
+    {1000520000, 24, "VkPhysicalDeviceYcbcrDegammaFeaturesQCOM"},
+    {1000520001, 24, "VkSamplerYcbcrConversionYcbcrDegammaCreateInfoQCOM"},
+    {1000521000, 24, "VkPhysicalDeviceCubicClampFeaturesQCOM"},
+    {1000524000, 24, "VkPhysicalDeviceAttachmentFeedbackLoopDynamicStateFeaturesEXT"},
+    {1000525000, 24, "VkPhysicalDeviceVertexAttributeDivisorProperties"},
+    {1000527000, 24, "VkPhysicalDeviceUnifiedImageLayoutsFeaturesKHR"},
+    {1000527001, 24, "VkAttachmentFeedbackLoopInfoEXT"},
+    {1000528000, 24, "VkPhysicalDeviceShaderFloatControls2Features"},
+    {1000529000, 32, "VkScreenBufferPropertiesQNX"},
+    {1000529001, 80, "VkScreenBufferFormatPropertiesQNX"},
+    {1000529002, 24, "VkImportScreenBufferInfoQNX"},
+    {1000529003, 24, "VkExternalFormatQNX"},
+    {1000529004, 24, "VkPhysicalDeviceExternalMemoryScreenBufferFeaturesQNX"},
+    {1000530000, 24, "VkPhysicalDeviceLayeredDriverPropertiesMSFT"},
+    {1000544000, 24, "VkPhysicalDeviceShaderExpectAssumeFeatures"},
+    {1000545000, 24, "VkPhysicalDeviceMaintenance6Features"},
+    {1000545001, 32, "VkPhysicalDeviceMaintenance6Properties"},
+    {1000545002, 24, "VkBindMemoryStatus"},
+    {1000545003, 64, "VkBindDescriptorSetsInfo"},
+    {1000545004, 48, "VkPushConstantsInfo"},
+    {1000545005, 48, "VkPushDescriptorSetInfo"},
+    {1000545006, 48, "VkPushDescriptorSetWithTemplateInfo"},
+    {1000545007, 56, "VkSetDescriptorBufferOffsetsInfoEXT"},
+    {1000545008, 40, "VkBindDescriptorBufferEmbeddedSamplersInfoEXT"},
+    {1000546000, 24, "VkPhysicalDeviceDescriptorPoolOverallocationFeaturesNV"},
+    {1000547000, 24, "VkPhysicalDeviceTileMemoryHeapFeaturesQCOM"},
+    {1000547001, 24, "VkPhysicalDeviceTileMemoryHeapPropertiesQCOM"},
+    {1000547002, 32, "VkTileMemoryRequirementsQCOM"},
+    {1000547003, 24, "VkTileMemoryBindInfoQCOM"},
+    {1000547004, 24, "VkTileMemorySizeInfoQCOM"},
+    {1000549000, 24, "VkPhysicalDeviceCopyMemoryIndirectFeaturesKHR"},
+    {1000549002, 56, "VkCopyMemoryIndirectInfoKHR"},
+    {1000549003, 72, "VkCopyMemoryToImageIndirectInfoKHR"},
+    {1000550002, 40, "VkDecompressMemoryInfoEXT"},
+    {1000551000, 24, "VkDisplaySurfaceStereoCreateInfoNV"},
+    {1000551001, 24, "VkDisplayModeStereoPropertiesNV"},
+    {1000552000, 40, "VkVideoEncodeIntraRefreshCapabilitiesKHR"},
+    {1000552001, 24, "VkVideoEncodeSessionIntraRefreshCreateInfoKHR"},
+    {1000552002, 24, "VkVideoEncodeIntraRefreshInfoKHR"},
+    {1000552003, 24, "VkVideoReferenceIntraRefreshInfoKHR"},
+    {1000552004, 24, "VkPhysicalDeviceVideoEncodeIntraRefreshFeaturesKHR"},
+    {1000553000, 24, "VkVideoEncodeQuantizationMapCapabilitiesKHR"},
+    {1000553001, 24, "VkVideoFormatQuantizationMapPropertiesKHR"},
+    {1000553002, 32, "VkVideoEncodeQuantizationMapInfoKHR"},
+    {1000553003, 24, "VkVideoEncodeH264QuantizationMapCapabilitiesKHR"},
+    {1000553004, 24, "VkVideoEncodeH265QuantizationMapCapabilitiesKHR"},
+    {1000553005, 24, "VkVideoEncodeQuantizationMapSessionParametersCreateInfoKHR"},
+    {1000553006, 24, "VkVideoFormatH265QuantizationMapPropertiesKHR"},
+    {1000553007, 24, "VkVideoEncodeAV1QuantizationMapCapabilitiesKHR"},
+    {1000553008, 24, "VkVideoFormatAV1QuantizationMapPropertiesKHR"},
+    {1000553009, 24, "VkPhysicalDeviceVideoEncodeQuantizationMapFeaturesKHR"},
+    {1000555000, 24, "VkPhysicalDeviceRawAccessChainsFeaturesNV"},
+    {1000556000, 24, "VkExternalComputeQueueDeviceCreateInfoNV"},
+    {1000556001, 24, "VkExternalComputeQueueCreateInfoNV"},
+    {1000556002, 24, "VkExternalComputeQueueDataParamsNV"},
+    {1000556003, 24, "VkPhysicalDeviceExternalComputeQueuePropertiesNV"},
+    {1000558000, 24, "VkPhysicalDeviceShaderRelaxedExtendedInstructionFeaturesKHR"},
+    {1000559000, 24, "VkPhysicalDeviceCommandBufferInheritanceFeaturesNV"},
+    {1000562000, 24, "VkPhysicalDeviceMaintenance7FeaturesKHR"},
+    {1000562001, 48, "VkPhysicalDeviceMaintenance7PropertiesKHR"},
+    {1000562002, 32, "VkPhysicalDeviceLayeredApiPropertiesListKHR"},
+    {1000562003, 288, "VkPhysicalDeviceLayeredApiPropertiesKHR"},
+    {1000562004, 856, "VkPhysicalDeviceLayeredApiVulkanPropertiesKHR"},
+    {1000563000, 24, "VkPhysicalDeviceShaderAtomicFloat16VectorFeaturesNV"},
+    {1000564000, 24, "VkPhysicalDeviceShaderReplicatedCompositesFeaturesEXT"},
+    {1000565000, 56, "VkTensorExplicitTilingFormatPropertiesARM"},
+    {1000565001, 32, "VkTensorRollingBackingCreateInfoARM"},
+    {1000567000, 24, "VkPhysicalDeviceShaderFloat8FeaturesEXT"},
+    {1000568000, 24, "VkPhysicalDeviceRayTracingValidationFeaturesNV"},
+    {1000569000, 24, "VkPhysicalDeviceClusterAccelerationStructureFeaturesNV"},
+    {1000569001, 48, "VkPhysicalDeviceClusterAccelerationStructurePropertiesNV"},
+    {1000569002, 24, "VkClusterAccelerationStructureClustersBottomLevelInputNV"},
+    {1000569003, 48, "VkClusterAccelerationStructureTriangleClusterInputNV"},
+    {1000569004, 32, "VkClusterAccelerationStructureMoveObjectsInputNV"},
+    {1000569005, 40, "VkClusterAccelerationStructureInputInfoNV"},
+    {1000569006, 160, "VkClusterAccelerationStructureCommandsInfoNV"},
+    {1000569007, 24, "VkRayTracingPipelineClusterAccelerationStructureCreateInfoNV"},
+    {1000570000, 24, "VkPhysicalDevicePartitionedAccelerationStructureFeaturesNV"},
+    {1000570001, 24, "VkPhysicalDevicePartitionedAccelerationStructurePropertiesNV"},
+    {1000570002, 32, "VkWriteDescriptorSetPartitionedAccelerationStructureNV"},
+    {1000570003, 40, "VkPartitionedAccelerationStructureInstancesInputNV"},
+    {1000570004, 96, "VkBuildPartitionedAccelerationStructureInfoNV"},
+    {1000570005, 24, "VkPartitionedAccelerationStructureFlagsNV"},
+    {1000572000, 24, "VkPhysicalDeviceDeviceGeneratedCommandsFeaturesEXT"},
+    {1000572001, 64, "VkPhysicalDeviceDeviceGeneratedCommandsPropertiesEXT"},
+    {1000572002, 40, "VkGeneratedCommandsMemoryRequirementsInfoEXT"},
+    {1000572003, 32, "VkIndirectExecutionSetCreateInfoEXT"},
+    {1000572004, 96, "VkGeneratedCommandsInfoEXT"},
+    {1000572006, 56, "VkIndirectCommandsLayoutCreateInfoEXT"},
+    {1000572007, 40, "VkIndirectCommandsLayoutTokenEXT"},
+    {1000572008, 32, "VkWriteIndirectExecutionSetPipelineEXT"},
+    {1000572009, 32, "VkWriteIndirectExecutionSetShaderEXT"},
+    {1000572010, 32, "VkIndirectExecutionSetPipelineInfoEXT"},
+    {1000572011, 56, "VkIndirectExecutionSetShaderInfoEXT"},
+    {1000572012, 32, "VkIndirectExecutionSetShaderLayoutInfoEXT"},
+    {1000572013, 24, "VkGeneratedCommandsPipelineInfoEXT"},
+    {1000572014, 32, "VkGeneratedCommandsShaderInfoEXT"},
+    {1000573000, 32, "VkPhysicalDeviceFaultFeaturesKHR"},
+    {1000573001, 24, "VkPhysicalDeviceFaultPropertiesKHR"},
+    {1000573002, 608, "VkDeviceFaultInfoKHR"},
+    {1000573003, 32, "VkDeviceFaultDebugInfoKHR"},
+    {1000574000, 24, "VkPhysicalDeviceMaintenance8FeaturesKHR"},
+    {1000574002, 32, "VkMemoryBarrierAccessFlags3KHR"},
+    {1000575000, 24, "VkPhysicalDeviceImageAlignmentControlFeaturesMESA"},
+    {1000575001, 24, "VkPhysicalDeviceImageAlignmentControlPropertiesMESA"},
+    {1000575002, 24, "VkImageAlignmentControlCreateInfoMESA"},
+    {1000579000, 32, "VkPhysicalDeviceShaderFmaFeaturesKHR"},
+    {1000580000, 24, "VkPushConstantBankInfoNV"},
+    {1000580001, 24, "VkPhysicalDevicePushConstantBankFeaturesNV"},
+    {1000580002, 32, "VkPhysicalDevicePushConstantBankPropertiesNV"},
+    {1000581000, 24, "VkPhysicalDeviceRayTracingInvocationReorderFeaturesEXT"},
+    {1000581001, 24, "VkPhysicalDeviceRayTracingInvocationReorderPropertiesEXT"},
+    {1000582000, 24, "VkPhysicalDeviceDepthClampControlFeaturesEXT"},
+    {1000582001, 32, "VkPipelineViewportDepthClampControlCreateInfoEXT"},
+    {1000584000, 24, "VkPhysicalDeviceMaintenance9FeaturesKHR"},
+    {1000584001, 24, "VkPhysicalDeviceMaintenance9PropertiesKHR"},
+    {1000584002, 24, "VkQueueFamilyOwnershipTransferPropertiesKHR"},
+    {1000586000, 24, "VkPhysicalDeviceVideoMaintenance2FeaturesKHR"},
+    {1000586001, 32, "VkVideoDecodeH264InlineSessionParametersInfoKHR"},
+    {1000586002, 40, "VkVideoDecodeH265InlineSessionParametersInfoKHR"},
+    {1000586003, 24, "VkVideoDecodeAV1InlineSessionParametersInfoKHR"},
+    {1000590000, 24, "VkPhysicalDeviceHdrVividFeaturesHUAWEI"},
+    {1000590001, 32, "VkHdrVividDynamicMetadataHUAWEI"},
+    {1000593000, 48, "VkPhysicalDeviceCooperativeMatrix2FeaturesNV"},
+    {1000593001, 56, "VkCooperativeMatrixFlexibleDimensionsPropertiesNV"},
+    {1000593002, 32, "VkPhysicalDeviceCooperativeMatrix2PropertiesNV"},
+    {1000596000, 24, "VkPhysicalDevicePipelineOpacityMicromapFeaturesARM"},
+    {1000598000, 24, "VkPhysicalDeviceVideoEncodeFeedback2FeaturesKHR"},
+    {1000598001, 24, "VkVideoEncodeFeedback2CapabilitiesKHR"},
+    {1000598002, 24, "VkQueryPoolVideoEncodePerPartitionFeedbackCreateInfoKHR"},
+    {1000602000, 32, "VkImportMemoryMetalHandleInfoEXT"},
+    {1000602001, 24, "VkMemoryMetalHandlePropertiesEXT"},
+    {1000602002, 32, "VkMemoryGetMetalHandleInfoEXT"},
+    {1000605000, 24, "VkPhysicalDevicePerformanceCountersByRegionFeaturesARM"},
+    {1000605001, 40, "VkPhysicalDevicePerformanceCountersByRegionPropertiesARM"},
+    {1000605002, 24, "VkPerformanceCounterARM"},
+    {1000605003, 280, "VkPerformanceCounterDescriptionARM"},
+    {1000605004, 48, "VkRenderPassPerformanceCountersByRegionBeginInfoARM"},
+    {1000607000, 24, "VkPhysicalDeviceShaderInstrumentationFeaturesARM"},
+    {1000607001, 24, "VkPhysicalDeviceShaderInstrumentationPropertiesARM"},
+    {1000607002, 16, "VkShaderInstrumentationCreateInfoARM"},
+    {1000607003, 528, "VkShaderInstrumentationMetricDescriptionARM"},
+    {1000608000, 24, "VkPhysicalDeviceVertexAttributeRobustnessFeaturesEXT"},
+    {1000609000, 24, "VkPhysicalDeviceFormatPackFeaturesARM"},
+    {1000611000, 24, "VkPhysicalDeviceFragmentDensityMapLayeredFeaturesVALVE"},
+    {1000611001, 24, "VkPhysicalDeviceFragmentDensityMapLayeredPropertiesVALVE"},
+    {1000611002, 24, "VkPipelineFragmentDensityMapLayeredCreateInfoVALVE"},
+    {1000613000, 24, "VkSetPresentConfigNV"},
+    {1000613001, 24, "VkPhysicalDevicePresentMeteringFeaturesNV"},
+    {1000616000, 24, "VkPhysicalDeviceMultisampledRenderToSwapchainFeaturesEXT"},
+    {1000616001, 24, "VkSwapchainFlagsSurfaceCapabilitiesEXT"},
+    {1000619003, 16, "VkRenderingEndInfoKHR"},
+    {1000620000, 24, "VkPhysicalDeviceZeroInitializeDeviceMemoryFeaturesEXT"},
+    {1000623000, 24, "VkPhysicalDeviceOpacityMicromapFeaturesKHR"},
+    {1000623001, 40, "VkPhysicalDeviceOpacityMicromapPropertiesKHR"},
+    {1000623002, 64, "VkAccelerationStructureGeometryMicromapDataKHR"},
+    {1000623003, 56, "VkAccelerationStructureTrianglesOpacityMicromapKHR"},
+    {1000627000, 24, "VkPhysicalDeviceShader64BitIndexingFeaturesEXT"},
+    {1000628000, 24, "VkPhysicalDeviceCustomResolveFeaturesEXT"},
+    {1000628001, 16, "VkBeginCustomResolveInfoEXT"},
+    {1000628002, 40, "VkCustomResolveCreateInfoEXT"},
+    {1000629000, 24, "VkPhysicalDeviceDataGraphModelFeaturesQCOM"},
+    {1000629001, 24, "VkDataGraphPipelineBuiltinModelCreateInfoQCOM"},
+    {1000630000, 24, "VkPhysicalDeviceMaintenance10FeaturesKHR"},
+    {1000630001, 32, "VkPhysicalDeviceMaintenance10PropertiesKHR"},
+    {1000630002, 24, "VkRenderingAttachmentFlagsInfoKHR"},
+    {1000630004, 32, "VkResolveImageModeInfoKHR"},
+    {1000631000, 24, "VkPhysicalDeviceDataGraphOpticalFlowFeaturesARM"},
+    {1000631001, 48, "VkQueueFamilyDataGraphOpticalFlowPropertiesARM"},
+    {1000631002, 56, "VkDataGraphPipelineOpticalFlowCreateInfoARM"},
+    {1000631003, 24, "VkDataGraphOpticalFlowImageFormatInfoARM"},
+    {1000631004, 24, "VkDataGraphOpticalFlowImageFormatPropertiesARM"},
+    {1000631005, 24, "VkDataGraphPipelineOpticalFlowDispatchInfoARM"},
+    {1000631006, 24, "VkDataGraphPipelineResourceInfoImageLayoutARM"},
+    {1000631007, 32, "VkDataGraphPipelineSingleNodeCreateInfoARM"},
+    {1000631008, 32, "VkDataGraphPipelineSingleNodeConnectionARM"},
+    {1000635000, 24, "VkPhysicalDeviceShaderLongVectorFeaturesEXT"},
+    {1000635001, 24, "VkPhysicalDeviceShaderLongVectorPropertiesEXT"},
+    {1000637000, 24, "VkPhysicalDevicePipelineCacheIncrementalModeFeaturesSEC"},
+    {1000642000, 24, "VkPhysicalDeviceShaderUniformBufferUnsizedArrayFeaturesEXT"},
+    {1000645000, 24, "VkComputeOccupancyPriorityParametersNV"},
+    {1000645001, 24, "VkPhysicalDeviceComputeOccupancyPriorityFeaturesNV"},
+    {1000657000, 24, "VkPhysicalDeviceMaintenance11FeaturesKHR"},
+    {1000657001, 32, "VkQueueFamilyOptimalImageTransferGranularityPropertiesKHR"},
+    {1000659000, 40, "VkPhysicalDeviceCooperativeMatrixMaintenance1FeaturesEXT"},
+    {1000659001, 32, "VkPhysicalDeviceCooperativeMatrixInfo2EXT"},
+    {1000659002, 48, "VkCooperativeMatrixProperties2EXT"},
+    {1000662000, 24, "VkPhysicalDeviceShaderSubgroupPartitionedFeaturesEXT"},
+    {1000664000, 40, "VkUbmSurfaceCreateInfoSEC"},
+    {1000668000, 40, "VkFormatProperties4KHR"},
+    {1000668001, 24, "VkImageCreateFlags2CreateInfoKHR"},
+    {1000668002, 24, "VkImageUsageFlags2CreateInfoKHR"},
+    {1000668003, 24, "VkImageViewUsage2CreateInfoKHR"},
+    {1000668004, 24, "VkPhysicalDeviceExtendedFlagsFeaturesKHR"},
+    {1000668005, 24, "VkImageStencilUsage2CreateInfoKHR"},
+    {1000668006, 24, "VkSharedPresentSurfaceCapabilities2KHR"},
+    {1000672000, 32, "VkPhysicalDeviceShaderOCPMicroscalingTypesFeaturesEXT"},
+    {1000673000, 32, "VkPhysicalDeviceShaderMixedFloatDotProductFeaturesVALVE"},
+    {1000674000, 24, "VkPhysicalDeviceThrottleHintFeaturesSEC"},
+    {1000674001, 24, "VkThrottleHintSubmitInfoSEC"},
+    {1000676000, 24, "VkDataGraphPipelineNeuralStatisticsCreateInfoARM"},
+    {1000676001, 24, "VkDataGraphPipelineSessionNeuralStatisticsCreateInfoARM"},
+    {1000676002, 24, "VkPhysicalDeviceDataGraphNeuralAcceleratorStatisticsFeaturesARM"},
+    {1000678000, 24, "VkPhysicalDevicePrimitiveRestartIndexFeaturesEXT"},
+    {1000685000, 32, "VkSurfaceCreateInfoOHOS"},
+    {1000687000, 24, "VkPhysicalDeviceImageTilingControlFeaturesEXT"},
+    {1000687001, 24, "VkImageTilingControlCreateInfoEXT"},
+    {1000689000, 24, "VkPhysicalDeviceCooperativeMatrixDecodeVectorFeaturesNV"},
 };
 // clang-format on
 

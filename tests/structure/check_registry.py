@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Checks the facts in src/vk that come from Vulkan's registry against the headers and the registry at hand, and prints what
-differs: the size of each structure, by the C compiler, the values of sTypes, and aliases of commands. What the headers lack
+differs: the size of each structure, by the C compiler, the values of sTypes and other names, and aliases of commands. What the headers lack
 may be there. What the facts lack is a finding unless the headers are newer.
 
 usage: check_registry.py [REGISTRY [ROOT [HEADER [COMPILER]]]]
@@ -19,6 +19,7 @@ import registry as vulkan  # noqa: E402
 
 SIZES = "src/vk/structure_sizes.h"
 ALIASES = "src/vk/command_aliases.h"
+ENUMS = "src/vk/enum_names.h"
 # Structures that later headers extended. The driver reads as much of them.
 GREW = {"VkPhysicalDeviceClusterCullingShaderPropertiesHUAWEI"}
 HEADER = "/usr/include/vulkan/vulkan_core.h"
@@ -51,7 +52,7 @@ def differing(rows, header, compiler):
 def check(registry, root, header=HEADER, compiler="cc"):
     text = (root / SIZES).read_text(encoding="utf-8")
     sizes = {name: (int(value), int(size)) for value, size, name in
-             re.findall(r"^    \{(\d+), (\d+)\}, // (\w+)$", text, re.M)}
+             re.findall(r'^    \{(\d+), (\d+), "(\w+)"\},$', text, re.M)}
     aliases = dict(re.findall(r'^    \{"(\w+)", "(\w+)"\},$', (root / ALIASES).read_text(encoding="utf-8"), re.M))
     version = re.search(r"registry ([\d.]+)\.$", text, re.M)[1]
     at_hand = vulkan.Registry(registry)
@@ -62,6 +63,10 @@ def check(registry, root, header=HEADER, compiler="cc"):
     structures = {name: value for value, name, _ in at_hand.structures()}
     found += [f"{SIZES}: the sType of {name} is {structures[name]}, not {value}"
               for name, (value, _) in sizes.items() if structures.get(name, value) != value]
+    enums = {name: value for value, name in
+             re.findall(r'^    \{(-?\d+), "(\w+)"\},$', (root / ENUMS).read_text(encoding="utf-8"), re.M)}
+    found += [f"{ENUMS}: {name} is {at_hand.value(name)}, not {value}" for name, value in enums.items()
+              if name in at_hand.values and at_hand.value(name) != value]
     for name, command in at_hand.aliases().items():
         if name in aliases and aliases[name] != aliases.get(command, command):
             found.append(f"{ALIASES}: {name} is an alias of {command}, not of {aliases[name]}")
@@ -72,7 +77,7 @@ def check(registry, root, header=HEADER, compiler="cc"):
     if number(at_hand.version) > number(version):
         print(f"{len(missing)} are newer than the facts, of {version}: src/vk/registry.py")
         missing = []
-    return found + missing, len(known) + len(aliases)
+    return found + missing, len(known) + len(enums) + len(aliases)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ REGISTRY = """<registry>
     <member><type>void</type>* <name>pNext</name></member><member><type>uint32_t</type> <name>value</name></member></type>
 </types>
 <enums name="VkStructureType"><enum value="7" name="VK_STRUCTURE_TYPE_ONE"/></enums>
+<enums name="VkNumber"><enum value="2" name="VK_TWO"/></enums>
 <commands>
   <command><proto><type>void</type> <name>vkOne</name></proto></command>
   <command name="vkOneKHR" alias="vkOne"/>
@@ -26,15 +27,17 @@ REGISTRY = """<registry>
 </registry>
 """
 HEADER = "typedef int VkStructureType;\ntypedef struct VkOne {\n    VkStructureType sType;\n    void *pNext;\n    int value;\n} VkOne;\n"
-SIZES = "// Written by src/vk/registry.py from Vulkan's registry 1.4.300.\n    {7, 24}, // VkOne\n"
+SIZES = "// Written by src/vk/registry.py from Vulkan's registry 1.4.300.\n    {7, 24, \"VkOne\"},\n"
 ALIASES = '    {"vkOneKHR", "vkOne"},\n'
+ENUMS = '    {2, "VK_TWO"},\n'
 
 
-def run(sizes=SIZES, aliases=ALIASES):
+def run(sizes=SIZES, aliases=ALIASES, enums=ENUMS):
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
         for name, text in {"vk.xml": REGISTRY, "include/vulkan/vulkan_core.h": HEADER, "src/vk/structure_sizes.h": sizes,
-                           "src/vk/command_aliases.h": aliases}.items():
+                           "src/vk/command_aliases.h": aliases,
+                           "src/vk/enum_names.h": enums}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text, encoding="utf-8")
         result = subprocess.run([sys.executable, str(CHECK), str(root / "vk.xml"), folder,
@@ -57,8 +60,11 @@ class CheckRegistry(unittest.TestCase):
     def test_another_type(self):
         self.expect_finding("the sType of VkOne is 7, not 8", sizes=SIZES.replace("{7", "{8"))
 
+    def test_another_value(self):
+        self.expect_finding("VK_TWO is 2, not 3", enums=ENUMS.replace("2", "3"))
+
     def test_missing(self):
-        self.expect_finding("no VkOne", sizes=SIZES.replace("    {7, 24}, // VkOne", "    {8, 24}, // VkTwo"))
+        self.expect_finding("no VkOne", sizes=SIZES.replace('{7, 24, "VkOne"}', '{8, 24, "VkTwo"}'))
         self.expect_finding("no vkOneKHR", aliases="")
 
     def test_older_facts(self):

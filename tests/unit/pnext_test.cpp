@@ -22,6 +22,12 @@ struct ThreeStructures : testing::Test {
     VkPhysicalDeviceTimelineSemaphoreFeatures timeline{kTimeline, &micromap, VK_TRUE};
 };
 
+TEST(StructureNames, AreThoseOfTheRegistry)
+{
+    EXPECT_STREQ(structureName(kMicromap), "VkPhysicalDeviceOpacityMicromapFeaturesEXT");
+    EXPECT_EQ(structureName(kUnknown), nullptr);
+}
+
 TEST_F(ThreeStructures, RemovesFromTheMiddle)
 {
     Chain chain(&timeline);

@@ -13,17 +13,30 @@ namespace
 
 static_assert(sizeof(void *) == 8, "vk/structure_sizes.h has the sizes of 64-bit systems");
 
+// Null if it is unknown.
+const StructureSize *findSize(VkStructureType type)
+{
+    const auto *found = std::ranges::lower_bound(kStructureSizes, int32_t{type}, {}, &StructureSize::type);
+    return found != std::end(kStructureSizes) && found->type == type ? found : nullptr;
+}
+
 // 0 if it is unknown.
 size_t structureSize(VkStructureType type)
 {
     // Structures of the loader are not in the registry; one is at the head of every VkDeviceCreateInfo chain.
     if (type == VK_STRUCTURE_TYPE_LOADER_INSTANCE_CREATE_INFO || type == VK_STRUCTURE_TYPE_LOADER_DEVICE_CREATE_INFO)
         return 4 * sizeof(void *);
-    const auto *found = std::ranges::lower_bound(kStructureSizes, int32_t{type}, {}, &StructureSize::type);
-    return found != std::end(kStructureSizes) && found->type == type ? found->bytes : 0;
+    const auto *found = findSize(type);
+    return found ? found->bytes : 0;
 }
 
 } // namespace
+
+const char *structureName(VkStructureType type)
+{
+    const auto *found = findSize(type);
+    return found ? found->name : nullptr;
+}
 
 const VkBaseInStructure *findInChain(const void *chain, VkStructureType type)
 {

@@ -13,6 +13,9 @@
 namespace vellum::layer
 {
 
+// The name of the structure that has an sType; null if it is unknown.
+const char *structureName(VkStructureType type);
+
 // First structure of the given type in a chain, or null.
 const VkBaseInStructure *findInChain(const void *chain, VkStructureType type);
 

@@ -48,7 +48,9 @@ Found unknownFormat(const Usage &c)
 {
     return when(
         !c.isTwoState() && !c.isFourState(),
-        [&] { return std::to_string(c.usage.format) + " is neither 2-state nor 4-state"; },
+        [&] {
+            return nameOf(static_cast<VkOpacityMicromapFormatEXT>(c.usage.format)) + " is neither 2-state nor 4-state";
+        },
         !c.support || c.support->takesUnknownFormats ? Tolerate : Reject);
 }
 
@@ -155,8 +157,7 @@ constexpr Rule<Build> kExtInfo[] = {
     {"VUID-VkMicromapBuildInfoEXT-sType-sType", Report, "sType",
      [](const Build &c) {
          return when(c.build.sType != VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT, [&] {
-             return std::to_string(c.build.sType) + " is not VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT, " +
-                    std::to_string(VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT);
+             return "it is that of " + nameOf(c.build.sType) + ", not VK_STRUCTURE_TYPE_MICROMAP_BUILD_INFO_EXT";
          });
      }},
     {"VUID-VkMicromapBuildInfoEXT-pNext-pNext", Report, "pNext",
@@ -165,7 +166,7 @@ constexpr Rule<Build> kExtInfo[] = {
      [](const Build &c) {
          return when(c.build.type != VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT &&
                          (c.support() || c.build.type != kDisplacement),
-                     [&] { return std::to_string(c.build.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"; });
+                     [&] { return nameOf(c.build.type) + " is not VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT"; });
      }},
     {"VUID-VkMicromapBuildInfoEXT-flags-parameter", Tolerate, "flags",
      [](const Build &c) {
@@ -582,7 +583,7 @@ Found noIndices(const Attached &c)
 Found wrongIndexType(const Attached &c)
 {
     return when(c.indexed() && c.indexBytes() == 0,
-                [&] { return std::to_string(c.attachment.indexType) + " is not allowed here"; });
+                [&] { return nameOf(c.attachment.indexType) + " is not allowed here"; });
 }
 Found wrongIndexStride(const Attached &c)
 {
@@ -671,8 +672,7 @@ Found repeated(const void *const &chain)
         for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
             count += s->sType == type ? 1 : 0;
         if (count > 1)
-            return {"a structure of type " + std::to_string(type) + " is in the chain " + std::to_string(count) +
-                    " times"};
+            return {nameOf(type) + " is in the chain " + std::to_string(count) + " times"};
     }
     return {};
 }

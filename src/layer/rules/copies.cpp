@@ -202,7 +202,7 @@ struct Query {
 Found wrongType(const Query &c)
 {
     return when(!(c.query.khr ? isStructureQuery(c.query.type) : isMicromapQuery(c.query.type)),
-                [&] { return std::to_string(c.query.type) + " is not a type that this command writes"; });
+                [&] { return nameOf(c.query.type) + " is not a type that this command writes"; });
 }
 // Pools of both types of micromaps work in the same way.
 Found wrongPool(const Query &c)
@@ -210,7 +210,7 @@ Found wrongPool(const Query &c)
     return when(
         c.pool.known && c.pool.type != c.query.type,
         [&] {
-            return "it was created with type " + std::to_string(c.pool.type) + ", not " + std::to_string(c.query.type);
+            return "it was created with type " + nameOf(c.pool.type) + ", not " + nameOf(c.query.type);
         },
         !c.query.khr && isMicromapQuery(c.pool.type) ? Tolerate : Reject);
 }

@@ -1,17 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "layer/rules/rule.h"
 
+#include <algorithm>
 #include <cinttypes>
 #include <cstdio>
 
+#include "layer/base/pnext.h"
+#include "vk/enum_names.h"
+
 namespace vellum::layer
 {
+namespace
+{
+
+std::string nameIn(std::span<const EnumName> names, int32_t value)
+{
+    const auto found = std::ranges::find(names, value, &EnumName::value);
+    return found == names.end() ? std::to_string(value) : found->name;
+}
+
+} // namespace
 
 std::string hex(uint64_t number)
 {
     char text[24];
     std::snprintf(text, sizeof text, "0x%" PRIx64, number);
     return text;
+}
+
+std::string nameOf(VkStructureType type)
+{
+    const char *name = structureName(type);
+    return name ? name : std::to_string(type);
+}
+
+std::string nameOf(VkQueryType type)
+{
+    return nameIn(kQueryTypeNames, type);
+}
+
+std::string nameOf(VkIndexType type)
+{
+    return nameIn(kIndexTypeNames, type);
+}
+
+std::string nameOf(VkMicromapTypeEXT type)
+{
+    return nameIn(kMicromapTypeEXTNames, type);
+}
+
+std::string nameOf(VkOpacityMicromapFormatEXT format)
+{
+    return nameIn(kOpacityMicromapFormatEXTNames, format);
 }
 
 std::string RuleDevice::nameOf(ObjectHandle object) const

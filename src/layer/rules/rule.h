@@ -100,6 +100,12 @@ struct RuleDevice {
 };
 
 std::string hex(uint64_t number);
+// The name of a value, or its number; of an sType the name of the structure.
+std::string nameOf(VkStructureType type);
+std::string nameOf(VkQueryType type);
+std::string nameOf(VkIndexType type);
+std::string nameOf(VkMicromapTypeEXT type);
+std::string nameOf(VkOpacityMicromapFormatEXT format);
 
 // --- violations of rules that several commands have ---
 Found lacksHostCommands(const RuleDevice &device);

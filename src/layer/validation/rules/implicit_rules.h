@@ -5,6 +5,7 @@
 
 #include <string_view>
 
+#include "layer/rules/rule.h"
 #include "layer/validation/rules/rule_check.h"
 
 namespace vellum::layer
@@ -59,8 +60,7 @@ template <typename Info>
 void checkStructure(const RuleCheck &check, const Info &info, const StructureIds &ids)
 {
     if (info.sType != ids.type)
-        check.fault("sType", ids.sType,
-                    std::to_string(info.sType) + " is not the type of this structure, " + std::to_string(ids.type));
+        check.fault("sType", ids.sType, "it is that of " + nameOf(info.sType) + ", not of " + nameOf(ids.type));
     check.require(info.pNext == nullptr, "pNext", ids.pNext, "it is not null; nothing extends this structure");
 }
 
