@@ -30,7 +30,8 @@ sys.exit(8 if any("Failed" in result or "Exception" in result for result in resu
 '''
 # vkd3d-proton's tests: `values` are what the checks of two tests meet, which differ if a variable is set.
 VKD3D = f"#!{sys.executable}" + '''
-import os, sys
+import os, pathlib, sys
+BEGIN
 if os.environ["VKD3D_TEST_FILTER"] != "raytracing":
     print("d3d12: 0 tests executed (0 failures, 0 skipped).")
     sys.exit()
@@ -201,9 +202,10 @@ echo "== 3 run, 2 passed, 1 skipped, 0 excluded; programs that failed: 0\"""")
         self.matrix("--deqp", "/bin/true", "--minutes", "0.05", "khronos-queries")
         self.assertEqual(self.row("khronos-queries")[2], "1 cases: 1 Pass, 2 not run")
 
-    def vkd3d(self, value, geometries="3"):
-        self.script("build/vkd3d/tests/d3d12", VKD3D.replace("VALUE", value).replace("GEOMETRIES", geometries))
-        return self.matrix("--vkd3d", self.checkout / "build/vkd3d", "vkd3d").returncode
+    def vkd3d(self, value, *words, geometries="3", begin=""):
+        self.script("build/vkd3d/tests/d3d12",
+                    VKD3D.replace("BEGIN", begin).replace("VALUE", value).replace("GEOMETRIES", geometries))
+        return self.matrix("--vkd3d", self.checkout / "build/vkd3d", "vkd3d", *words).returncode
 
     def test_vkd3d_compares_values(self):
         self.assertEqual(self.vkd3d("1"), 0)
@@ -214,6 +216,21 @@ echo "== 3 run, 2 passed, 1 skipped, 0 excluded; programs that failed: 0\"""")
     def test_vkd3d_without_forced_geometries(self):
         self.assertEqual(self.vkd3d("1", geometries="0"), 1)
         self.assertEqual(self.row("vkd3d")[2], "**failed**: forced EXT: nothing was tested")
+
+    def test_vkd3d_goes_on_by_configuration(self):
+        ran = """
+with open(pathlib.Path(__file__).parents[2] / "ran", "a", encoding="utf-8") as ran:
+    print(os.environ.get("VELLUM_FORCING_API"), file=ran)
+"""
+        self.assertNotEqual(self.vkd3d("1", begin=ran + 'if os.environ.get("VELLUM_FORCING_API") == "ext": os.kill(os.getppid(), 2)'), 0)
+        self.assertEqual(set(self.ran()), {"None", "ext"})
+        self.assertEqual(self.vkd3d("1", begin=ran), 0)
+        self.assertEqual(set(self.ran()), {"ext", "khr"})
+        self.assertRegex(self.row("vkd3d")[2], "bare 7 checks, 2 failed; layer 7 checks, 2 failed, 0 differ from bare; .*forced KHR 7")
+
+    def test_vkd3d_stopped(self):
+        self.assertEqual(self.vkd3d("1", "--minutes", "0.00001"), 1)
+        self.assertRegex(self.row("vkd3d")[2], "5 not run of 5 configurations: bare, layer, .*: nothing was tested$")
 
     def programs(self, text):
         shutil.rmtree(self.checkout / "build/programs", ignore_errors=True)
