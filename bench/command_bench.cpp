@@ -19,7 +19,6 @@
 #include "base/statistics.h"
 #include "cli/bench/timing.h"
 #include "cli/render_command.h"
-#include "cli/render_options.h"
 #include "command_cases.h"
 #include "gpu/layer_path.h"
 
@@ -48,7 +47,7 @@ double threadNanoseconds()
     return 1e9 * static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec);
 }
 
-// What one thread records into on a side.
+// The objects that one thread records into on a side.
 struct Recorder {
     explicit Recorder(const CommandSide &s)
         : side(s), pool(s.makePool()), commands(s.allocate(pool, VK_COMMAND_BUFFER_LEVEL_PRIMARY))

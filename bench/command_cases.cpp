@@ -212,7 +212,7 @@ void addObjects(std::vector<CommandCase> &cases)
                      })});
 }
 
-// What an engine might record in a frame, a thousand commands.
+// Adds the commands of an engine's frame, about a thousand.
 void addFrame(std::vector<CommandCase> &cases)
 {
     cases.push_back(

@@ -99,7 +99,7 @@ void CommandSide::createDevice(const gpu::DeviceInfo &info)
 #define VELLUM_LOAD(command) load(vk.command, "vk" #command);
     VELLUM_BENCH_OPTIONAL_COMMANDS(VELLUM_LOAD)
 #undef VELLUM_LOAD
-    // Of the loader, which puts its table into what it gives away.
+    // The queue is the loader's, which puts its table into the handles that it returns.
     vkGetDeviceQueue(device, 0, 0, &queue);
 }
 
@@ -208,7 +208,7 @@ VkCommandBuffer CommandSide::allocate(VkCommandPool pool, VkCommandBufferLevel l
     const auto info =
         vkInit<VkCommandBufferAllocateInfo>({.commandPool = pool, .level = level, .commandBufferCount = 1});
     VkCommandBuffer commands = VK_NULL_HANDLE;
-    // Of the loader, like the queue.
+    // The command buffer is the loader's, like the queue.
     checkResult(vkAllocateCommandBuffers(device, &info, &commands), "allocating a command buffer");
     return commands;
 }

@@ -8,7 +8,6 @@
 
 #include "base/statistics.h"
 #include "cli/render_command.h"
-#include "cli/render_options.h"
 #include "layer_comparison.h"
 #include "process_times.h"
 

@@ -8,7 +8,6 @@
 #include "base/progress.h"
 #include "cli/bench/timing.h"
 #include "cli/render_command.h"
-#include "cli/render_options.h"
 #include "gpu/layer_path.h"
 #include "scene_bench.h"
 

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include "cli/render_command.h"
-#include "cli/render_options.h"
 #include "core/curve.h"
 #include "core/lossy.h"
 #include "core/micromap_memory.h"

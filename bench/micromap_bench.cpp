@@ -40,7 +40,7 @@ double seconds(const std::function<void()> &work)
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-// As many triangles of a level as take about that many bytes; no two with the same data.
+// As many triangles of a level as take about that many bytes; no two have the same data.
 Micromap inputOf(uint32_t level, Format format, size_t bytes)
 {
     Micromap micromap;

@@ -29,7 +29,7 @@ double milliseconds(const std::function<void()> &work)
     return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
 }
 
-// The same device with validation off or on.
+// A device with validation off or on.
 struct Side {
     Side(const char *validate, const std::optional<std::string> &wanted)
     {

@@ -4,18 +4,18 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <memory>
 #include <string>
 
-#include "bake/assembly.h"
 #include "bake/budget.h"
 #include "bake/classify.h"
 #include "bake/packed.h"
-#include "bake/work.h"
 #include "core/curve.h"
 #include "core/hash.h"
-#include "core/progress.h"
+#include "core/large_memory.h"
+#include "core/parallel.h"
 
 namespace vellum
 {
@@ -24,6 +24,79 @@ namespace
 
 // Bytes of a micromap triangle's record, VkMicromapTriangleEXT.
 constexpr uint32_t kRecordBytes = 8;
+
+// inParallel() of work that may be cancelled: then it throws BakeCancelled.
+template <typename State, typename Function>
+void inParallel(unsigned threads, size_t count, const std::function<bool()> &cancelled, Function &&function)
+{
+    vellum::inParallel<State>(threads, count, [&](size_t i, State &state) {
+        if (cancelled && cancelled())
+            throw BakeCancelled();
+        function(i, state);
+    });
+}
+
+// The micromap as it grows, each different piece of data once.
+class MicromapAssembly
+{
+public:
+    // `bytes` of data are not exceeded, as far as is known.
+    explicit MicromapAssembly(uint64_t bytes);
+
+    // The index of a micromap triangle with this data, which becomes part of the micromap unless it is already. Throws
+    // BakeTooLarge where that takes it beyond `maxDataBytes`.
+    int32_t add(const uint8_t *data, uint32_t level, Format format, uint64_t hash, uint64_t maxDataBytes);
+
+    Micromap micromap;
+
+private:
+    void grow();
+
+    std::vector<uint64_t> hashes_; // of each micromap triangle
+    std::vector<int32_t> slots_;   // by hash: micromap triangles, -1 where there is none
+};
+
+MicromapAssembly::MicromapAssembly(uint64_t bytes) : slots_(64, -1)
+{
+    // Capacity that is never used costs addresses only; a vector that grows needs the old and the new memory at once.
+    reserveLarge(micromap.data, bytes);
+}
+
+void MicromapAssembly::grow()
+{
+    std::vector<int32_t> slots(slots_.size() * 2, -1);
+    for (size_t i = 0; i < hashes_.size(); ++i) {
+        size_t slot = hashes_[i] & (slots.size() - 1);
+        while (slots[slot] >= 0)
+            slot = (slot + 1) & (slots.size() - 1);
+        slots[slot] = static_cast<int32_t>(i);
+    }
+    slots_ = std::move(slots);
+}
+
+int32_t MicromapAssembly::add(const uint8_t *data, uint32_t level, Format format, uint64_t hash, uint64_t maxDataBytes)
+{
+    const size_t bytes = packedBytes(level, format);
+    size_t slot = hash & (slots_.size() - 1);
+    for (; slots_[slot] >= 0; slot = (slot + 1) & (slots_.size() - 1)) {
+        const auto which = static_cast<size_t>(slots_[slot]);
+        const MicromapTriangle &t = micromap.triangles[which];
+        if (hashes_[which] == hash && t.subdivisionLevel == level && t.format == format &&
+            std::memcmp(micromap.data.data() + t.dataOffset, data, bytes) == 0)
+            return slots_[slot];
+    }
+    if (micromap.data.size() + bytes > maxDataBytes)
+        throw BakeTooLarge("the micromap would be larger than " + std::to_string(maxDataBytes) +
+                           " bytes; choose a lower subdivision level or a budget");
+    const auto index = static_cast<int32_t>(micromap.triangles.size());
+    slots_[slot] = index;
+    hashes_.push_back(hash);
+    micromap.triangles.push_back({static_cast<uint32_t>(micromap.data.size()), static_cast<uint16_t>(level), format});
+    micromap.data.insert(micromap.data.end(), data, data + bytes);
+    if (hashes_.size() * 2 > slots_.size())
+        grow();
+    return index;
+}
 
 void check(const AlphaTexture &texture)
 {
@@ -53,7 +126,7 @@ void check(const BakeOptions &options)
 {
     checkLevel(options.level.value_or(options.maxLevel));
     checkFormat(options.format);
-    // What is far beyond any GPU's rounding would only make triangles reach over all of the plane.
+    // A tolerance far beyond any GPU's rounding would only make triangles reach over all of the plane.
     const struct {
         const char *name;
         double value;
@@ -136,7 +209,7 @@ public:
         ClassifierScratch classifier;
         std::vector<uint8_t> packed;
     };
-    // As Classifier::classify, for all mip levels.
+    // Classifies like Classifier::classify, for all mip levels.
     void classify(const TriangleUvs &uvs, uint32_t level, uint8_t *packed, Scratch &scratch) const
     {
         levels_.front()->classify(uvs, level, packed, scratch.classifier);
@@ -304,7 +377,7 @@ void applyBudget(DistinctTriangles &distinct, const BakeOptions &options, unsign
         }
         progress.done(triangle.uses);
     });
-    // What separateSpecialIndices() may add.
+    // The most bytes that separateSpecialIndices() adds.
     const uint64_t more = options.disallowMixedSpecialIndices ? 4 * (kRecordBytes + 1) : 0;
     fitBudget(choices, *options.budget - std::min(*options.budget, more));
     for (size_t i = 0; i < choices.size(); ++i) {

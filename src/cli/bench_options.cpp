@@ -5,7 +5,7 @@
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
-#include "cli/render_options.h"
+#include "cli/render_command.h"
 
 namespace vellum::cli
 {

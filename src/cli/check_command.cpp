@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "cli/check_command.h"
 #include "base/files.h"
 #include "base/process.h"
-#include "cli/check_options.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -29,7 +29,7 @@ namespace
 
 constexpr double kSecondsBetweenWrites = 30;
 
-// Of this process and of the workers, which inherit it.
+// Sets the environment of this process and of the workers, which inherit it.
 void prepareEnvironment(const CheckOptions &options)
 {
     if (options.layer)

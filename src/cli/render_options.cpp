@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cli/render_options.h"
 
 #include <map>
 #include <memory>
@@ -66,7 +65,7 @@ const std::map<std::string, Mode> kModes = {{"alpha", Mode::Alpha},
 const std::map<std::string, render::Trace> kTraces = {{"query", render::Trace::Query},
                                                       {"pipeline", render::Trace::Pipeline}};
 
-// What CLI11 stores as text.
+// The text that CLI11 stores.
 struct RawOptions {
     std::optional<std::filesystem::path> operand; // OUT
     std::optional<std::filesystem::path> output;  // -o

@@ -5,6 +5,9 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "base/files.h"
@@ -14,7 +17,6 @@
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
-#include "cli/run/message_summary.h"
 #include "core/utf8_path.h"
 #include "gpu/layer_path.h"
 
@@ -54,6 +56,86 @@ struct RunOptions {
     std::string validate; // empty: not given
     std::optional<std::filesystem::path> layerFolder;
 };
+
+// The layer's messages of one run, as its setting report_file writes them.
+enum class MessageSeverity { Info, Warning, Error };
+
+struct MessageSummary {
+    struct Kind {
+        MessageSeverity severity;
+        std::string id;
+        std::string text; // of the first
+        size_t count;
+    };
+    std::vector<Kind> kinds; // of warnings and errors, in the order of the first of each
+    size_t errors = 0;
+    size_t warnings = 0;
+    size_t devices = 0; // whose micromaps the layer provides or validates
+};
+
+struct Message {
+    MessageSeverity severity;
+    std::string id;
+    std::string text;
+};
+
+// "<severity> <id>: <text>"; nothing for a line that is cut off.
+std::optional<Message> parse(const std::string &line)
+{
+    const size_t space = line.find(' ');
+    const size_t colon = line.find(": ");
+    if (space == std::string::npos || colon == std::string::npos || colon < space)
+        return std::nullopt;
+    const std::string severity = line.substr(0, space);
+    Message message{MessageSeverity::Info, line.substr(space + 1, colon - space - 1), line.substr(colon + 2)};
+    if (severity == "error")
+        message.severity = MessageSeverity::Error;
+    else if (severity == "warning")
+        message.severity = MessageSeverity::Warning;
+    else if (severity != "info")
+        return std::nullopt;
+    return message;
+}
+
+std::string counted(size_t count, const char *what)
+{
+    return fmt::format("{} {}{}", count == 0 ? "no" : std::to_string(count), what, count == 1 ? "" : "s");
+}
+
+MessageSummary readMessages(std::istream &lines)
+{
+    MessageSummary summary;
+    for (std::string line; std::getline(lines, line);) {
+        const std::optional<Message> message = parse(line);
+        if (!message)
+            continue;
+        if (message->severity == MessageSeverity::Info) {
+            summary.devices += message->id == "VELLUM-device" ? 1u : 0u;
+            continue;
+        }
+        ++(message->severity == MessageSeverity::Error ? summary.errors : summary.warnings);
+        const auto kind = std::ranges::find_if(summary.kinds, [&](const MessageSummary::Kind &k) {
+            return k.severity == message->severity && k.id == message->id;
+        });
+        if (kind == summary.kinds.end())
+            summary.kinds.push_back({message->severity, message->id, message->text, 1});
+        else
+            ++kind->count;
+    }
+    return summary;
+}
+
+// On stderr.
+void print(const MessageSummary &summary)
+{
+    if (summary.devices == 0)
+        fmt::print(stderr, "vellum run: no device used micromaps through the layer: nothing was checked\n");
+    fmt::print(stderr, "vellum run: {}, {}, {} checked\n", counted(summary.errors, "error"),
+               counted(summary.warnings, "warning"), counted(summary.devices, "device"));
+    for (const MessageSummary::Kind &kind : summary.kinds)
+        fmt::print(stderr, "  {:<7} {}{}: {}\n", kind.severity == MessageSeverity::Error ? "error" : "warning", kind.id,
+                   kind.count == 1 ? "" : fmt::format(" ({} times)", kind.count), kind.text);
+}
 
 // The words behind "--", as they are: the library of the command line splits words like "[a,b]".
 std::vector<std::string> wordsBehindSeparator(const std::vector<std::string> &words)

@@ -13,7 +13,6 @@
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
 #include "cli/spirv/modules.h"
-#include "cli/spirv/report.h"
 #include "core/utf8_path.h"
 #include "spirv/rewrite.h"
 
@@ -244,8 +243,8 @@ const char *actionOf(const SpirvOptions &options)
     return options.rewrite ? "rewrite" : options.disable ? "disable" : "enable";
 }
 
-// Whether the output may be replaced without --force: a module, which cannot record who wrote it, but not the input,
-// and not an operand: *.spv in a folder of two modules is IN OUT.
+// Returns whether the output may be replaced without --force: a module, which cannot record who wrote it, but not the
+// input, and not an operand: *.spv in a folder of two modules is IN OUT.
 bool replacesModule(const SpirvOptions &options)
 {
     if (options.operandOutput)

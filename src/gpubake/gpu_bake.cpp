@@ -23,7 +23,7 @@ static_assert(sizeof(GpuBakeResult) == (1 + kBakeLevels + 4) * 4);
 static_assert(kGpuBakeLevels == kBakeLevels);
 static_assert(sizeof(VkMicromapTriangleEXT) == 8);
 
-// As bake_begin.comp places them.
+// The layout that bake_begin.comp uses.
 struct MipCells {
     uint32_t x;
     uint32_t y;
@@ -147,7 +147,7 @@ void countList(Recording &recording, uint32_t triangles, uint32_t which)
     recording.run(Shader::Scan, 1, 1, which);
 }
 
-// What both ways begin with: until it is known which triangles get data.
+// Records the part that both ways begin with: until it is known which triangles get data.
 void findStates(Recording &recording, const GpuAlphaInfo &alpha, uint32_t triangles, bool specialIndices)
 {
     makeMasks(recording, alpha);

@@ -14,7 +14,7 @@ namespace vellum::gpubake
 
 using Parameters = std::array<uint32_t, shared::kBakeSetWords>;
 
-// Whether the description of an image is in range.
+// Returns whether the description of an image is in range.
 bool valid(const GpuAlphaInfo &alpha);
 
 // The wrap number of an address mode; nothing for one that does not exist.

@@ -3,15 +3,36 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "base/picture.h"
-#include "render/camera.h"
+#include "render/math.h"
 #include "render/texture.h"
 #include "render/trace_pipeline.h"
 #include "render/world.h"
 
 namespace vellum::render
 {
+
+// A pinhole camera that sees all of a scene.
+struct View {
+    float yaw = 25;         // degrees about the vertical axis; 0 looks along -z
+    float pitch = 3;        // degrees down
+    float zoom = 1;         // above 1: closer
+    float fieldOfView = 32; // degrees, vertical
+};
+
+struct Camera {
+    Vec3 origin{};
+    // The direction of the ray through the picture's point (x, y), both -1..1, y up: forward + x * right + y * up.
+    Vec3 right{};
+    Vec3 up{};
+    Vec3 forward{};
+};
+
+// The camera that looks from just so far that all `points` are in a picture of `aspect` (width by height), in the
+// middle of it, for a zoom of 1.
+Camera fitCamera(std::span<const Vec3> points, const View &view, float aspect);
 
 struct RenderSettings {
     uint32_t width = 1280;
@@ -46,15 +67,15 @@ public:
 
     // Renders one frame.
     gpu::Milliseconds timedFrame();
-    // The same, and returns the milliseconds: on a GPU by timestamps, else by the clock.
+    // Draws a frame and returns the milliseconds: on a GPU by timestamps, otherwise by the clock.
     double frame() { return timedFrame().gpu; }
     // Makes a new pipeline, renders a frame with it, and returns the milliseconds of both together by the clock.
     double firstFrame();
-    // What the last frame drew.
+    // The picture of the last frame.
     [[nodiscard]] Picture picture();
     // Renders once more with a shader that counts.
     CandidateCount count();
-    // The same by pixel: what the shader was handed for all rays of a sample, on average.
+    // The number of candidates by pixel: those that the shader got for all rays of a sample, on average.
     std::vector<float> candidatesPerPixel();
     [[nodiscard]] VkDeviceSize micromapBytes() const { return world_.micromapBytes(); }
     [[nodiscard]] VkDeviceSize structureBytes() const { return world_.structureBytes(); }

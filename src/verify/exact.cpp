@@ -86,8 +86,9 @@ Outcomes ExactPart::outcomesIn(const Texels &texels, int64_t x, int64_t y, doubl
             return {true, true};
         f[i] = Fraction(values[i]) * Fraction(scale) - Fraction(cutoff);
     }
-    // As in patch.h, but that the sign of a quadratic with the Bernstein coefficients p, q, r needs no turn: with p and
-    // r of one sign and q of the other, it has both if and only if q^2 > p r, and touches 0 where they are equal.
+    // This follows polygon.h, except that the sign of a quadratic with the Bernstein coefficients p, q, r needs no
+    // turn: with p and r of one sign and q of the other, it has both if and only if q^2 > p r, and touches 0 where they
+    // are equal.
     const Fraction a = f[1] - f[0];
     const Fraction b = f[2] - f[0];
     const Fraction c = f[3] - f[2] - a;

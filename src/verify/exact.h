@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same questions in exact arithmetic, for what double precision leaves open: values that equal the cutoff, outlines
-// that run along an edge. Fractions of integers of any size; slow, and seldom needed.
+// Decides in exact arithmetic what double precision leaves open: values that equal the cutoff, outlines that run along
+// an edge. Fractions of integers of any size; slow, and seldom needed.
 #pragma once
 
 #include <array>

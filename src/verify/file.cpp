@@ -64,7 +64,8 @@ private:
     std::optional<Texels> texels_;  // of texture_
     std::optional<TextureKey> key_; // of texture_; none for materials without alpha test
     FileReport report_;
-    // Of the primitives with one material, by a hash of what decides their results: into report_.primitives.
+    // The verified primitives of one material, by a hash of the data that determine their results: into
+    // report_.primitives.
     std::map<uint64_t, size_t> verified_;
     // By micromap, the alphas of triangles whose vertices have equal alphas; no more than decide Options::manyAlphas.
     std::map<uint32_t, std::set<float>> alphas_;
@@ -73,7 +74,7 @@ private:
     size_t total_ = 0;
 };
 
-// What a device must be able to do.
+// Finds the features that a device needs.
 void FileVerifier::describe()
 {
     work_ = options_.fileWork;

@@ -47,7 +47,7 @@ struct Unverified {
 
 struct FileReport {
     StoredMicromaps stored; // its extension is empty if the file has no micromaps
-    // Of the structure. If there are any, claims are not verified.
+    // Findings about the structure. If there are any, claims are not verified.
     std::vector<MicromapFinding> findings;
     std::vector<PrimitiveReport> primitives; // in the file's order
     std::vector<Unverified> unverified;

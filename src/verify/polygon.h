@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Convex polygons in double precision, and how they are cut.
+// Convex polygons in double precision: how they are cut, and the filtered value over the part of one that lies in a
+// cell of a bilinear filter.
 #pragma once
 
 #include <array>
@@ -67,5 +68,33 @@ private:
 // All points that are in a box of twice the margins around a point of the triangle: their Minkowski sum. A corner is
 // off by no more than 2^-47 of the largest coordinate.
 Polygon widened(const std::array<Point, 3> &triangle, double marginX, double marginY);
+
+// The texels at the corners of a cell: the square between the centres of four texels, in which the value is
+// f(s, t) = f00 + a s + b t + c s t.
+struct CellTexels {
+    double f00, f10, f01, f11;
+};
+
+// A value that was found, and where.
+struct Witness {
+    Point at; // in texels, unwrapped
+    double value = 0;
+};
+
+struct Extremes {
+    // Nothing is below the first or above the last.
+    double floor;
+    Witness least; // found: the true least value is between `floor` and this
+    Witness most;
+    double ceiling;
+};
+
+// In double precision, with nothing added for rounding. `polygon` has corners, and (x, y) is where texel f00 is.
+//
+// A bilinear function has no extreme inside a polygon, for its Hessian is indefinite; so its sides are looked at. On a
+// side f is a quadratic, which lies between its Bernstein coefficients: the values at the ends, and the polar form of f
+// at both. Where the inner one is the furthest out, the side is divided at the turn, after which the coefficients
+// beside the turn are the extreme itself.
+Extremes extremesOver(const Polygon &polygon, const CellTexels &texels, double x, double y);
 
 } // namespace vellum::verify

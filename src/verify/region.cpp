@@ -88,7 +88,7 @@ Region::Region(const Texels &texels, const TriangleCorners &triangle, const Tole
     // A coordinate times the size is exact: 24 and at most 29 bits.
     for (size_t i = 0; i < 3; ++i)
         corners_[i] = {double{triangle.u[i]} * texture.width, double{triangle.v[i]} * texture.height};
-    // What interpolation and the barycentrics of a hit may add to an interpolated number of these three.
+    // The change that interpolation and the barycentrics of a hit may make to an interpolated number of these three.
     const auto moved = [&](const std::array<float, 3> &values, float terms) {
         const double largest = std::max({std::abs(values[0]), std::abs(values[1]), std::abs(values[2]), terms});
         const double slope = std::abs(double{values[1]} - values[0]) + std::abs(double{values[2]} - values[0]);

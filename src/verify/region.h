@@ -8,14 +8,14 @@
 #include <cstdint>
 #include <vector>
 
-#include "verify/patch.h"
+#include "verify/polygon.h"
 #include "verify/texels.h"
 #include "verify/triangle.h"
 
 namespace vellum::verify
 {
 
-// What a GPU may do differently from the mathematics; as in docs/baking.md.
+// The limits of how a GPU may differ from the mathematics; as in docs/baking.md.
 struct Tolerances {
     double value = 2.0 / 255.0;              // of the filtered value
     double subtexel = 1.0 / 16.0;            // of the sample's place, in texels
@@ -32,7 +32,7 @@ struct AlphaRule {
 
 enum class Answer : uint8_t { No, Yes, Open };
 
-// Whether there is a place whose value is below the upper threshold ("not opaque"), and one whose value is not below
+// True if there is a place whose value is below the upper threshold ("not opaque"), and one whose value is not below
 // the lower one ("not transparent"). Without tolerances they are those of the rule.
 struct Verdict {
     Answer notOpaque = Answer::No;
@@ -90,7 +90,7 @@ private:
 
     [[nodiscard]] TexelBox boxOf(const Part &part) const;
     [[nodiscard]] Range factorsOf(const Part &part) const;
-    // Whether values in a range could answer what is still asked.
+    // Returns whether values in a range could answer an open question.
     [[nodiscard]] bool matters(const Search &search, const Range &values) const;
     void found(Search &search, const Witness &least, const Witness &most, double slack) const;
     void leaveOpen(Search &search, const Range &values) const;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What verification is given of a triangle, and the lattice of its micro-triangles' corners.
+// A triangle to verify, and the lattice of its micro-triangles' corners.
 #pragma once
 
 #include <array>
@@ -8,13 +8,13 @@
 namespace vellum::verify
 {
 
-// Of a triangle's vertices 0, 1, 2.
+// The values at a triangle's vertices 0, 1, 2.
 struct TriangleCorners {
     std::array<float, 3> u{};
     std::array<float, 3> v{};
     std::array<float, 3> alpha{1, 1, 1}; // what the texture's value is multiplied with, interpolated
-    // What u and v were computed from by a renderer in single precision: margins are relative to this, where it is more
-    // than the largest coordinate.
+    // The largest value in a renderer's single-precision computation of u and v: margins are relative to this, where it
+    // is more than the largest coordinate.
     float terms = 0;
     bool operator==(const TriangleCorners &) const = default;
 };

@@ -8,7 +8,6 @@
 #include <thread>
 
 #include "core/parallel.h"
-#include "core/progress.h"
 #include "verify/walk.h"
 
 namespace vellum::verify
@@ -55,7 +54,7 @@ Claims claimsOf(const Micromap &micromap, uint32_t triangle)
     return {micromap.data.data() + t.dataOffset, State::Opaque, t.subdivisionLevel, t.format};
 }
 
-// What became of a group.
+// The result for a group.
 struct Looked {
     Counts counts;
     uint64_t limit = 0; // of its work

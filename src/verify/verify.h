@@ -67,7 +67,7 @@ struct Finding {
     double value = 0;
 };
 
-// Of micro-triangles, with a special index counting as one.
+// Numbers of micro-triangles, with a special index counting as one.
 struct Counts {
     uint64_t opaque = 0; // by the micromap, without 2-state data
     uint64_t transparent = 0;
@@ -98,7 +98,7 @@ struct Result {
 // texel; throws std::invalid_argument where that is not so.
 Result verify(const AlphaTexture &texture, std::span<const TriangleCorners> triangles, const Micromap &micromap,
               const Options &options);
-// The same for a texture that was looked at before, which is most of the time where triangles are few.
+// Verifies with a texture that was prepared before, which takes most of the time where triangles are few.
 Result verify(const Texels &texels, std::span<const TriangleCorners> triangles, const Micromap &micromap,
               const Options &options);
 

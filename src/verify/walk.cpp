@@ -26,7 +26,7 @@ LatticePoint twice(const LatticePoint &a)
     return between(a, a);
 }
 
-// Whether a baker may leave the whole triangle unknown: the alphas of its vertices differ or are not those of a
+// Returns whether a baker may leave the whole triangle unknown: the alphas of its vertices differ or are not those of a
 // texture, or there are too many of them. With alpha 0 the texture does not matter.
 bool alphasMayBeSkipped(const std::array<float, 3> &alpha, bool manyAlphas)
 {
@@ -87,7 +87,7 @@ bool TriangleWalk::approximate() const
     return claims_.data != nullptr && claims_.format == Format::TwoState && !options_.strictTwoState;
 }
 
-// Whether unknown states are not needless: the triangle is far away, or its vertex alphas are not baked.
+// Returns whether unknown states are justified: the triangle is far away, or its vertex alphas are not baked.
 bool TriangleWalk::mayBeUnknown() const
 {
     return region_.far() || mayBeSkipped_;
@@ -116,7 +116,7 @@ State TriangleWalk::stateOf(uint32_t micro) const
     return claims_.data == nullptr ? claims_.special : readState(claims_.data, micro, claims_.format);
 }
 
-// Whether a branch is one state; false where that is not seen byte by byte.
+// Returns whether a branch is one state; false where that is not seen byte by byte.
 bool TriangleWalk::allAre(const Branch &branch, State state) const
 {
     const uint32_t perByte = claims_.format == Format::TwoState ? 8 : 4;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// SPIR-V modules of `vellum spirv`: files and streams of them, their stages, and what has no effect or cannot work in
-// them.
+// SPIR-V modules of `vellum spirv`: files and streams of them, their stages, what has no effect or cannot work in them,
+// and the reports: text, and JSON by schema.json.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,7 +19,7 @@ namespace vellum::cli
 // Reads a module, from stdin for "-", and checks its structure. Throws Error.
 std::vector<uint32_t> readModule(const std::filesystem::path &path);
 
-// What is wrong with the structure of a module; empty if nothing is.
+// The error in the structure of a module; empty if there is none.
 std::string structureError(std::span<const uint32_t> words);
 
 inline std::span<const uint8_t> bytesOf(std::span<const uint32_t> words)
@@ -29,7 +30,7 @@ inline std::span<const uint8_t> bytesOf(std::span<const uint32_t> words)
 // "compute", "any-hit"
 std::string stageName(uint32_t model);
 
-// What a shader is rewritten as in a ray tracing pipeline that uses micromaps.
+// The way in which a shader is rewritten in a ray tracing pipeline that uses micromaps.
 struct PipelineRole {
     const char *name;
     uint32_t model;
@@ -52,5 +53,25 @@ struct LintFinding {
 };
 
 std::vector<LintFinding> lint(std::span<const uint32_t> words, std::span<const spirv::EntryPoint> entryPoints);
+
+struct SpirvOutput {
+    std::string path;
+    size_t bytes = 0;
+    bool changed = false;
+};
+
+// A module, as it is after the change.
+struct SpirvFile {
+    std::string path;
+    std::string error; // why it was not read or changed; nothing else is known then
+    size_t bytes = 0;
+    uint32_t version = 0; // as in the header of the module
+    std::vector<spirv::EntryPoint> entryPoints;
+    std::optional<std::vector<LintFinding>> findings; // of --lint
+    std::optional<SpirvOutput> output;
+};
+
+void printSpirv(const SpirvFile &file);
+std::string spirvJson(const char *action, std::span<const SpirvFile> files);
 
 } // namespace vellum::cli

@@ -46,7 +46,7 @@ void removeTarget(Case &c, QueryTarget::Of of, uint32_t removed)
             }
 }
 
-// Whether `other` is an object.
+// Returns whether `other` is an object.
 bool namesObject(Kind kind)
 {
     return kind == Kind::MoveObject || kind == Kind::ReplaceObject;

@@ -33,7 +33,7 @@ auto eachOf(RemoveOne removeOne)
 void removeSteps(Attempts &attempts)
 {
     attempts.removeStretches(attempts.best().steps.size(), erase([](Case & c) -> auto & { return c.steps; }));
-    // What a step makes of the scene is so from the beginning.
+    // Makes the scene what a step makes of it, from the beginning.
     for (size_t i = attempts.best().steps.size(); i-- > 0;) {
         attempts.attempt([&](Case &c) {
             const Step step = c.steps[i];
@@ -58,7 +58,7 @@ void removeObjects(Attempts &attempts)
 {
     attempts.removeStretches(attempts.best().scene.instances.size(), removeInstances);
     attempts.removeStretches(attempts.best().scene.objects.size(), eachOf(removeObject));
-    // What uses it uses another one.
+    // Users of the object use another one.
     attempts.removeStretches(attempts.best().scene.objects.size(), eachOf([](Case &c, uint32_t object) {
                                  forEachInstances(c, [&](std::vector<oracle::Instance> &instances) {
                                      for (oracle::Instance &instance : instances)
@@ -86,7 +86,7 @@ void removeTrianglesOfMeshes(Attempts &attempts)
     }
 }
 
-// Of a micromap's triangles, those that no use refers to.
+// The triangles of a micromap that no use refers to.
 std::vector<uint32_t> unusedTriangles(const Case &c, uint32_t micromap)
 {
     std::set<size_t> used;

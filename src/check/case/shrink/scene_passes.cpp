@@ -102,7 +102,7 @@ void simplifyInstances(Attempts &attempts)
 
 using EditMesh = std::function<void(oracle::Mesh &)>;
 
-// The same edit of each mesh, made separately.
+// An edit for each mesh, made separately.
 std::vector<Edit> editsOfMeshes(const Case &best, const EditMesh &edit)
 {
     std::vector<Edit> edits;
@@ -121,7 +121,7 @@ void fitLayout(oracle::MeshLayout &layout)
     layout.primitiveOffset -= layout.primitiveOffset % 4;
 }
 
-// The same triangles without the transform, or with one that does nothing.
+// Keeps the triangles, and removes the transform or replaces it by one that does nothing.
 void applyTransform(oracle::Mesh &mesh, bool keep)
 {
     if (!mesh.layout.transform)
@@ -344,7 +344,7 @@ void simplifyPipelines(Attempts &attempts)
     }
 }
 
-// What a step does in a simpler case; itself if there is none.
+// The simpler kinds that can replace a step; the kind itself if there is none.
 std::vector<Kind> simplerThan(Kind kind)
 {
     switch (kind) {
@@ -377,7 +377,7 @@ void simplifyScene(Attempts &attempts)
     roundCoordinates(attempts);
 }
 
-// What makes a command of a query plan simpler.
+// Adds edits that make a command of a query plan simpler.
 void addQueryEdits(size_t plan, size_t command, std::vector<Edit> &edits)
 {
     const auto add = [&](const std::function<void(QueryCommand &)> &change) {
