@@ -15,9 +15,9 @@ struct CommandCase {
     std::string name;
     // Calls the command `count` times; those that are recorded, into `commands`. What objects it makes it destroys.
     std::function<void(const CommandSide &, VkCommandBuffer commands, uint32_t count)> run;
-    // Of pipelines and shader modules, which take a driver long: fewer are made.
+    // The case creates pipelines or shader modules, which takes a driver long: fewer are made.
     bool creation = false;
-    // Whether a side has it.
+    // Returns whether a side has the case.
     std::function<bool(const CommandSide &)> available = [](const CommandSide &) { return true; };
 };
 

@@ -9,7 +9,7 @@
 namespace vellum::bench
 {
 
-// Of all threads; on a driver that is the CPU itself, its work is in it, too.
+// The time of all threads; a driver that is the CPU itself works in them, too.
 inline double processorSeconds()
 {
     timespec time{};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What one scene costs, with and without micromaps.
+// The cost of one scene, with and without micromaps.
 #pragma once
 
 #include <cstdint>

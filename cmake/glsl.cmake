@@ -91,7 +91,7 @@ function(vellum_embed_stages TARGET)
   endforeach()
 endfunction()
 
-# What glslang needs to compile such a file as one stage.
+# Sets the flags that glslang needs to compile such a file as one stage.
 function(vellum_stage_flags FLAGS STAGE)
   list(FIND VELLUM_SUFFIXES_OF_STAGES ${STAGE} at)
   if(at EQUAL -1)

@@ -22,8 +22,8 @@ endfunction()
 run(${SPIRV_DIS} --raw-id --no-color ${IN} -o ${OUT}.txt)
 file(READ ${OUT}.txt text)
 
-# What glslang writes: one entry point, and the extension of ray queries in every module that has some. The layout of a
-# module is fixed, so each of the four instructions goes next to one of its kind.
+# glslang writes one entry point, and the extension of ray queries in every module that has some. The layout of a module is fixed,
+# so each of the four instructions goes next to one of its kind.
 string(REGEX MATCHALL "OpEntryPoint [A-Za-z]+ %[0-9]+" entry "${text}")
 string(REGEX MATCH "%[0-9]+ = OpTypeBool" bool "${text}")
 string(FIND "${text}" "OpExtension \"SPV_KHR_ray_query\"\n" queries)

@@ -13,7 +13,7 @@
 # the THREADS ones, and those with the label "threads", have the label "threads", as they are run with ThreadSanitizer.
 # Suites of the highest cost, COST times cases, begin first, so that several jobs end together.
 find_package(Python3 REQUIRED COMPONENTS Interpreter)
-# What is found may be a script that looks for the interpreter, which takes longer than that itself.
+# The interpreter may be a script that looks for the real one, which takes longer than the test.
 execute_process(COMMAND ${Python3_EXECUTABLE} -c "import sys; print(sys.executable)"
   OUTPUT_VARIABLE python OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
 set(VELLUM_TEST_PYTHON ${python} CACHE INTERNAL "Python's interpreter")

@@ -16,8 +16,8 @@
 #include "process_times.h"
 #include "rivals.h"
 
-// What is measured runs in here, so that a profiler can be told to look at nothing else:
-// valgrind --tool=callgrind --toggle-collect=vellum_bench_measured
+// The measured code runs in here, so that a profiler can be restricted to it: valgrind --tool=callgrind
+// --toggle-collect=vellum_bench_measured
 extern "C" [[gnu::noinline]] void vellum_bench_measured(const std::function<void()> &function)
 {
     function();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the benchmarks of the bakers bake, and their clock.
+// The input of the benchmarks of the bakers, and their clock.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 namespace vellum::bench
 {
 
-// Of the process, all its threads.
+// The time of all threads of the process.
 double userSeconds();
 
 // Toothed leaves with soft borders at random places of a texture that repeats, until 40 % of it is covered.

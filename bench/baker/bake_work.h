@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the baker is measured with: triangles over a texture of painted leaves, and the leaf cards of models.
+// The input that the baker is measured with: triangles over a texture of painted leaves, and the leaf cards of models.
 #pragma once
 
 #include <cstdint>

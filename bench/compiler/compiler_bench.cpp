@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the layer makes of shaders, as compilers for GPUs see it: Mesa's RADV and ANV compile for GPUs that are not
-// there (tests/drivers/kernel). Numbers of VK_KHR_pipeline_executable_properties, without the layer and with it.
+// Compares the layer's shaders in compilers for GPUs: Mesa's RADV and ANV compile for GPUs that are not there
+// (tests/drivers/kernel). Numbers of VK_KHR_pipeline_executable_properties, without the layer and with it.
 #include <algorithm>
 #include <cstdio>
 #include <exception>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an application with alpha-tested geometry asks of a compiler: one closest hit for each pixel, and the texture of
-// every candidate by way of its texture coordinates. One of QUERY, RAYGEN, MISS, CLOSEST_HIT, ANY_HIT is defined. With
-// HEAVY the alpha comes from a material with several textures and some arithmetic, and what was hit is shaded.
+// The shaders of an application with alpha-tested geometry: one closest hit for each pixel, and the texture of every candidate by
+// way of its texture coordinates. One of QUERY, RAYGEN, MISS, CLOSEST_HIT, ANY_HIT is defined. With HEAVY the alpha comes from a
+// material with several textures and some arithmetic, and what was hit is shaded.
 #version 460
 #extension GL_EXT_nonuniform_qualifier : require
 #ifdef QUERY

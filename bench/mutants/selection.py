@@ -7,7 +7,7 @@ from operators import collect_flags, mutants_of
 
 # By what is built of them: the layer, or the programs of tests that are linked with what they test.
 PATTERNS = {}
-# What decides hits and makes the data that hits are looked up in.
+# The code that decides hits and makes the data for looking them up.
 PATTERNS["layer"] = [
     "src/core/opacity.h", "src/core/curve.h", "src/core/records.h", "src/core/ray_flags.h",
     "src/shaders/base/*", "src/shaders/micromaps/*", "src/shaders/structures/*", "src/shaders/pipelines/*",

@@ -21,7 +21,7 @@ struct Buffer {
     void *data = nullptr;        // the data as the host sees it; null in device memory
 };
 
-// What rays.comp counts.
+// The counters of rays.comp.
 struct Counts {
     uint32_t passed = 0;     // rays that hit nothing
     uint32_t candidates = 0; // alpha tests that the shader did

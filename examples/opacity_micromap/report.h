@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What both programs print.
+// The output of both programs.
 #pragma once
 
 #include <cstdio>

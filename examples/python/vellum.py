@@ -176,7 +176,7 @@ class Micromap:
         info = MicromapInfo(structSize=sizeof(MicromapInfo))
         _check(library.vellumGetMicromapInfo(handle, byref(info)))
         self.data = ctypes.string_at(info.data, info.dataSize) if info.dataSize else b""
-        # What the pointers show goes when the handle does.
+        # The pointers become invalid with the handle.
         self.triangles = [MicromapTriangle.from_buffer_copy(t) for t in info.triangles[:info.triangleCount]]
         self.usages = [MicromapUsage.from_buffer_copy(usage) for usage in info.usages[:info.usageCount]]
         self.indices = info.indices[:info.indexCount]

@@ -234,7 +234,7 @@ public:
         check(vellumGetGeometryInfo(micromap_.get(), input, &info));
         return {{info.indices, info.indexCount}, {info.usages, info.usageCount}};
     }
-    // As vellumGetState(). Throws Error if there is no such triangle.
+    // Looks up a state like vellumGetState(). Throws Error if there is no such triangle.
     [[nodiscard]] State state(std::size_t triangle, float u, float v) const
     {
         std::uint32_t state = 0;
@@ -398,7 +398,7 @@ inline VellumBakeOptions toC(const BakeOptions &options, Listener &listener)
 
 } // namespace detail
 
-// As vellumBake(). Throws Error, Cancelled, std::bad_alloc, and exceptions of callbacks.
+// Bakes like vellumBake(). Throws Error, Cancelled, std::bad_alloc, and exceptions of callbacks.
 inline Micromap bake(std::span<const BakeInput> inputs, const BakeOptions &options = {})
 {
     std::vector<std::vector<VellumTexture>> textures(inputs.size());

@@ -76,7 +76,7 @@ typedef struct VellumGltfMicromapInfo {
 VELLUM_API VellumResult vellumGetGltfMicromapInfo(const VellumGltf *gltf, size_t micromap,
                                                   VellumGltfMicromapInfo *info);
 
-// What a geometry made of a primitive needs in addition to the micromap.
+// Values that a geometry made of a primitive needs in addition to the micromap.
 typedef struct VellumGltfPrimitiveInfo {
     size_t structSize;
     const char *name;   // for messages: mesh 2 "leaves" primitive 0

@@ -102,7 +102,7 @@ struct GpuBakeOutput {
     VkDeviceAddress indices = 0; // 4 bytes for each triangle of the input, VK_INDEX_TYPE_UINT32; a multiple of 4
 };
 
-// What the GPU writes to `result`, an address that is a multiple of 4.
+// The result that the GPU writes to `result`, an address that is a multiple of 4.
 struct GpuBakeResult {
     // 0, or a combination of: kGpuBakeOverCapacity: triangles became unknown because the capacity of their level was
     // reached. kGpuBakeTooMuch: triangles became unknown because more than 2^32 blocks of 64 micro-triangles had to be
@@ -172,8 +172,8 @@ public:
                               const GpuBakeOptions &options, const Scratch &scratch, const GpuBakeOutput &output,
                               VkDeviceAddress result) const;
 
-    // The same in two steps. The first writes `result`, with the capacity needed. The second takes the same arguments
-    // and the unchanged scratch memory; the application records a barrier between them.
+    // Records the same work in two steps. The first writes `result`, with the capacity needed. The second takes the
+    // same arguments and the unchanged scratch memory; the application records a barrier between them.
     [[nodiscard]] bool recordSizes(VkCommandBuffer commands, const GpuAlpha &alpha, const GpuBakeInput &input,
                                    const GpuBakeOptions &options, const Scratch &scratch, VkDeviceAddress result) const;
     [[nodiscard]] bool recordData(VkCommandBuffer commands, const GpuAlpha &alpha, const GpuBakeInput &input,

@@ -81,8 +81,8 @@ VELLUM_API const char *vellumResultName(VellumResult result);
 
 // ---------------------------------------------------------------------------------------------------------- textures
 
-// As VkFormat: components in native byte order. To read one channel of several, set offset and pixelStride.
-// Block-compressed textures must be decoded by the caller.
+// Formats with the values of VkFormat: components in native byte order. To read one channel of several, set offset and
+// pixelStride. Block-compressed textures must be decoded by the caller.
 typedef enum VellumFormat {
     VELLUM_FORMAT_R8_UNORM = 9,
     VELLUM_FORMAT_R16_UNORM = 70,
@@ -93,7 +93,7 @@ typedef enum VellumFormat {
     VELLUM_FORMAT_R32G32_SFLOAT = 103
 } VellumFormat;
 
-// As VkSamplerAddressMode.
+// Values of VkSamplerAddressMode.
 typedef enum VellumAddressMode {
     VELLUM_ADDRESS_MODE_REPEAT = 0,
     VELLUM_ADDRESS_MODE_MIRRORED_REPEAT = 1,
@@ -102,7 +102,7 @@ typedef enum VellumAddressMode {
     VELLUM_ADDRESS_MODE_MIRROR_CLAMP_TO_EDGE = 4
 } VellumAddressMode;
 
-// As VkFilter.
+// Values of VkFilter.
 typedef enum VellumFilter { VELLUM_FILTER_NEAREST = 0, VELLUM_FILTER_LINEAR = 1 } VellumFilter;
 
 // The alpha of one mip level of an image, and how a sampler reads it.
@@ -131,7 +131,7 @@ VELLUM_API void vellumInitTexture(VellumTexture *texture, size_t structSize);
 
 // ------------------------------------------------------------------------------------------------------------ inputs
 
-// As VkIndexType.
+// Values of VkIndexType.
 typedef enum VellumIndexType {
     VELLUM_INDEX_TYPE_UINT16 = 0,
     VELLUM_INDEX_TYPE_UINT32 = 1,
@@ -139,7 +139,7 @@ typedef enum VellumIndexType {
     VELLUM_INDEX_TYPE_UINT8 = 1000265000
 } VellumIndexType;
 
-// As VkOpacityMicromapFormatKHR.
+// Values of VkOpacityMicromapFormatKHR.
 typedef enum VellumMicromapFormat {
     VELLUM_MICROMAP_FORMAT_2_STATE = 1, // opaque or transparent
     VELLUM_MICROMAP_FORMAT_4_STATE = 2  // opaque, transparent, and two unknown states
@@ -176,7 +176,7 @@ VELLUM_API void vellumInitBakeInput(VellumBakeInput *input, size_t structSize);
 
 // ----------------------------------------------------------------------------------------------------------- options
 
-// As VkCompareOp, of which these four are supported: a sample is opaque if "alpha op cutoff" is true.
+// Four values of VkCompareOp; the others are not supported. A sample is opaque if "alpha op cutoff" is true.
 typedef enum VellumCompareOp {
     VELLUM_COMPARE_OP_LESS = 1,
     VELLUM_COMPARE_OP_LESS_OR_EQUAL = 3,
@@ -254,7 +254,7 @@ VELLUM_API void vellumInitBakeOptions(VellumBakeOptions *options, size_t structS
 
 // ----------------------------------------------------------------------------------------------------------- results
 
-// As VkOpacityMicromapSpecialIndexKHR: the index of a triangle that has one state and no data.
+// Values of VkOpacityMicromapSpecialIndexKHR: the index of a triangle that has one state and no data.
 typedef enum VellumSpecialIndex {
     VELLUM_SPECIAL_INDEX_FULLY_TRANSPARENT = -1,
     VELLUM_SPECIAL_INDEX_FULLY_OPAQUE = -2,
@@ -337,7 +337,8 @@ typedef struct VellumGeometryInfo {
     size_t usageCount;
 } VellumGeometryInfo;
 
-// As vellumGetMicromapInfo(). VELLUM_ERROR_INVALID_ARGUMENT also if the bake had no input of this number.
+// Fills the structure like vellumGetMicromapInfo(). VELLUM_ERROR_INVALID_ARGUMENT also if the bake had no input of this
+// number.
 VELLUM_API VellumResult vellumGetGeometryInfo(const VellumMicromap *micromap, size_t input, VellumGeometryInfo *info);
 
 // Looks up the state at a point of a triangle, as a ray does.

@@ -34,7 +34,7 @@ using TriangleUvs = std::array<TexCoord, 3>;
 // Which filtered values are opaque.
 enum class AlphaTest : uint8_t { GreaterOrEqual, Greater, LessOrEqual, Less };
 
-// What becomes of unknown states in 2-state data.
+// The 2-state state that an unknown state becomes.
 enum class TwoStateRule : uint8_t {
     Nearest,              // what most of the micro-triangle is
     UnknownIsOpaque,      // nothing opaque is lost
@@ -65,11 +65,11 @@ struct BakeOptions {
     // `test` says instead.
     double cutoff = 0.5;
     AlphaTest test = AlphaTest::GreaterOrEqual;
-    // What a GPU may do differently from the mathematics. A micro-triangle is opaque if every point of it, and every
-    // point in the box of what the last three allow around it, filters to at least cutoff + valueTolerance; it is
+    // The limits of how a GPU may differ from the mathematics. A micro-triangle is opaque if every point of it, and
+    // every point in the box of what the last three allow around it, filters to at least cutoff + valueTolerance; it is
     // transparent if all of them filter to less than cutoff - valueTolerance. With all four at 0 (exactly()) every
-    // micro-triangle for which that is so gets its state. With others, it may be unknown instead where the rounding
-    // of double precision hides it.
+    // micro-triangle for which that is so gets its state. With others, it may be unknown instead where the rounding of
+    // double precision hides it.
     //
     // How far a filtered value may be from the exact one. The default covers filters that interpolate 8-bit texels
     // with 8-bit weights and round twice, as lavapipe's do.
@@ -114,8 +114,8 @@ struct BakeInput {
     // Instead of those of the options.
     std::optional<double> cutoff{};
     std::optional<double> valueTolerance{};
-    // What the coordinates were computed from in single precision: interpolationTolerance is relative to this, where it
-    // is more than the largest coordinate of a triangle. Finite, and not below 0.
+    // The largest value in the single-precision computation of the coordinates: interpolationTolerance is relative to
+    // this, where it is more than the largest coordinate of a triangle. Finite, and not below 0.
     double uvTerms = 0;
 };
 

@@ -28,7 +28,7 @@ Step cheapestStep(const LevelChoice &choice, size_t which)
         const double saved = static_cast<double>(choice.bytes[choice.level]) - static_cast<double>(choice.bytes[to]);
         if (saved <= 0)
             continue;
-        // Of equal prices the longest step: it saves more.
+        // The longest of equally priced steps saves the most.
         if (best.to == choice.level || lost / saved <= best.price)
             best = {lost / saved, which, to};
     }

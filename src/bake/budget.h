@@ -12,7 +12,7 @@
 namespace vellum
 {
 
-// What a triangle costs and tells at each level up to its own.
+// The cost of a triangle, and its known share, at each level up to its own.
 struct LevelChoice {
     uint64_t uses = 0;  // triangles of the mesh that share it
     uint32_t level = 0; // the highest, and then the chosen one

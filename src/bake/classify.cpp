@@ -63,7 +63,7 @@ constexpr int64_t kMostColumns = 1 << 15;
 // A sub-triangle comes with the list of mixed cells that it touches. Divided, it hands each of its four parts those
 // that the part touches. A part with none has one outcome all over, and what it is follows from the part before it on
 // the curve, with which it shares points, or else from any point of it. At the bottom, each cell of the list is looked
-// at closely. The lists are made in single precision with room for its rounding: a cell too many costs time only.
+// at closely. The lists are made in single precision with a margin for its rounding: a cell too many costs time only.
 class Classifier::Walk
 {
 public:
@@ -112,7 +112,7 @@ private:
         }
     }
 
-    // What the lists of a sub-triangle's parts are made with; lengths in cells, from a lattice point near by.
+    // The frame in which the lists of a sub-triangle's parts are made; lengths in cells, from a lattice point near by.
     struct Frame {
         int32_t i, j;
         float stepIx, stepIy, stepJx, stepJy;
@@ -124,7 +124,7 @@ private:
         bool bilinear;
     };
 
-    // What takes longer than this may be cancelled on its way: sub-triangles of so many levels, or of many cells.
+    // Longer work is cancelled part-way: sub-triangles of this many levels, or of many cells.
     static constexpr uint32_t kLevelsBetweenPolls = 6;
     void poll() const
     {
@@ -391,7 +391,7 @@ void Classifier::Walk::descend(const Frame &frame, const Node &node, uint32_t de
         } else if (depth + 1 == level_) {
             leaf(below, from, counts[k]);
         } else {
-            // Those below need the room behind their list.
+            // Those below need the memory behind their list.
             const size_t to = start + 4 * count;
             std::copy_n(lists.data() + from, counts[k], lists.data() + to);
             descend(frame, below, depth + 1, to, counts[k]);
@@ -470,7 +470,7 @@ int Classifier::Walk::sideOf(const SubTriangle &sub)
     return exact().side({sub.i, sub.j}, map_);
 }
 
-// What most of an unknown micro-triangle is, by sampling.
+// The state that most of an unknown micro-triangle has, by sampling.
 State Classifier::Walk::guess(const SubTriangle &sub) const
 {
     const Placement &p = place_;

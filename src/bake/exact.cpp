@@ -25,9 +25,10 @@ int fractionBits(double value)
 constexpr int64_t kSmall = int64_t{1} << 61;
 __extension__ using Int128 = __int128;
 
-// Whether a closed triangle, which may be a segment or a point, touches a box less its right or bottom side where those
-// are open. Two convex sets are apart if and only if they are along x, along y or across an edge. The box without its
-// side is the union of those that end a little before it: they must overlap by more than a point where an end moves.
+// Returns whether a closed triangle, which may be a segment or a point, touches a box less its right or bottom side
+// where those are open. Two convex sets are apart if and only if they are along x, along y or across an edge. The box
+// without its side is the union of those that end a little before it: they must overlap by more than a point where an
+// end moves.
 template <typename Point>
 bool touchesSmall(const std::array<Point, 3> &corners, int64_t left, int64_t top, int64_t right, int64_t bottom,
                   bool openRight, bool openBottom)
@@ -112,7 +113,7 @@ struct ExactTriangle::Box {
     }
 };
 
-// What a cell filters to, minus the cutoff: c + cx * x + cy * y + cxy * x * y, where x and y are in texels.
+// The filtered value in a cell, minus the cutoff: c + cx * x + cy * y + cxy * x * y, where x and y are in texels.
 struct ExactTriangle::Patch {
     BigInt c, cx, cy, cxy;
 };
@@ -186,7 +187,7 @@ bool allFinite(const Cell &cell)
 
 } // namespace
 
-// Whether the closed triangle touches the box, less its right or bottom side where those are open.
+// Returns whether the closed triangle touches the box, less its right or bottom side where those are open.
 bool ExactTriangle::touches(const std::array<Point, 3> &corners, const Box &box, bool openRight, bool openBottom) const
 {
     // The two meet in a convex set. If some point of it is left of the right side, and some is above the bottom, then
@@ -233,7 +234,7 @@ ExactTriangle::smallCorners(const std::array<LatticePoint, 3> &lattice, const Ce
     if (!small_)
         return std::nullopt;
     bool fits = true;
-    // As place(), less where the cell begins.
+    // Computes place(), less where the cell begins.
     const auto along = [&](int64_t base, int64_t first, int64_t second, const LatticePoint &point, unsigned shift,
                            int64_t begin) {
         const Int128 sum = (static_cast<Int128>(base) << level_) + static_cast<Int128>(first) * point.i +

@@ -27,8 +27,8 @@ public:
     // The texture must outlive this. `uvs` are finite.
     ExactTriangle(const AlphaTexture &texture, double cutoff, const TriangleUvs &uvs, uint32_t level);
 
-    // Whether the alpha test has both outcomes in the part of a micro-triangle that lies in a cell; both are closed.
-    // `cell` is in unwrapped positions. A texel of its that is not finite makes any part of it have both.
+    // Returns whether the alpha test has both outcomes in the part of a micro-triangle that lies in a cell; both are
+    // closed. `cell` is in unwrapped positions. A texel of its that is not finite makes any part of it have both.
     [[nodiscard]] bool crosses(const std::array<LatticePoint, 3> &corners, const Cell &cell) const;
     // The outcome at a point: 1 opaque, 0 transparent, -1 where a texel is not finite.
     [[nodiscard]] int side(LatticePoint point, const CellMap &map) const;

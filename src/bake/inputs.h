@@ -26,7 +26,7 @@ struct AlphaPixels {
     size_t offset = 0;                // of the channel of texel (0, 0): 3 for 8-bit RGBA
     size_t pixelStride = 1;           // bytes from one texel to the next in a row
     size_t rowStride = 0;             // and from one row to the next; 0 where rows follow each other
-    // What the shader multiplies the filtered value with: glTF's baseColorFactor[3].
+    // The factor by which the shader multiplies the filtered value: glTF's baseColorFactor[3].
     float scale = 1.0f;
 };
 
@@ -43,8 +43,8 @@ struct UvVertices {
     // The triangles' vertices, three in a row for each; without indices, vertices are in that order themselves.
     IndexFormat indexFormat = IndexFormat::None;
     std::span<const std::byte> indices;
-    // What a shader does to the coordinates before it samples: (u, v) becomes
-    // (m[0] u + m[1] v + m[2], m[3] u + m[4] v + m[5]), in single precision.
+    // The transform that a shader applies to the coordinates before it samples: (u, v) becomes (m[0] u + m[1] v + m[2],
+    // m[3] u + m[4] v + m[5]), in single precision.
     std::array<float, 6> transform = {1, 0, 0, 0, 1, 0};
 };
 

@@ -152,7 +152,7 @@ NearCell PieceTest::near(const Cell &cell) const
     return near;
 }
 
-// As bilinear(), for three edges and then for four corners at once.
+// Tests like bilinear(), for three edges and then for four corners at once.
 Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cell) const
 {
     if (std::isnan(cell.f00))

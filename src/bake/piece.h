@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether the alpha test has both outcomes in the part of a micro-triangle that lies in one cell, in double precision.
+// Tests whether the alpha test has both outcomes in the part of a micro-triangle that lies in one cell, in double
+// precision.
 #pragma once
 
 #include <array>
@@ -40,7 +41,7 @@ public:
 
     // The values of a cell in single precision; its place is left to be set.
     [[nodiscard]] NearCell near(const Cell &cell) const;
-    // The same for bilinear filtering, four times as fast and Open more often. The place of the cell does not matter.
+    // Tests bilinear filtering four times as fast, and returns Open more often. The place of the cell does not matter.
     [[nodiscard]] Crossing quick(Point corner, bool inverted, const NearCell &cell) const;
     [[nodiscard]] const Thresholds &thresholds() const { return thresholds_; }
 

@@ -71,7 +71,7 @@ struct Placement {
     bool exact;          // no tolerances: what rounding leaves open is decided exactly
 };
 
-// Whether the triangle can be placed: single precision tells the texels that it covers apart.
+// Returns whether the triangle can be placed: single precision distinguishes the texels that it covers.
 bool usable(const TriangleUvs &uvs, const AlphaTexture &texture);
 
 template <typename Sink>

@@ -16,7 +16,7 @@
 namespace vellum
 {
 
-// The same for all names of a file.
+// Identifies a file by whichever of its names.
 using FileId = std::pair<uint64_t, uint64_t>;
 // Nothing where there is no file.
 std::optional<FileId> idOf(const std::filesystem::path &path);
@@ -63,12 +63,12 @@ std::optional<size_t> terminalWidth();
 
 // Another stream to where stdout leads, which no child process inherits. Null if it cannot be made.
 std::FILE *duplicateStdout();
-// What is printed to stdout goes to stderr from now on. False if that is not possible.
+// Redirects stdout to stderr from now on. Returns false if that is not possible.
 bool sendStdoutToStderr();
-// What is printed to stdout is discarded from now on. False if that is not possible.
+// Discards the output to stdout from now on. Returns false if that is not possible.
 bool discardStdout();
 
-// As an operand: stdin, or as an output stdout.
+// Returns whether an operand, "-", stands for stdin, or as an output for stdout.
 inline bool isStandardStream(const std::filesystem::path &path)
 {
     return path == "-";
@@ -86,7 +86,7 @@ public:
     // Throws Error.
     void write(std::span<const uint8_t> bytes);
     void write(std::string_view text) { write({reinterpret_cast<const uint8_t *>(text.data()), text.size()}); }
-    // What was written has reached stdout. Throws Error.
+    // Flushes the output to stdout. Throws Error.
     void finish();
 
 private:

@@ -41,7 +41,7 @@ public:
             throw Error(std::string("\"") + name + "\" must be a hexadecimal number");
         return *number;
     }
-    // What add(object) makes of each object of an array.
+    // The results of add(object) for each object of an array.
     template <typename Add>
     void forEach(const char *name, Add &&add) const
     {

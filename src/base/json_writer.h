@@ -19,7 +19,7 @@ enum class JsonStyle : uint8_t {
 // A text in quotes. What is not UTF-8 becomes U+FFFD.
 std::string quotedJson(std::string_view text, JsonStyle style = JsonStyle::Compact);
 
-// What is begun must be ended, and a member of an object needs a key.
+// Writes JSON. Every begin needs its end, and a member of an object needs a key.
 class JsonWriter
 {
 public:

@@ -15,7 +15,7 @@ class ProgressLine
 public:
     // Shows `what` on stderr, if that is a terminal and `enabled`.
     explicit ProgressLine(std::string what, bool enabled = true);
-    // The same, and where stderr is no terminal a line of plain text now and then, this many seconds apart; 0: none.
+    // Where stderr is no terminal, also prints a line of plain text now and then, this many seconds apart; 0: none.
     ProgressLine(std::string what, double secondsBetweenLines);
     // Clears the line.
     ~ProgressLine();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What many measurements of one thing say together.
+// Statistics of repeated measurements.
 #pragma once
 
 #include <cstddef>

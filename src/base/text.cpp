@@ -102,7 +102,7 @@ bool matchesSet(char32_t character, std::u32string_view &pattern)
     return found != inverted;
 }
 
-// What begins the pattern and is not *.
+// Matches a character against the beginning of the pattern, which is not *.
 bool matchesOne(char32_t character, std::u32string_view &pattern)
 {
     if (pattern[0] != U'?' && pattern[0] != U'[')

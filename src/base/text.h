@@ -24,7 +24,7 @@ char32_t takeCodePoint(std::string_view &text);
 // lines, or tell a terminal what to do.
 std::string printable(std::string text);
 
-// Whether the whole name matches. Both are UTF-8.
+// Returns whether the whole name matches. Both are UTF-8.
 bool matchesPattern(std::string_view name, std::string_view pattern);
 
 // 1234567 -> 1,234,567

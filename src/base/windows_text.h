@@ -12,7 +12,7 @@ namespace vellum
 
 std::wstring wide(std::string_view text);
 std::string utf8(std::wstring_view text);
-// What Windows says about an error; without `code` the last one of this thread.
+// The text that Windows has for an error; without `code`, for the last one of this thread.
 std::string messageOf(DWORD code);
 inline std::string lastMessage()
 {

@@ -18,7 +18,7 @@ namespace vellum::cli
 namespace
 {
 
-// What a part found about the device; empty if the part failed.
+// Facts about the device that a part found; empty if the part failed.
 struct Found {
     std::string name;
     std::string ext = "none", khr = "none";

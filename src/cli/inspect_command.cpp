@@ -56,7 +56,7 @@ struct InspectOptions {
     bool json = false;
     bool quiet = false;
     DocumentBakeOptions baking;
-    // As CLI11 stores them.
+    // The text that CLI11 stores.
     std::string meshes, primitives, triangles;
     bool noOutlines = false;
 };

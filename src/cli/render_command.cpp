@@ -33,7 +33,7 @@ std::filesystem::path withSuffix(const std::filesystem::path &path, const char *
     return result;
 }
 
-// Of --mode compare, in the order in which they are written; of other modes only the first is.
+// The pictures of --mode compare, in the order in which they are written; of other modes only the first is.
 std::vector<std::filesystem::path> picturesOf(const RenderOptions &options, bool difference)
 {
     std::vector<std::filesystem::path> paths = {options.output};
@@ -44,7 +44,7 @@ std::vector<std::filesystem::path> picturesOf(const RenderOptions &options, bool
     return paths;
 }
 
-// Whether the pictures are drawn with micromaps that a device holds.
+// Returns whether the pictures are drawn with micromaps that a device holds.
 bool tracesMicromaps(const RenderOptions &options)
 {
     return options.mode == Mode::Micromaps || options.mode == Mode::Compare || options.mode == Mode::Heat ||

@@ -63,7 +63,7 @@ VELLUM_FN uint finestCurveIndex(VELLUM_IN float u, VELLUM_IN float v)
     return curveIndexOfCell(iu, iv, iu + iv + (sum > iu + iv ? 1u : 0u));
 }
 
-// The same of a level 0..12.
+// The index for a level of 0..12.
 VELLUM_FN uint curveIndex(VELLUM_IN float u, VELLUM_IN float v, VELLUM_IN uint level)
 {
     return finestCurveIndex(u, v) >> (2u * (kMaxSubdivisionLevel - level));

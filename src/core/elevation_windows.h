@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether this process has the rights of an administrator.
+// Detects whether this process has the rights of an administrator.
 #pragma once
 
 #include <windows.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What validation finds in data on the GPU: the log of findings, the records of structures that the checks compare
-// with, and the rule for one triangle of a micromap's input, which the device and the host check. C++ and GLSL; see
-// shared.h.
+// The formats of what validation finds in data on the GPU: the log of findings, the records of structures that the
+// checks compare with, and the rule for one triangle of a micromap's input, which the device and the host check. C++
+// and GLSL; see shared.h.
 #ifndef VELLUM_CORE_FINDINGS_H
 #define VELLUM_CORE_FINDINGS_H
 

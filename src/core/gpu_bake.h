@@ -21,7 +21,7 @@ VELLUM_CONST uint kBakeMostGroups = 65535u;
 // Words that one dispatch of bake_params.comp carries in its push constants.
 VELLUM_CONST uint kBakePushedWords = 28u;
 
-// What the host sets, at these words. Addresses take two, the lower half first.
+// Words that the host sets. Addresses take two, the lower half first.
 VELLUM_CONST uint kBakeTriangles = 0u; // how many
 VELLUM_CONST uint kBakeVertices = 1u;
 VELLUM_CONST uint kBakeUvs = 2u; // an address
@@ -73,7 +73,7 @@ VELLUM_CONST uint kBakeClamp = 2u;
 VELLUM_CONST uint kBakeBorderMode = 3u;
 VELLUM_CONST uint kBakeMirrorOnce = 4u;
 
-// What shaders set.
+// Words that shaders set.
 VELLUM_CONST uint kBakeProbeGroups = 48u;   // VkDispatchIndirectCommand
 VELLUM_CONST uint kBakeMeasureGroups = 52u; //
 VELLUM_CONST uint kBakeWriteGroups = 56u;   //

@@ -17,7 +17,7 @@ class Hash
 public:
     // A byte, or a larger unit as a whole.
     void add(uint64_t unit) { value_ = (value_ ^ unit) * 0x100000001b3u; }
-    // Of anything whose elements are numbers or bytes, unit by unit.
+    // The hash of any range whose elements are numbers or bytes, unit by unit.
     template <typename Range>
     static uint64_t of(const Range &range)
     {
@@ -32,7 +32,7 @@ private:
     uint64_t value_ = 0xcbf29ce484222325u;
 };
 
-// Of many bytes, eight at a time.
+// The hash of many bytes, eight at a time.
 inline uint64_t hashBytes(const void *data, size_t bytes, uint64_t seed = 0)
 {
     constexpr uint64_t kOdd = 0x9e3779b97f4a7c15;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Room for vectors of many megabytes.
+// Capacity for vectors of many megabytes.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@
 namespace vellum
 {
 
-// Reserves room for `count` elements. Where the system can, it comes in large pages: a fault for each 4 KiB of a
+// Reserves capacity for `count` elements. Where the system can, it comes in large pages: a fault for each 4 KiB of a
 // texture takes longer than to fill it.
 template <typename T>
 void reserveLarge(std::vector<T> &vector, size_t count)
@@ -24,11 +24,11 @@ void reserveLarge(std::vector<T> &vector, size_t count)
     const size_t bytes = count * sizeof(T);
     if (bytes < 2 * kLarge)
         return;
-    // Whole large pages only: what lies beside them is not ours.
+    // Whole large pages only: the memory around them has other owners.
     const auto address = reinterpret_cast<uintptr_t>(vector.data());
     const uintptr_t first = (address + kLarge - 1) / kLarge * kLarge;
     const uintptr_t last = (address + bytes) / kLarge * kLarge;
-    // A wish, which may be refused.
+    // The system may reject the advice.
     (void)madvise(reinterpret_cast<void *>(first), last - first, MADV_HUGEPAGE);
 #endif
 }

@@ -91,12 +91,12 @@ struct Micromap {
     // How many triangles there are of each level and format: what a micromap build needs (pUsageCounts of
     // VkMicromapBuildInfoEXT), sorted by format, then level.
     [[nodiscard]] std::vector<MicromapUsage> buildUsage() const;
-    // The same for the geometry: each triangle counted as often as an index refers to it
+    // The usage counts of the geometry: each triangle counted as often as an index refers to it
     // (VkAccelerationStructureTrianglesOpacityMicromapEXT).
     [[nodiscard]] std::vector<MicromapUsage> geometryUsage() const;
     // State at barycentrics (u, v) of geometry triangle `triangle`. The micromap must be valid.
     [[nodiscard]] State stateAt(uint32_t triangle, float u, float v) const;
-    // The first offence against the rules of the specification (levels, formats, data bounds, index bounds), naming the
+    // The first violation of the rules of the specification (levels, formats, data bounds, index bounds), naming the
     // triangle; nothing where the micromap is valid.
     [[nodiscard]] std::optional<std::string> validate() const;
 };

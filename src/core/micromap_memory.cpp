@@ -122,7 +122,7 @@ private:
     std::unordered_map<uint64_t, uint32_t> places_;
 };
 
-// Whether every triangle can use its data where it lies; `last`: the unit behind the last one that does.
+// Returns whether every triangle can use its data where it lies; `last`: the unit behind the last one that does.
 bool staysInPlace(const MicromapBuildInput &input, const std::vector<Triangle> &triangles, uint64_t &last)
 {
     last = 0;

@@ -10,7 +10,7 @@
 namespace vellum
 {
 
-// What a build reads, as VkMicromapBuildInfoEXT gives it.
+// The input of a build, as VkMicromapBuildInfoEXT gives it.
 struct MicromapBuildInput {
     const uint8_t *triangles = nullptr; // VkMicromapTriangleEXT, each `stride` bytes
     uint64_t stride = 8;
@@ -33,7 +33,7 @@ constexpr uint64_t micromapMemoryBytes(uint64_t triangles, uint64_t units)
     return shared::kMicromapHeaderWords * 4ull + (triangles + 1) / 2 * 16 + units * shared::kDataUnitBytes;
 }
 
-// Writes a micromap to `out`, which has room for micromapMemoryBytes(triangleCount, capacityUnits) bytes. What lies
+// Writes a micromap to `out`, which has a capacity of micromapMemoryBytes(triangleCount, capacityUnits) bytes. What lies
 // behind the units in use, and between data that stay where they lie, stays as it is. Triangles whose input is wrong
 // become unknown-opaque.
 void writeMicromapMemory(const MicromapBuildInput &input, uint8_t *out);

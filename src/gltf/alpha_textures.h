@@ -33,7 +33,7 @@ private:
     std::set<std::string> files_; // that are counted in it
 };
 
-// What decides the alpha at a texture coordinate.
+// The parameters that determine the alpha at a texture coordinate.
 using TextureKey = std::tuple<int, Wrap, Wrap, Filter, float>;
 TextureKey textureKeyOf(const Material &material);
 

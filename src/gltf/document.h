@@ -32,7 +32,7 @@ public:
     // Reads a .glb or .gltf file and the buffers and images beside it. Throws GltfError for a file that cannot be read
     // or is not glTF 2. Accessors, nodes and so on are checked where they are read.
     explicit Document(const std::filesystem::path &path);
-    // The same for the bytes of such a file, which is called `path` and names other files relative to it.
+    // Reads the bytes of such a file, which is called `path` and names other files relative to it.
     Document(const std::filesystem::path &path, std::vector<uint8_t> bytes);
 
     [[nodiscard]] const std::filesystem::path &path() const { return path_; }
@@ -41,21 +41,21 @@ public:
     // No object of it has two members of one name.
     [[nodiscard]] JsonValue root() const { return tree_->root(); }
     [[nodiscard]] const JsonTree &tree() const { return *tree_; }
-    // What is in the model's buffer views.
+    // The contents of the model's buffer views.
     [[nodiscard]] const BufferViews &bufferViews() const { return *bufferViews_; }
 
-    // Whether it is a GLB.
+    // Returns whether it is a GLB.
     [[nodiscard]] bool binary() const { return container_->binary; }
     [[nodiscard]] std::span<const uint8_t> bytes() const { return container_->bytes; }
-    // What follows the JSON chunk in a GLB, from the header of the second chunk on; empty where nothing does.
+    // The bytes that follow the JSON chunk in a GLB, from the header of the second chunk on; empty if there are none.
     [[nodiscard]] std::span<const uint8_t> otherChunks() const;
 
     // `mesh 2 "leaves" primitive 0`; without the name where there is none.
     [[nodiscard]] std::string nameOf(PrimitivePlace place) const;
 
-    // What an error says, without the path of the file.
+    // The text of an error, without the path of the file.
     [[nodiscard]] std::string reasonOf(const GltfError &error) const;
-    // The same without the name of the primitive that it is about: "it has no positions".
+    // Also without the name of the primitive that it is about: "it has no positions".
     [[nodiscard]] std::string reasonOf(PrimitivePlace place, const GltfError &error) const;
 
     // Returns what `read` returns, and puts the file's name in front of what it throws.

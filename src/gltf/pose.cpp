@@ -63,7 +63,7 @@ std::array<double, 3> transformed(const Matrix &matrix, const std::array<double,
 namespace
 {
 
-// Of joints and weights; they are in memory together.
+// The limit for sets of joints and weights; they are in memory together.
 constexpr int kMostSets = 8;
 
 const gltf_json::Primitive &primitiveAt(const Document &document, PrimitivePlace place)

@@ -244,7 +244,7 @@ void PrimitiveReader::readColors()
         alphas.clear();
 }
 
-// Of what decides a micromap: the triangles, their order and corners, and where the texture is read.
+// Compares the data that determine a micromap: the triangles, their order and corners, and where the texture is read.
 bool PrimitiveReader::differsFromFallback(const Material &material) const
 {
     const gltf_json::Model &model = document_.model();

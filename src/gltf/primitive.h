@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What alpha testing needs of a file: triangles with the texture coordinates that their material's base colour texture
-// is read at, materials, and images.
+// The parts of a file that alpha testing needs: triangles with the texture coordinates that their material's base
+// colour texture is read at, materials, and images.
 #pragma once
 
 #include <array>
@@ -51,15 +51,15 @@ constexpr double kBlendBand = 0.5 - 0x1p-53;
 // The most vertex alphas with which triangles of one micromap are baked: each needs a map of the texture's cells of its
 // own. Triangles with others, the rarest, stay unknown.
 constexpr size_t kMostVertexAlphas = 16;
-// Of what a cutoff for it is not true; `done` is what was done with the primitive.
+// States for which alpha a cutoff is not exact; `done` is what was done with the primitive.
 std::string blendCaution(double cutoff, const std::string &done);
 
 struct Primitive {
     int material = -1; // materials[] of the file; -1: glTF's default material, which is opaque
     // One for each vertex, or none where the file has none. In the space of the mesh.
     std::vector<Vec3> positions;
-    // Of the material's base colour texture, uvTransform applied; one for each vertex; none where the material has no
-    // texture or the primitive no such set.
+    // Coordinates for the material's base colour texture, uvTransform applied; one for each vertex; none where the
+    // material has no texture or the primitive no such set.
     std::vector<TexCoord> uvs;
     // Renderers apply uvTransform in single precision, with errors that are relative to the terms that are added up,
     // and those may cancel out. No sum of the absolute terms of a vertex is larger than this power of two; 0 without

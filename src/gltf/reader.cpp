@@ -44,7 +44,7 @@ public:
     Scene read();
 
 private:
-    // What shows a mesh as it is nowhere else: its skin belongs to one node, and so may its weights.
+    // Identifies a mesh as it is shown: its skin belongs to one node, and so may its weights.
     using MeshKey = std::tuple<int, int, std::vector<double>>; // mesh, node with a skin or -1, weights
 
     [[nodiscard]] std::vector<int> roots() const;

@@ -78,7 +78,7 @@ Arena::Snapshot::Snapshot(const Arena &arena) : arena_(arena)
     const std::lock_guard lock(arena.mutex_);
     for (const auto &block : arena.blocks_) {
         const std::span<uint8_t> bytes = block->pieces.bytes();
-        // What lies behind is guard bytes, and looked at when the arena's are.
+        // The bytes behind are guard bytes, which are checked when the arena's are.
         const size_t size = std::min(bytes.size(), block->pieces.reached() + 4096);
         bytes_.emplace_back(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(size));
     }

@@ -25,16 +25,16 @@ public:
 
     explicit Arena(Device &gpu) : gpu_(gpu) {}
 
-    // Whether buffers for that can be the arena's.
+    // Returns whether the arena can hold buffers with that usage.
     [[nodiscard]] bool packs(VkBufferUsageFlags usage) const { return (usage & ~this->usage()) == 0; }
     Place take(VkDeviceSize size, VkDeviceSize alignment);
-    // The room is free at once: no work that uses it may be pending. Expects that the guard bytes beside it are intact.
+    // The memory is free at once: no work that uses it may be pending. Expects that the guard bytes beside it are intact.
     void give(const Place &place);
     [[nodiscard]] bool intactBeside(const Place &place) const;
     void expectIntact(const std::string &when) const;
 
-    // What the arena holds before an operation, to compare with what it holds afterwards: all but the ranges that the
-    // operation may write to is as it was.
+    // The contents of the arena before an operation, to compare with those afterwards: all but the ranges that the
+    // operation may write to must be unchanged.
     class Snapshot
     {
     public:
@@ -87,7 +87,7 @@ public:
     [[nodiscard]] VkBuffer buffer() const { return whole().handle(); }
     [[nodiscard]] VkDeviceSize offset() const { return place_.offset; }
     [[nodiscard]] VkDeviceSize size() const { return size_; }
-    // Of a handle to what is here: no more than it needs; or all to the end of the buffer, or a part of that.
+    // The size for a handle to this piece: no more than it needs; or all to the end of the buffer, or a part of that.
     [[nodiscard]] VkDeviceSize handleSize() const
     {
         const VkDeviceSize end = whole().size() - place_.offset;
@@ -103,7 +103,7 @@ public:
     [[nodiscard]] VkDeviceMemory memory() const { return whole().memory(); }
     [[nodiscard]] Arena::Range range() const { return {address(), size_}; }
     [[nodiscard]] bool intact() const;
-    // What was written to around it, in words and in parentheses.
+    // Describes, in parentheses, the writes to memory around it.
     [[nodiscard]] std::string damage() const;
 
 private:
@@ -133,7 +133,7 @@ private:
     Device &gpu_;
     std::shared_ptr<Guarded> piece_;
 };
-// Of its own where nothing is shared.
+// Scratch memory, not shared where `shared` is null.
 std::shared_ptr<Guarded> scratchOf(Device &gpu, SharedScratch *shared, VkDeviceSize size);
 
 } // namespace vellum::gpu

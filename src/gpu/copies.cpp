@@ -88,10 +88,10 @@ Serialized serialize(Device &gpu, const Structure &structure)
     return data;
 }
 
-void deserialize(Device &gpu, const Serialized &data, const Structure &to, VkDeviceSize room)
+void deserialize(Device &gpu, const Serialized &data, const Structure &to, VkDeviceSize capacity)
 {
     // The data ends where the buffer does.
-    const VkDeviceSize size = room == 0 ? data.bytes().size() : room;
+    const VkDeviceSize size = capacity == 0 ? data.bytes().size() : capacity;
     const Buffer buffer(gpu, size + 256, kSerializedUsage);
     const VkDeviceSize skipped = (256 - buffer.address() % 256) % 256;
     const Buffer exact(gpu, skipped + size, kSerializedUsage);

@@ -39,13 +39,13 @@ private:
     std::vector<uint8_t> bytes_;
 };
 
-// What the size query says, read on the host.
+// The size that a query reports, read on the host.
 VkDeviceSize queried(Device &gpu, const Structure &structure, VkQueryType type);
 
 void recordSerialize(Device &gpu, VkCommandBuffer commands, const Structure &structure, VkDeviceAddress to);
 Serialized serialize(Device &gpu, const Structure &structure);
-// `room` bytes are readable; 0: as many as there are.
-void deserialize(Device &gpu, const Serialized &data, const Structure &to, VkDeviceSize room = 0);
+// `capacity` bytes are readable; 0: as many as there are.
+void deserialize(Device &gpu, const Serialized &data, const Structure &to, VkDeviceSize capacity = 0);
 // Into a structure of the size that the data names.
 std::unique_ptr<Structure> deserialized(Device &gpu, const Serialized &data, VkAccelerationStructureTypeKHR type);
 
@@ -66,9 +66,9 @@ private:
     std::vector<std::unique_ptr<Micromap>> micromaps_;
 };
 
-// What the shader saw, in words that compare.
+// The results of the shader as comparable text.
 std::vector<std::string> seen(Device &gpu, const Structure &scene, std::span<const Ray> rays);
-// Of a bottom-level structure, by a scene of one instance.
+// The results for a bottom-level structure, by a scene of one instance.
 std::vector<std::string> seenOf(Device &gpu, const Structure &blas, uint32_t instanceFlags = 0);
 
 } // namespace vellum::gpu

@@ -27,7 +27,7 @@ constexpr std::array<const char *, 10> kWantedExtensions{
     VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME,
 };
 
-// What came to later versions of Vulkan than 1.1 by these.
+// The extensions that became part of versions of Vulkan after 1.1.
 constexpr std::array kExtensionsOfVulkan11{VK_KHR_BUFFER_DEVICE_ADDRESS_EXTENSION_NAME,
                                            VK_EXT_DESCRIPTOR_INDEXING_EXTENSION_NAME, VK_KHR_SPIRV_1_4_EXTENSION_NAME,
                                            VK_KHR_SHADER_FLOAT_CONTROLS_EXTENSION_NAME,

@@ -212,7 +212,7 @@ private:
 class Device
 {
 public:
-    // Of an instance of its own.
+    // Creates an instance for the device.
     Device(InstanceOptions instance, DeviceOptions options);
     // To draw: with micromaps by `api`, or without any, in the device's memory and without options that cost time.
     Device(const DeviceInfo &info, std::optional<Api> api);
@@ -222,7 +222,7 @@ public:
 
     [[nodiscard]] const DeviceOptions &options() const { return options_; }
     [[nodiscard]] bool khr() const { return options_.api == Api::Khr; }
-    // What is made from now on goes through that API; of a device with both.
+    // Uses that API from now on, on a device with both.
     void use(Api api) { options_.api = api; }
     // A module as shader() makes it.
     [[nodiscard]] std::vector<uint32_t> code(std::span<const uint32_t> words) const;
@@ -259,12 +259,12 @@ public:
     [[nodiscard]] bool hasPrimitiveCulling() const { return primitiveCulling_; } // rayTraversalPrimitiveCulling
     // shaderSampledImageArrayNonUniformIndexing
     [[nodiscard]] bool hasVariableTextureIndices() const { return variableTextureIndices_; }
-    // Of micromap triangles, by format.
+    // The highest level of micromap triangles, by format.
     [[nodiscard]] uint32_t maxLevel(uint16_t format) const
     {
         return format == VK_OPACITY_MICROMAP_FORMAT_2_STATE_EXT ? maxLevels_[0] : maxLevels_[1];
     }
-    // Of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
+    // The highest level of triangles of four states in lossy builds; 0 without VK_KHR_opacity_micromap.
     [[nodiscard]] uint32_t maxLossyLevel() const { return maxLevels_[2]; }
     // How many there may be in a bottom-level structure, a top-level one and a micromap.
     [[nodiscard]] uint64_t maxGeometries() const { return maxGeometries_; }
@@ -331,7 +331,7 @@ public:
     [[nodiscard]] VkBufferUsageFlags structureUsage() const;
     // Reports what is wrong: to DeviceOptions::onFault, or keeps it for takeFaults.
     void fault(const std::string &what);
-    // What was reported and kept since the last call.
+    // The faults that were reported and kept since the last call.
     std::vector<std::string> takeFaults();
 
 private:

@@ -14,7 +14,7 @@ namespace vellum::gpu
 // Among a Micromap's VkBuildMicromapFlagsEXT: KHR's VK_BUILD_ACCELERATION_STRUCTURE_MICROMAP_LOSSY_BIT_KHR.
 inline constexpr VkBuildMicromapFlagsEXT kLossy = 0x400;
 
-// Of ranges of memory, which other buffers may have as well.
+// Usages for ranges of memory that other buffers may have as well.
 inline constexpr VkAddressCommandFlagsKHR kUnknownUsage =
     VK_ADDRESS_COMMAND_UNKNOWN_STORAGE_BUFFER_USAGE_BIT_KHR |
     VK_ADDRESS_COMMAND_UNKNOWN_TRANSFORM_FEEDBACK_BUFFER_USAGE_BIT_KHR;
@@ -24,7 +24,7 @@ struct MicromapHandle {
     VkMicromapEXT ext = VK_NULL_HANDLE;
     VkAccelerationStructureKHR khr = VK_NULL_HANDLE;
 
-    // As VK_EXT_debug_utils and private data name it.
+    // The type for VK_EXT_debug_utils and private data.
     [[nodiscard]] VkObjectType objectType() const
     {
         return khr != VK_NULL_HANDLE ? VK_OBJECT_TYPE_ACCELERATION_STRUCTURE_KHR : VK_OBJECT_TYPE_MICROMAP_EXT;
@@ -35,7 +35,7 @@ struct MicromapHandle {
     }
 };
 
-// What a buffer needs to hold micromaps, and what their builds read; with device addresses.
+// The usage of buffers that hold micromaps and the input of their builds, with device addresses.
 VkBufferUsageFlags micromapStorageUsage(const Device &gpu);
 VkBufferUsageFlags micromapInputUsage(const Device &gpu);
 // VUID-vkCmdBuildMicromapsEXT-pInfos-07515, VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552

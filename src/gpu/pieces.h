@@ -56,8 +56,8 @@ public:
         pieces_.erase(piece);
     }
 
-    // Of the free room on both sides of a piece, of all free room up to the highest place that ever was in use, and
-    // behind that: the first byte that changed.
+    // The first byte that changed in the free memory on both sides of a piece, in all free memory up to the highest
+    // address that ever was in use, and behind that.
     [[nodiscard]] std::optional<size_t> damageBeside(size_t offset) const
     {
         const auto piece = pieces_.find(offset);

@@ -125,7 +125,7 @@ struct BindingRecords {
     TableLayout layout{};
 };
 
-// What traces rays: vkCmdTraceRaysKHR or its indirect forms.
+// The commands that trace rays: vkCmdTraceRaysKHR or its indirect forms.
 enum class Launch { Direct, Indirect, Indirect2 };
 
 struct LaunchPlan {

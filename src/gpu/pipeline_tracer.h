@@ -119,7 +119,7 @@ public:
     // Traces with that table from now on.
     void setTable(const TracerTable &table);
 
-    // The same in steps.
+    // Traces in steps.
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
     void bind(VkCommandBuffer commands) const;
     void dispatch(VkCommandBuffer commands) const;

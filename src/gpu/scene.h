@@ -34,7 +34,7 @@ enum DataLayout : uint32_t {
     kDataOverlapping = 4, // where a triangle finds its data among that of others, it has none of its own
 };
 
-// What a micromap build reads.
+// The input of a micromap build.
 struct MicromapInput {
     std::vector<VkMicromapTriangleEXT> triangles;
     std::vector<uint8_t> data;
@@ -66,24 +66,24 @@ public:
 
     [[nodiscard]] const MicromapHandle &handle() const { return handle_; }
     [[nodiscard]] const MicromapInput &input() const { return input_; }
-    // What a build of it reads; dstMicromap where the API is VK_EXT_opacity_micromap.
+    // The information for a build of it; dstMicromap where the API is VK_EXT_opacity_micromap.
     [[nodiscard]] const VkMicromapBuildInfoEXT &buildInfo() const { return info_; }
-    // Of its memory; size as vkGetMicromapBuildSizesEXT reported it.
+    // Its memory; size as vkGetMicromapBuildSizesEXT reported it.
     [[nodiscard]] const uint8_t *memory() const { return storage_.bytes(); }
-    // As if nothing had been built there.
+    // Clears the memory, so that nothing seems to have been built there.
     void forget() const { std::memset(storage_.bytes(), 0, static_cast<size_t>(storage_.size())); }
     [[nodiscard]] VkDeviceSize size() const { return storage_.size(); }
     void record(VkCommandBuffer commands);
     void build();
     // Prepares another build by the same handle. False: it needs more memory than there is.
     [[nodiscard]] bool setInput(MicromapInput input, SharedScratch *scratch = nullptr);
-    // The same input in host memory, for vkBuildMicromapsEXT.
+    // The input in host memory, for vkBuildMicromapsEXT.
     [[nodiscard]] VkMicromapBuildInfoEXT hostBuildInfo() const;
     // Builds it by vkBuildMicromapsEXT.
     void buildOnHost(bool deferred = false) const;
     // The buffer that the micromap lies in.
     [[nodiscard]] VkDeviceMemory storageMemory() const { return storage_.memory(); }
-    // Where it lies, and what a build writes to beside that.
+    // Where it lies, and what else a build writes to.
     [[nodiscard]] Arena::Range range() const { return storage_.range(); }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }
     // Overwrites everything a build has read or used, as an application may afterwards.
@@ -154,7 +154,7 @@ public:
     [[nodiscard]] VkDeviceSize size() const { return size_; }
     // Uses memory of the caller's instead of memory of its own; before the first prepare.
     void placeIn(VkBuffer buffer, VkDeviceSize offset);
-    // The next create uses the other's room, if it is large enough: two handles, and later another content, in one
+    // The next create uses the other's memory, if it is large enough: two handles, and later another content, in one
     // place.
     void useRoomOf(const Structure &other) { room_ = other.storage_; }
     // The next update reads the source, and writes a structure that is made as large; null: the same as it writes.
@@ -165,7 +165,7 @@ public:
     void shareScratch(SharedScratch *scratch) { sharedScratch_ = scratch; }
     // Makes the structure, of that size, instead of the one there is.
     void create(VkDeviceSize size);
-    // Where it lies, if not placed, and what a build writes to beside that. The structure's own address may be
+    // Where it lies, if not placed, and what else a build writes to. The structure's own address may be
     // elsewhere.
     [[nodiscard]] Arena::Range range() const { return {storage_->address(), size_}; }
     [[nodiscard]] Arena::Range scratchRange() const { return scratch_->range(); }

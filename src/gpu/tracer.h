@@ -31,7 +31,7 @@ inline bool intersectionMaySee(uint32_t seen, uint32_t flags)
     return seen == flags || seen == (flags & ~(kRayOpaque | kRayCullNoOpaque | kRayForceTwoState));
 }
 
-// Whether it may run for a box that is culled.
+// Returns whether an intersection shader may run for a box that is culled.
 inline bool intersectionMayRunCulled(uint32_t flags)
 {
     return (flags & kRayCullNoOpaque) != 0;
@@ -43,7 +43,7 @@ enum Rule : uint32_t {
     kHash = 2,
     kTerminate = 3, // confirm the candidate and end the ray
 };
-// What the shader does with a candidate under kHash.
+// Returns whether the shader confirms a candidate under kHash.
 bool hashConfirms(uint32_t customIndex, uint32_t instance, uint32_t geometry, uint32_t primitive);
 
 struct Ray {
@@ -66,7 +66,7 @@ struct Candidate {
     [[nodiscard]] bool boxOpaque() const { return (bits & 2) != 0; }
     [[nodiscard]] bool frontFace() const { return (bits & 4) != 0; }
     [[nodiscard]] bool confirmed() const { return (bits & 8) != 0; }
-    // Of ray queries: whether origins, directions and transforms fit together, and the record offset.
+    // Returns whether origins, directions and transforms of ray queries are consistent, and the record offset.
     [[nodiscard]] bool consistent() const { return (bits & 16) == 0; }
     [[nodiscard]] uint32_t recordOffset() const { return bits >> 8; }
 };
@@ -110,7 +110,7 @@ public:
     // Traces and waits. At most `capacity` candidates of each ray come back.
     std::vector<Result> trace(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
 
-    // The same in steps, for tests that put other commands in between.
+    // Traces in steps, for tests that put other commands in between.
     void prepare(const Structure &scene, std::span<const Ray> rays, uint32_t capacity = 8);
     void bind(VkCommandBuffer commands) const; // pipeline, descriptor set, push constants
     void dispatch(VkCommandBuffer commands) const;

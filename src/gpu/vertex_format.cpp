@@ -49,7 +49,7 @@ float largest(Kind kind)
     }
 }
 
-// Of a normalized format.
+// Rounds a value to the integer of a normalized format.
 int32_t toInteger(const VertexFormat &format, float value)
 {
     const float most = largest(format.kind);

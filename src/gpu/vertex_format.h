@@ -26,7 +26,7 @@ inline constexpr std::array kVertexFormats{
 };
 inline constexpr size_t kRequiredVertexFormats = 6;
 
-// Of one of these formats.
+// Describes one of these formats.
 struct VertexFormat {
     enum class Kind { Float32, Float16, Snorm16, Snorm8, Unorm16, Unorm8, Unorm10 };
     Kind kind = Kind::Float32;
@@ -45,7 +45,7 @@ VertexFormat vertexFormat(VkFormat format);
 // Writes the nearest position that the format has; what lies in a fourth component stays. NaN is any NaN: which, is up
 // to `number`.
 void writeVertex(VkFormat format, const Vec3 &position, uint32_t number, uint8_t *out);
-// What a device reads of what writeVertex writes.
+// The position that a device reads after writeVertex.
 Vec3 quantized(VkFormat format, const Vec3 &position);
 
 } // namespace vellum::gpu

@@ -79,8 +79,8 @@ bool Selection::everything() const
 namespace
 {
 
-// Of the accessor that a primitive's micromap indices are in. readMicromaps has checked it. Without a file, of what the
-// writer of micromaps would make.
+// The size of the accessor with a primitive's micromap indices. readMicromaps has checked it. Without a file, of what
+// the writer of micromaps would make.
 uint64_t bytesOfIndices(const Document &document, PrimitivePlace place, const StoredMicromaps &stored)
 {
     const gltf_json::Model &model = document.model();
@@ -121,7 +121,7 @@ private:
     std::map<int, std::shared_ptr<const Image>> images_;
 };
 
-// What is chosen by name or number must be there, each for itself.
+// Every name or number that was chosen must exist.
 void Inspector::checkSelection() const
 {
     const gltf_json::Model &model = document_.model();

@@ -28,17 +28,17 @@ struct NumberRange {
 // "7", "3-9" or several with commas. Throws UsageError, which names `option`.
 std::vector<NumberRange> parseRanges(const std::string &text, const std::string &option);
 
-// Whether `ranges` have `number`; no ranges have every number.
+// Returns whether `ranges` have `number`; no ranges have every number.
 bool contains(const std::vector<NumberRange> &ranges, uint32_t number);
 
-// What is chosen is in all of them. Empty ones choose everything.
+// A triangle is chosen if it is in all of these. Empty ones choose everything.
 struct Selection {
     std::vector<NumberRange> meshes;
     std::vector<NumberRange> primitives; // of each mesh
     std::vector<NumberRange> triangles;  // of each primitive
     std::vector<std::string> materials;  // names or numbers
 
-    // Whether the material is chosen.
+    // Returns whether the material is chosen.
     [[nodiscard]] bool hasMaterial(int index, const std::string &name) const;
     [[nodiscard]] bool everything() const;
 };
@@ -62,7 +62,7 @@ struct InspectedPrimitive {
     std::string mesh;     // the mesh's name; empty without
     uint32_t material;    // into InspectedFile::materials
     size_t triangles = 0; // that the primitive has
-    // Of the chosen triangles: which they are, their coordinates, and what their micromap index leads to: an element of
+    // For each chosen triangle: its number, its coordinates, and the target of its micromap index: an element of
     // InspectedFile::records or a special index.
     std::vector<uint32_t> numbers;
     std::vector<TriangleUvs> uvs;
@@ -88,13 +88,13 @@ struct InspectedFile {
 // to look at.
 InspectedFile inspectFile(const Document &document, const Selection &selection, const DocumentBakeOptions *bake);
 
-// What is drawn at a triangle.
+// Returns whether it is a special index.
 inline bool isSpecial(int32_t record)
 {
     return record < 0;
 }
 
-// Of `record`, of InspectedFile::records or a special index, at barycentrics (u, v).
+// The states of `record`, of InspectedFile::records or a special index, at barycentrics (u, v).
 class StatesOf
 {
 public:

@@ -46,8 +46,9 @@ struct PageData {
     std::vector<uint8_t> states;
     size_t leftOut = 0; // triangles, for PageLimits::triangles
 
-    // As bytes, every array beginning at a multiple of 4: records (8 bits each for level, pageLevel, format and
-    // nothing; 32 each for firstByte and four counts), shapes (six floats, record), shapeOf, numbers, states.
+    // Packs the data into bytes, every array beginning at a multiple of 4: records (8 bits each for level, pageLevel,
+    // format and nothing; 32 each for firstByte and four counts), shapes (six floats, record), shapeOf, numbers,
+    // states.
     [[nodiscard]] std::vector<uint8_t> bytes() const;
 };
 

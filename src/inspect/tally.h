@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an inspected file has, in numbers.
+// The contents of an inspected file, in numbers.
 #pragma once
 
 #include <array>
@@ -22,12 +22,12 @@ struct Tally {
     uint64_t indexBytes = 0;
 };
 
-// Of the triangles that were chosen.
+// The tally of the chosen triangles.
 Tally tallyOf(const InspectedFile &file);
-// Of one primitive's.
+// The tally of one primitive's triangles.
 Tally tallyOf(const InspectedFile &file, const InspectedPrimitive &primitive);
 
-// Of all with one material, of InspectedFile::materials.
+// The tally of all triangles with one material, of InspectedFile::materials.
 Tally tallyOfMaterial(const InspectedFile &file, uint32_t material);
 
 // Share of each State; for a special index 1 for its own.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all functions of the library are inside of: exceptions become results, and callbacks are the baker's.
+// The frame of all functions of the library: exceptions become results, and callbacks are the baker's.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,7 @@
 namespace vellum::library
 {
 
-// What a function of the library does, with its exceptions turned into a result.
+// Runs a function of the library, and turns its exceptions into a result.
 template <typename Function>
 VellumResult guarded(VellumMessageCallback message, void *userData, Function &&function) noexcept
 {
@@ -70,7 +70,7 @@ public:
     Callbacks(const Callbacks &) = delete;
     Callbacks &operator=(const Callbacks &) = delete;
 
-    // Whether `progress` ended the bake, even at its last triangle.
+    // Returns whether `progress` ended the bake, even at its last triangle.
     [[nodiscard]] bool stopped() const { return stopped_; }
 
 private:

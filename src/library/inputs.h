@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a caller of vellumBake() gives, checked and as the baker wants it. Failures name the input.
+// The input of a caller of vellumBake(), checked and as the baker takes it. Failures name the input.
 #pragma once
 
 #include <map>

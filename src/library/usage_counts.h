@@ -13,7 +13,7 @@ namespace vellum::library
 {
 
 static_assert(sizeof(VellumMicromapTriangle) == sizeof(MicromapTriangle));
-// The same structure, by VellumMicromapTriangle's comment and MicromapTriangle's.
+// Both structures are the same, by VellumMicromapTriangle's comment and MicromapTriangle's.
 inline const VellumMicromapTriangle *trianglesOf(std::span<const MicromapTriangle> triangles)
 {
     return reinterpret_cast<const VellumMicromapTriangle *>(triangles.data());
@@ -43,7 +43,7 @@ private:
     std::array<std::array<uint32_t, 13>, 2> counts_{};
 };
 
-// Of a micromap.
+// The usage counts of a micromap.
 inline std::vector<VellumMicromapUsage> usagesOf(std::span<const MicromapTriangle> triangles)
 {
     UsageCounts counts;
@@ -52,7 +52,7 @@ inline std::vector<VellumMicromapUsage> usagesOf(std::span<const MicromapTriangl
     return counts.get();
 }
 
-// Of a geometry with these indices, which must be valid.
+// The usage counts of a geometry with these indices, which must be valid.
 inline std::vector<VellumMicromapUsage> usagesOf(std::span<const MicromapTriangle> triangles,
                                                  std::span<const int32_t> indices, uint32_t baseTriangle)
 {

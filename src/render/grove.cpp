@@ -11,7 +11,7 @@ namespace vellum::render
 namespace
 {
 
-// What a kind of leaf looks like. Lengths are in sizes of the texture.
+// The shape and colours of a kind of leaf. Lengths are in sizes of the texture.
 struct LeafStyle {
     uint64_t seed = 1;
     int leaves = 11;                 // along the twig, alternating, and one at its tip

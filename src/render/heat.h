@@ -10,7 +10,7 @@
 namespace vellum::render
 {
 
-// What there is at each pixel of a picture, and what the picture is called.
+// A value at each pixel of a picture, and the picture's title.
 struct HeatMap {
     uint32_t width = 0;
     uint32_t height = 0;

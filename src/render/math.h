@@ -43,7 +43,7 @@ inline float length(const Vec3 &a)
     return std::sqrt(dot(a, a));
 }
 
-// Of a vector without direction: up.
+// The direction of a vector; up for one of length 0.
 inline Vec3 normalize(const Vec3 &a)
 {
     const float l = length(a);
@@ -61,7 +61,7 @@ struct Box {
             high[i] = std::fmax(high[i], p[i]);
         }
     }
-    // Of 8.
+    // One of the 8 corners.
     [[nodiscard]] Vec3 corner(unsigned i) const
     {
         return {(i & 1) != 0 ? high[0] : low[0], (i & 2) != 0 ? high[1] : low[1], (i & 4) != 0 ? high[2] : low[2]};

@@ -38,7 +38,7 @@ struct RenderScene {
     std::vector<float> alphas;           // of vertices, three per triangle of geometries that have some
     std::vector<uint32_t> normals; // three per triangle: octahedral normal (12 + 12 bits), sky visibility (8 bits)
 
-    // Of all instances in one copy.
+    // The number of triangles of all instances in one copy.
     [[nodiscard]] uint64_t maskedTriangles() const;
     [[nodiscard]] uint64_t solidTriangles() const;
 };

@@ -102,7 +102,7 @@ private:
         add(VK_SHADER_STAGE_CLOSEST_HIT_BIT_KHR, render_rchit);
         setup.groups = {{.general = 0}, {.general = 1}, {.closestHit = 3, .anyHit = 2}};
         setup.layout = info.layout;
-        // The same bit with either extension.
+        // The bit is the same with either extension.
         setup.flags = info.micromaps ? gpu::kMicromapBit : VkPipelineCreateFlags{0};
         return setup;
     }

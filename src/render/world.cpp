@@ -11,7 +11,7 @@ namespace
 
 constexpr VkBuildAccelerationStructureFlagsKHR kFastTrace = VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR;
 
-// What stands at `place` in a copy that is placed so.
+// The matrix of an object at `place` in a copy with that placement.
 VkTransformMatrixKHR matrixOf(const Placement &placement, const Transform &place)
 {
     VkTransformMatrixKHR matrix{};

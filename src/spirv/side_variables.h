@@ -33,7 +33,7 @@ public:
     // Adds a variable beside each variable, and a parameter beside each parameter, that is such an object or contains
     // some: of the same shape, with a uint in place of each object. Calls pass both. False with error() set on failure.
     bool declare();
-    // As above for some variables only, which are not passed to functions.
+    // Declares for some variables only, which are not passed to functions.
     bool declare(const std::set<Id> &variables);
     [[nodiscard]] const std::string &error() const { return error_; }
     [[nodiscard]] bool inUse() const { return inUse_; }

@@ -26,7 +26,7 @@ struct Float4 {
     friend Float4 operator+(Float4 a, Float4 b) { return _mm_add_ps(a.v, b.v); }
     friend Float4 operator-(Float4 a, Float4 b) { return _mm_sub_ps(a.v, b.v); }
     friend Float4 operator*(Float4 a, Float4 b) { return _mm_mul_ps(a.v, b.v); }
-    // As of SSE: the second where one of the two is not a number.
+    // Behaves like SSE: returns the second where one of the two is not a number.
     friend Float4 min(Float4 a, Float4 b) { return _mm_min_ps(a.v, b.v); }
     friend Float4 max(Float4 a, Float4 b) { return _mm_max_ps(a.v, b.v); }
     // Bit k: a[k] >= b[k].

@@ -27,7 +27,7 @@ float atLeast(double value)
 constexpr uint32_t kMagnitude = 0x7fffffff;
 constexpr uint32_t kInfinity = 0x7f800000;
 
-// What is known of a texel, as bits of a byte.
+// Facts about a texel, as bits of a byte.
 constexpr uint8_t kSurelyOpaque = 1;
 constexpr uint8_t kSurelyTransparent = 2;
 

@@ -86,7 +86,7 @@ public:
             return sink(place(x, y, stored, mirrored, rows));
         });
     }
-    // Whether any cell of the columns from `first` to `last` is mixed.
+    // Returns whether any cell of the columns from `first` to `last` is mixed.
     [[nodiscard]] bool anyMixedIn(int64_t first, int64_t last) const
     {
         return scan(static_cast<size_t>(axisY_.cells()), first, last, [](int64_t, int64_t, bool) { return true; });

@@ -33,7 +33,7 @@ struct AlphaTexture {
     static AlphaTexture fromUnorm8(uint32_t width, uint32_t height, const uint8_t *first, size_t stride,
                                    float scale = 1.0f);
 
-    // The same of 16-bit values, in native byte order; `stride` counts values.
+    // Reads 16-bit values, in native byte order; `stride` counts values.
     static AlphaTexture fromUnorm16(uint32_t width, uint32_t height, const uint16_t *first, size_t stride,
                                     float scale = 1.0f);
 

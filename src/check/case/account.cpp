@@ -341,7 +341,7 @@ std::string Account::commandsOf(const Step &step) const
     const char *const elsewhere = step.outOfPlace ? " to a new structure" : "";
     const char *const exact =
         step.exact ? ", first to one as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports" : "";
-    // Of micromaps.
+    // The command for micromaps.
     const auto command = [&](const char *khr, const char *ext, const char *host) {
         return std::string(khr_ ? khr : step.host ? host : ext) + (step.deferred ? ", deferred," : "");
     };
@@ -487,7 +487,7 @@ void Account::writeHit(const Ray &ray, const Hit &hit)
     }
 }
 
-// What is not the default of ray queries.
+// Writes the parts that are not the default of ray queries.
 void Account::writeTracePlan()
 {
     const TracePlan &trace = case_.trace;

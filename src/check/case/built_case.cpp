@@ -47,7 +47,7 @@ private:
     VkCommandBuffer commands_ = VK_NULL_HANDLE;
 };
 
-// What an operation may write to is compared, where the device has an arena.
+// Compares the memory that an operation may write to, where the device has an arena.
 class Watch
 {
 public:
@@ -212,7 +212,7 @@ void BuiltCase::buildMicromaps()
                  return Writes{micromaps_[i]->range(), micromaps_[i]->scratchRange()};
              }});
     }
-    // What micromaps were built from is garbage from now on, and its memory is free.
+    // From now on, the input of the micromaps' builds is garbage, and its memory is free.
     for (const auto &micromap : micromaps_)
         micromap->forgetInput();
 }

@@ -107,7 +107,7 @@ private:
     void executeOnHost(const std::string &what, const Writes &writes, const std::function<void()> &command);
     void runQueries();
     [[nodiscard]] VkAccelerationStructureKHR structureOf(const QueryTarget &target) const;
-    // What a query of that structure reports in a pool of its own.
+    // The value that a query of that structure reports in a pool of its own.
     [[nodiscard]] uint64_t alone(QueryPlan::Property property, const QueryTarget &target);
     [[nodiscard]] uint64_t query(VkQueryType type, uint32_t count,
                                  const std::function<void(VkCommandBuffer, VkQueryPool)> &record);

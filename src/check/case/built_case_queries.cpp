@@ -81,7 +81,7 @@ struct BuiltCase::QueryRun {
             vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
     }
 
-    // What vkCmdCopyQueryPoolResults writes to, and what it must write.
+    // The memory that vkCmdCopyQueryPoolResults writes to, and the values that it must write.
     struct CopyResult {
         const QueryCommand *command;
         QueryStates expected; // of the queries that are copied

@@ -30,7 +30,7 @@ uint64_t numberAt(const uint8_t *bytes, size_t offset)
     return number;
 }
 
-// Whether triangles of the mesh have triangles of the micromap.
+// Returns whether triangles of the mesh have triangles of the micromap.
 bool showsMicromap(const oracle::Mesh &mesh, uint32_t micromap)
 {
     for (uint32_t t = 0; mesh.micromap && mesh.micromap->micromap == micromap && t < mesh.triangles(); ++t)
@@ -115,7 +115,7 @@ void BuiltCase::apply(const Step &step)
         micromaps_[step.target] = copyOfMicromap(*original, step);
         if (!step.states.empty())
             setStates(*original, step);
-        // What the original's memory has is nothing that the copy depends on.
+        // The copy does not depend on the contents of the original's memory.
         original->forget();
         return buildMicromapUsers(step.target, step);
     case Kind::ReloadMicromap:
@@ -224,7 +224,7 @@ void BuiltCase::checkSerialized(const Guarded &data, std::string_view of,
     std::vector<uint8_t> version(data.bytes(), data.bytes() + 2 * VK_UUID_SIZE);
     if (!compatible(gpu_, version.data()))
         gpu_.fault(fmt::format("the device does not accept the version of a {} that it serialized", of));
-    // What identifies the compatibility is that of no device.
+    // The identification of the compatibility becomes that of no device.
     for (size_t i = VK_UUID_SIZE; i < version.size(); ++i)
         version[i] = static_cast<uint8_t>(~version[i]);
     if (compatible(gpu_, version.data()))

@@ -14,7 +14,7 @@
 namespace vellum::check
 {
 
-// What records or executes builds.
+// The commands that record or execute builds.
 enum class BuildCommand {
     Device,   // vkCmdBuild...
     Indirect, // vkCmdBuildAccelerationStructuresIndirectKHR for structures, where the device has it
@@ -111,7 +111,7 @@ struct PipelinePlan {
     bool operator==(const PipelinePlan &) const = default;
 };
 
-// What a query is about.
+// The object and property of a query.
 struct QueryTarget {
     enum class Of { Object, Micromap, Top };
     Of of = Of::Object;
@@ -220,7 +220,7 @@ struct Case {
 // The scene after all steps, which is what rays must meet.
 oracle::Scene sceneAfter(const Case &c);
 
-// What is wrong with a run of a case; no fault: nothing.
+// The fault of a run of a case; no fault: nothing.
 struct Verdict {
     std::string cause; // one line without numbers that vary
     std::string detail;

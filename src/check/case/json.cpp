@@ -304,7 +304,7 @@ private:
     Json out_;
 };
 
-// As few digits as read back the same float.
+// The fewest digits that read back the same float.
 std::string numberText(const Json &number)
 {
     if (number.IsUint64())
@@ -329,7 +329,7 @@ std::string stringText(const Json &string)
     return text + '"';
 }
 
-// What fits in a line is one.
+// A value that fits in a line is written in one.
 std::string textOf(const Json &json, size_t indent)
 {
     if (json.IsBool())
@@ -370,7 +370,7 @@ std::string textOf(const Json &json, size_t indent)
 class Reader
 {
 public:
-    // What was read of the whole case: what a file of some bytes stands for is bounded.
+    // Counts the parts of the whole case: the expansion of a short file is bounded.
     struct Amount {
         uint64_t states = 0, elements = 0;
     };

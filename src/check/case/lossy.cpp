@@ -18,8 +18,8 @@ using oracle::Hits;
 using oracle::LossyElement;
 using oracle::LossyHit;
 
-// Whether a triangle is a candidate of rays with each of these flags tells its state. None of them commits a hit, so
-// that every triangle on the ray is seen.
+// Ray flags; whether a triangle is a candidate of rays with each of them distinguishes its states. None of them commits
+// a hit, so that every triangle on the ray is seen.
 constexpr std::array kProbes{kRayNoOpaque, kRayNoOpaque | kRayForceTwoState, kRayCullOpaque};
 using Seen = std::array<bool, kProbes.size()>;
 constexpr std::array<Seen, 4> kSeenByState{

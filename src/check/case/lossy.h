@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a device makes of lossy micromaps: learned from a second, equal device, and demanded of every build and copy.
+// The lossy micromaps of a device: learned from a second, equal device, and required of every build and copy.
 #pragma once
 
 #include <map>
@@ -13,7 +13,7 @@
 namespace vellum::check
 {
 
-// Of the elements of lossy micromaps that rays meet.
+// The elements of lossy micromaps that rays meet.
 struct LossyStates {
     oracle::Substitution states;
     std::map<oracle::LossyElement, std::string> faults; // what the specification does not allow
@@ -27,8 +27,8 @@ LossyStates lossyStatesIn(Device &gpu, const BuiltCase &built, const oracle::Sce
 LossyStates lossyStatesOfTwin(Device &gpu, const Case &c, const oracle::Scene &scene,
                               std::span<const oracle::Hits> hits);
 
-// What is wrong with the elements that each ray meets, where the device itself has `own`, and its twin `expected`;
-// empty: nothing.
+// The faults of the elements that each ray meets, where the device itself has `own`, and its twin `expected`; empty:
+// none.
 std::vector<std::string> lossyFaults(const LossyStates &expected, const LossyStates &own,
                                      std::span<const oracle::Hits> hits);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the values of a case are called in files and accounts.
+// The names of a case's values in files and accounts.
 #pragma once
 
 #include <array>
@@ -249,7 +249,7 @@ inline constexpr auto kAllowMicromapUpdate =
     VkBuildAccelerationStructureFlagsKHR{VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICROMAP_UPDATE_EXT};
 // VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_DATA_ACCESS_BIT_KHR of VK_KHR_ray_tracing_position_fetch
 inline constexpr VkBuildAccelerationStructureFlagsKHR kAllowDataAccess = 0x800;
-// Of bottom-level and top-level structures. Others follow from what is done with them.
+// Flags of bottom-level and top-level structures. Others follow from the commands that use them.
 inline constexpr std::array kStructureFlagNames{
     Bit{VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR,
         "VK_BUILD_ACCELERATION_STRUCTURE_PREFER_FAST_TRACE_BIT_KHR"},
@@ -274,7 +274,7 @@ inline constexpr std::array kInstanceFlagNames{
     Bit{kFlagTwoState, "VK_GEOMETRY_INSTANCE_FORCE_OPACITY_MICROMAP_2_STATE_EXT"},
     Bit{kFlagDisable, "VK_GEOMETRY_INSTANCE_DISABLE_OPACITY_MICROMAPS_EXT"},
 };
-// Of SPIR-V.
+// The names of SPIR-V.
 inline constexpr std::array kRayFlagNames{
     Bit{kRayOpaque, "OpaqueKHR"},
     Bit{kRayNoOpaque, "NoOpaqueKHR"},

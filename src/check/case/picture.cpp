@@ -16,7 +16,7 @@ using oracle::Scene;
 
 constexpr uint32_t kMostLevel = 6;
 constexpr double kSide = 260, kGap = 40, kTop = 50;
-// Of transparent, opaque, unknown-transparent, unknown-opaque.
+// The colours of transparent, opaque, unknown-transparent, unknown-opaque.
 constexpr std::array kColors{"#ffffff", "#20639b", "#f6d55c", "#ed8b2f"};
 constexpr std::string_view kWrong = "#d62828", kRight = "#cfe8cf";
 constexpr std::array kAdvances{105.0, 85.0, 165.0, 0.0}; // of the legend

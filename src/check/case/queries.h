@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the commands of a QueryPlan make of the queries of its pool, and which commands are allowed.
+// The effect of the commands of a QueryPlan on the queries of its pool, and the commands that are allowed.
 #pragma once
 
 #include <string>
@@ -17,7 +17,7 @@ struct QueryState {
 };
 using QueryStates = std::vector<QueryState>; // of a pool
 
-// Whether all queries that the command names are available.
+// Returns whether all queries that the command names are available.
 bool allAvailable(const QueryStates &states, const QueryCommand &command);
 // Carries out the command. Returns what forbids it; empty: nothing.
 std::string advance(QueryStates &states, const QueryCommand &command);

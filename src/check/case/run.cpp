@@ -13,7 +13,7 @@ namespace vellum::check
 namespace
 {
 
-// What the device lacks for the queries of a case; empty: nothing.
+// The feature that the device lacks for the queries of a case; empty: none.
 std::string missingForQueries(const Device &gpu, const Case &c)
 {
     using Kind = QueryCommand::Kind;
@@ -57,7 +57,7 @@ std::string limitFault(const Device &gpu, const oracle::Scene &scene)
     return {};
 }
 
-// What the device lacks for a build of a micromap of these flags; empty: nothing.
+// The feature that the device lacks for a build of a micromap of these flags; empty: none.
 std::string missingForMicromap(const Device &gpu, std::span<const oracle::MicromapTriangle> triangles,
                                VkBuildMicromapFlagsEXT flags)
 {
@@ -70,7 +70,7 @@ std::string missingForMicromap(const Device &gpu, std::span<const oracle::Microm
     return {};
 }
 
-// What the device lacks for the flags of structures; empty: nothing.
+// The feature that the device lacks for the flags of structures; empty: none.
 std::string missingForFlags(const Device &gpu, const oracle::Scene &scene)
 {
     VkBuildAccelerationStructureFlagsKHR flags = scene.topFlags;
@@ -84,7 +84,7 @@ std::string missingForFlags(const Device &gpu, const oracle::Scene &scene)
     return {};
 }
 
-// What the device lacks for a case, whose steps lead to the scene `after`; empty: nothing.
+// The feature that the device lacks for a case, whose steps lead to the scene `after`; empty: none.
 std::string missing(const Device &gpu, const Case &c, const oracle::Scene &after)
 {
     if (c.build.micromaps == BuildCommand::Host && !gpu.hasMicromapHostCommands())
@@ -184,7 +184,7 @@ Verdict run(Device &gpu, const Case &c)
         if (faults[i].empty())
             continue;
         verdict.wrongRays.push_back(static_cast<uint32_t>(i));
-        // What several rays show is told by the opacity of a hit, if one does: one fault has one cause.
+        // The opacity of a hit describes a fault of several rays, if one does: one fault has one cause.
         if (!verdict.ray ||
             (verdict.cause != oracle::kOpacityCause && oracle::causeOf(faults[i]) == oracle::kOpacityCause)) {
             verdict.ray = static_cast<uint32_t>(i);

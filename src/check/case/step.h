@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What steps act on, and what they make of a scene.
+// The targets of steps, and their effect on a scene.
 #pragma once
 
 #include "check/case/case.h"
@@ -7,11 +7,11 @@
 namespace vellum::check
 {
 
-// What the target of a step is.
+// The type of a step's target.
 enum class Target { Object, Micromap, Top };
 Target targetOf(Step::Kind kind);
 
-// Whether it updates that object. scene: after the step
+// Returns whether the step updates that object. scene: after the step
 bool isUpdated(const Step &step, uint32_t object, const oracle::Scene &scene);
 
 // The content of the scene after the step; copies change nothing.

@@ -23,7 +23,8 @@ bool consumesMicromaps(const TracePlan &plan)
     return plan.mode == TracePlan::Mode::True || plan.mode == TracePlan::Mode::SpecializedTrue;
 }
 
-// Whether an instance has geometry with VkAccelerationStructureTrianglesOpacityMicromap..., also with a null micromap.
+// Returns whether an instance has geometry with VkAccelerationStructureTrianglesOpacityMicromap..., also with a null
+// micromap.
 bool hasMicromaps(const Scene &scene)
 {
     return std::any_of(scene.instances.begin(), scene.instances.end(), [&](const oracle::Instance &instance) {
@@ -57,7 +58,7 @@ std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, c
     return {};
 }
 
-// What traces a batch of rays, all with the same flags unless they are of run time, and judges them.
+// Traces a batch of rays, all with the same flags unless they are of run time, and checks their results.
 class PlannedTracer::Pipelines
 {
 public:
@@ -113,7 +114,7 @@ private:
         return batches;
     }
 
-    // Whether all rays of a pipeline have the same flags.
+    // Returns whether all rays of a pipeline have the same flags.
     [[nodiscard]] bool isConstant() const
     {
         return plan_.flags == TracePlan::Flags::Specialized || plan_.flags == TracePlan::Flags::Literal;

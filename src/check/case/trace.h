@@ -26,7 +26,7 @@ inline constexpr std::array kQueryStages{
 // that they lack otherwise.
 std::vector<uint32_t> stagesOfGroup(uint32_t group);
 
-// What the device lacks; nothing: it can trace by the plan.
+// The feature that the device lacks; nothing: it can trace by the plan.
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan);
 
 // The valid usage that tracing the scene by the plan would break: shaders that do not use micromaps may not trace
@@ -47,8 +47,8 @@ public:
     // Another plan, of the same pipelines.
     void setPlan(const TracePlan &plan);
 
-    // What is wrong with each ray of the scene, whose top level is `top`; empty: nothing, or the ray is unsure.
-    // hits: allHits of each. beside: recorded once, in a submission that traces, without a barrier between.
+    // The fault of each ray of the scene, whose top level is `top`; empty: none, or the ray is unsure. hits: allHits of
+    // each. beside: recorded once, in a submission that traces, without a barrier between.
     std::vector<std::string> faults(const Structure &top, const oracle::Scene &scene,
                                     std::span<const oracle::Hits> hits, const Record &beside = {});
 
@@ -57,7 +57,7 @@ private:
     std::unique_ptr<Pipelines> pipelines_;
 };
 
-// The same with the tracer of the plan that the device keeps.
+// Traces with the tracer of the plan that the device keeps.
 std::vector<std::string> traceFaults(Device &gpu, const Structure &top, const oracle::Scene &scene,
                                      std::span<const oracle::Hits> hits, const TracePlan &plan,
                                      const PlannedTracer::Record &beside);

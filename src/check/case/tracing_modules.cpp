@@ -117,7 +117,7 @@ const std::array<Variants, 12> kQueries{{
 }};
 #undef VARIANTS
 
-// Of each source of flags: by a descriptor, by address.
+// The modules for each source of flags: by a descriptor, by address.
 struct Tracing {
     VkShaderStageFlagBits stage;
     std::array<std::span<const uint32_t>, 2> plain, specialized, mixed, computed;

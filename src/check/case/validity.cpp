@@ -329,7 +329,7 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     } else if (step.kind == Kind::SetStates || !step.states.empty()) {
         checkMicromapTriangles(step.states, where + ".states", states);
         checkLossy(scene.micromaps[step.target].flags, step.states, where);
-        // Of the same size, so that they can be built in the same memory.
+        // The size is the same, so that they can be built in the same memory.
         rule((step.kind == Kind::SetStates && !step.inPlace) ||
                  std::ranges::equal(
                      step.states, scene.micromaps[step.target].triangles,
@@ -357,7 +357,7 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     }
 }
 
-// What is updated allows updates since its first build (buildFlagsOf).
+// Updated structures allow updates since their first build (buildFlagsOf).
 void checkUpdates(const Case &c, const Scene &scene, const Step &step, const std::string &where)
 {
     const auto has = [](const oracle::Mesh &mesh) { return mesh.micromap.has_value(); };
@@ -368,9 +368,9 @@ void checkUpdates(const Case &c, const Scene &scene, const Step &step, const std
              where, "updates object {}, which had no micromap when it was built", i);
 }
 
-// Whether an update changes opacity values only: "the application must not [...] change between use of special index
-// values and explicit micro-map triangles; change the subdivision level or format of the micromap triangle associated
-// with any acceleration-structure triangle" (Acceleration Structure Update Rules).
+// Returns whether an update changes opacity values only: "the application must not [...] change between use of special
+// index values and explicit micro-map triangles; change the subdivision level or format of the micromap triangle
+// associated with any acceleration-structure triangle" (Acceleration Structure Update Rules).
 bool changesDataOnly(const Scene &before, const Scene &after, uint32_t object)
 {
     const auto shapeOf = [](const Scene &scene, const MeshMicromap &use, uint32_t triangle) {

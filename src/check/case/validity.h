@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a case is a valid use of Vulkan.
+// Checks whether a case is a valid use of Vulkan.
 #pragma once
 
 #include <string>

@@ -211,7 +211,7 @@ private:
             return;
         const double cosine = determinant / (area * std::sqrt(dot(local_.direction, local_.direction)));
         const double length = std::sqrt(std::max({dot(e1, e1), dot(e2, e2), dot(e2 - e1, e2 - e1)}));
-        // What kPlace is in barycentrics, where the height above the longest edge decides, and along the ray.
+        // kPlace in barycentrics, where the height above the longest edge decides, and along the ray.
         const double moved = std::max(double{scene_.edge}, kPlace * length / (area * std::abs(cosine)));
         slack_ = std::max(kDistance, kPlace / (std::abs(cosine) * std::sqrt(dot(local_.direction, local_.direction))));
         // A sliver, or seen edge-on: nearly everything about the hit is rounding.

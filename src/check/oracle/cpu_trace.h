@@ -63,10 +63,10 @@ struct Hits {
 
 // Elements that `substitution` lacks have the states that the build was given.
 Hits allHits(const Scene &scene, const Ray &ray, const Substitution &substitution = {});
-// Of each ray of the scene.
+// The hits of each ray of the scene.
 std::vector<Hits> allHits(const Scene &scene, const Substitution &substitution = {});
 
-// What the ray meets of one triangle, whatever its opacity and whatever the ray culls; nothing: it does not meet it for
+// The hit of the ray on one triangle, whatever its opacity and whatever the ray culls; nothing: it does not meet it for
 // certain.
 std::optional<Hit> hitOf(const Scene &scene, const Ray &ray, uint32_t instance, uint32_t geometry, uint32_t primitive);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the specification says about a triangle hit, written out as its tables ("Ray Opacity Micromap", "Ray Opacity
-// Culling" of raytraversal.adoc). On purpose not Vellum's own code: this is what that code is compared with.
+// The specification's rules for a triangle hit, written out as its tables ("Ray Opacity Micromap", "Ray Opacity
+// Culling" of raytraversal.adoc). This is deliberately not Vellum's own code, which is compared with it.
 #pragma once
 
 #include <cstdint>

@@ -29,7 +29,7 @@ HitRecord recordAt(const TablePlan &table, uint32_t i)
     return table.records.empty() ? kMixture[i % kMixture.size()] : table.records[i % table.records.size()];
 }
 
-// Of hitGroups.
+// The group at an index of hitGroups.
 std::optional<uint32_t> groupAt(const TablePlan &table, uint32_t i, bool box)
 {
     const HitRecord record = recordAt(table, i);
@@ -47,7 +47,7 @@ uint64_t recordIndex(const Scene &scene, const TracedBy &by, uint32_t instance, 
            (by.parameters.recordOffset & 15);
 }
 
-// What reaches each record.
+// The hits that reach each record.
 struct Reached {
     bool triangles = false, boxes = false;
 };
@@ -158,7 +158,7 @@ public:
     {
     }
 
-    // What is wrong with the result; empty: nothing.
+    // The fault of the result; empty: none.
     std::string fault()
     {
         if (!result_.intact)
@@ -185,7 +185,7 @@ private:
         const auto group = groupAt(by_.table, record, hit.box);
         return group && (!by_.table.length || record < *by_.table.length) ? &groups_[*group] : nullptr;
     }
-    // What shaders read in that record, of which the first data is `first`.
+    // Returns whether shaders read that record's data, of which the first is `first`.
     [[nodiscard]] bool reads(uint32_t data, uint32_t first, uint32_t record) const
     {
         return data == (by_.table.content == RecordData::None ? kUnknownResult : by_.data + first + record);

@@ -12,10 +12,10 @@ namespace vellum::check::oracle
 
 // The hit groups of the pipeline, for triangles and for boxes, each with and without any-hit and closest-hit shaders.
 extern const std::array<TracerGroup, 8> kHitGroups;
-// The same in a pipeline with such create flags: NO_NULL_... flags allow no groups without these shaders.
+// The groups of a pipeline with such create flags: NO_NULL_... flags allow no groups without these shaders.
 std::vector<TracerGroup> hitGroups(VkPipelineCreateFlags flags);
 
-// What a hit record names: a group for triangles, or for boxes where those reach it, or nothing.
+// The content of a hit record: a group for triangles, or for boxes where those reach it, or nothing.
 enum class HitRecord { Full, WithoutAnyHit, WithoutClosestHit, WithoutBoth, Null };
 
 struct TablePlan {
@@ -47,15 +47,14 @@ std::string tableRule(const Scene &scene, const TracedBy &by, bool relay);
 // The hit records of the mixture for scenes without record offsets of their own, by the groups that they name.
 extern const std::array<std::optional<uint32_t>, 2 * kBoxRecords> kHitRecords;
 
-// What a device does otherwise than the specification says, and is not reported.
-// Of these members of Fault.
+// Deviations of a device from the specification that are not reported, by members of Fault.
 struct Tolerance {
     bool layerIntersectionShaders = false; // intersectionMaySee, intersectionMayRunCulled
     bool reportChangesAttributes = false;
 };
 Tolerance toleranceFor(const Device &gpu);
 
-// What is wrong with the result of a ray whose hits, by allHits, are not unsure; empty: nothing.
+// The fault of the result of a ray whose hits, by allHits, are not unsure; empty: none.
 std::string pipelineFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits,
                           const PipelineResult &result, const Tolerance &tolerance, const TracedBy &by = {});
 

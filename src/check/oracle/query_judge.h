@@ -19,7 +19,7 @@ std::string numbersOf(const T &x)
     return "instance " + std::to_string(x.instance) + ", geometry " + std::to_string(x.geometry) + ", primitive " +
            std::to_string(x.primitive);
 }
-// The same in parentheses, with the custom index.
+// The description in parentheses, with the custom index.
 template <class T>
 std::string inWords(const T &x)
 {
@@ -30,10 +30,9 @@ inline constexpr std::string_view kOpacityCause = "wrong opacity of a triangle";
 // The fault that a triangle is opaque, non-opaque or ignored otherwise than expected: what is expected of it and why,
 // and what the device reported of it instead.
 std::string opacityFault(const Scene &scene, const Ray &ray, const Hit &hit, const std::string &reported);
-// Whether the ray ignores the triangle for another reason than its opacity.
+// Returns whether the ray ignores the triangle for another reason than its opacity.
 bool culledByFacing(const Scene &scene, const Ray &ray, const Hit &hit);
-// The same where the device reported something that must not be: with another cause if the ray does not meet that
-// triangle at all.
+// Describes a hit that the device must not report: with another cause if the ray does not meet that triangle at all.
 template <class T>
 std::string opacityFault(const Scene &scene, const Ray &ray, const T &named, const std::string &reported)
 {
@@ -49,15 +48,15 @@ inline std::string causeOf(const std::string &fault)
     return fault.substr(0, std::min(fault.find(" ("), fault.find('\n')));
 }
 
-// Whether a hit that is to be shown once is several of the candidates: "This operation may be executed multiple times
-// for the same intersection candidate unless VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR was specified for the
-// intersected geometry" (Triangle and Generated Intersection Candidates).
+// Returns whether a hit that is to be shown once is several of the candidates: "This operation may be executed multiple
+// times for the same intersection candidate unless VK_GEOMETRY_NO_DUPLICATE_ANY_HIT_INVOCATION_BIT_KHR was specified
+// for the intersected geometry" (Triangle and Generated Intersection Candidates).
 inline bool cameAgain(const Hit &hit, const std::vector<Candidate> &candidates)
 {
     return hit.once && std::ranges::count_if(candidates, [&](const Candidate &c) { return names(hit, c); }) > 1;
 }
 
-// What is wrong with the result of a ray whose hits, by allHits, are not unsure; empty: nothing.
+// The fault of the result of a ray whose hits, by allHits, are not unsure; empty: none.
 std::string queryFault(const Scene &scene, const Ray &ray, const std::vector<Hit> &hits, const Result &result);
 
 } // namespace vellum::check::oracle

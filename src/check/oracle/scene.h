@@ -42,7 +42,7 @@ struct MeshMicromap {
     // Bytes between two indices; tightly packed unless given; 0: every triangle reads the first index.
     std::optional<uint32_t> stride;
     uint32_t indexOffset = 0; // bytes before the first index
-    // Of usage counts, which VK_EXT_opacity_micromap has here as well
+    // Usage counts come by pointers, which VK_EXT_opacity_micromap has here as well
     bool usagePointers = false;
     uint32_t usage = 0;
 
@@ -50,7 +50,7 @@ struct MeshMicromap {
     [[nodiscard]] int32_t indexOf(uint32_t triangle) const { return indices[stride == 0u ? 0 : triangle]; }
 };
 
-// Whether one is a micromap, a null handle or nothing, like the other: an update must not change that
+// Returns whether one is a micromap, a null handle or nothing, like the other: an update must not change that
 // (VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11625 to 11627).
 inline bool isAlike(const std::optional<MeshMicromap> &a, const std::optional<MeshMicromap> &b)
 {
@@ -62,7 +62,7 @@ struct MeshLayout {
     VkFormat vertexFormat = VK_FORMAT_R32G32B32_SFLOAT;
     uint32_t stride = 0;          // bytes from one vertex or box to the next; 0: packed tightly
     uint32_t primitiveOffset = 0; // bytes before the first index, vertex (where there are no indices) or box
-    // Of triangles
+    // Triangles only.
     uint32_t firstVertex = 0;
     VkIndexType indexType = VK_INDEX_TYPE_NONE_KHR; // of vertices
     uint32_t firstIndex = 0;                        // vertices before the first one that an index refers to
@@ -101,7 +101,7 @@ struct Object {                                     // a bottom-level structure:
         return std::any_of(meshes.begin(), meshes.end(), [](const Mesh &mesh) { return !mesh.boxes.empty(); });
     }
 
-    // Whether a mesh has that micromap.
+    // Returns whether a mesh has that micromap.
     [[nodiscard]] bool uses(uint32_t micromap) const
     {
         return std::any_of(meshes.begin(), meshes.end(), [micromap](const Mesh &mesh) {

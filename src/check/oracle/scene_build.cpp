@@ -46,7 +46,7 @@ void addIndexed(Geometry &geometry, const MeshLayout &layout, std::span<const Ve
         geometry.indices.push_back(layout.firstIndex + positions[number]);
 }
 
-// Of triangles. spare: copies of the first ones, at the end.
+// The geometry of a mesh of triangles. spare: copies of the first ones, at the end.
 Geometry trianglesOf(const Mesh &mesh, uint32_t spare)
 {
     const MeshLayout &layout = mesh.layout;

@@ -31,7 +31,7 @@ VkBuildAccelerationStructureFlagsKHR structureFlags(const Device &gpu);
 std::vector<VkAccelerationStructureInstanceKHR> instancesOf(const Scene &scene,
                                                             std::span<const Structure *const> objects);
 
-// What the shader does with a candidate.
+// Returns whether the shader confirms a candidate.
 bool confirms(const Ray &ray, const Hit &hit);
 
 template <class Hit, class T>

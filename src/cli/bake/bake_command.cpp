@@ -136,7 +136,7 @@ std::vector<BakeFileReport> bakeAll(const BakeCommandOptions &options, Unmatched
     return Bakery(options, std::move(jobs), exclusions).run();
 }
 
-// What went wrong goes to stderr, a line each.
+// Prints errors and problems to stderr, a line each.
 ExitCode printProblems(const BakeCommandOptions &options, const std::vector<BakeFileReport> &reports)
 {
     auto code = ExitCode::Success;

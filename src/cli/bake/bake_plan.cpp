@@ -37,7 +37,8 @@ fs::path locationOf(const fs::path &path)
     return fs::weakly_canonical(whole.parent_path(), error) / whole.filename();
 }
 
-// Whether there is nothing at the output, or a file that an earlier bake wrote: it is marked, or the unchanged input.
+// Returns whether there is nothing at the output, or a file that an earlier bake wrote: it is marked, or the unchanged
+// input.
 bool isReplaceable(const BakeJob &job)
 {
     std::error_code error;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum bake` reports.
+// The report of `vellum bake`.
 #pragma once
 
 #include <array>

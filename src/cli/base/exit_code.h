@@ -7,7 +7,7 @@
 namespace vellum::cli
 {
 
-// Of several that apply to one run, the smallest that is not 0.
+// If several apply to one run, it exits with the smallest that is not 0.
 enum class ExitCode : int {
     Success = 0,
     Failed = 1,

@@ -22,7 +22,7 @@ namespace vellum::cli
 // The whole file, which may be a pipe but not a directory. Throws Error, with the path in front.
 std::string readFile(const std::filesystem::path &path);
 
-// Whether `path` is `folder` or below it, by their names.
+// Returns whether `path` is `folder` or below it, by their names.
 bool isInside(const std::filesystem::path &path, const std::filesystem::path &folder);
 
 // The .glb and .gltf files in a folder and in all folders in it, except those in `except`, by name. Throws Error.

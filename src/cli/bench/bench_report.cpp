@@ -35,7 +35,7 @@ std::vector<Row> rowsOf(const PartResult &result, std::string_view kind)
     return rows;
 }
 
-// Of a row; nothing where the device's clock stands still, which JSON has as null.
+// The ratio of a row; nothing where the device's clock stands still, which JSON has as null.
 std::optional<Quartiles> ratioOf(const Row &row)
 {
     const rapidjson::Value &ratio = row["ratio"];

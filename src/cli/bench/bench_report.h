@@ -10,11 +10,11 @@
 namespace vellum::cli
 {
 
-// What the results mean, in sentences: can they be trusted, is the device right, what do micromaps save, what does the
-// layer cost.
+// The meaning of the results, in sentences: can they be trusted, is the device right, what do micromaps save, what does
+// the layer cost.
 std::vector<std::string> verdictOf(const std::vector<PartResult> &results);
 
-// Whether each self-check tested something, and found no failure.
+// Returns whether each self-check tested something, and found no failure.
 bool selfChecksPassed(const std::vector<PartResult> &results);
 
 // schema.json describes it. Without anything that names a person or a machine.

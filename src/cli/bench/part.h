@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum bench` measures, in parts. Each part runs in a process of its own, since a driver may hang, crash or
-// lose the device. Its results are rows: JSON objects.
+// The measurements of `vellum bench`, in parts. Each part runs in a process of its own, since a driver may hang, crash
+// or lose the device. Its results are rows: JSON objects.
 #pragma once
 
 #include <filesystem>

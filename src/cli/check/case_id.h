@@ -28,8 +28,8 @@ std::string nameOf(check::Api api, const check::Group &group);
 std::string nameOf(const CaseId &id);
 // Nothing if there is no such group, or the name is not of this form.
 std::optional<CaseId> parseCase(std::string_view name);
-// Whether the name of any case is accepted. The cases of a group go on after those of a full run, for --minutes: they
-// are tried up to the number 9999.
+// Returns whether the name of any case is accepted. The cases of a group go on after those of a full run, for
+// --minutes: they are tried up to the number 9999.
 bool anyCase(const std::function<bool(const std::string &name)> &accepts);
 // Null if there is none.
 const check::Group *findGroup(std::string_view name);

@@ -32,7 +32,7 @@ constexpr std::pair<Verdict, const char *> kVerdicts[] = {
 
 std::optional<Verdict> parseVerdict(const std::string &text)
 {
-    // Of deqp-runner too, but no case here has them.
+    // deqp-runner has these too, but no case here does.
     if (text == "Warn" || text == "UnexpectedImprovement(Warn)")
         return Verdict::Pass;
     const auto *const found =

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is expected of cases, in the files of deqp-runner: a baseline of known failures, skips and flakes.
+// The expected results of cases, in the files of deqp-runner: a baseline of known failures, skips and flakes.
 #pragma once
 
 #include <filesystem>
@@ -31,7 +31,7 @@ enum class Verdict {
     ImprovedToFail, // the baseline has a crash or a timeout
     ImprovedToSkip,
 };
-// As results.csv has it.
+// The name in results.csv.
 const char *nameOf(Verdict verdict);
 bool isSuccess(Verdict verdict);
 // Better than the baseline. No success: the baseline is to be updated.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum check` and its worker processes write to each other: a JSON object a line.
+// The messages between `vellum check` and its worker processes: a JSON object a line.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@
 namespace vellum::cli
 {
 
-// What a worker process tests.
+// The device and API that a worker process tests.
 struct WorkerOptions {
     gpu::DeviceSelection device; // as --device names it; its number once it is chosen
     check::Api api = check::Api::Khr;

@@ -396,7 +396,7 @@ std::string OutputFolder::writeFailure(const Finished &finished, uint64_t seed)
         return {};
     const std::string name = nameOf(finished.id);
     const std::filesystem::path path = path_ / kFailures / (name + ".json");
-    // What is larger is not shrunk: the seed makes it.
+    // Larger cases are not shrunk: the seed makes them.
     const std::string &shrunk = finished.outcome.reproducer;
     writeText(path, write(Reproducer{name, finished.id.api, std::string(finished.id.group->name), seed,
                                      shrunk.size() <= kMostReproducerBytes ? shrunk : std::string()}));

@@ -26,7 +26,7 @@ struct CaseResult {
     Verdict verdict = Verdict::Pass;
     double seconds = 0;
     uint64_t rays = 0;
-    // Of what did not pass, or else null.
+    // Details of a case that did not pass, or else null.
     struct Details {
         std::string cause;
         std::string text;
@@ -83,7 +83,7 @@ struct CheckTally {
 // Points to elements of `results`. Groups of the plan that have no result are in the tally as well.
 CheckTally tallyOf(const std::vector<CaseResult> &results, const std::vector<PlannedGroup> &plan = {});
 
-// What is known about a run as a whole.
+// Facts about a run as a whole.
 struct RunFacts {
     DeviceSummary device;
     uint64_t seed = 0;

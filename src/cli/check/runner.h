@@ -60,7 +60,7 @@ private:
     [[nodiscard]] bool givesUp() const { return failedOpenings_ >= kMostFailedOpenings; }
     // Reports skipped cases. Nothing at the end of the stream.
     std::optional<CaseId> nextOf(Stream &stream);
-    // Whether a failure is to be run again.
+    // Returns whether a failure is to be run again.
     [[nodiscard]] bool mustConfirm(const Finished &finished) const;
     void noteFailedStart(const std::string &error, Clock::time_point time);
     void reportMissing(const CaseId &id);

@@ -28,7 +28,7 @@ public:
     [[nodiscard]] bool atEnd();
     // Not at the end.
     CaseId next();
-    // What became of a case.
+    // Records the result of a case.
     void note(check::Status status, double ofSeconds)
     {
         seconds += ofSeconds;
@@ -75,7 +75,7 @@ private:
     bool timed_ = false;
 };
 
-// What the command line selects.
+// The selection by the command line.
 struct CaseSelection {
     std::vector<check::Api> apis;
     std::vector<std::string> filters; // globs; a case must match one of them, if there are any

@@ -34,7 +34,7 @@ struct Features {
     bool synchronization2 = false;
 };
 
-// What the layer asks of a device (docs/limitations.md). The device must be one of Vulkan 1.2.
+// The features that the layer requires of a device (docs/limitations.md). The device must be one of Vulkan 1.2.
 Features featuresOf(VkPhysicalDevice device, uint32_t version, const std::set<std::string> &extensions)
 {
     VkPhysicalDeviceVulkan13Features features13{};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a Vulkan device has that micromaps need, and who brings it.
+// The features of a Vulkan device that micromaps need, and who implements micromaps.
 #pragma once
 
 #include <cstdint>
@@ -44,10 +44,10 @@ struct DeviceDetails {
     [[nodiscard]] bool hasMicromaps() const { return ext != Provider::Nobody || khr != Provider::Nobody; }
 };
 
-// Of each device of `instance`, in the order of listDevices.
+// Describes each device of `instance`, in the order of listDevices.
 std::vector<DeviceDetails> describeDevices(const gpu::Instance &instance);
 
-// As members of the JSON object that is open.
+// Writes members of the JSON object that is open.
 void writeMembers(const DeviceDetails &details, JsonWriter &json);
 
 } // namespace vellum::cli

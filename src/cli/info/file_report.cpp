@@ -17,7 +17,7 @@ namespace vellum::cli
 namespace
 {
 
-// What an extension is for; null if it does not matter here.
+// The purpose of an extension; null if it does not matter here.
 const char *meaningOf(const std::string &extension)
 {
     static const std::map<std::string, const char *> meanings = {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a glTF file has that concerns micromaps.
+// The contents of a glTF file that concern micromaps.
 #pragma once
 
 #include <filesystem>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What there is on this machine: the Vulkan loader, the layer, drivers, devices.
+// The state of this machine: the Vulkan loader, the layer, drivers, devices.
 #pragma once
 
 #include <optional>

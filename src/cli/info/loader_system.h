@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What differs between operating systems for the Vulkan loader and those who use it.
+// Differences between operating systems for the Vulkan loader and its users.
 #pragma once
 
 #include <filesystem>
@@ -26,7 +26,7 @@ std::string problemOfFormat(const std::filesystem::path &library);
 std::string problemOfLoading(const std::filesystem::path &library);
 // Why the loader does not find a manifest in its folder.
 std::string problemOfListing(const std::filesystem::path &manifest);
-// Whether a library_path is relative to its manifest. A bare name is for the system's search.
+// Returns whether a library_path is relative to its manifest. The system searches for a bare name.
 bool isRelativeToManifest(const std::string &library);
 
 // The shell's command that sets a variable, before or in place of what it has.

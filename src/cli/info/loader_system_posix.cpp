@@ -17,7 +17,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-// What a shell takes as one word.
+// Quotes a text so that a shell takes it as one word.
 std::string quoted(const std::string &text)
 {
     if (text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./+:,@%") ==

@@ -71,7 +71,7 @@ void readManifest(Manifest &manifest, const char *kind)
         manifest.problem = problemOfLoading(manifest.library);
 }
 
-// Of a variable that is a list.
+// The paths in a variable that is a list.
 std::vector<fs::path> listedPaths(const char *name)
 {
     std::vector<fs::path> paths;

@@ -16,12 +16,12 @@ struct Manifest {
     std::string problem;           // why it cannot work; empty where none is known
 };
 
-// Of drivers: those that VK_DRIVER_FILES or VK_ICD_FILENAMES names, or else those in the loader's folders, and those
-// of VK_ADD_DRIVER_FILES.
+// The manifests of drivers: those that VK_DRIVER_FILES or VK_ICD_FILENAMES names, or else those in the loader's
+// folders, and those of VK_ADD_DRIVER_FILES.
 std::vector<Manifest> findDriverManifests();
 
-// Of the layer, in all folders in which the loader looks for explicit layers, and in `folder` (the one next to this
-// program), in that order.
+// The manifests of the layer, in all folders in which the loader looks for explicit layers, and in `folder` (the one
+// next to this program), in that order.
 std::vector<Manifest> findLayerManifests(const std::filesystem::path &folder);
 
 } // namespace vellum::cli

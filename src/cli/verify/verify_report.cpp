@@ -29,7 +29,7 @@ const char *nameOf(State state)
     return "unknown-opaque";
 }
 
-// Of the JSON.
+// The name in JSON.
 const char *nameOf(Kind kind)
 {
     switch (kind) {
@@ -93,7 +93,7 @@ void printTable(const std::vector<Row> &rows)
     }
 }
 
-// Of very many primitives only those with findings, unless `verbose`.
+// Prints only the primitives with findings where there are very many, unless `verbose`.
 void printPrimitives(const verify::FileReport &report, bool verbose)
 {
     const size_t many = verbose ? ~size_t{0} : 40;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `vellum verify` prints of a file.
+// The output of `vellum verify` for a file.
 #pragma once
 
 #include <optional>

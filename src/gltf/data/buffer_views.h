@@ -16,7 +16,7 @@
 namespace vellum
 {
 
-// Of one model, which must outlive this. Any thread may read.
+// The buffer views of one model, which must outlive this. Any thread may read.
 class BufferViews
 {
 public:
@@ -24,13 +24,13 @@ public:
 
     [[nodiscard]] const gltf_json::Model &model() const { return model_; }
 
-    // What EXT_meshopt_compression or KHR_meshopt_compression has in it is decompressed at the first call, and kept.
-    // Throws GltfError, which begins with `what`, where the view does not exist, reaches outside of its buffer or
-    // cannot be decompressed.
+    // Decompresses a view with EXT_meshopt_compression or KHR_meshopt_compression at the first call, and keeps the
+    // result. Throws GltfError, which begins with `what`, where the view does not exist, reaches outside of its buffer
+    // or cannot be decompressed.
     [[nodiscard]] std::span<const uint8_t> bytes(int view, const std::string &what) const;
 
-    // Whether a compressed view has uncompressed data beside it, for those who do not know the compression, and that is
-    // other data.
+    // Returns whether a compressed view has uncompressed data beside it, for readers that do not know the compression,
+    // that differs from its own.
     [[nodiscard]] bool differsFromFallback(int view, const std::string &what) const;
 
     // Counts numbers that were read. Throws GltfError, which begins with `what`, where they are many times those of the

@@ -26,7 +26,7 @@ struct CompressedView {
     [[nodiscard]] size_t bytes() const { return byteStride * count; }
 };
 
-// Whether EXT_meshopt_compression or KHR_meshopt_compression is in a buffer view.
+// Returns whether EXT_meshopt_compression or KHR_meshopt_compression is in a buffer view.
 bool isCompressed(const gltf_json::BufferView &view);
 
 // Reads and checks what the extension says. Throws GltfError, and GltfUnsupported for a mode or filter that is unknown.
@@ -36,7 +36,7 @@ CompressedView readCompressedView(const gltf_json::BufferView &view);
 // Throws GltfError if `encoded` does not decode to `view`, and GltfUnsupported in builds without the library.
 std::vector<uint8_t> decompressView(const CompressedView &view, std::span<const uint8_t> encoded);
 
-// Whether this build reads geometry compressed by meshoptimizer and by Draco.
+// True if this build reads geometry compressed by meshoptimizer and by Draco.
 extern const bool kDecompressesMeshes;
 
 } // namespace vellum

@@ -20,7 +20,7 @@ bool has(Encoded encoded, size_t offset, std::string_view bytes)
            std::memcmp(encoded.data() + offset, bytes.data(), bytes.size()) == 0;
 }
 
-// What the headers of a JPEG say that decoders do not tell apart, or believe.
+// Checks those parts of a JPEG's headers that decoders do not distinguish, or trust.
 void checkJpeg(Encoded encoded, const std::string &what)
 {
     constexpr size_t kMostScans = 128; // each of them may go over the whole image

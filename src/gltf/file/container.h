@@ -30,7 +30,7 @@ struct Container {
 // Finds the JSON text in the bytes of a file. Throws GltfError, also for chunks that contradict themselves and JSON
 // that no parser should see.
 Container findContainer(std::vector<uint8_t> bytes);
-// The same for a file.
+// Reads a file.
 Container readContainer(const std::filesystem::path &path);
 
 constexpr size_t kGlbHeaderBytes = 12;     // magic, version, length

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with a glTF file.
+// Errors in a glTF file.
 #pragma once
 
 #include <stdexcept>

@@ -13,7 +13,7 @@ namespace
 {
 
 constexpr uint64_t kMostBufferBytes = uint64_t{1} << 31;
-// What the model may take, by a generous count of its structures: an empty object is 2 bytes of the file.
+// The memory that a model may take, by a generous count of its structures: an empty object is 2 bytes of the file.
 constexpr size_t kMostModelBytes = size_t{512} << 20;
 
 std::string numbered(const char *what, size_t index)
@@ -322,7 +322,7 @@ std::vector<std::string> ModelReader::names(const char *list) const
     return names;
 }
 
-// What a GLB's first buffer is in, where it has no URI (glTF 2.0, 4.4.3.3, "Binary buffer").
+// The chunk that a GLB's first buffer is in, where it has no URI (glTF 2.0, 4.4.3.3, "Binary buffer").
 std::span<const uint8_t> ModelReader::binaryChunk() const
 {
     if (!container_.binary)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the JSON of a glTF file says, as structures: the parts of it that anything here reads.
+// The JSON of a glTF file as structures: the parts of it that anything here reads.
 #pragma once
 
 #include <cstddef>
@@ -28,7 +28,7 @@ constexpr int kInt = 5124; // of EXT_mesh_opacity_micromap alone
 constexpr int kUnsignedInt = 5125;
 constexpr int kFloat = 5126;
 
-// Of one component; 0 for another type.
+// The size of one component; 0 for another type.
 constexpr size_t bytesOf(int componentType)
 {
     switch (componentType) {
@@ -66,7 +66,7 @@ struct BufferView {
 };
 
 struct Accessor {
-    // Of a sparse accessor: which elements are replaced, and with what.
+    // The elements of a sparse accessor that are replaced, and their replacements.
     struct Sparse {
         size_t count = 0;
         int indices = -1; // buffer view

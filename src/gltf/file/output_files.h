@@ -30,7 +30,7 @@ private:
     std::vector<std::span<const uint8_t>> pieces_;
 };
 
-// Whether both can be read and are the same file or have the same bytes.
+// Returns whether both can be read and are the same file or have the same bytes.
 bool sameBytes(const std::filesystem::path &a, const std::filesystem::path &b);
 
 class OutputFiles
@@ -46,8 +46,8 @@ public:
     // GltfError, with the path in front. Until then nothing can be seen of the file; on file systems that cannot do
     // that, a hidden temporary file.
     void write(const std::filesystem::path &path, const FileContent &content);
-    // The same for a file that is never replaced: one that is there already, then or when publish() is called, must
-    // have the same bytes. GltfError otherwise.
+    // Writes a file that is never replaced: one that is there already, then or when publish() is called, must have the
+    // same bytes. GltfError otherwise.
     void writeOnce(const std::filesystem::path &path, const FileContent &content);
     // Copies a file that `model` names. Throws GltfError if a link leads out of its folder (InputFile::requireBeside),
     // or if a file at `to` has other bytes.

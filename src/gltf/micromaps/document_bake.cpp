@@ -16,7 +16,7 @@ namespace vellum
 namespace
 {
 
-// What decides the alpha at a texture coordinate, and which of it is opaque.
+// The parameters that determine the alpha at a texture coordinate, and which of it is opaque.
 using SourceKey = std::tuple<TextureKey, std::optional<float>, float>;
 
 // A triangle of a primitive that is baked.
@@ -43,7 +43,8 @@ struct Source {
 
 // How many maps of the texture's cells are made in the time that it takes to decode the texture.
 constexpr size_t kMapsForImage = 16;
-// Of all primitives, and one for each byte of the file's buffers. Primitives can share their indices.
+// The limit for all primitives together, beside one triangle for each byte of the file's buffers. Primitives can share
+// their indices.
 constexpr size_t kMostTriangles = size_t{1} << 24;
 
 bool matches(const std::string &name, const std::vector<std::string> &patterns)
@@ -280,7 +281,7 @@ void DocumentBaker::readTexture(Source &source)
     }
 }
 
-// Of sources whose textures were read.
+// Bakes sources whose textures were read.
 void DocumentBaker::bakeSources(std::span<Source> sources)
 {
     std::vector<BakeInput> inputs;

@@ -25,8 +25,8 @@ constexpr const char *kExtension = kMicromapExtension;
 constexpr const char *kGenerator = "vellum";
 constexpr const char *kEarlier = kMicromapExtensions[1];
 constexpr size_t kMostBytes = 0x7fffffff; // what readContainer takes
-// What Vulkan wants of the addresses of both inputs of a micromap build
-// (VUID-vkCmdBuildMicromapsEXT-pInfos-07515): a buffer that is loaded as it is serves.
+// The alignment that Vulkan requires of the addresses of both inputs of a micromap build
+// (VUID-vkCmdBuildMicromapsEXT-pInfos-07515): a buffer can be used as it was loaded.
 constexpr size_t kBuildAlignment = 256;
 constexpr size_t kIndexAlignment = 4;
 

@@ -13,15 +13,15 @@ namespace vellum
 
 struct RewrittenFile {
     FileContent file;
-    // Of a .gltf: the file that belongs beside it, and its name; empty if there is none.
+    // The file that belongs beside a .gltf, and its name; empty if there is none.
     FileContent buffer;
     std::string bufferName;
 };
 
-// Whether the extension, in either spelling, is in the root of the document.
+// Returns whether the extension, in either spelling, is in the root of the document.
 bool hasMicromaps(const Document &document);
 
-// Whether withMicromaps() wrote the micromaps of the file with this JSON: they are marked.
+// Returns whether withMicromaps() wrote the micromaps of the file with this JSON: they are marked.
 bool hasOwnMicromaps(const JsonValue &root);
 
 // The document with these micromaps by EXT_mesh_opacity_micromap, in place of those that it has, whichever their

@@ -21,9 +21,9 @@ public:
     // Stops at `most` findings.
     ExtensionReader(const Document &document, size_t most);
 
-    // As lossOfMicromaps().
+    // Implements lossOfMicromaps().
     [[nodiscard]] std::optional<std::string> loss() const;
-    // What is whole; the others are left empty.
+    // Reads the micromaps that are whole, and leaves the others empty.
     StoredMicromaps read();
     [[nodiscard]] std::vector<MicromapFinding> takeFindings() { return std::move(findings_); }
 

@@ -30,7 +30,7 @@ double areaOf(const Geometry &geometry, size_t triangle, const Transform &transf
 // A small file may ask for as many triangles in the world as this is times too many to look at.
 constexpr size_t kMostKnownTriangles = size_t{1} << 27;
 
-// Of each triangle of each alpha-tested geometry, in the world; nothing where there are too many.
+// The areas of each triangle of each alpha-tested geometry, in the world; nothing where there are too many.
 std::optional<std::vector<std::vector<double>>> areasOf(const Scene &scene)
 {
     std::vector<std::vector<double>> areas(scene.geometries.size());

@@ -34,7 +34,7 @@ struct SurfaceShares {
 std::optional<SurfaceShares> surfaceShares(const Scene &scene,
                                            const std::function<const Micromap *(size_t)> &micromapOf);
 
-// Of the default scene of a file, with these micromaps. No result if the scene cannot be read.
+// The shares for the default scene of a file, with these micromaps. No result if the scene cannot be read.
 std::optional<SurfaceShares> surfaceShares(const Document &document, const StoredMicromaps &stored);
 
 } // namespace vellum

@@ -20,16 +20,16 @@ public:
     // `data` must outlive this.
     explicit StateCounter(std::span<const uint8_t> data);
 
-    // Of `count` micro-triangles from `first` on in the triangle's data, which must be inside of the data.
+    // Counts `count` micro-triangles from `first` on in the triangle's data, which must be inside of the data.
     [[nodiscard]] StateCounts count(const MicromapTriangle &triangle, uint64_t first, uint64_t count) const;
-    // Of all.
+    // Counts all micro-triangles of a triangle.
     [[nodiscard]] StateCounts count(const MicromapTriangle &triangle) const
     {
         return count(triangle, 0, microTriangleCount(triangle.subdivisionLevel));
     }
 
 private:
-    // Of the data before that position, in micro-triangles of the format from the first byte on.
+    // Counts the data before that position, in micro-triangles of the format from the first byte on.
     [[nodiscard]] StateCounts before(uint64_t position, Format format) const;
 
     std::span<const uint8_t> data_;

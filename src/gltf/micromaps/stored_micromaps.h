@@ -20,7 +20,7 @@ inline constexpr std::array kMicromapExtensions = {kMicromapExtension, "KHR_mesh
 // The extension is a draft. This is the text that is implemented here.
 inline constexpr const char *kMicromapDraft = "draft of 2026, glTF pull request 2623, revision 1ac6c757";
 
-// Whether an object's "extensions" have one of them.
+// Returns whether an object's "extensions" have one of them.
 bool hasMicromapExtension(const JsonValue &extensions);
 
 // Bytes of the smallest index of glTF for a micromap with this many triangles: 1, 2 or 4. The four highest values of
@@ -36,7 +36,7 @@ struct StoredMicromap {
     std::vector<uint8_t> data;
     std::vector<MicromapUsage> usage; // as the file has it
 
-    // Of the data and of the triangles' records.
+    // The size of the data and of the triangles' records.
     [[nodiscard]] size_t bytes() const { return data.size() + sizeof(MicromapTriangle) * triangles.size(); }
 };
 
@@ -63,8 +63,8 @@ struct MicromapFinding {
     std::string message; // "usageCounts add up to 12 triangles, there are 10"
 };
 
-// What happened to a file that a program has written which keeps extensions that it does not know, and drops the buffer
-// views that only they refer to (gltf-pipeline); in one line. Nothing where that did not happen.
+// Describes, in one line, the loss in a file written by a program that keeps extensions that it does not know, and
+// drops the buffer views that only they refer to (gltf-pipeline). Nothing where that did not happen.
 std::optional<std::string> lossOfMicromaps(const Document &document);
 
 struct CheckedMicromaps {
@@ -76,7 +76,7 @@ struct CheckedMicromaps {
 // including faults outside of the extension that it depends on, such as a buffer view outside of its buffer.
 CheckedMicromaps checkMicromaps(const Document &document, size_t most = 100);
 
-// The same for micromaps that must be valid: throws GltfError for the first finding.
+// Reads micromaps that must be valid: throws GltfError for the first finding.
 StoredMicromaps readMicromaps(const Document &document);
 
 } // namespace vellum

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the shaders of pipeline_tracer.glsl and its relatives share. The first three bindings are those of tracer.glsl.
+// Declarations that the shaders of pipeline_tracer.glsl and its relatives share. The first three bindings are those of
+// tracer.glsl.
 #include "ray.glsl"
 
 struct Candidate { // an any-hit invocation

@@ -75,7 +75,7 @@ struct Wide {
 #define ATTRIBUTES_RIGHT true
 #endif
 
-// DECOY: a shader that must not run; the judge sees it by the payload, or by the number of visits.
+// DECOY: a shader that must not run; the check sees it by the payload, or by the number of visits.
 #ifdef DECOY
 #define DECOY_RUNS payload.canary = 0u;
 #define VISIT 1000u

@@ -61,7 +61,8 @@ layout(push_constant) uniform Push
     rayQueryInitializeEXT(query, SCENE, flags, ray.cullMask, vec3(ray.origin[0], ray.origin[1], ray.origin[2]),        \
                           ray.tMin, vec3(ray.direction[0], ray.direction[1], ray.direction[2]), ray.tMax)
 
-// Whether what the query says of the ray and of a hit's instance fits together: what was traced, and one transform.
+// Returns whether the query's values for the ray and for a hit's instance are consistent: those that were traced, and one
+// transform.
 #ifndef GETTERS
 #define CONSISTENT(query, committed) true
 #else

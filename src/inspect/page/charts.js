@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What needs no canvas: numbers, charts, tables, meshes. Text comes from the file, so all of it goes through textContent.
+// The parts that need no canvas: numbers, charts, tables, meshes. Text comes from the file, so all of it goes through
+// textContent.
 function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the file is: `facts`, and the numbers of page_data.h as typed arrays.
+// The data of the file: `facts`, and the numbers of page_data.h as typed arrays.
 const facts = JSON.parse(document.getElementById("facts").textContent);
 
 // State names by number, and the order in which they are listed.
@@ -114,7 +114,7 @@ class Model {
     return Math.ceil((4 ** this.level(record) * (this.twoState(record) ? 1 : 2)) / 8);
   }
 
-  // Of each state.
+  // The share of each state.
   shares(record) {
     if (record < 0) return [0, 1, 2, 3].map((state) => (~record === state ? 1 : 0));
     const count = 4 ** this.level(record);

@@ -35,7 +35,7 @@ class FreePixels {
   }
 }
 
-// What does not change from pixel to pixel of a shape in a tile.
+// Values that are constant over the pixels of a shape in a tile.
 function shapeInTile(model, shape, left, top, scale) {
   const p = model.uvs;
   const at = shape * 6;
@@ -162,7 +162,7 @@ function* rasterTile(model, index, column, row, scale, shown, outlines) {
         ++drawn;
       }
     }
-    // What is too small to have a pixel's centre still is somewhere.
+    // A shape too small to contain the centre of a pixel still gets one.
     if (drawn === 0) {
       const x = Math.floor((xs[0] + xs[1] + xs[2]) / 3), y = Math.floor((ys[0] + ys[1] + ys[2]) / 3);
       if (x >= 0 && y >= 0 && x < tileSize && y < tileSize && free.find(y, x) === x) {

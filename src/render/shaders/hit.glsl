@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a ray met.
+// The result of a ray.
 #ifndef VELLUM_HIT_GLSL
 #define VELLUM_HIT_GLSL
 #include "scene.glsl"

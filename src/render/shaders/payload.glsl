@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What goes along with a ray of the ray tracing pipeline. One payload for both kinds of rays, since both use the same
-// any-hit and miss shader.
+// The payload of the ray tracing pipeline. One payload for both kinds of rays, since both use the same any-hit and miss shader.
 #include "hit.glsl"
 
 struct Payload {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a primary ray met.
+// Reports the hit of a primary ray.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_ray_tracing : require

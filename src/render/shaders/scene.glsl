@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the shaders of the picture read and write.
+// The resources of the picture's shaders.
 #ifndef VELLUM_SCENE_GLSL
 #define VELLUM_SCENE_GLSL
 #extension GL_EXT_nonuniform_qualifier : require

@@ -9,7 +9,7 @@ const uint kTransparent = 0u;
 const uint kNoState = ~0u;
 const float kVeil = 0.35; // how much of what is transparent shows
 
-// What a ray met of the micromaps on its way.
+// The micromap states along a ray.
 uint metState = kNoState; // where it ended
 float metEdge = 1.0;      // 0 on the outline of a micro-triangle
 float veil = 1e30;        // where it first went through a transparent micro-triangle

@@ -28,8 +28,8 @@ uvec2 marked(uvec2 bytes)
     return uvec2((above.x & ~255u) + kMicromapSizeMark, above.y);
 }
 
-// Whether memory of so many units of 16 bytes holds a micromap. Other memory may hold anything, such as the header of a larger
-// micromap.
+// Returns whether memory of so many units of 16 bytes holds a micromap. Other memory may hold anything, such as the header of a
+// larger micromap.
 bool holdsMicromap(uvec2 micromap, uint size)
 {
     if (size < kMicromapHeaderWords / 4u)

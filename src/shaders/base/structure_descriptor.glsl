@@ -118,7 +118,7 @@ uint unitsBetween(uvec2 begin, uvec2 address)
     return bytes.y >= 16u ? ~0u : bytes.x >> 4u | bytes.y << 28u;
 }
 
-// Whether `units` units from `at` on lie inside `all` units.
+// Returns whether `units` units from `at` on lie inside `all` units.
 bool fits(uint at, uint units, uint all)
 {
     return at <= all && units <= all - at;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether most of a shape is opaque, by sampling the middles of the 16 micro-triangles two levels further down. Nothing
+// Returns whether most of a shape is opaque, by sampling the middles of the 16 micro-triangles two levels further down. Nothing
 // depends on it but the kind of unknown state.
 
 const uint kSamples = 16u;

@@ -68,7 +68,7 @@ uvec2 rowBits(Mip mip, int x, int count, int y)
     return bits;
 }
 
-// What may be in the stored cells of a rectangle, or near it.
+// The flags of the stored cells of a rectangle, or near it.
 uint storedFlags(Mip mip, ivec2 low, ivec2 high)
 {
     const ivec2 more = high - low;
@@ -83,7 +83,7 @@ uint storedFlags(Mip mip, ivec2 low, ivec2 high)
     return (bits.x != 0u ? kMayNotBeOpaque : 0u) | (bits.y != 0u ? kMayNotBeTransparent : 0u);
 }
 
-// What may be in the cells of a rectangle, or near it.
+// The flags of the cells of a rectangle, or near it.
 uint boxFlags(Mip mip, ivec2 low, ivec2 high)
 {
     const ivec4 columns = storedIntervals(mip.x, low.x, high.x - low.x + 1);

@@ -64,7 +64,7 @@ void addEdge(Patch patch_, vec2 start, vec2 delta, float slack, inout vec2 exten
     }
 }
 
-// What may be in the part of the shape that lies in a cell.
+// The flags of the part of the shape that lies in a cell.
 uint pieceFlags(Mip mip, Shape s, ivec2 cell)
 {
     const ivec2 left = ivec2(wrapTexel(mip.x, cell.x), wrapTexel(mip.y, cell.y));

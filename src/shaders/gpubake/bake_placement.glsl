@@ -32,7 +32,7 @@ uvec2 half64(uvec2 x, uint bits)
 {
     return bits == 0u ? x : uvec2(x.x >> bits | x.y << (32u - bits), uint(int(x.y) >> bits));
 }
-// Of a fixed-point number, to within one part in 2^22.
+// Converts a fixed-point number, to within one part in 2^22.
 float toFloat64(uvec2 x)
 {
     const bool negative = int(x.y) < 0;
@@ -123,7 +123,7 @@ Placement place(Uvs uvs, Mip mip, uint level)
     const float scale = 1.0 / float(1u << level);
     p.stepI = vec2(toFloat64(p.edgeIX), toFloat64(p.edgeIY)) * scale;
     p.stepJ = vec2(toFloat64(p.edgeJX), toFloat64(p.edgeJY)) * scale;
-    // As the baker's Placement, and a little more for rounding.
+    // The bounds are those of the baker's Placement, and a little more for rounding.
     const vec2 largest = max(abs(uvs.a), max(abs(uvs.b), abs(uvs.c)));
     const vec2 slope = abs(uvs.b - uvs.a) + abs(uvs.c - uvs.a);
     const vec2 moved =

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes all records there is room for, VkMicromapTriangleEXT, and the last of the result. Those that no triangle needs
+// Writes all records that fit, VkMicromapTriangleEXT, and the last of the result. Those that no triangle needs
 // repeat the first of their level.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all shaders of the GPU baker share: the scratch memory, and which invocation does what.
+// Code that all shaders of the GPU baker share: the scratch memory, and the work of each invocation.
 #extension GL_EXT_control_flow_attributes : require
 #include "base/memory.glsl"
 #include "gpu_bake.h"

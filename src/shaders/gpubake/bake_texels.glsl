@@ -7,7 +7,7 @@ layout(set = 0, binding = 0) uniform texture2D image;
 const uint kMagnitude = 0x7fffffffu;
 const uint kInfinity = 0x7f800000u;
 
-// What there is to know of the alpha test. Loaded once: invocations that load from memory wait for each other.
+// Constants of the alpha test. Loaded once: invocations that load from memory wait for each other.
 uint alphaFlags;
 float alphaBorder;
 float alphaOpaqueFrom;

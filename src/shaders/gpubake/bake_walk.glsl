@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What may be in a shape: whether some point of it, margins included, may not be opaque, or not transparent.
+// Finds the flags of a shape: whether some point of it, margins included, may not be opaque, or not transparent.
 
 // A box of no more cells than that is walked row by row. maskBits() has 32 columns.
 const int kMostColumns = 30;

@@ -26,7 +26,7 @@ Node childOf(Node node, uint child)
     return Node((child == 2u) != node.swapped ? node.i + half_ : node.i, node.j, half_, node.swapped);
 }
 
-// What becomes of flags; `guess` is asked for where both outcomes may be.
+// The state for flags; `guess` is used where both outcomes are possible.
 uint stateOf(uint flags, bool guess)
 {
     uint state = guess ? kStateUnknownOpaque : kStateUnknownTransparent;
@@ -88,7 +88,7 @@ Subject subjectOf(uint triangle)
     return s;
 }
 
-// What may be in a node, by the blocks of cells around it.
+// The flags of a node, by the blocks of cells around it.
 uint nodeFlags(Subject subject, Node node)
 {
     uint flags = 0u;

@@ -22,7 +22,7 @@ const uint kTotal = 8u;
 const uint kDeserialized = 10u;
 const uint kHeaderBytes = 48u;
 
-// Whether `bytes` can be the end of the driver's data, and the buffer can hold a trailer there.
+// Returns whether `bytes` can be the end of the driver's data, and the buffer can hold a trailer there.
 bool fits(Words header, uint bytes)
 {
     return header.w[kTotal + 1u] == 0u && bytes >= kHeaderBytes && bytes % 4u == 0u &&

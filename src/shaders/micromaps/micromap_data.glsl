@@ -24,7 +24,7 @@ uvec4 loadAlignedUnit(uvec2 address, uint bytes)
     return v;
 }
 
-// The same at any other address. Reads only words that hold one of the bytes.
+// Loads a unit at any other address. Reads only words that hold one of the bytes.
 uvec4 loadShiftedUnit(uvec2 address, uint bytes)
 {
     const uint shift = (address.x & 3u) * 8u;

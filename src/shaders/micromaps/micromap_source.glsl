@@ -80,7 +80,7 @@ uint alignmentInPlace(uint level, uint bitsPerState)
     return level == kCoarseLevel + 1u && bitsPerState == 1u ? kDataUnitBytes / 2u : kDataUnitBytes;
 }
 
-// Whether a triangle can use its data in place.
+// Returns whether a triangle can use its data in place.
 bool fitsInPlace(Source s)
 {
     const uint units = unitsOf(s);
@@ -94,7 +94,7 @@ uint kindInPlace(Source s)
     return kindOf(s) + ((s.dataOffset & 15u) != 0u ? kKindUpperHalf : 0u);
 }
 
-// Whether every triangle uses its data in place; known after micromap_check.comp.
+// Returns whether every triangle uses its data in place; known after micromap_check.comp.
 bool verbatim()
 {
     return (push.flags & kBuildVerbatim) != 0u && Words(push.scratch).w[kScratchElsewhere] == 0u;

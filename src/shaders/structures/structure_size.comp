@@ -24,7 +24,7 @@ void main()
     const uint offset = unitsBetween(push.begin, descriptor.tail);
     if (!fits(offset, descriptor.units, push.structureUnits))
         descriptor.kind = kDescriptorPlain;
-    // Whether the end of the driver's part is known, for a structure without records.
+    // True if the end of the driver's part is known, for a structure without records.
     const bool ends = (descriptor.kind == kDescriptorPlain || descriptor.kind == kDescriptorBoxes) && any(notEqual(descriptor.tail, uvec2(0))) &&
                       offset <= push.structureUnits;
     const uvec2 driver = uvec2(value.w[0], value.w[1]);
@@ -39,7 +39,7 @@ void main()
     } else if (push.property == kPropertyPointers) {
         result = uvec2(0);
     } else if (push.property == kPropertySerializationSize) {
-        // As structure_save.comp plans it.
+        // structure_save.comp plans the same.
         uint units = driverUnitsOf(driver, push.structureUnits);
         if (ends && push.wholeCopies != 0u)
             units = min(units, saturatingAdd(offset, kSerializedHeaderUnits));

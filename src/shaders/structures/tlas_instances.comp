@@ -94,13 +94,13 @@ void noteRecordOffset(uint offset)
         atomicMax(counters.w[kGreatestRecordOffset], offset);
 }
 
-// Whether push.range is the address of a VkAccelerationStructureBuildRangeInfoKHR: primitiveCount, primitiveOffset.
+// Returns whether push.range is the address of a VkAccelerationStructureBuildRangeInfoKHR: primitiveCount, primitiveOffset.
 bool isIndirect()
 {
     return (push.range.x | push.range.y) != 0u;
 }
 
-// Whether the structure is a copy, and `source` the address of a descriptor.
+// Returns whether the structure is a copy, and `source` the address of a descriptor.
 bool isCopy()
 {
     return push.from == kFromStructure || push.from == kFromSerialized;

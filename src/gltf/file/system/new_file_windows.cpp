@@ -24,7 +24,7 @@ HANDLE handleOf(intptr_t file)
     return reinterpret_cast<HANDLE>(file);
 }
 
-// Whether the file goes away when it is closed, which the system also does for a process that ends.
+// Sets whether the file goes away when it is closed, which the system also does for a process that ends.
 bool setTemporary(intptr_t file, bool temporary)
 {
     FILE_DISPOSITION_INFO info{};
@@ -32,8 +32,8 @@ bool setTemporary(intptr_t file, bool temporary)
     return SetFileInformationByHandle(handleOf(file), FileDispositionInfo, &info, sizeof info) != 0;
 }
 
-// Whether `rename` returns true, at once or soon: virus scanners and the like open new files for a moment, and a file
-// that is open cannot be renamed.
+// Returns whether `rename` returns true, at once or soon: virus scanners and the like open new files for a moment, and
+// a file that is open cannot be renamed.
 template <typename Rename>
 bool isRenamed(Rename &&rename)
 {
