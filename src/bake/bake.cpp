@@ -11,6 +11,7 @@
 
 #include "bake/budget.h"
 #include "bake/classify.h"
+#include "bake/options.h"
 #include "bake/packed.h"
 #include "core/curve.h"
 #include "core/hash.h"
@@ -126,22 +127,10 @@ void check(const BakeOptions &options)
 {
     checkLevel(options.level.value_or(options.maxLevel));
     checkFormat(options.format);
-    // A tolerance far beyond any GPU's rounding would only make triangles reach over all of the plane.
-    const struct {
-        const char *name;
-        double value;
-        double most;
-    } numbers[] = {
-        {"valueTolerance", options.valueTolerance, std::numeric_limits<double>::max()},
-        {"subtexelTolerance", options.subtexelTolerance, 1024},
-        {"barycentricTolerance", options.barycentricTolerance, 1},
-        {"interpolationTolerance", options.interpolationTolerance, 0x1p-10},
-        {"texelsPerEdge", options.texelsPerEdge, std::numeric_limits<double>::max()},
-        {"minKnown", options.minKnown, 1},
-    };
-    for (const auto &[name, value, most] : numbers)
-        if (!(value >= 0 && value <= most))
-            throw BakeError(std::string(name) + " is " + std::to_string(value) + ", not in its range");
+    for (const BakeNumber &number : kBakeNumbers)
+        if (!number.accepts(options.*number.member))
+            throw BakeError(std::string(number.name) + " is " + std::to_string(options.*number.member) + ", not " +
+                            number.range);
     if (options.maxDataBytes > 0xffffffffu)
         throw BakeError("micromap data cannot be larger than 4 GiB");
 }

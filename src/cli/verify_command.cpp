@@ -81,7 +81,7 @@ void declareVerify(CLI::App &command, VerifyOptions &options)
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
     command.add_option("-j,--threads", options.file.threads, "Number of threads [one for each processor]")
-        ->check(wholeBetween(0, 1024))
+        ->check(wholeBetween(0, kMostBakeThreads))
         ->type_name("COUNT");
 }
 

@@ -2,9 +2,9 @@
 #include "library/inputs.h"
 
 #include <cmath>
-#include <limits>
 
 #include "bake/inputs.h"
+#include "core/curve.h"
 #include "library/structures.h"
 
 namespace vellum::library
@@ -14,13 +14,6 @@ namespace
 
 constexpr uint32_t kMostTexels = 1u << 24; // along a side
 constexpr size_t kMostTriangles = size_t{1} << 28;
-constexpr uint32_t kMostThreads = 1024;
-constexpr uint32_t kMostLevel = 12;
-
-std::string number(double value)
-{
-    return std::to_string(value);
-}
 
 [[noreturn]] void reject(const char *member, const std::string &value, const char *range)
 {
@@ -147,7 +140,7 @@ std::vector<TriangleUvs> readTriangles(const VellumBakeInput &given)
         if (there < corners)
             throw invalid(std::to_string(given.triangleCount) + " triangles have " + std::to_string(corners) +
                           " vertices, but uvs has " + std::to_string(there));
-        // Of more vertices there would be more triangles.
+        // More vertices than this would need more triangles.
         vertices.bytes =
             corners == 0 ? std::span<const std::byte>{} : vertices.bytes.first((corners - 1) * vertices.stride + size);
     } else {
@@ -178,13 +171,6 @@ auto about(const std::string &what, Function &&function)
 
 BakeOptions readOptions(const VellumBakeOptions &given)
 {
-    const auto within = [](const char *member, double value, double most, const char *range) {
-        if (!(value >= 0 && value <= most))
-            reject(member, number(value), range);
-        return value;
-    };
-    constexpr double kFinite = std::numeric_limits<double>::max();
-    constexpr const char *kNotNegative = "0 or more and finite";
     BakeOptions options;
     options.format = micromapFormat("format", given.format);
     switch (given.twoStateRule) {
@@ -193,14 +179,13 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     case VELLUM_TWO_STATE_UNKNOWN_IS_TRANSPARENT: options.twoStateRule = TwoStateRule::UnknownIsTransparent; break;
     default: reject("twoStateRule", std::to_string(given.twoStateRule), "a VellumTwoStateRule");
     }
-    if (given.level < VELLUM_LEVEL_AUTOMATIC || given.level > static_cast<int32_t>(kMostLevel))
+    if (given.level < VELLUM_LEVEL_AUTOMATIC || given.level > static_cast<int32_t>(shared::kMaxSubdivisionLevel))
         reject("level", std::to_string(given.level), "0 to 12 or VELLUM_LEVEL_AUTOMATIC");
     if (given.level != VELLUM_LEVEL_AUTOMATIC)
         options.level = static_cast<uint32_t>(given.level);
-    if (given.maxLevel > kMostLevel)
+    if (given.maxLevel > shared::kMaxSubdivisionLevel)
         reject("maxLevel", std::to_string(given.maxLevel), "0 to 12");
     options.maxLevel = given.maxLevel;
-    options.texelsPerEdge = within("texelsPerEdge", given.texelsPerEdge, kFinite, kNotNegative);
     switch (given.compareOp) {
     case VELLUM_COMPARE_OP_LESS: options.test = AlphaTest::Less; break;
     case VELLUM_COMPARE_OP_LESS_OR_EQUAL: options.test = AlphaTest::LessOrEqual; break;
@@ -213,16 +198,16 @@ BakeOptions readOptions(const VellumBakeOptions &given)
     options.disallowMixedSpecialIndices = (given.flags & VELLUM_BAKE_DISALLOW_MIXED_SPECIAL_INDICES_BIT) != 0;
     if (given.budget != VELLUM_NO_BUDGET)
         options.budget = given.budget;
-    options.minKnown = within("minKnown", given.minKnown, 1, "0 to 1");
-    options.valueTolerance = within("valueTolerance", given.valueTolerance, kFinite, kNotNegative);
-    options.subtexelTolerance = within("subtexelTolerance", given.subtexelTolerance, 1024, "0 to 1024");
-    options.barycentricTolerance = within("barycentricTolerance", given.barycentricTolerance, 1, "0 to 1");
-    options.interpolationTolerance =
-        within("interpolationTolerance", given.interpolationTolerance, 0x1p-10, "0 to 2^-10");
+    for (size_t i = 0; i < kBakeNumbers.size(); ++i) {
+        const double value = given.*kNumbers[i];
+        if (!kBakeNumbers[i].accepts(value))
+            reject(kBakeNumbers[i].name, std::to_string(value), kBakeNumbers[i].range);
+        options.*kBakeNumbers[i].member = value;
+    }
     if (given.maxDataSize > UINT32_MAX)
         reject("maxDataSize", std::to_string(given.maxDataSize), "2^32 - 1 or less");
     options.maxDataBytes = given.maxDataSize;
-    if (given.threads > kMostThreads)
+    if (given.threads > kMostBakeThreads)
         reject("threads", std::to_string(given.threads), "1024 or less");
     options.threads = given.threads;
     if (given.reserved != 0)
@@ -263,7 +248,7 @@ void Inputs::add(const VellumBakeInput &given)
     if (given.levels != nullptr) {
         input.levels = {given.levels, given.triangleCount};
         for (size_t t = 0; t < given.triangleCount; ++t)
-            if (given.levels[t] > kMostLevel)
+            if (given.levels[t] > shared::kMaxSubdivisionLevel)
                 throw invalid("the level of triangle " + std::to_string(t) + " is " + std::to_string(given.levels[t]) +
                               ", not 0 to 12");
     }

@@ -39,14 +39,10 @@ VellumBakeOptions Structure<VellumBakeOptions>::defaults()
     options.twoStateRule = VELLUM_TWO_STATE_NEAREST;
     options.level = VELLUM_LEVEL_AUTOMATIC;
     options.maxLevel = core.maxLevel;
-    options.texelsPerEdge = core.texelsPerEdge;
     options.compareOp = VELLUM_COMPARE_OP_GREATER_OR_EQUAL;
     options.budget = VELLUM_NO_BUDGET;
-    options.minKnown = core.minKnown;
-    options.valueTolerance = core.valueTolerance;
-    options.subtexelTolerance = core.subtexelTolerance;
-    options.barycentricTolerance = core.barycentricTolerance;
-    options.interpolationTolerance = core.interpolationTolerance;
+    for (size_t i = 0; i < kBakeNumbers.size(); ++i)
+        options.*kNumbers[i] = core.*kBakeNumbers[i].member;
     options.maxDataSize = core.maxDataBytes;
     return options;
 }

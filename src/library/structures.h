@@ -3,17 +3,27 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstring>
 #include <stdexcept>
 #include <string>
 
+#include "bake/options.h"
 #include "vellum/vellum.h"
 
 namespace vellum::library
 {
 
-// What ends a call of the library.
+// The members of VellumBakeOptions for each of kBakeNumbers.
+inline constexpr std::array kNumbers = {
+    &VellumBakeOptions::texelsPerEdge,        &VellumBakeOptions::minKnown,
+    &VellumBakeOptions::valueTolerance,       &VellumBakeOptions::subtexelTolerance,
+    &VellumBakeOptions::barycentricTolerance, &VellumBakeOptions::interpolationTolerance,
+};
+static_assert(kNumbers.size() == kBakeNumbers.size());
+
+// Ends a call of the library.
 class Failure : public std::runtime_error
 {
 public:

@@ -12,6 +12,7 @@
 #include "cli/options/cli11.h"
 #include "cli/options/commands.h"
 #include "cli/options/options.h"
+#include "core/curve.h"
 
 namespace vellum::cli
 {
@@ -48,8 +49,6 @@ Examples:
       as a filter
 )";
 
-constexpr unsigned kMostThreads = 1024;
-
 struct RawBakeOptions {
     std::string level = "auto";
     std::string rule = "nearest";
@@ -83,7 +82,7 @@ void declareFiles(CLI::App &command, BakeCommandOptions &options)
     command.option_defaults()->group(kGeneral);
     command.add_flag("-q,--quiet", options.quiet, "Print errors only");
     command.add_option("-j,--threads", options.threads, "Number of threads [one for each processor]")
-        ->check(wholeBetween(0, kMostThreads))
+        ->check(wholeBetween(0, kMostBakeThreads))
         ->type_name("COUNT");
 }
 
@@ -121,13 +120,9 @@ void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
             "Subdivision level of every triangle, 0 to 12, or auto: by the texels that a triangle covers [auto]")
         ->type_name("LEVEL");
     command.add_option("--max-level", bake.maxLevel, "The highest level that auto chooses, 0 to 12 [8]")
-        ->check(wholeBetween(0, 12))
+        ->check(wholeBetween(0, shared::kMaxSubdivisionLevel))
         ->type_name("LEVEL");
-    command
-        .add_option("--texels-per-edge", bake.texelsPerEdge,
-                    "For auto: the approximate length of a micro-triangle's edges in texels [4]")
-        ->check(atLeast(0))
-        ->type_name("TEXELS");
+    addBakeNumber(command, kTexelsPerEdge, bake.texelsPerEdge);
     command
         .add_option(
             "--budget", raw.budget,
@@ -142,11 +137,7 @@ void declareQuality(CLI::App &command, BakeOptions &bake, RawBakeOptions &raw)
                                    "With --states 2, what unknown becomes: nearest (what most of it is), opaque "
                                    "or transparent [nearest]"),
                {"nearest", "opaque", "transparent"});
-    command
-        .add_option("--min-known", bake.minKnown,
-                    "Share of a triangle that must be known for it to get data, 0 to 1 [0]")
-        ->check(between(0, 1))
-        ->type_name("SHARE");
+    addBakeNumber(command, kMinKnown, bake.minKnown);
 }
 
 void finishBaking(DocumentBakeOptions &options, const RawBakeOptions &raw)
@@ -208,7 +199,7 @@ std::optional<uint32_t> parseLevel(const std::string &text)
     uint32_t level = 0;
     const char *end = text.data() + text.size();
     const auto read = std::from_chars(text.data(), end, level);
-    if (read.ec != std::errc() || read.ptr != end || level > 12)
+    if (read.ec != std::errc() || read.ptr != end || level > shared::kMaxSubdivisionLevel)
         throw UsageError("--level must be auto or a whole number between 0 and 12, got " + text);
     return level;
 }

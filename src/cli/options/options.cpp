@@ -96,33 +96,21 @@ void takesWords(CLI::Option &option, const std::vector<std::string> &words)
         ""));
 }
 
+CLI::Option &addBakeNumber(CLI::App &command, const BakeNumber &number, double &value, std::optional<double> most)
+{
+    const double largest = most.value_or(number.most);
+    return *command.add_option(number.option, value, number.help)
+                ->check(largest == kAnyFinite ? atLeast(0) : between(0, largest))
+                ->type_name(number.unit);
+}
+
 void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double *, 4> &values,
                          std::optional<double> most)
 {
-    struct Row {
-        const char *name;
-        const char *type;
-        double most;
-        const char *text;
-    };
-    constexpr std::array<Row, 4> kRows = {{
-        {"--value-tolerance", "ALPHA", std::numeric_limits<double>::infinity(),
-         "Largest error of filtered alpha on a GPU [2/255]"},
-        {"--subtexel-tolerance", "TEXELS", 1024, "Largest error of a sample's position [1/16]"},
-        {"--barycentric-tolerance", "DISTANCE", 1,
-         "How far outside of a micro-triangle a hit of it may be, in barycentrics [1e-5]"},
-        {"--interpolation-tolerance", "RATIO", 0x1p-10,
-         "Largest error of interpolated texture coordinates, relative to the largest of a triangle [2^-20]"},
-    }};
     command.option_defaults()->group(kTolerances);
     CLI::Option &none = *command.add_flag("--exact", exact, "No tolerances: what is true in exact arithmetic");
-    for (size_t i = 0; i < kRows.size(); ++i) {
-        const double largest = most.value_or(kRows[i].most);
-        command.add_option(kRows[i].name, *values[i], kRows[i].text)
-            ->check(std::isinf(largest) ? atLeast(0) : between(0, largest))
-            ->type_name(kRows[i].type)
-            ->excludes(&none);
-    }
+    for (size_t i = 0; i < values.size(); ++i)
+        addBakeNumber(command, kBakeTolerances[i], *values[i], most).excludes(&none);
 }
 
 void addDeviceOption(CLI::App &command, gpu::DeviceSelection &device)

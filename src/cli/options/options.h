@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "bake/options.h"
 #include "cli/base/exit_code.h"
 #include "cli/options/cli11.h"
 #include "gpu/instance.h"
@@ -50,8 +51,10 @@ CLI::Validator wholeBetween(uint64_t low, uint64_t high);
 // One of these words. Also sets the type name to them, for completions.
 void takesWords(CLI::Option &option, const std::vector<std::string> &words);
 
-// Adds --exact and the four tolerances of the baker and of the verifier: of filtered alpha, of a sample's position, of
-// barycentrics and of interpolated texture coordinates. `most`: of each, instead of what the baker takes.
+// Adds a number that a bake takes. `most`: instead of the largest that the baker accepts.
+CLI::Option &addBakeNumber(CLI::App &command, const BakeNumber &number, double &value,
+                           std::optional<double> most = std::nullopt);
+// Adds --exact and kBakeTolerances, for the baker and the verifier.
 void addToleranceOptions(CLI::App &command, bool &exact, const std::array<double *, 4> &values,
                          std::optional<double> most = std::nullopt);
 
