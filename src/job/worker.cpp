@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "base/error.h"
+#include "base/json_reader.h"
 #include "base/json_writer.h"
 
 namespace vellum::job
@@ -13,6 +14,21 @@ namespace
 {
 
 constexpr size_t kMostPrinted = 4096;
+constexpr std::string_view kErrorEvent = R"({"event":"error")";
+
+// The failed assertion that a driver printed; empty if there is none.
+std::string assertionIn(const std::string &printed)
+{
+    for (const char *word : {"Assertion ", "assertion "}) {
+        const size_t at = printed.rfind(word);
+        if (at == std::string::npos)
+            continue;
+        const size_t line = printed.rfind('\n', at);
+        const size_t begin = line == std::string::npos ? 0 : line + 1;
+        return printed.substr(begin, printed.find('\n', at) - begin);
+    }
+    return {};
+}
 
 } // namespace
 
@@ -22,19 +38,25 @@ void Worker::send(const std::string &request)
     process_.write(request + "\n");
 }
 
-std::vector<std::string> Worker::read()
+Worker::Output Worker::read()
 {
+    Output output{{}, process_.end()}; // first: the output before the end is then read below
     process_.read(line_, printed_);
     if (printed_.size() > kMostPrinted)
         printed_.erase(0, printed_.size() - kMostPrinted);
-    std::vector<std::string> lines;
     size_t begin = 0;
     for (size_t end = line_.find('\n'); end != std::string::npos; end = line_.find('\n', begin)) {
-        lines.push_back(line_.substr(begin, end - begin));
+        output.lines.push_back(line_.substr(begin, end - begin));
         begin = end + 1;
     }
     line_.erase(0, begin);
-    return lines;
+    return output;
+}
+
+std::string Worker::causeOf(const ProcessEnd &end) const
+{
+    const std::string assertion = assertionIn(printed_);
+    return (end.text().empty() ? "exit code 0" : end.text()) + (assertion.empty() ? "" : ": " + assertion);
 }
 
 void Worker::startWaiting()
@@ -61,6 +83,17 @@ std::string errorEvent(std::string_view message)
 {
     JsonWriter json(JsonStyle::Compact);
     return json.beginObject().member("event", "error").member("message", message).end().text();
+}
+
+std::optional<std::string> errorIn(const std::string &line)
+{
+    if (!line.starts_with(kErrorEvent))
+        return std::nullopt;
+    try {
+        return JsonReader(line).text("message");
+    } catch (const Error &) {
+        return std::nullopt;
+    }
 }
 
 int answerRequests(const std::function<void(const std::string &request, Events &events)> &answer)

@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,16 +29,23 @@ public:
     void endRequests() { process_.closeInput(); }
     [[nodiscard]] const ChildProcess &process() const { return process_; }
 
-    // The lines that have come. A driver may have written some of them.
-    std::vector<std::string> read();
+    struct Output {
+        std::vector<std::string> lines; // a driver may have written some of them
+        std::optional<ProcessEnd> end;  // after these lines
+    };
+    // The output since the last call.
+    Output read();
     // Begins to count the time that the worker needs for the next event.
     void startWaiting();
-    // Whether that is more than so many seconds. Time in which its threads wait for a processor does not count, so that
-    // a job does not time out because the machine is busy, except that five times the seconds are always enough.
+    // Returns whether that is more than so many seconds. Time in which its threads wait for a processor does not count,
+    // so that a job does not time out because the machine is busy, except that five times the seconds are always
+    // enough.
     [[nodiscard]] bool isLate(double seconds) const;
     // The end of what was printed to stderr since the last request, by the driver or with the error that ended the
     // worker.
     [[nodiscard]] const std::string &printed() const { return printed_; }
+    // Describes an end of the worker, with the failed assertion that a driver has printed.
+    [[nodiscard]] std::string causeOf(const ProcessEnd &end) const;
 
 private:
     ChildProcess process_;
@@ -62,5 +70,7 @@ private:
 int answerRequests(const std::function<void(const std::string &request, Events &events)> &answer);
 
 std::string errorEvent(std::string_view message);
+// The message of such an event; nothing for another line.
+std::optional<std::string> errorIn(const std::string &line);
 
 } // namespace vellum::job

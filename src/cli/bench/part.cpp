@@ -174,7 +174,7 @@ render::RenderSettings settingsFor(gpu::Device &device, const render::RenderScen
     return settings;
 }
 
-// What does not depend on how much the alpha test costs.
+// Values that do not depend on the cost of the alpha test.
 struct FrameFacts {
     double candidatesPerRay[2] = {}; // with the alpha test alone, with micromaps
     uint64_t differingPixels = 0;
@@ -243,7 +243,7 @@ void measureFrames(const Part &part, const BenchDevice &wanted)
 
 // --- builds ---
 
-// The same triangles again and again, each with data of its own.
+// Repeats the triangles, each with data of its own.
 Micromap repeated(const Micromap &micromap, size_t times)
 {
     Micromap all;
@@ -416,18 +416,6 @@ std::optional<std::string> rowOf(const std::string &line)
     return line.substr(kRowEvent.size(), line.size() - kRowEvent.size() - 1);
 }
 
-// The message of a worker that ended by an exception; nothing of another line.
-std::optional<std::string> errorOf(const std::string &line)
-{
-    if (!line.starts_with(R"({"event":"error")"))
-        return std::nullopt;
-    try {
-        return JsonReader(line).text("message");
-    } catch (const Error &) {
-        return std::nullopt;
-    }
-}
-
 // In words; empty for success.
 std::string failureOf(const ProcessEnd &end)
 {
@@ -474,11 +462,12 @@ PartResult runPartProcess(const Part &part, const BenchDevice &device, double ti
     std::optional<std::string> error;
     for (double last = 0; !end && elapsed() < last + timeout && !Interruptible::interrupted(); progress()) {
         ChildProcess::waitForAny({&process, 1}, 200);
-        end = process->end(); // first: what was written before it is read below
-        for (const std::string &line : worker->read()) {
+        job::Worker::Output output = worker->read();
+        end = std::move(output.end);
+        for (const std::string &line : output.lines) {
             if (std::optional<std::string> row = rowOf(line))
                 result.rows.push_back(std::move(*row));
-            else if (const auto message = errorOf(line))
+            else if (const auto message = job::errorIn(line))
                 error = message;
             else if (line != kProgressEvent)
                 continue; // a driver that hangs may print

@@ -185,8 +185,7 @@ void Runner::Slot::check()
 {
     if (process_ == nullptr)
         return;
-    const std::optional<ProcessEnd> end = process_->process().end(); // first: what was written before it is read below
-    const std::vector<Event> events = process_->read();
+    const auto [events, end] = process_->read();
     for (const Event &event : events)
         handle(event);
     const bool late = (current_ || closing_) && process_ != nullptr && process_->isLate(limit_);
@@ -194,7 +193,7 @@ void Runner::Slot::check()
         return;
     const check::Status status = end ? check::Status::Crash : check::Status::Timeout;
     if (current_)
-        fail(status, end ? causeOfEnd(*end, process_->printed()) : "");
+        fail(status, end ? process_->causeOf(*end) : "");
     else
         closed(status, end ? end->text() : "timeout");
     drop();

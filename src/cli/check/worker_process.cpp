@@ -25,40 +25,21 @@ std::vector<std::string> argumentsOf(const WorkerOptions &options)
     return arguments;
 }
 
-// The failed assertion that a driver printed; empty if there is none.
-std::string assertionIn(const std::string &printed)
-{
-    for (const char *word : {"Assertion ", "assertion "}) {
-        const size_t at = printed.rfind(word);
-        if (at == std::string::npos)
-            continue;
-        const size_t line = printed.rfind('\n', at);
-        const size_t begin = line == std::string::npos ? 0 : line + 1;
-        return printed.substr(begin, printed.find('\n', at) - begin);
-    }
-    return {};
-}
-
 } // namespace
 
 WorkerProcess::WorkerProcess(const WorkerOptions &options) : Worker(argumentsOf(options)) {}
 
-std::vector<Event> WorkerProcess::read()
+WorkerProcess::Output WorkerProcess::read()
 {
-    std::vector<Event> events;
-    for (const std::string &line : Worker::read()) {
+    const Worker::Output read = Worker::read();
+    Output output{{}, read.end};
+    for (const std::string &line : read.lines) {
         try {
-            events.push_back(parseEvent(line));
+            output.events.push_back(parseEvent(line));
         } catch (const Error &) { // a driver writes where it should not
         }
     }
-    return events;
-}
-
-std::string causeOfEnd(const ProcessEnd &end, const std::string &printed)
-{
-    const std::string assertion = assertionIn(printed);
-    return (end.text().empty() ? "exit code 0" : end.text()) + (assertion.empty() ? "" : ": " + assertion);
+    return output;
 }
 
 check::Outcome outcomeOfEnd(check::Status status, std::string cause, const std::string &printed)
@@ -80,8 +61,8 @@ Answer waitForAnswer(WorkerProcess &worker, double seconds)
     while (!worker.isLate(seconds) && !Interruptible::interrupted()) {
         const ChildProcess *const process = &worker.process();
         ChildProcess::waitForAny({&process, 1}, kMillisecondsBetweenChecks);
-        const std::optional<ProcessEnd> end = process->end(); // first: what was written before it is read below
-        for (const Event &event : worker.read()) {
+        const auto [events, end] = worker.read();
+        for (const Event &event : events) {
             if (event.kind != Event::Kind::Begin)
                 return {event, {}};
             worker.startWaiting();
@@ -113,6 +94,7 @@ check::Outcome SeparateRuns::outcomeOf(const Request &request)
     process_->send(request);
     const Answer answer = waitForAnswer(*process_, timeout_);
     const std::string printed = process_->printed();
+    const std::string cause = answer.end ? process_->causeOf(*answer.end) : "";
     const bool alive = answer.event && answer.event->kind == Event::Kind::End &&
                        answer.event->outcome.status != check::Status::DeviceLost;
     if (!alive)
@@ -122,7 +104,7 @@ check::Outcome SeparateRuns::outcomeOf(const Request &request)
                    ? answer.event->outcome
                    : outcomeOfEnd(check::Status::Crash, answer.event->message, printed);
     if (answer.end)
-        return outcomeOfEnd(check::Status::Crash, causeOfEnd(*answer.end, printed), printed);
+        return outcomeOfEnd(check::Status::Crash, cause, printed);
     return outcomeOfEnd(check::Status::Timeout, "", printed);
 }
 

@@ -21,11 +21,16 @@ public:
     explicit WorkerProcess(const WorkerOptions &options);
 
     void send(const Request &request) { Worker::send(write(request)); }
-    // The events that have come.
-    std::vector<Event> read();
+
+    struct Output {
+        std::vector<Event> events;
+        std::optional<ProcessEnd> end; // after these events
+    };
+    // The output since the last call.
+    Output read();
 };
 
-// What a worker answers to a request.
+// A worker's answer to a request.
 struct Answer {
     std::optional<Event> event;    // no Event::Begin
     std::optional<ProcessEnd> end; // of a process that has ended instead; neither: the time is over
@@ -33,10 +38,8 @@ struct Answer {
 // Waits that many seconds for the device to be open, and as many for what follows; less if vellum is interrupted.
 Answer waitForAnswer(WorkerProcess &worker, double seconds);
 
-// Of a case whose worker ended or did not end in time.
+// The outcome of a case whose worker ended or did not end in time.
 check::Outcome outcomeOfEnd(check::Status status, std::string cause, const std::string &printed);
-// What became of the worker, with the failed assertion that a driver has printed.
-std::string causeOfEnd(const ProcessEnd &end, const std::string &printed);
 
 // Cases in worker processes that they may end.
 class SeparateRuns
