@@ -231,7 +231,7 @@ Crossing PieceTest::quick(Point cornerInCell, bool inverted, const NearCell &cel
 // is the end of a clipped edge, or a corner of the cell cut by the box.
 //
 // Everything is clipped a little late, so that each true extreme is within what is looked at; and what is looked at is
-// near enough to the micro-triangle for its value to count, but for corners that are just about inside.
+// near enough to the micro-triangle for its value to count, except for corners that are just about inside.
 Crossing PieceTest::bilinear(Point corner, const Shape &shape, const Cell &cell) const
 {
     const double x0 = std::max(0.0, corner.x + shape.low.x);

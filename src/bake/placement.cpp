@@ -8,7 +8,7 @@ namespace vellum
 namespace
 {
 
-// Above this many texels from the origin, single precision no longer tells texels apart.
+// Above this many texels from the origin, single precision no longer distinguishes texels.
 constexpr double kMaxTexels = 16777216.0;
 
 double size(const Point &p)

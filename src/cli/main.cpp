@@ -23,7 +23,7 @@ int main(int argc, char **argv)
     } catch (const vellum::UsageError &error) {
         std::fprintf(stderr, "vellum: %s\n", error.what());
         code = vellum::cli::ExitCode::Usage;
-    } catch (const std::logic_error &error) { // such as "stoul", which tells users nothing
+    } catch (const std::logic_error &error) { // such as "stoul", which means nothing to users
         std::fprintf(stderr, "vellum: internal error (%s); please report it\n", error.what());
     } catch (const std::exception &error) {
         std::fprintf(stderr, "vellum: %s\n", error.what());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults of drivers that have nothing to do with opacity micromaps, as each occurs without them, and documented limits
-// of Vellum's layer. What would meet one is avoided or not judged, and reports name it.
+// of Vellum's layer. Cases that would meet one are avoided or not checked, and reports name it.
 #pragma once
 
 #include <string_view>
@@ -28,7 +28,7 @@ enum class Fault {
 struct KnownFault {
     Fault fault;
     std::string_view text;     // what the driver or the layer does wrong
-    std::string_view response; // what is avoided or not judged
+    std::string_view response; // what is avoided or not checked
 };
 
 // Those of a device. asksTools: also of Vellum's layer, which is a tool of the device (Vulkan 1.3).

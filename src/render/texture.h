@@ -11,7 +11,7 @@ namespace vellum::render
 class Texture
 {
 public:
-    // The material tells how it is sampled. Throws gpu::VulkanError or std::runtime_error.
+    // The material states how it is sampled. Throws gpu::VulkanError or std::runtime_error.
     Texture(gpu::Device &device, const Image &image, const Material &material);
     ~Texture();
     Texture(Texture &&other) noexcept { *this = std::move(other); }

@@ -52,7 +52,7 @@ public:
     // Coordinates are finite, and so near that there are numbers for what lies between texels. Nothing below may be
     // called otherwise.
     [[nodiscard]] bool measurable() const { return measurable_; }
-    // The baker leaves triangles unknown that are further away than single precision tells texels apart.
+    // The baker leaves triangles unknown that are further away than single precision distinguishes texels.
     [[nodiscard]] bool far() const { return far_; }
 
     // A part of the triangle: its corners, and the factor of the value there.

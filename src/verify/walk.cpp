@@ -78,7 +78,7 @@ Counts TriangleWalk::operator()()
     if (bare_.measurable())
         walk(whole);
     else
-        judgeUnmeasurable();
+        decideUnmeasurable();
     return counts_;
 }
 
@@ -102,7 +102,7 @@ void TriangleWalk::walk(const Branch &branch)
     } else if (values.high < region.low()) {
         settled(branch, State::Transparent);
     } else if (branch.level == claims_.level) {
-        judge(branch);
+        decide(branch);
     } else {
         const std::array<MicroCorners, 4> children = childrenOnCurve(branch.corners);
         const uint32_t step = microTriangleCount(claims_.level - branch.level - 1);
@@ -172,21 +172,21 @@ void TriangleWalk::settled(const Branch &branch, State truth)
     }
 }
 
-void TriangleWalk::judge(const Branch &leaf)
+void TriangleWalk::decide(const Branch &leaf)
 {
     const State state = stateOf(leaf.first);
     if (approximate()) {
-        judgeTwoState(leaf, state);
+        decideTwoState(leaf, state);
         return;
     }
     count(state);
     if (isUnknown(state))
-        judgeUnknown(leaf, state);
+        decideUnknown(leaf, state);
     else
-        judgeClaim(leaf, state);
+        decideClaim(leaf, state);
 }
 
-void TriangleWalk::judgeClaim(const Branch &leaf, State state)
+void TriangleWalk::decideClaim(const Branch &leaf, State state)
 {
     const bool opaque = state == State::Opaque;
     const Ask ask = opaque ? Ask::NotOpaque : Ask::NotTransparent;
@@ -208,7 +208,7 @@ void TriangleWalk::judgeClaim(const Branch &leaf, State state)
         report(Kind::OutsideMargins, leaf.first, state, witness(wide));
 }
 
-void TriangleWalk::judgeUnknown(const Branch &leaf, State state)
+void TriangleWalk::decideUnknown(const Branch &leaf, State state)
 {
     if (mayBeUnknown())
         return;
@@ -217,7 +217,7 @@ void TriangleWalk::judgeUnknown(const Branch &leaf, State state)
         report(Kind::Needless, leaf.first, state, region_.valueAt(region_.part(leaf.corners, leaf.level)));
 }
 
-void TriangleWalk::judgeTwoState(const Branch &leaf, State state)
+void TriangleWalk::decideTwoState(const Branch &leaf, State state)
 {
     const Verdict verdict = bare_(leaf.corners, leaf.level, Ask::Both);
     if (verdict.notOpaque == Answer::Yes && verdict.notTransparent == Answer::Yes) {
@@ -234,7 +234,7 @@ void TriangleWalk::judgeTwoState(const Branch &leaf, State state)
 
 // Nothing is known of where samples fall. A claim is true only where the whole texture is one; where coordinates are
 // numbers there is a truth, which is left open.
-void TriangleWalk::judgeUnmeasurable()
+void TriangleWalk::decideUnmeasurable()
 {
     const Range all = texels_.all();
     const Region::Part whole = region_.part({{{0, 0}, {1, 0}, {0, 1}}}, 0);

@@ -40,11 +40,11 @@ private:
 
     void walk(const Branch &branch);
     void settled(const Branch &branch, State truth);
-    void judge(const Branch &leaf);
-    void judgeClaim(const Branch &leaf, State state);
-    void judgeUnknown(const Branch &leaf, State state);
-    void judgeTwoState(const Branch &leaf, State state);
-    void judgeUnmeasurable();
+    void decide(const Branch &leaf);
+    void decideClaim(const Branch &leaf, State state);
+    void decideUnknown(const Branch &leaf, State state);
+    void decideTwoState(const Branch &leaf, State state);
+    void decideUnmeasurable();
     [[nodiscard]] State stateOf(uint32_t micro) const;
     [[nodiscard]] bool allAre(const Branch &branch, State state) const;
     void report(Kind kind, uint32_t micro, State state, const Witness &witness);

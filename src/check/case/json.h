@@ -10,7 +10,7 @@
 namespace vellum::check
 {
 
-// Fields with their default value are left out. Floating-point numbers are read back as they were.
+// Fields with their default value are omitted. Floating-point numbers are read back as they were.
 std::string toJson(const Case &c);
 
 // Throws std::runtime_error, whose what() is one line: where the text is wrong, and what is wrong there. What it

@@ -18,7 +18,7 @@ namespace vellum::cli
 struct WorkerOptions {
     gpu::DeviceSelection device; // as --device names it; its number once it is chosen
     check::Api api = check::Api::Khr;
-    bool layer = true; // whether our layer is enabled
+    bool layer = true; // Vellum's layer is enabled
 };
 
 // To the worker. It answers each with an Event::Device; or with an Event::Begin when the device is open, and an
@@ -50,7 +50,7 @@ struct DeviceSummary {
     // Known faults of the driver, and limits of the layer.
     struct Fault {
         std::string text;
-        std::string response; // what is avoided or not judged
+        std::string response; // what is avoided or not checked
     };
     std::vector<Fault> knownFaults;
 

@@ -180,9 +180,9 @@ void Writer::setExtension(const JsonValue &object, const std::string &text)
     }
     if (!extensions.isObject())
         throw GltfError("the JSON has \"extensions\" that are not an object");
-    const size_t ours = extensions.count(kExtension) + extensions.count(kEarlier);
-    if (text.empty() && ours == extensions.members().size()) {
-        if (ours != 0) // an object without extensions has no "extensions"
+    const size_t micromapExtensions = extensions.count(kExtension) + extensions.count(kEarlier);
+    if (text.empty() && micromapExtensions == extensions.members().size()) {
+        if (micromapExtensions != 0) // an object without extensions has no "extensions"
             edit_.remove(object, "extensions");
         return;
     }
