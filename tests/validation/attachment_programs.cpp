@@ -148,6 +148,36 @@ void builtBesides(Gpu &gpu, bool wrong)
     });
 }
 
+// The attachment is in the chain of the geometry instead of that of its triangles.
+template <By by>
+void attachToGeometry(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Blas blas(gpu, {withMicromap(&micromap)});
+    Build build(gpu, blas, by);
+    if (wrong)
+        std::swap(build.geometry.pNext, build.geometry.geometry.triangles.pNext);
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+// Usage counts that are not those of the geometry, or of its micromap.
+constexpr VkMicromapUsageEXT kTooMany{5, 2, kFourState};
+constexpr VkMicromapUsageEXT kAnotherLevel{1, 3, kFourState};
+template <const VkMicromapUsageEXT &usage>
+void countsOthers(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Blas blas(gpu, {withMicromap(&micromap)});
+    Build build(gpu, blas);
+    auto attached = *static_cast<const Ext *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &attached;
+    if (wrong)
+        attached.pUsageCounts = &usage;
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands); });
+}
+
 // --- Updates ---
 
 template <By by>
@@ -225,6 +255,13 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-subdivisionLevel-11681", Api::Ext, kNeedsNothing,
      attach<Ext, EXT_CHANGE(attached.pUsageCounts = &kTooDeepFourState)>},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11632", Api::Ext, kNeedsNothing, notBuilt<By::Host>},
+    {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Api::Ext, kNeedsNothing, attachToGeometry<By::Host>, "Ext"},
+    {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Api::Khr, kNeedsNothing, attachToGeometry<By::Indirect>,
+     "Khr"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOthers<kTooMany>, "TooMany"},
+    {"attachment-usage-counts", Api::Ext, kNeedsNothing, countsOthers<kAnotherLevel>, "AnotherLevel"},
+    {"attachment-update", Api::Ext, kNeedsNothing, replaces<By::Host>},
+    {"attachment-update", Api::Ext, kNeedsNothing, replaces<By::Indirect>, "Indirect"},
 
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Api::Khr, kNeedsNothing,
      attach<Khr, KHR_CHANGE(attached.indexType = static_cast<VkIndexType>(9))>},

@@ -55,4 +55,45 @@ TEST_F(ValidationCallback, DestroysASemaphore)
     destroy(gpu().instance(), messenger, nullptr);
 }
 
+// A micromap that was destroyed is said to be.
+TEST_F(ValidationCallback, StatesThatAnObjectWasDestroyed)
+{
+    Micromap micromap(gpu(), oneTriangle());
+    micromap.build();
+    SharedMemory memory(gpu());
+    const MicromapHandle handle = memory.create(0, micromap.size());
+    memory.destroy(handle);
+    const char *quirks = std::getenv("VELLUM_TEST_QUIRKS");
+    if (gpu().khr() || !quirks || !*quirks) // drivers do not know handles of VK_EXT_opacity_micromap
+        recordUnlessWrong(gpu(), true, [&](VkCommandBuffer commands) {
+            recordMicromapBuilds(gpu(), commands, std::array{MicromapBuild{micromap.buildInfo(), handle}});
+        });
+    else
+        GTEST_SKIP();
+    const std::vector<Message> messages = gpu().takeMessages();
+    EXPECT_TRUE(std::ranges::any_of(
+        messages, [](const Message &m) { return m.text.find("it was destroyed") != std::string::npos; }));
+}
+
+// VK_KHR_opacity_micromap requires VK_KHR_device_address_commands, whose command creates micromaps.
+TEST_F(ValidationCallback, DeviceWithoutAddressCommands)
+{
+    const char *extensions[] = {VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME,
+                                VK_KHR_DEFERRED_HOST_OPERATIONS_EXTENSION_NAME, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME};
+    const float priority = 1;
+    const auto queue = vkInit<VkDeviceQueueCreateInfo>({.queueCount = 1, .pQueuePriorities = &priority});
+    const auto info = vkInit<VkDeviceCreateInfo>({.queueCreateInfoCount = 1,
+                                                  .pQueueCreateInfos = &queue,
+                                                  .enabledExtensionCount = std::size(extensions),
+                                                  .ppEnabledExtensionNames = extensions});
+    VkDevice device = VK_NULL_HANDLE;
+    if (vkCreateDevice(gpu().physical(), &info, nullptr, &device) == VK_SUCCESS)
+        vkDestroyDevice(device, nullptr);
+    const std::vector<Message> messages = gpu().takeMessages();
+    EXPECT_EQ(std::ranges::count_if(
+                  messages,
+                  [](const Message &m) { return m.id == "VELLUM-VUID-vkCreateDevice-ppEnabledExtensionNames-01387"; }),
+              1);
+}
+
 } // namespace

@@ -56,6 +56,7 @@ std::span<const WrongProgram> queryPrograms();
 std::span<const WrongProgram> hostPrograms();
 std::span<const WrongProgram> implicitPrograms();
 std::span<const WrongProgram> hostStructurePrograms();
+std::span<const WrongProgram> lifetimePrograms();
 std::span<const WrongProgram> rangePrograms();
 std::span<const WrongProgram> rangeFlagPrograms();
 std::span<const WrongProgram> drawRangePrograms();

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wrong traces: shaders and pipelines that did not say that their rays meet micromaps, or that promised that they meet
 // none of some kind.
+#include "command_buffer/shader_objects.h"
 #include "gpu/execution_mode.h"
 #include "gpu/pipeline_tracer.h"
 #include "gpu/tracer.h"
-#include "command_buffer/shader_objects.h"
 #include "programs.h"
 #include "vk/newer.h"
 

@@ -35,6 +35,7 @@ std::vector<WrongProgram> allPrograms()
              hostPrograms(),
              implicitPrograms(),
              hostStructurePrograms(),
+             lifetimePrograms(),
              rangePrograms(),
              rangeFlagPrograms(),
              drawRangePrograms(),

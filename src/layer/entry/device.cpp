@@ -83,6 +83,15 @@ VkResult checkExtensions(Instance &instance, VkPhysicalDevice handle, const VkDe
         reportDeviceError(instance, handle, "VELLUM-conflicting-extension", conflictText(*conflict, info, have));
         return VK_ERROR_EXTENSION_NOT_PRESENT;
     }
+    // Without that extension the application has no commands that create micromaps, and may call null pointers.
+    if (driver.enabled.khr && !driver.enabled.addressCommands &&
+        (driver.providesMicromaps() || instance.settings.validate.core)) {
+        reportDeviceError(
+            instance, handle, "VUID-vkCreateDevice-ppEnabledExtensionNames-01387",
+            "VK_KHR_opacity_micromap is enabled without VK_KHR_device_address_commands, which it requires");
+        if (driver.providesMicromaps())
+            return VK_ERROR_EXTENSION_NOT_PRESENT;
+    }
     for (uint32_t i = 0; driver.emulated() && i < info.enabledExtensionCount; ++i) {
         if (isUnknownRayTracing(info.ppEnabledExtensionNames[i]))
             instance.report.warning("VELLUM-unknown-extension",

@@ -32,6 +32,7 @@ struct ObjectHandle {
 // A micromap or an acceleration structure, as it was created.
 struct ObjectFacts {
     bool exists = false;
+    bool destroyed = false; // it existed
     VkAccelerationStructureTypeKHR type = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR;
     VkAccelerationStructureTypeKHR content = VK_ACCELERATION_STRUCTURE_TYPE_GENERIC_KHR; // GENERIC: unknown
     VkDeviceSize size = 0;

@@ -9,6 +9,7 @@
 #include "layer/input/checked.h"
 #include "layer/micromaps/device_micromaps.h"
 #include "layer/micromaps/micromap.h"
+#include "layer/micromaps/micromap_input.h"
 #include "layer/micromaps/micromap_serialized.h"
 #include "layer/rules/copies.h"
 
@@ -132,7 +133,8 @@ void cmdCopyMicromap(DeviceMicromaps &device, VkCommandBuffer commandBuffer, con
         input::Copy parsed = input::parse(*info, input::Executor::Device);
         const Place place(kCommand);
         const Place member = place.member("pInfo");
-        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.target), parsed, {});
+        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.target), parsed,
+                         {micromapFacts(parsed.source), micromapFacts(parsed.target)});
         return parsed;
     });
     if (copy.accepted && !InjectedWork::rejectedIn(device.commands, commandBuffer, kCommand))
@@ -149,7 +151,7 @@ bool isAccepted(DeviceMicromaps &device, VkCommandBuffer commandBuffer, const ch
         input::SerializedCopy parsed = input::parse(info, input::Executor::Device);
         const Place place(command);
         const Place member = place.member("pInfo");
-        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.object), parsed, {});
+        rules::checkCopy(InputCheck(device.objects.rules, member, parsed.object), parsed, micromapFacts(parsed.object));
         return parsed;
     });
     return copy.accepted && !InjectedWork::rejectedIn(device.commands, commandBuffer, command);

@@ -181,7 +181,7 @@ Found wrongMode(const Build &c)
 }
 Found noTarget(const Build &c)
 {
-    return when(!c.build.target, "it is VK_NULL_HANDLE");
+    return isUnknown(c.target, c.build.target ? "it is not a micromap of this device" : "it is VK_NULL_HANDLE");
 }
 constexpr Rule<Build> kExtBuild[] = {
     {"VUID-vkCmdBuildMicromapsEXT-mode-07462", Tolerate, "mode", wrongMode},
@@ -250,8 +250,10 @@ constexpr Rule<Build> kKhrBuild[] = {
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547", Reject, "dstAccelerationStructure",
      [](const Build &c) {
-         return when(!c.target.exists || !c.target.canHoldMicromap(),
-                     "it is not a structure of this device that was created as OPACITY_MICROMAP or GENERIC");
+         constexpr const char *kOther =
+             "it is not a structure of this device that was created as OPACITY_MICROMAP or GENERIC";
+         const Found unknown = isUnknown(c.target, kOther);
+         return unknown ? unknown : when(!c.target.canHoldMicromap(), kOther);
      }},
 };
 
@@ -274,13 +276,19 @@ Found notBound(const Build &c)
 }
 
 constexpr const char *kNull = "the address is null";
+// An address that is not accessed may be any but null; one of the host is not known.
+Found isInvalid(const Build &c, VkDeviceAddress address)
+{
+    return c.triangles == 0 || c.build.host ? when(address == 0, kNull, c.ifRead(Reject))
+                                            : isInvalid(c.device, address, Reject);
+}
 Found noData(const Build &c)
 {
-    return when(c.build.data.deviceAddress == 0, kNull, c.ifRead(Reject));
+    return isInvalid(c, c.build.data.deviceAddress);
 }
 Found noTriangles(const Build &c)
 {
-    return when(c.build.triangles.deviceAddress == 0, kNull, c.ifRead(Reject));
+    return isInvalid(c, c.build.triangles.deviceAddress);
 }
 // Returns the name of the inputs whose address is broken, by `broken(address)`; null: none is.
 template <typename Broken>
@@ -314,7 +322,7 @@ bool needsScratch(const Build &c)
 }
 Found noScratch(const Build &c)
 {
-    return when(needsScratch(c) && c.build.scratch.deviceAddress == 0, kNull, c.ifRead(Reject));
+    return needsScratch(c) ? isInvalid(c, c.build.scratch.deviceAddress) : Found{};
 }
 Found misalignedScratch(const Build &c)
 {
@@ -362,14 +370,14 @@ constexpr const char *kStrideId = "VELLUM-micromap-stride";
 constexpr Rule<Build> kExtMemory[] = {
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07461", Depends, "dstMicromap", tooSmall},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07508", Report, "dstMicromap", notBound},
-    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Depends, "data", noData},
-    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10897", Depends, "triangleArray", noTriangles},
+    {kExtDataId, Depends, "data", noData},
+    {kExtTrianglesId, Depends, "triangleArray", noTriangles},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07515", Report, nullptr, [](const Build &c) { return misaligned(c, 256); }},
     {"VUID-vkCmdBuildMicromapsEXT-data-07510", Report, nullptr,
      [](const Build &c) {
          return withoutUsage(c, kExtInput, "VK_BUFFER_USAGE_MICROMAP_BUILD_INPUT_READ_ONLY_BIT_EXT");
      }},
-    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07512", Depends, "scratchData", noScratch},
+    {kExtScratchId, Depends, "scratchData", noScratch},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07514", Depends, "scratchData", misalignedScratch},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07511", Report, "scratchData", scratchWithoutUsage},
     {"VUID-vkCmdBuildMicromapsEXT-pInfos-07509", Depends, "scratchData", smallScratch},
@@ -387,11 +395,15 @@ constexpr Rule<Build> kExtHostMemory[] = {
 constexpr Rule<Build> kKhrMemory[] = {
     {kTargetSizeId, Depends, "dstAccelerationStructure", tooSmall},
     {kBound, Report, "dstAccelerationStructure", notBound},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550", Depends, nullptr,
+    {kKhrInputId, Depends, nullptr,
      [](const Build &c) {
-         const char *input = brokenInput(c, [](VkDeviceAddress address) { return address == 0; });
-         return when(
-             input != nullptr, [&] { return std::string(input) + ": the address is null"; }, c.ifRead(Reject));
+         const Found data = noData(c);
+         Found found = data ? data : noTriangles(c);
+         if (found)
+             found.text.insert(0, data && noTriangles(c) ? "data and triangleArray: "
+                                  : data                 ? "data: "
+                                                         : "triangleArray: ");
+         return found;
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11552", Depends, nullptr,
      [](const Build &c) { return misaligned(c, 128); }},
@@ -409,7 +421,7 @@ constexpr Rule<Build> kKhrMemory[] = {
                     std::to_string(needed);
          });
      }},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261", Depends, "scratchData",
+    {kScratchId, Depends, "scratchData",
      [](const Build &c) {
          const Found found = noScratch(c);
          return found ? found : scratchWithoutUsage(c);
@@ -495,8 +507,9 @@ constexpr Rule<Structure> kStructure[] = {
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-dstAccelerationStructure-parameter", Reject,
      "dstAccelerationStructure",
      [](const Structure &c) {
-         return when(!c.target.exists || c.target.isMicromap(),
-                     "it is not an acceleration structure of this device that the build can be of");
+         constexpr const char *kOther = "it is not an acceleration structure of this device that the build can be of";
+         const Found unknown = isUnknown(c.target, kOther);
+         return unknown ? unknown : when(c.target.isMicromap(), kOther);
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-ppBuildRangeInfos-11543", Reject, nullptr,
      [](const Structure &c) {
@@ -509,9 +522,11 @@ constexpr Rule<Structure> kStructure[] = {
      }},
     {"VUID-vkCmdBuildAccelerationStructuresKHR-srcAccelerationStructure-04629", Reject, "srcAccelerationStructure",
      [](const Structure &c) {
-         return when(c.build.isUpdate() && c.build.given->srcAccelerationStructure &&
-                         (!c.source.exists || c.source.isMicromap()),
-                     "it is not an acceleration structure of this device that can be updated");
+         constexpr const char *kOther = "it is not an acceleration structure of this device that can be updated";
+         if (!c.build.isUpdate() || !c.build.given->srcAccelerationStructure)
+             return Found{};
+         const Found unknown = isUnknown(c.source, kOther);
+         return unknown ? unknown : when(c.source.isMicromap(), kOther);
      }},
     {"VUID-VkAccelerationStructureBuildGeometryInfoKHR-type-03790", Reject, "geometryCount",
      [](const Structure &c) {
@@ -557,7 +572,8 @@ struct Objects {
 };
 struct Attached {
     const input::Attachment &attachment;
-    const Objects *objects; // null on the host
+    const Objects *objects;             // null on the host
+    const RuleDevice *device = nullptr; // null on the host
 
     [[nodiscard]] bool indexed() const { return attachment.indexType != VK_INDEX_TYPE_NONE_KHR; }
     // Bytes of an index; 0 for types that the extension does not take.
@@ -576,9 +592,18 @@ Found unneededIndices(const Attached &c)
 }
 Found noIndices(const Attached &c)
 {
-    return when(c.indexBytes() != 0 && c.attachment.indexStride <= UINT32_MAX &&
-                    c.attachment.indexBuffer.deviceAddress == 0,
-                "the address is null, although there is an indexType");
+    return c.indexBytes() != 0 && c.attachment.indexStride <= UINT32_MAX
+               ? isInvalid(*c.device, c.attachment.indexBuffer.deviceAddress, Report)
+               : Found{};
+}
+Found noMicromap(const Attached &c)
+{
+    constexpr const char *kOther = "it is not a micromap of this device";
+    if (!c.attachment.micromap)
+        return {};
+    const ObjectFacts facts = c.objects->facts(c.attachment.micromap);
+    const Found unknown = isUnknown(facts, kOther);
+    return unknown ? unknown : when(!facts.canHoldMicromap(), kOther);
 }
 Found wrongIndexType(const Attached &c)
 {
@@ -607,14 +632,15 @@ constexpr Rule<Attached> kExtAttachment[] = {
      [](const Attached &c) {
          return when(c.attachment.usages.arrays() > 1, "both pUsageCounts and ppUsageCounts are given");
      }},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Reject, "micromap", noMicromap},
 };
 constexpr Rule<Attached> kExtDirectAttachment[] = {
     {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
-    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10905", Report, "indexBuffer", noIndices},
+    {kExtIndicesId, Report, "indexBuffer", noIndices},
 };
 constexpr Rule<Attached> kExtIndirectAttachment[] = {
     {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10904", Report, "indexBuffer", unneededIndices},
-    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905", Report, "indexBuffer", noIndices},
+    {kExtIndirectIndicesId, Report, "indexBuffer", noIndices},
 };
 constexpr Rule<Attached> kKhrAttachment[] = {
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexType-11570", Report, "indexType", wrongIndexType},
@@ -624,20 +650,13 @@ constexpr Rule<Attached> kKhrAttachment[] = {
      largeIndexStride},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11571", Report, "indexBuffer",
      unneededIndices},
-    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11572", Report, "indexBuffer", noIndices},
+    {kKhrIndicesId, Report, "indexBuffer", noIndices},
     {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-11579", Report, "micromap",
      [](const Attached &c) {
          return when(!c.indexed() && !c.attachment.micromap,
                      "it is VK_NULL_HANDLE, and indexType is VK_INDEX_TYPE_NONE_KHR");
      }},
-    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter", Reject, "micromap",
-     [](const Attached &c) {
-         const auto wrong = [&] {
-             const ObjectFacts facts = c.objects->facts(c.attachment.micromap);
-             return !facts.exists || !facts.canHoldMicromap();
-         };
-         return when(c.attachment.micromap && wrong(), "it is not a micromap of this device");
-     }},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter", Reject, "micromap", noMicromap},
     // The layer builds micromaps first, with a barrier.
     {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11548", Tolerate, "micromap",
      [](const Attached &c) {
@@ -661,6 +680,43 @@ constexpr Rule<Attached> kHostAttachment[] = {
      }},
 };
 
+// A structure of micromaps that extends another structure than this one.
+Found misplaced(const void *chain, std::initializer_list<VkStructureType> types, const char *right)
+{
+    for (const auto *s = static_cast<const VkBaseInStructure *>(chain); s; s = s->pNext)
+        if (std::ranges::find(types, s->sType) != types.end())
+            return {"a structure of type " + std::to_string(s->sType) + " is in the chain, which belongs to that of " +
+                    right};
+    return {};
+}
+constexpr Rule<input::Geometry> kGeometryChains[] = {
+    {"VUID-VkAccelerationStructureGeometryKHR-pNext-pNext", Report, "pNext",
+     [](const input::Geometry &c) {
+         return misplaced(c.given->pNext,
+                          {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_EXT,
+                           VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_TRIANGLES_OPACITY_MICROMAP_KHR},
+                          "geometry.triangles");
+     }},
+    {"VUID-VkAccelerationStructureGeometryTrianglesDataKHR-pNext-pNext", Report, "geometry.triangles.pNext",
+     [](const input::Geometry &c) {
+         return c.isTriangles() ? misplaced(c.given->geometry.triangles.pNext,
+                                            {VK_STRUCTURE_TYPE_ACCELERATION_STRUCTURE_GEOMETRY_MICROMAP_DATA_KHR},
+                                            "the geometry of a micromap")
+                                : Found{};
+     }},
+};
+Verdict checkChains(const InputCheck &check, std::span<const input::Geometry> geometries)
+{
+    Verdict verdict;
+    for (uint32_t g = 0; check.device().validating && g < geometries.size(); ++g) {
+        if (!geometries[g].given)
+            continue;
+        const Place place = check.place().element("pGeometries", g);
+        verdict &= check.at(place).check<input::Geometry>(kGeometryChains, geometries[g]);
+    }
+    return verdict;
+}
+
 // A structure of micromaps is in a chain once.
 Found repeated(const void *const &chain)
 {
@@ -683,11 +739,11 @@ constexpr Rule<const void *> kTriangles[] = {
 Verdict checkAttachment(const InputCheck &check, bool indirect, const input::Attachment &attachment,
                         const Objects &objects)
 {
-    const Attached c{attachment, &objects};
+    const Attached c{attachment, &objects, &check.device()};
     if (attachment.khr)
         return check.check<Attached>(kKhrAttachment, c);
     if (!check.device().validating)
-        return {}; // all are reported only
+        return {}; // only validation knows whether the micromap exists
     Verdict verdict = check.check<Attached>(kExtAttachment, c);
     verdict &= check.check<Attached>(
         indirect ? std::span<const Rule<Attached>>(kExtIndirectAttachment) : kExtDirectAttachment, c);
@@ -794,6 +850,7 @@ void checkBuild(const InputCheck &check, bool indirect, input::StructureBuild &b
     Verdict verdict = checkFlags(check, build.given->flags, false);
     const auto goesOn = [&] { return verdict.accepted || check.device().validating; };
     verdict &= check.check<Structure>(kGeometries, c);
+    verdict &= checkChains(check, build.geometries);
     if (goesOn())
         verdict &= check.check<Structure>(kStructure, c);
     if (!indirect && goesOn())

@@ -13,6 +13,17 @@ inline constexpr uint64_t kLeastScratchAlignment = 4;
 // The rule of the size of a target: back ends find out what structures other than micromaps need.
 inline constexpr const char *kTargetSizeId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10126";
 
+// Rules of addresses, which validation checks again when a build is executed: the buffers may be destroyed by then.
+inline constexpr const char *kExtDataId = "VUID-vkCmdBuildMicromapsEXT-pInfos-10896";
+inline constexpr const char *kExtTrianglesId = "VUID-vkCmdBuildMicromapsEXT-pInfos-10897";
+inline constexpr const char *kExtScratchId = "VUID-vkCmdBuildMicromapsEXT-pInfos-07512";
+inline constexpr const char *kKhrInputId = "VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550";
+inline constexpr const char *kScratchId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261";
+inline constexpr const char *kExtIndicesId = "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10905";
+inline constexpr const char *kExtIndirectIndicesId = "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905";
+inline constexpr const char *kKhrIndicesId =
+    "VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11572";
+
 // The builds of a command on the device, and of vkBuildMicromapsEXT.
 void checkBuilds(const RuleDevice &device, const Place &command, input::Builds &builds, const Facts &facts,
                  bool indirect = false);

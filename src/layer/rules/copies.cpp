@@ -43,7 +43,13 @@ constexpr Rule<Copied> kExtCopy[] = {
     {"VUID-VkCopyMicromapInfoEXT-pNext-pNext", Report, "pNext",
      [](const Copied &c) { return when(c.copy.hasChain, kChain); }},
     {"VUID-VkCopyMicromapInfoEXT-src-parameter", Reject, nullptr,
-     [](const Copied &c) { return when(!c.copy.source || !c.copy.target, "src or dst is VK_NULL_HANDLE"); }},
+     [](const Copied &c) {
+         const bool destroyed = c.facts.source.destroyed || c.facts.target.destroyed;
+         return when(!c.facts.source.exists || !c.facts.target.exists,
+                     destroyed                          ? "src or dst was destroyed"
+                     : !c.copy.source || !c.copy.target ? "src or dst is VK_NULL_HANDLE"
+                                                        : "src or dst is not a micromap of this device");
+     }},
     {"VUID-VkCopyMicromapInfoEXT-mode-07531", Tolerate, "mode", wrongMode},
 };
 constexpr Rule<Copied> kExtDeviceCopy[] = {
@@ -60,9 +66,9 @@ constexpr Rule<Copied> kExtHostCopy[] = {
 };
 constexpr Rule<Copied> kKhrCopy[] = {
     {"VUID-VkCopyAccelerationStructureInfoKHR-src-parameter", Reject, "src",
-     [](const Copied &c) { return when(!c.facts.source.exists, kUnknown); }},
+     [](const Copied &c) { return isUnknown(c.facts.source, kUnknown); }},
     {"VUID-VkCopyAccelerationStructureInfoKHR-dst-parameter", Reject, "dst",
-     [](const Copied &c) { return when(!c.facts.target.exists, kUnknown); }},
+     [](const Copied &c) { return isUnknown(c.facts.target, kUnknown); }},
     {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03718", Report, "src", unboundSource},
     {"VUID-VkCopyAccelerationStructureInfoKHR-buffer-03719", Report, "dst", unboundTarget},
     {"VUID-VkCopyAccelerationStructureInfoKHR-dst-07791", Reject, "dst",
@@ -80,11 +86,11 @@ struct Serialized {
 
 Found unknownObject(const Serialized &c)
 {
-    return when(!c.object.exists, kUnknown);
+    return isUnknown(c.object, kUnknown);
 }
 Found nullObject(const Serialized &c)
 {
-    return when(!c.copy.object, kNullHandle);
+    return isUnknown(c.object, c.copy.object ? "it is not a micromap of this device" : kNullHandle);
 }
 Found unboundObject(const Serialized &c)
 {
@@ -96,7 +102,8 @@ Found notHostVisible(const Serialized &c)
 }
 Found noData(const Serialized &c)
 {
-    return when(c.copy.data.deviceAddress == 0, "the address is null");
+    return c.copy.executor == Executor::Host ? when(c.copy.data.deviceAddress == 0, "the address is null")
+                                             : isInvalid(c.device, c.copy.data.deviceAddress, Reject);
 }
 Found noHostCommands(const Serialized &c)
 {
@@ -252,12 +259,12 @@ Found unboundQueried(const Queried &c)
 }
 constexpr Rule<Queried> kExtQueried[] = {
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-pMicromaps-parameter", Reject, nullptr,
-     [](const Queried &c) { return when(!c.object.exists, kNullHandle); }},
+     [](const Queried &c) { return isUnknown(c.object, kNullHandle); }},
     {"VUID-vkCmdWriteMicromapsPropertiesEXT-buffer-07527", Report, nullptr, unboundQueried},
 };
 constexpr Rule<Queried> kKhrQueried[] = {
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-pAccelerationStructures-parameter", Reject, nullptr,
-     [](const Queried &c) { return when(!c.object.exists, kUnknown); }},
+     [](const Queried &c) { return isUnknown(c.object, kUnknown); }},
     {"VUID-vkCmdWriteAccelerationStructuresPropertiesKHR-buffer-03736", Report, nullptr, unboundQueried},
     {kTopLevelOnlyId, Tolerate, nullptr,
      [](const Queried &c) {

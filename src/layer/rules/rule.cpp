@@ -71,6 +71,21 @@ Found isUnbound(const RuleDevice &device, const ObjectFacts &object)
                 [&] { return "the buffer " + device.nameOf(object.unbound) + " is not bound to device memory"; });
 }
 
+Found isInvalid(const RuleDevice &device, VkDeviceAddress address, Severity severity)
+{
+    if (address == 0)
+        return {"the address is null", severity};
+    return when(
+        device.validating && device.lacksBuffer && device.lacksBuffer(address),
+        [&] { return "no buffer has the address " + hex(address) + ": there was none, or it was destroyed"; },
+        severity);
+}
+
+Found isUnknown(const ObjectFacts &object, const char *otherwise)
+{
+    return when(!object.exists, object.destroyed ? "it was destroyed" : otherwise);
+}
+
 bool lacksUsage(const RuleDevice &device, VkDeviceAddress address, VkFlags64 usage)
 {
     return device.addresses.find(address).buffer && !device.addresses.covering(address, 1, usage).buffer;

@@ -86,8 +86,9 @@ struct RuleDevice {
 
     // The rest is for validation: all rules are evaluated.
     bool validating = false;
-    MicromapLimits extLimits{}, khrLimits{}; // as the application sees them
-    uint32_t scratchAlignment = 0;           // 0: unknown
+    std::function<bool(VkDeviceAddress)> lacksBuffer{}; // no buffer has the address, as far as all are known
+    MicromapLimits extLimits{}, khrLimits{};            // as the application sees them
+    uint32_t scratchAlignment = 0;                      // 0: unknown
 
     [[nodiscard]] const std::optional<MicromapSupport> &support(bool isKhr) const { return isKhr ? khr : ext; }
     // Returns whether the layer, and not the driver, carries out commands about the object.
@@ -110,6 +111,10 @@ std::string nameOf(VkOpacityMicromapFormatEXT format);
 // --- violations of rules that several commands have ---
 Found lacksHostCommands(const RuleDevice &device);
 Found isUnbound(const RuleDevice &device, const ObjectFacts &object);
+// An address must be valid. Without validation only null is known not to be.
+Found isInvalid(const RuleDevice &device, VkDeviceAddress address, Severity severity);
+// An object must exist: the text is that it was destroyed, or `otherwise`.
+Found isUnknown(const ObjectFacts &object, const char *otherwise);
 // The buffers at the address have no such usage. Unknown addresses are not checked.
 bool lacksUsage(const RuleDevice &device, VkDeviceAddress address, VkFlags64 usage);
 

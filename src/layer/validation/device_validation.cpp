@@ -52,6 +52,9 @@ std::unique_ptr<DeviceValidation> createValidation(const Driver &driver, const R
     own.needs = [&model = *device, &rules](const input::MicromapBuild &build) {
         return rules.support(build.khr) ? rules.needs(build) : driverNeeds(model, build);
     };
+    own.lacksBuffer = [&model = *device](VkDeviceAddress address) {
+        return !model.objects.anyUnknown && !model.buffers.addresses.find(address).buffer;
+    };
     own.content = rules.content;
     own.placesMicromap = rules.placesMicromap;
     own.extLimits = limits.ext;

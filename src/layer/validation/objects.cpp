@@ -33,13 +33,16 @@ void bound(DeviceValidation &device, VkBuffer handle, VkDeviceMemory memory, VkD
         return;
     buffer->memory = memory;
     buffer->memoryOffset = offset;
+    if (const auto others = device.objects.memories.get(memory).buffers)
+        others->add(buffer);
     findAddress(device, *buffer);
 }
 
 ValidatedMemory memoryOf(const DeviceValidation &device, const VkMemoryAllocateInfo &info)
 {
     const VkMemoryPropertyFlags type = device.buffers.gpu.memory.memoryTypes[info.memoryTypeIndex].propertyFlags;
-    return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0};
+    return {.hostVisible = (type & VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT) != 0,
+            .buffers = std::make_shared<BuffersOfMemory>()};
 }
 
 std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, ObjectHandle handle,
@@ -49,6 +52,7 @@ std::shared_ptr<ValidatedStructure> newStructure(DeviceValidation &device, Objec
 {
     auto structure = std::make_shared<ValidatedStructure>();
     structure->handle = handle;
+    device.objects.destroyed.remove(handle);
     structure->number = ++device.numbers;
     structure->type = type;
     structure->createFlags = flags;
@@ -99,7 +103,8 @@ VkResult allocateMemory(DeviceValidation &device, VkDevice handle, const VkMemor
 void freeMemory(DeviceValidation &device, VkDevice handle, VkDeviceMemory memory,
                 const VkAllocationCallbacks *allocator)
 {
-    device.objects.memories.take(memory);
+    if (const auto buffers = device.objects.memories.take(memory).buffers)
+        buffers->visit([&](const ValidatedBuffer &buffer) { device.buffers.addresses.hide(buffer.handle); });
     sync::checkFree(device.sync, memory);
     device.next.FreeMemory(handle, memory, allocator);
 }
@@ -213,10 +218,12 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
         checkDestruction(device, known.get(), allocator != nullptr);
     sync::checkDestruction(device.sync, "vkDestroyAccelerationStructureKHR",
                            "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", known.get());
-    if (known)
+    if (known) {
         known->destroyed = true;
+        remember(device.objects, [&] { device.objects.destroyed.add(structure); });
+    }
     if (known && known->record)
-        device.records.removeReference(*known->record);
+        remember(device.objects, [&] { device.records.setDestroyed(*known->record); });
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 
@@ -254,8 +261,10 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
     }
     sync::checkDestruction(device.sync, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441",
                            known.get());
-    if (known)
+    if (known) {
         known->destroyed = true;
+        remember(device.objects, [&] { device.objects.destroyed.add(micromap); });
+    }
     device.next.DestroyMicromapEXT(handle, micromap, allocator);
 }
 

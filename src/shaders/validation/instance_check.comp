@@ -62,13 +62,18 @@ void main()
     const uint flags = instance.w[kFlagsWord] >> 24u;
     const uvec2 reference = uvec2(instance.w[kReferenceWord], instance.w[kReferenceWord + 1u]);
     if (push.feature == 0u) {
-        if ((flags & (kForceTwoState | kDisableMicromaps)) != 0u)
+        if ((flags & (kForceTwoState | kDisableMicromaps)) != 0u) {
             reportFinding(kFindingFeature, i, flags, 0u);
-        return;
+            return;
+        }
     }
-    if (all(equal(reference, uvec2(0))) || (flags & kDisableMicromaps) == 0u)
+    if (all(equal(reference, uvec2(0))))
         return;
     Words record = recordOf(reference);
-    if (record.w[0] == kRecordBottom && (record.w[1] & push.allowDisable) == 0u)
+    const uint kind = record.w[0];
+    if (kind == kRecordMicromap || kind == kRecordTop || kind == kRecordDestroyed)
+        reportFinding(kind == kRecordMicromap ? kFindingMicromap : kind == kRecordTop ? kFindingTopLevel : kFindingDestroyed,
+                      i, reference.x, reference.y);
+    else if (kind == kRecordBottom && (flags & kDisableMicromaps) != 0u && (record.w[1] & push.allowDisable) == 0u)
         reportFinding(kFindingDisable, i, reference.x, reference.y);
 }

@@ -121,9 +121,19 @@ BrokenRule instanceRule(const GpuChecks &gpu, const Finding &f)
     if ((f.what & kFindingMask) == kFindingFeature)
         return {"VUID-VkAccelerationStructureInstanceKHR-micromap-11580",
                 "flags has bits of micromaps, whose feature is not enabled"};
-    char reference[24];
-    std::snprintf(reference, sizeof reference, "0x%08" PRIx32 "%08" PRIx32, f.value1, f.value0);
+    const std::string reference = hex(uint64_t{f.value1} << 32 | f.value0);
     const bool indirect = f.site >> kSiteCommandShift == static_cast<uint32_t>(SiteCommand::BuildStructuresIndirect);
+    const char *what = nullptr;
+    switch (f.what & kFindingMask) {
+    case kFindingMicromap: what = " is a micromap"; break;
+    case kFindingTopLevel: what = " is a top-level structure"; break;
+    case kFindingDestroyed: what = " was destroyed"; break;
+    default: break;
+    }
+    if (what)
+        return {indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12281"
+                         : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281",
+                "the structure at accelerationStructureReference " + reference + what};
     const char *command = indirect ? "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10607"
                                    : "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10607";
     return {gpu.device.driver.enabled.khr ? "VUID-VkAccelerationStructureInstanceKHR-flags-11581" : command,

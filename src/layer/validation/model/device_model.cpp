@@ -8,7 +8,9 @@ ObjectFacts DeviceModel::factsOf(ObjectHandle handle) const
 {
     const auto structure = objects.structureOf(handle);
     if (!structure)
-        return {.exists = handle && objects.anyUnknown, .size = UINT64_MAX};
+        return {.exists = handle && objects.anyUnknown,
+                .destroyed = handle && objects.destroyed.contains(handle),
+                .size = UINT64_MAX};
     ObjectFacts found{.exists = true,
                       .type = structure->isMicromap() ? VK_ACCELERATION_STRUCTURE_TYPE_OPACITY_MICROMAP_KHR
                                                       : structure->type,

@@ -2,6 +2,7 @@
 // The application's objects that rules are about, as validation knows them.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <map>
@@ -107,8 +108,65 @@ struct ValidatedStructure {
     }
 };
 
+// The buffers that are bound to a memory object.
+class BuffersOfMemory
+{
+public:
+    void add(const std::shared_ptr<ValidatedBuffer> &buffer)
+    {
+        const std::lock_guard lock(mutex_);
+        if (buffers_.size() >= sweepAt_) {
+            std::erase_if(buffers_, [](const auto &known) { return known.expired(); });
+            sweepAt_ = std::max<size_t>(64, 2 * buffers_.size());
+        }
+        buffers_.push_back(buffer);
+    }
+    template <typename Visit>
+    void visit(Visit visit) const
+    {
+        const std::lock_guard lock(mutex_);
+        for (const auto &known : buffers_)
+            if (const auto buffer = known.lock())
+                visit(*buffer);
+    }
+
+private:
+    mutable std::mutex mutex_;
+    std::vector<std::weak_ptr<ValidatedBuffer>> buffers_;
+    size_t sweepAt_ = 64;
+};
+
 struct ValidatedMemory {
     bool hostVisible = true;
+    std::shared_ptr<BuffersOfMemory> buffers{};
+};
+
+// Handles of micromaps and structures that were destroyed, until others get them. Not of all in a long time.
+class DestroyedHandles
+{
+public:
+    void add(ObjectHandle object)
+    {
+        const std::lock_guard lock(mutex_);
+        if (handles_.size() == kMost)
+            handles_.clear();
+        handles_.insert(object.handle);
+    }
+    void remove(ObjectHandle object)
+    {
+        const std::lock_guard lock(mutex_);
+        handles_.erase(object.handle);
+    }
+    [[nodiscard]] bool contains(ObjectHandle object) const
+    {
+        const std::lock_guard lock(mutex_);
+        return handles_.contains(object.handle);
+    }
+
+private:
+    static constexpr size_t kMost = size_t{1} << 16;
+    mutable std::mutex mutex_;
+    std::set<uint64_t> handles_;
 };
 
 // A query pool with sizes of structures or micromaps.
@@ -194,6 +252,7 @@ struct ValidatedObjects {
     std::atomic<bool> anyUnknown = false; // something could not be kept
     StructuresByMemory byMemory;
     StructuresByReference byReference;
+    DestroyedHandles destroyed;
     HandleMap<VkDeviceMemory, ValidatedMemory> memories;
     HandleMap<VkQueryPool, std::shared_ptr<ValidatedQueryPool>> queryPools;
     HandleMap<VkBuffer, std::shared_ptr<ValidatedBuffer>> buffers;

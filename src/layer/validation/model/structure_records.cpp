@@ -32,8 +32,10 @@ VkResult StructureRecords::create(const GpuContext &context)
 {
     const VkResult result = records_.create(context, kRecords * kRecordBytes,
                                             VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT);
-    return result == VK_SUCCESS ? references_.create(context, VkDeviceSize{kBuckets} * kReferenceBucketWords * 4)
-                                : result;
+    if (result != VK_SUCCESS)
+        return result;
+    records_.words()[kDestroyed * kStructureRecordWords] = kRecordDestroyed;
+    return references_.create(context, VkDeviceSize{kBuckets} * kReferenceBucketWords * 4);
 }
 
 std::shared_ptr<StructureRecords::Owner> StructureRecords::take()
@@ -112,6 +114,30 @@ void StructureRecords::setReference(VkDeviceAddress reference, const Owner &reco
             words[3] = 1;
         words[2] = words[3] == 0 ? record.index() : 0;
     }
+}
+
+void StructureRecords::setDestroyed(const Owner &record)
+{
+    std::lock_guard lock(mutex_);
+    const auto known = referenceOf_.find(record.index());
+    if (known == referenceOf_.end())
+        return;
+    const VkDeviceAddress reference = known->second;
+    const auto owners = owners_.find(reference);
+    uint32_t *words = owners != owners_.end() && owners->second == 1 ? bucketOf(reference, false) : nullptr;
+    if (!words)
+        return removeReference(record.index());
+    words[2] = kDestroyed;
+    words[3] = 0;
+    owners_.erase(owners);
+    referenceOf_.erase(known);
+    destroyed_.push_back(reference);
+    if (destroyed_.size() <= kMostBuckets / 2)
+        return;
+    uint32_t *oldest = bucketOf(destroyed_.front(), false);
+    if (oldest && oldest[2] == kDestroyed)
+        remove(oldest);
+    destroyed_.pop_front();
 }
 
 void StructureRecords::removeReference(const Owner &record)

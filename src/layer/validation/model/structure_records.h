@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -44,7 +45,9 @@ public:
     std::shared_ptr<Owner> take();
     // States that instances name a structure by that address.
     void setReference(VkDeviceAddress reference, const Owner &record);
-    // The structure is destroyed: another one may get the address.
+    // The structure is destroyed: another one may get the address. Until then shaders find that it was destroyed, of
+    // the last of many structures.
+    void setDestroyed(const Owner &record);
     void removeReference(const Owner &record);
 
     [[nodiscard]] VkDeviceAddress address() const { return records_.address(); }
@@ -70,11 +73,15 @@ private:
     [[nodiscard]] uint32_t *bucketOf(VkDeviceAddress reference, bool make);
     void remove(uint32_t *words);
 
+    static constexpr uint32_t kDestroyed = 1;
+
     GpuBuffer records_;
     GpuBuffer references_;
     std::mutex mutex_; // guards what is below, and the host's writes to the buffers
     std::vector<uint32_t> free_;
-    uint32_t used_ = 1;                               // records that were in use at any time; record 0 is nobody's
+    // Records that were in use at any time. Record 0 is nobody's, and kDestroyed that of destroyed structures.
+    uint32_t used_ = kDestroyed + 1;
+    std::deque<VkDeviceAddress> destroyed_;           // references of destroyed structures
     uint32_t buckets_ = 0;                            // in use
     std::map<uint32_t, VkDeviceAddress> referenceOf_; // of records
     std::map<VkDeviceAddress, uint32_t> owners_;      // the number of records that have a reference

@@ -111,6 +111,127 @@ void checkAttachedMemory(const RuleCheck &command, const input::StructureBuild &
     }
 }
 
+// --- Addresses, and the objects that are built ---
+
+// A member with an address. `indirect`: id for an indirect build.
+struct AddressMember {
+    const char *name;
+    const char *direct, *indirect;
+};
+constexpr AddressMember kVertexData{"geometry.triangles.vertexData",
+                                    "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804",
+                                    "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03804"};
+constexpr AddressMember kIndexData{"geometry.triangles.indexData",
+                                   "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03806",
+                                   "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03806"};
+constexpr AddressMember kTransformData{"geometry.triangles.transformData",
+                                       "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03808",
+                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03808"};
+constexpr AddressMember kBoxes{"geometry.aabbs.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03811",
+                               "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03811"};
+constexpr AddressMember kInstances{"geometry.instances.data", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03813",
+                                   "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03813"};
+constexpr AddressMember kExtIndices{"geometry.triangles.indexBuffer", rules::kExtIndicesId,
+                                    rules::kExtIndirectIndicesId};
+constexpr AddressMember kKhrIndices{"geometry.triangles.indexBuffer", rules::kKhrIndicesId, rules::kKhrIndicesId};
+constexpr AddressMember kBuildScratch{"scratchData", rules::kScratchId,
+                                      "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12261"};
+constexpr AddressMember kUpdateScratch{"scratchData", "VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12260",
+                                       "VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12260"};
+constexpr AddressMember kExtData{"data", rules::kExtDataId, nullptr};
+constexpr AddressMember kExtTriangles{"triangleArray", rules::kExtTrianglesId, nullptr};
+constexpr AddressMember kExtScratch{"scratchData", rules::kExtScratchId, nullptr};
+constexpr AddressMember kKhrData{"data", rules::kKhrInputId, nullptr};
+constexpr AddressMember kKhrTriangles{"triangleArray", rules::kKhrInputId, nullptr};
+
+// An address that a build accesses.
+struct Accessed {
+    const AddressMember *member;
+    VkDeviceAddress address;
+    uint32_t geometry = UINT32_MAX; // none
+};
+
+void addAddresses(std::vector<Accessed> &accessed, const input::Geometry &geometry, uint32_t g)
+{
+    const auto &given = geometry.given->geometry;
+    switch (geometry.given->geometryType) {
+    case VK_GEOMETRY_TYPE_TRIANGLES_KHR:
+        accessed.push_back({&kVertexData, given.triangles.vertexData.deviceAddress, g});
+        if (given.triangles.indexType != VK_INDEX_TYPE_NONE_KHR)
+            accessed.push_back({&kIndexData, given.triangles.indexData.deviceAddress, g});
+        if (given.triangles.transformData.deviceAddress != 0)
+            accessed.push_back({&kTransformData, given.triangles.transformData.deviceAddress, g});
+        break;
+    case VK_GEOMETRY_TYPE_AABBS_KHR: accessed.push_back({&kBoxes, given.aabbs.data.deviceAddress, g}); break;
+    case VK_GEOMETRY_TYPE_INSTANCES_KHR: accessed.push_back({&kInstances, given.instances.data.deviceAddress, g}); break;
+    default: break;
+    }
+}
+
+std::vector<Accessed> addressesOf(const input::StructureBuild &build)
+{
+    std::vector<Accessed> accessed;
+    for (uint32_t g = 0; g < build.geometries.size(); ++g)
+        if (build.geometries[g].given && build.ranges.primitives(g) > 0)
+            addAddresses(accessed, build.geometries[g], g);
+    if (const VkDeviceAddress scratch = build.given->scratchData.deviceAddress; scratch != 0)
+        accessed.push_back({build.isUpdate() ? &kUpdateScratch : &kBuildScratch, scratch});
+    return accessed;
+}
+
+std::string textOf(const Accessed &accessed)
+{
+    const std::string member = std::string(accessed.member->name) + ": ";
+    return accessed.geometry == UINT32_MAX ? member
+                                           : "pGeometries[" + std::to_string(accessed.geometry) + "]." + member;
+}
+
+// The buffers that are accessed exist when the command is executed.
+void checkAlive(const RuleCheck &check, std::vector<Accessed> accessed, bool indirect)
+{
+    std::erase_if(accessed, [&](const Accessed &one) { return check.device().state.rules.lacksBuffer(one.address); });
+    if (accessed.empty())
+        return;
+    check.whenExecuted([&device = check.device(), place = check.place().text(), object = check.object(),
+                        accessed = std::move(accessed), indirect] {
+        for (const Accessed &one : accessed)
+            if (device.state.rules.lacksBuffer(one.address))
+                device.fault(place, indirect ? one.member->indirect : one.member->direct,
+                             textOf(one) + "when the command is executed, no buffer has the address " +
+                                 hex(one.address) + " any more: it was destroyed",
+                             object);
+    });
+}
+
+// Checks the addresses of a build. Returns whether it can be recorded.
+bool checkAddresses(const RuleCheck &check, const input::StructureBuild &build, bool indirect)
+{
+    bool valid = true;
+    std::vector<Accessed> accessed = addressesOf(build);
+    for (const Accessed &one : accessed)
+        if (const Found found = isInvalid(check.device().state.rules, one.address, Severity::Reject)) {
+            check.fault(indirect ? one.member->indirect : one.member->direct, textOf(one) + found.text);
+            valid = false;
+        }
+    for (uint32_t g = 0; g < build.geometries.size(); ++g)
+        if (const auto &attachment = build.geometries[g].attachment;
+            attachment && attachment->indexType != VK_INDEX_TYPE_NONE_KHR && build.ranges.primitives(g) > 0)
+            accessed.push_back({attachment->khr ? &kKhrIndices : &kExtIndices, attachment->indexBuffer.deviceAddress, g});
+    checkAlive(check, std::move(accessed), indirect);
+    return valid;
+}
+
+void checkAddresses(const RuleCheck &check, const input::MicromapBuild &build)
+{
+    if (build.host || build.usages.triangles() == 0)
+        return;
+    std::vector<Accessed> accessed{{build.khr ? &kKhrData : &kExtData, build.data.deviceAddress},
+                                   {build.khr ? &kKhrTriangles : &kExtTriangles, build.triangles.deviceAddress}};
+    if (build.needs.scratch > 0)
+        accessed.push_back({build.khr ? &kBuildScratch : &kExtScratch, build.scratch.deviceAddress});
+    checkAlive(check, std::move(accessed), false);
+}
+
 // --- What attached micromaps hold ---
 
 struct ContentIds {
@@ -136,6 +257,37 @@ void checkIsMicromap(const RuleCheck &check, const char *vuid, const std::shared
     });
 }
 
+// The usage counts of a geometry are those of triangles that it has, of kinds that the micromap has.
+std::string wrongUsages(const StructureContents &micromap, const std::vector<VkMicromapUsageEXT> &usages,
+                        uint32_t triangles)
+{
+    uint64_t sum = 0;
+    for (const VkMicromapUsageEXT &usage : usages) {
+        sum += usage.count;
+        const bool known = std::ranges::any_of(micromap.usages, [&usage](const VkMicromapUsageEXT &other) {
+            return other.count > 0 && other.subdivisionLevel == usage.subdivisionLevel && other.format == usage.format;
+        });
+        if (usage.count > 0 && !known)
+            return "the usage counts state triangles of level " + std::to_string(usage.subdivisionLevel) +
+                   " and format " + std::to_string(usage.format) + "; the micromap has none";
+    }
+    return sum > triangles ? "the usage counts add up to " + std::to_string(sum) + " triangles; the geometry has " +
+                                 std::to_string(triangles)
+                           : std::string();
+}
+
+void checkUsages(const RuleCheck &check, const input::Attachment &attachment,
+                 const std::shared_ptr<ValidatedStructure> &micromap, uint32_t triangles)
+{
+    if (attachment.khr || attachment.usages.size() == 0)
+        return;
+    check.whenExecuted(
+        "VELLUM-attachment-usage-counts", [micromap, usages = attachment.usages.copy(), triangles]() -> std::string {
+            const auto contents = micromap->contents;
+            return contents && !contents->deserialized ? wrongUsages(*contents, usages, triangles) : std::string();
+        });
+}
+
 void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input::StructureBuild &build)
 {
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
@@ -146,6 +298,7 @@ void checkAttachments(const RuleCheck &check, const ContentIds &ids, const input
         const Place element = check.place().element("pGeometries", g);
         const Place place = element.member("geometry.triangles");
         checkConstructed(check.at(place), micromap, attachment->khr ? ids.khr : ids.ext);
+        checkUsages(check.at(place), *attachment, micromap, build.ranges.primitives(g));
         if (attachment->khr)
             checkIsMicromap(check.at(place), ids.isMicromap, micromap);
     }
@@ -170,6 +323,7 @@ constexpr VkFlags kReplaces = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_OPACITY_MICR
 // What an update gives a geometry of triangles.
 struct UpdatedGeometry {
     bool attaches = false;
+    bool khr = false;
     std::shared_ptr<ValidatedStructure> micromap;
     ObjectHandle handle;
 };
@@ -180,9 +334,14 @@ const char *brokenBy(const GeometryContents &before, const UpdatedGeometry &now,
 {
     if (!before.hasMicromap) {
         text = "the geometry was built without a micromap; the update attaches one";
-        return now.attaches ? ids.addsNone : nullptr;
+        return now.attaches && now.khr ? ids.addsNone : nullptr;
     }
-    if (!before.khr)
+    if (!before.khr) {
+        text = "the update attaches another micromap, which the flags of the build do not allow";
+        const bool other = now.attaches && !now.khr && before.micromap.lock() != now.micromap;
+        return other && !replaces ? "VELLUM-attachment-update" : nullptr;
+    }
+    if (now.attaches && !now.khr)
         return nullptr;
     if (before.micromapHandle.handle == 0) {
         text = "the geometry was built with VK_NULL_HANDLE as its micromap; the update differs";
@@ -216,11 +375,11 @@ void checkUpdate(const RuleCheck &check, const UpdateIds &ids, const input::Stru
         return;
     for (uint32_t g = 0; g < build.geometries.size(); ++g) {
         const input::Geometry &geometry = build.geometries[g];
-        if (!geometry.isTriangles() || (geometry.attachment && !geometry.attachment->khr))
+        if (!geometry.isTriangles())
             continue;
         UpdatedGeometry now;
         if (geometry.attachment)
-            now = {true, check.device().objects.structureOf(geometry.attachment->micromap),
+            now = {true, geometry.attachment->khr, check.device().objects.structureOf(geometry.attachment->micromap),
                    geometry.attachment->micromap};
         const Place place = check.place().element("pGeometries", g);
         checkGeometryUpdate(check.at(place), source, g, now, ids);
@@ -255,9 +414,15 @@ void checkBuilds(DeviceModel &device, VkCommandBuffer commandBuffer, BuildComman
         checkCount(device, nameOf(command), "infoCount", static_cast<uint32_t>(builds.micromaps.size()),
                    command == BuildCommand::Micromaps ? "VUID-vkCmdBuildMicromapsEXT-infoCount-arraylength"
                                                       : "VUID-vkBuildMicromapsEXT-infoCount-arraylength");
-    for (const input::StructureBuild &build : builds.structures) {
+    for (const input::MicromapBuild &build : builds.micromaps) {
+        const Place element = place.element("pInfos", build.element);
+        const RuleCheck check(device, element, build.target, commandBuffer);
+        checkAddresses(check, build);
+    }
+    for (input::StructureBuild &build : builds.structures) {
         const Place element = place.element("pInfos", build.element);
         const RuleCheck check(device, element, build.given->dstAccelerationStructure, commandBuffer);
+        build.accepted = checkAddresses(check, build, indirect) && build.accepted;
         checkAttachments(check, kContentIds[indirect ? 1 : 0], build);
         checkUpdate(check, kUpdateIds[indirect ? 1 : 0], build);
     }

@@ -1,0 +1,355 @@
+// SPDX-License-Identifier: Apache-2.0
+// Addresses that lie in no buffer, and objects that were destroyed.
+#include "recorded.h"
+
+#include <optional>
+
+namespace vt
+{
+namespace
+{
+
+constexpr VkDeviceAddress kWild = 0x7654'3210'0000;
+
+// --- Addresses ---
+
+// An address of a buffer that was destroyed.
+VkDeviceAddress freedAddress(Gpu &gpu)
+{
+    const Buffer buffer(gpu, 65536, micromapInputUsage(gpu) | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    return (buffer.address() + 255) / 256 * 256;
+}
+
+enum class Memory { Wild, Freed };
+template <Memory memory>
+VkDeviceAddress invalidAddress(Gpu &gpu)
+{
+    return memory == Memory::Wild ? kWild : freedAddress(gpu);
+}
+
+// A build of a micromap, of which one address has been changed.
+template <auto member, Memory memory>
+void micromapInput(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    VkMicromapBuildInfoEXT info = micromap.buildInfo();
+    if (wrong)
+        (info.*member).deviceAddress = invalidAddress<memory>(gpu);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{info, micromap.handle()}});
+    });
+}
+
+// A build of a structure, which can be changed. Indirect builds read the ranges from a buffer.
+enum class By { Host, Indirect };
+struct Build {
+    Build(Gpu &g, const Structure &structure)
+        : gpu(g), info(structure.buildInfo()), geometry(info.pGeometries[0]), ranges(structure.ranges()),
+          memory(g, sizeof *ranges, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT)
+    {
+        info.pGeometries = &geometry;
+        info.geometryCount = 1;
+        std::memcpy(memory.bytes(), ranges, sizeof *ranges);
+    }
+    void record(VkCommandBuffer commands, By by = By::Host) const
+    {
+        const VkDeviceAddress address = memory.address();
+        const uint32_t stride = sizeof *ranges;
+        const uint32_t *most = &ranges->primitiveCount;
+        if (by == By::Host)
+            gpu.vk().CmdBuildAccelerationStructuresKHR(commands, 1, &info, &ranges);
+        else
+            gpu.vk().CmdBuildAccelerationStructuresIndirectKHR(commands, 1, &info, &address, &stride, &most);
+    }
+    Gpu &gpu;
+    VkAccelerationStructureBuildGeometryInfoKHR info;
+    VkAccelerationStructureGeometryKHR geometry;
+    const VkAccelerationStructureBuildRangeInfoKHR *ranges;
+    Buffer memory;
+};
+
+Geometry indexedTriangle()
+{
+    return {.vertices = triangleRow(1),
+            .indices = {0, 1, 2},
+            .indexType = VK_INDEX_TYPE_UINT32,
+            .transform = VkTransformMatrixKHR{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}}};
+}
+
+template <auto change, By by, Memory memory = Memory::Wild>
+void triangles(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    Build build(gpu, blas);
+    if (wrong)
+        change(build) = invalidAddress<memory>(gpu);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+template <By by>
+void boxes(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {Geometry{.boxes = {{0, 0, 0, 1, 1, 1}}}});
+    Build build(gpu, blas);
+    if (wrong)
+        build.geometry.geometry.aabbs.data.deviceAddress = kWild;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+template <By by>
+void updateScratch(Gpu &gpu, bool wrong)
+{
+    constexpr auto kFlags = VK_BUILD_ACCELERATION_STRUCTURE_ALLOW_UPDATE_BIT_KHR;
+    Blas blas(gpu, {indexedTriangle()}, kFlags);
+    blas.prepare({indexedTriangle()}, kFlags, VK_BUILD_ACCELERATION_STRUCTURE_MODE_UPDATE_KHR);
+    Build build(gpu, blas);
+    if (wrong)
+        build.info.scratchData.deviceAddress = kWild;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+template <By by>
+void instances(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const Tlas tlas(gpu, {instance(blas, {}, 0)});
+    Build build(gpu, tlas);
+    if (wrong)
+        build.geometry.geometry.instances.data.deviceAddress = kWild;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+template <typename Attached, By by>
+void attachedIndices(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Blas blas(
+        gpu,
+        {Geometry{.vertices = triangleRow(1),
+                  .micromap = Attachment{.micromap = &micromap, .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}}}});
+    Build build(gpu, blas);
+    auto attached = *static_cast<const Attached *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &attached;
+    if (wrong) {
+        if constexpr (requires { attached.indexBuffer.deviceAddress; })
+            attached.indexBuffer.deviceAddress = kWild;
+        else
+            attached.indexBuffer = kWild;
+    }
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+// The buffer of the data is destroyed before the build is executed; its memory is not.
+void dataIsDestroyed(Gpu &gpu, bool wrong)
+{
+    const Micromap micromap(gpu, oneTriangle());
+    VkMicromapBuildInfoEXT info = micromap.buildInfo();
+    const auto creation = vkInit<VkBufferCreateInfo>({.size = 4096, .usage = micromapInputUsage(gpu)});
+    VkBuffer buffer = VK_NULL_HANDLE;
+    VT_CHECK(vkCreateBuffer(gpu.device(), &creation, nullptr, &buffer));
+    const VkDeviceMemory memory = gpu.bindMemory(buffer, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT);
+    const auto addressInfo = vkInit<VkBufferDeviceAddressInfo>({.buffer = buffer});
+    info.data.deviceAddress = (vkGetBufferDeviceAddress(gpu.device(), &addressInfo) + 255) / 256 * 256;
+    const VkCommandBuffer commands = gpu.begin();
+    recordMicromapBuilds(gpu, commands, std::array{MicromapBuild{info, micromap.handle()}});
+    gpu.end(commands);
+    if (wrong)
+        vkDestroyBuffer(gpu.device(), buffer, nullptr);
+    gpu.execute(commands);
+    vkFreeCommandBuffers(gpu.device(), gpu.pool(), 1, &commands);
+    if (!wrong)
+        vkDestroyBuffer(gpu.device(), buffer, nullptr);
+    vkFreeMemory(gpu.device(), memory, nullptr);
+}
+
+// --- Objects ---
+
+// A micromap, and its neighbour that was destroyed.
+struct Destroyed {
+    explicit Destroyed(Gpu &gpu) : micromap(gpu, oneTriangle()), memory(gpu), handle(memory.create(0, micromap.size()))
+    {
+        micromap.build();
+        memory.destroy(handle);
+    }
+    [[nodiscard]] MicromapHandle of(bool wrong) const { return wrong ? handle : micromap.handle(); }
+    Micromap micromap;
+    SharedMemory memory;
+    MicromapHandle handle;
+};
+
+void target(Gpu &gpu, bool wrong)
+{
+    const Destroyed destroyed(gpu);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapBuilds(gpu, commands,
+                             std::array{MicromapBuild{destroyed.micromap.buildInfo(), destroyed.of(wrong)}});
+    });
+}
+
+// The copy's target is made first: another object may get the handle of the one that is destroyed.
+void source(Gpu &gpu, bool wrong)
+{
+    const Micromap like(gpu, oneTriangle());
+    const Micromap copy(gpu, like, like.size());
+    const Destroyed destroyed(gpu);
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) {
+        recordMicromapCopy(gpu, commands, destroyed.of(wrong), copy.handle(), VK_COPY_MICROMAP_MODE_CLONE_EXT);
+    });
+}
+
+template <typename Attached>
+void attached(Gpu &gpu, bool wrong)
+{
+    const Destroyed destroyed(gpu);
+    const Blas blas(
+        gpu, {Geometry{.vertices = triangleRow(1),
+                       .micromap = Attachment{
+                           .micromap = &destroyed.micromap, .indexType = VK_INDEX_TYPE_UINT32, .indices = {0}}}});
+    Build build(gpu, blas);
+    auto given = *static_cast<const Attached *>(build.geometry.geometry.triangles.pNext);
+    build.geometry.geometry.triangles.pNext = &given;
+    if constexpr (std::is_same_v<decltype(given.micromap), VkMicromapEXT>)
+        given.micromap = destroyed.of(wrong).ext;
+    else
+        given.micromap = destroyed.of(wrong).khr;
+    recordUnlessWrong(gpu, wrong, [&](VkCommandBuffer commands) { build.record(commands); });
+}
+
+// --- References of instances ---
+
+void buildWith(Gpu &gpu, VkAccelerationStructureInstanceKHR one, By by)
+{
+    Tlas tlas(gpu);
+    tlas.prepare(std::array{one});
+    const Build build(gpu, tlas);
+    gpu.submit([&](VkCommandBuffer commands) { build.record(commands, by); });
+}
+
+template <By by>
+void referencesMicromap(Gpu &gpu, bool wrong)
+{
+    Micromap micromap(gpu, oneTriangle());
+    micromap.build();
+    const Blas blas(gpu, {indexedTriangle()});
+    VkAccelerationStructureInstanceKHR one = instance(blas, {}, 0);
+    const auto info =
+        vkInit<VkAccelerationStructureDeviceAddressInfoKHR>({.accelerationStructure = micromap.handle().khr});
+    const VkDeviceAddress reference = gpu.vk().GetAccelerationStructureDeviceAddressKHR(gpu.device(), &info);
+    if (wrong)
+        one.accelerationStructureReference = reference;
+    buildWith(gpu, one, by);
+}
+
+void referencesTopLevel(Gpu &gpu, bool wrong)
+{
+    const Blas blas(gpu, {indexedTriangle()});
+    const Tlas tlas(gpu, {instance(blas, {}, 0)});
+    buildWith(gpu, instance(wrong ? static_cast<const Structure &>(tlas) : blas, {}, 0), By::Host);
+}
+
+void referencesDestroyed(Gpu &gpu, bool wrong)
+{
+    const Blas kept(gpu, {indexedTriangle()});
+    std::optional<Blas> blas;
+    blas.emplace(gpu, std::vector{indexedTriangle()});
+    const VkAccelerationStructureInstanceKHR one = instance(wrong ? *blas : kept, {}, 0);
+    blas.reset();
+    buildWith(gpu, one, By::Host);
+}
+
+#define ADDRESS(member) [](Build &build) -> VkDeviceAddress & { return build.member.deviceAddress; }
+#define VERTICES ADDRESS(geometry.geometry.triangles.vertexData)
+#define INDICES ADDRESS(geometry.geometry.triangles.indexData)
+#define TRANSFORM ADDRESS(geometry.geometry.triangles.transformData)
+#define SCRATCH ADDRESS(info.scratchData)
+
+using ExtAttached = VkAccelerationStructureTrianglesOpacityMicromapEXT;
+using KhrAttached = VkAccelerationStructureTrianglesOpacityMicromapKHR;
+constexpr auto kData = &VkMicromapBuildInfoEXT::data;
+constexpr auto kTriangles = &VkMicromapBuildInfoEXT::triangleArray;
+constexpr auto kScratch = &VkMicromapBuildInfoEXT::scratchData;
+
+const WrongProgram kPrograms[] = {
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Api::Ext, kNeedsNothing, micromapInput<kData, Memory::Wild>, "Wild"},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Api::Ext, kNeedsNothing, micromapInput<kData, Memory::Freed>, "Freed"},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10896", Api::Ext, kNeedsNothing, dataIsDestroyed, "Destroyed"},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-10897", Api::Ext, kNeedsNothing, micromapInput<kTriangles, Memory::Wild>,
+     "Wild"},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07512", Api::Ext, kNeedsNothing, micromapInput<kScratch, Memory::Wild>,
+     "Wild"},
+    {"VUID-vkCmdBuildMicromapsEXT-pInfos-07512", Api::Ext, kNeedsNothing, micromapInput<kScratch, Memory::Freed>,
+     "Freed"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550", Api::Khr, kNeedsNothing,
+     micromapInput<kData, Memory::Wild>, "Wild"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550", Api::Khr, kNeedsNothing,
+     micromapInput<kTriangles, Memory::Freed>, "Freed"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-micromap-11550", Api::Khr, kNeedsNothing, dataIsDestroyed, "Destroyed"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261", Api::Khr, kNeedsNothing,
+     micromapInput<kScratch, Memory::Wild>, "Wild"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804", Api::Khr, kNeedsNothing, triangles<VERTICES, By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804", Api::Khr, kNeedsNothing,
+     triangles<VERTICES, By::Host, Memory::Freed>, "Freed"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03804", Api::Ext, kNeedsNothing, triangles<VERTICES, By::Host>,
+     "Ext"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03806", Api::Khr, kNeedsNothing, triangles<INDICES, By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03808", Api::Khr, kNeedsNothing, triangles<TRANSFORM, By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12261", Api::Khr, kNeedsNothing, triangles<SCRATCH, By::Host>,
+     "Bottom"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12260", Api::Khr, kNeedsNothing, updateScratch<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03811", Api::Khr, kNeedsNothing, boxes<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-03813", Api::Khr, kNeedsNothing, instances<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03804", Api::Khr, kNeedsNothing,
+     triangles<VERTICES, By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03806", Api::Khr, kNeedsNothing,
+     triangles<INDICES, By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03808", Api::Khr, kNeedsNothing,
+     triangles<TRANSFORM, By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12261", Api::Khr, kNeedsNothing,
+     triangles<SCRATCH, By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12260", Api::Khr, kNeedsNothing,
+     updateScratch<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03811", Api::Khr, kNeedsNothing, boxes<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-03813", Api::Khr, kNeedsNothing, instances<By::Indirect>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-10905", Api::Ext, kNeedsNothing,
+     attachedIndices<ExtAttached, By::Host>, "Wild"},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-10905", Api::Ext, kNeedsNothing,
+     attachedIndices<ExtAttached, By::Indirect>, "Wild"},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-indexBuffer-11572", Api::Khr, kNeedsNothing,
+     attachedIndices<KhrAttached, By::Host>, "Wild"},
+
+    // Drivers do not know the handles any more.
+    {"VUID-vkCmdBuildMicromapsEXT-dstMicromap-07463", Api::Ext, kNeedsEmulation, target, "Destroyed"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-dstAccelerationStructure-11547", Api::Khr, kNeedsNothing, target,
+     "Destroyed"},
+    {"VUID-VkCopyMicromapInfoEXT-src-parameter", Api::Ext, kNeedsEmulation, source, "Destroyed"},
+    {"VUID-VkCopyAccelerationStructureInfoKHR-src-parameter", Api::Khr, kNeedsNothing, source, "Destroyed"},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapEXT-micromap-parameter", Api::Ext, kNeedsEmulation,
+     attached<ExtAttached>, "Destroyed"},
+    {"VUID-VkAccelerationStructureTrianglesOpacityMicromapKHR-micromap-parameter", Api::Khr, kNeedsNothing,
+     attached<KhrAttached>, "Destroyed"},
+
+    // A driver would read wild memory.
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281", Api::Khr, kNeedsEmulation, referencesMicromap<By::Host>},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281", Api::Khr, kNeedsEmulation, referencesTopLevel,
+     "TopLevel"},
+    {"VUID-vkCmdBuildAccelerationStructuresKHR-pInfos-12281", Api::Ext, kNeedsEmulation, referencesDestroyed,
+     "Destroyed"},
+    {"VUID-vkCmdBuildAccelerationStructuresIndirectKHR-pInfos-12281", Api::Khr, kNeedsEmulation,
+     referencesMicromap<By::Indirect>},
+};
+
+#undef ADDRESS
+#undef VERTICES
+#undef INDICES
+#undef TRANSFORM
+#undef SCRATCH
+
+} // namespace
+
+std::span<const WrongProgram> lifetimePrograms()
+{
+    return kPrograms;
+}
+
+} // namespace vt
