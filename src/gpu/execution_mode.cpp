@@ -11,8 +11,9 @@ namespace
 {
 
 constexpr size_t kHeader = 5; // words before the first instruction
-constexpr uint32_t kSource = 3, kExtension = 10, kEntryPoint = 15, kCapability = 17, kTypeVoid = 19, kTypeBool = 20,
-                   kTrue = 41, kFalse = 42, kConstant = 43, kSpecFalse = 49, kSpecConstant = 50, kDecorate = 71,
+constexpr uint32_t kSource = 3, kExtension = 10, kEntryPoint = 15, kExecutionMode = 16, kCapability = 17,
+                   kTypeVoid = 19, kTypeBool = 20, kTrue = 41, kFalse = 42, kConstant = 43, kSpecFalse = 49,
+                   kSpecConstant = 50, kFunction = 54, kDecorate = 71, kLabel = 248, kReturn = 253, kFunctionEnd = 56,
                    kExecutionModeId = 331;
 constexpr uint32_t kSpecId = 1; // a decoration
 
@@ -65,6 +66,49 @@ std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint3
     }
     if (!begun || !decorated)
         throw std::runtime_error("a module that the execution mode cannot be put into");
+    return out;
+}
+
+std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode)
+{
+    std::vector<uint32_t> out(words.begin(), words.begin() + kHeader);
+    // The other function takes over the id of the first, and so has the lower one.
+    const uint32_t first = out[3], label = first + 1, constant = first + 2;
+    out[3] += 3;
+    uint32_t other = 0;
+    std::vector<uint32_t> function, modes;
+    const auto put = [](std::vector<uint32_t> &to, uint32_t opcode, std::initializer_list<uint32_t> operands) {
+        to.push_back(static_cast<uint32_t>(operands.size() + 1) << 16 | opcode);
+        to.insert(to.end(), operands);
+    };
+    for (size_t at = kHeader; at < words.size(); at += words[at] >> 16) {
+        const uint32_t opcode = words[at] & 0xffff;
+        std::vector<uint32_t> in(words.begin() + static_cast<ptrdiff_t>(at),
+                                 words.begin() + static_cast<ptrdiff_t>(at + (words[at] >> 16)));
+        if (opcode == kEntryPoint) {
+            other = in[2];
+            put(out, kEntryPoint, {in[1], other, 'o' | 't' << 8 | 'h' << 16 | 'e' << 24, 'r'});
+            in[2] = first;
+        } else if (opcode == kExecutionMode || opcode == kExecutionModeId) {
+            if (opcode == kExecutionMode)
+                modes.insert(modes.end(), in.begin(), in.end());
+            in[1] = first;
+        } else if (opcode == kSource) {
+            if (mode != Mode::Absent)
+                put(modes, kExecutionModeId, {other, 6031, constant});
+            out.insert(out.end(), modes.begin(), modes.end());
+        } else if (opcode == kFunction && in[2] == other) {
+            put(function, kFunction, {in[1], other, 0, in[4]});
+            put(function, kLabel, {label});
+            put(function, kReturn, {});
+            put(function, kFunctionEnd, {});
+            in[2] = first;
+        }
+        out.insert(out.end(), in.begin(), in.end());
+        if (opcode == kTypeBool && mode != Mode::Absent)
+            put(out, mode == Mode::True ? kTrue : kFalse, {in[1], constant});
+    }
+    out.insert(out.end(), function.begin(), function.end());
     return out;
 }
 

@@ -16,6 +16,10 @@ enum class Mode { Absent, False, True, Specialized };
 // point, a bool type and debug names.
 std::vector<uint32_t> withMode(std::span<const uint32_t> words, Mode mode, uint32_t specId = 0);
 
+// With another entry point of the same stage before the first, "other", which does nothing, and declares that mode. The
+// module must be as above.
+std::vector<uint32_t> withOtherEntry(std::span<const uint32_t> words, Mode mode);
+
 // With the mode, true, where the module has ray queries.
 std::vector<uint32_t> withModeWhereNeeded(std::span<const uint32_t> words);
 

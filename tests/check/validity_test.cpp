@@ -210,6 +210,10 @@ const Break kBreaks[] = {
          c.steps = {stepOf(Step::Kind::CloneTop, 0)};
          c.steps[0].relocated = true;
      })},
+    {"has no micromaps that come later", kAlwaysPossible([](Case &c) {
+         c.steps = {stepOf(Step::Kind::ReloadObject, 0)};
+         c.steps[0].structureFirst = true;
+     })},
     {"has no vertices of its own", kAlwaysPossible([](Case &c) {
          c.steps = {stepOf(Step::Kind::CloneObject, 0)};
          c.steps[0].mirrored = true;

@@ -364,8 +364,9 @@ std::string Account::commandsOf(const Step &step) const
         return fmt::format("vkCmdCopyAccelerationStructureToMemoryKHR serializes object {}, and "
                            "vkCmdCopyMemoryToAccelerationStructureKHR deserializes it to a new structure{}.",
                            t,
-                           step.relocated ? ", after its micromaps were serialized and deserialized to new ones, whose "
-                                            "addresses are put into the data"
+                           step.relocated ? fmt::format(", {} its micromaps are serialized and deserialized to new "
+                                                        "ones, whose addresses are put into the data",
+                                                        step.structureFirst ? "before" : "after")
                                           : "");
     case Kind::UpdateObject:
         return fmt::format("vkCmdBuildAccelerationStructuresKHR updates object {} with the same data{}{}.", t, mirrored,
@@ -507,6 +508,8 @@ void Account::writeTracePlan()
         }
         if (trace.shaderObjects)
             line("The shader is a shader object.");
+        if (trace.otherEntry)
+            line("The module has another entry point, whose execution mode is the opposite.");
         return;
     }
     if (trace.from != standard.from)

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "gpu/programs/pipeline_libraries.h"
 #include "check/oracle/pipeline_judge.h"
+#include "gpu/programs/pipeline_libraries.h"
 
 namespace vellum::check
 {
@@ -88,6 +88,9 @@ struct Step {
     bool outOfPlace = false;
     // Serialized and deserialized with other addresses in the data. VK_KHR_opacity_micromap has those of micromaps.
     bool relocated = false;
+    // ReloadObject, `relocated`: the structure is deserialized first, when its micromaps are created and have no
+    // content.
+    bool structureFirst = false;
     bool mirrored = false; // UpdateObject, RebuildObject: x of vertices and boxes is mirrored
     bool exact = false;    // a clone is first made as large as VK_QUERY_TYPE_ACCELERATION_STRUCTURE_SIZE_KHR reports
     bool inPlace = false;  // by the same handle
@@ -176,6 +179,9 @@ struct TracePlan {
     VkShaderStageFlagBits stage = VK_SHADER_STAGE_COMPUTE_BIT;
     Flags flags = Flags::RunTime;
     Mode mode = Mode::True;
+    // Query: the module has another entry point, which is not used, and with VK_KHR_opacity_micromap declares the other
+    // value of the mode.
+    bool otherEntry = false;
     bool byAddress = false;     // the acceleration structure is a device address instead of a descriptor
     bool inlineModules = false; // VkShaderModuleCreateInfo in the stages' pNext
     bool secondary = false;     // traced in a secondary command buffer; compute shaders and pipelines

@@ -154,6 +154,7 @@ void ofStep(Archive &archive, T &step)
     archive.value("update", step.update, false);
     archive.value("outOfPlace", step.outOfPlace, false);
     archive.value("relocated", step.relocated, false);
+    archive.value("structureFirst", step.structureFirst, false);
     archive.value("mirrored", step.mirrored, false);
     archive.value("exact", step.exact, false);
     archive.value("inPlace", step.inPlace, false);
@@ -248,6 +249,7 @@ void ofTrace(Archive &archive, T &trace)
     archive.value("besideBuild", trace.besideBuild, standard.besideBuild);
     archive.value("boundFirst", trace.boundFirst, standard.boundFirst);
     archive.name("query", trace.query, kQueryNames, standard.query);
+    archive.value("otherEntry", trace.otherEntry, standard.otherEntry);
     archive.value("shaderObjects", trace.shaderObjects, standard.shaderObjects);
     archive.object("pipeline", trace.pipeline, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });
     archive.list("otherPipelines", trace.otherPipelines, [](auto &a, auto &pipeline) { ofPipeline(a, pipeline); });

@@ -18,11 +18,6 @@ using oracle::Hit;
 using oracle::Hits;
 using oracle::Scene;
 
-bool consumesMicromaps(const TracePlan &plan)
-{
-    return plan.mode == TracePlan::Mode::True || plan.mode == TracePlan::Mode::SpecializedTrue;
-}
-
 // Returns whether an instance has geometry with VkAccelerationStructureTrianglesOpacityMicromap..., also with a null
 // micromap.
 bool hasMicromaps(const Scene &scene)
@@ -45,6 +40,11 @@ std::string callableFault(uint32_t ray, uint32_t called, const oracle::TracedBy 
 }
 
 } // namespace
+
+bool consumesMicromaps(const TracePlan &plan)
+{
+    return plan.mode == TracePlan::Mode::True || plan.mode == TracePlan::Mode::SpecializedTrue;
+}
 
 std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, const Scene &scene)
 {

@@ -29,6 +29,9 @@ std::vector<uint32_t> stagesOfGroup(uint32_t group);
 // The feature that the device lacks; nothing: it can trace by the plan.
 std::optional<std::string> missingFor(const Device &gpu, const TracePlan &plan);
 
+// Returns whether the ray queries of the plan have the execution mode OpacityMicromapIdKHR.
+bool consumesMicromaps(const TracePlan &plan);
+
 // The valid usage that tracing the scene by the plan would break: shaders that do not use micromaps may not trace
 // structures that have some.
 std::optional<std::string> sceneRule(const Device &gpu, const TracePlan &plan, const oracle::Scene &scene);

@@ -153,6 +153,10 @@ std::unique_ptr<Tracer> queryTracer(Device &gpu, const TracePlan &plan, uint32_t
         if (modeOf(plan) == Mode::Specialized)
             setup.specializedMode = plan.mode == TracePlan::Mode::SpecializedTrue ? VK_TRUE : VK_FALSE;
     }
+    if (plan.otherEntry)
+        words = withOtherEntry(words, !gpu.khr() || !usesMicromaps(gpu) ? Mode::Absent
+                                      : consumesMicromaps(plan)         ? Mode::False
+                                                                        : Mode::True);
     return std::make_unique<Tracer>(gpu, words, setup);
 }
 

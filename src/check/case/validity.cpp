@@ -310,6 +310,8 @@ void checkStep(const Scene &scene, const Step &step, const std::string &where, u
     rule(step.kind == Kind::CloneObject || step.kind == Kind::CloneTop || !step.exact, where, "is no clone");
     rule(step.kind == Kind::ReloadObject || step.kind == Kind::ReloadTop || !step.relocated, where,
          "has no addresses of structures or micromaps");
+    rule((step.kind == Kind::ReloadObject && step.relocated) || !step.structureFirst, where,
+         "has no micromaps that come later");
     const Target target = targetOf(step.kind);
     rule(target == Target::Micromap || !step.host, where, "has no host command");
     rule(step.host || !step.deferred, where, "only host commands are deferred");

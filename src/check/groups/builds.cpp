@@ -148,6 +148,14 @@ Case hostBuilds(Random &random, const DeviceLimits &limits)
     Case c = builds(random, limits);
     c.build.micromaps = BuildCommand::Host;
     buildableOnHost(c.scene);
+    if (!chance(random, 20))
+        return c;
+    if (const auto fine = makeFine(random, c.scene, limits)) {
+        const auto &[micromap, triangle] = *fine;
+        const size_t count = c.scene.micromaps[micromap].triangles[triangle].states.size();
+        for (uint32_t i = 0; i < 16; ++i)
+            aimAtAll(c.scene, micromap, triangle, below(random, static_cast<uint32_t>(count)));
+    }
     return c;
 }
 

@@ -179,6 +179,8 @@ Case querySizes(Random &random, const DeviceLimits &limits)
     for (oracle::SceneMicromap &micromap : c.scene.micromaps)
         micromap.flags |= chance(random, 60) ? VkBuildMicromapFlagsEXT{VK_BUILD_MICROMAP_ALLOW_COMPACTION_BIT_EXT} : 0u;
     c.build.together = chance(random, 50);
+    if (chance(random, 10))
+        (void)makeFine(random, c.scene, limits);
     constexpr std::array kinds{Kind::CloneObject,   Kind::CompactObject,   Kind::ReloadObject,
                                Kind::CloneMicromap, Kind::CompactMicromap, Kind::SetStates,
                                Kind::CloneTop,      Kind::CompactTop,      Kind::ReloadTop};

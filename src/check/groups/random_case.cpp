@@ -225,6 +225,21 @@ oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t
     return triangle;
 }
 
+std::optional<std::pair<uint32_t, uint32_t>> makeFine(Random &random, oracle::Scene &scene, const DeviceLimits &limits)
+{
+    if (scene.micromaps.empty())
+        return {};
+    const uint32_t m = below(random, static_cast<uint32_t>(scene.micromaps.size()));
+    oracle::SceneMicromap &micromap = scene.micromaps[m];
+    if (micromap.triangles.empty())
+        return {};
+    const uint32_t t = below(random, static_cast<uint32_t>(micromap.triangles.size()));
+    const uint32_t most = (micromap.flags & kLossy) != 0 ? limits.maxLossyLevel : limits.maxLevel4;
+    const uint32_t level = std::min(most, 9 + below(random, 2));
+    micromap.triangles[t] = patchyTriangle(random, level, std::min(level, 2u));
+    return std::pair(m, t);
+}
+
 std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind kind, const DeviceLimits &limits)
 {
     const auto objects = static_cast<uint32_t>(scene.objects.size());
@@ -309,6 +324,7 @@ std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Kind 
     default:
         step.exact = kind == Kind::CloneObject && limits.maintenance && chance(random, 40);
         step.relocated = kind == Kind::ReloadObject && chance(random, 50);
+        step.structureFirst = step.relocated && chance(random, 50);
         step.mirrored = (kind == Kind::UpdateObject || kind == Kind::RebuildObject) && chance(random, 40);
         step.update &= kind == Kind::RebuildObjects;
         step.outOfPlace &= step.update || kind == Kind::UpdateObject;

@@ -57,6 +57,9 @@ oracle::Instance instanceInPlace(Random &random);
 Ray rayDown(Random &random);
 // States that are the same within sub-triangles, as those of a picture are: none smaller than of 4^least states.
 oracle::MicromapTriangle patchyTriangle(Random &random, uint32_t level, uint32_t least);
+// Some micromap triangle gets a high level, with 2^16 bytes of data or more, where the device allows it. Returns its
+// micromap and its number; nothing where there are no triangles.
+std::optional<std::pair<uint32_t, uint32_t>> makeFine(Random &random, oracle::Scene &scene, const DeviceLimits &limits);
 // A random step of that kind; nothing where the scene has nothing that it could be done to.
 std::optional<Step> randomStep(Random &random, const oracle::Scene &scene, Step::Kind kind, const DeviceLimits &limits);
 // Appends `count` steps of random kinds.

@@ -229,6 +229,7 @@ Case stages(Random &random, const DeviceLimits &limits)
         limits.api == Api::Khr && chance(random, 50) ? TracePlan::Mode::SpecializedTrue : TracePlan::Mode::True;
     if (chance(random, 40))
         fixFlags(random, c);
+    c.trace.otherEntry = chance(random, 25);
     return c;
 }
 
@@ -245,7 +246,8 @@ Case queryObjects(Random &random, const DeviceLimits &limits)
     return c;
 }
 
-// Shaders without the execution mode, where structures have no micromaps, and with it where the constant says so.
+// Shaders without the execution mode, where structures have no micromaps, and with it where the constant says so; also
+// in modules with another entry point.
 Case executionMode(Random &random, const DeviceLimits &limits)
 {
     Limits scene = smallScene(limits);
@@ -257,6 +259,7 @@ Case executionMode(Random &random, const DeviceLimits &limits)
     Case c{.scene = makeScene(random, scene, limits), .trace = {.mode = mode}};
     if (chance(random, 40))
         fixFlags(random, c);
+    c.trace.otherEntry = chance(random, 40);
     return c;
 }
 

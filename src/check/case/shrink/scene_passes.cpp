@@ -424,6 +424,7 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.boundFirst = false; },
         [](Case &c) { c.trace.query = TracePlan::Query::Plain; },
         [](Case &c) { c.trace.shaderObjects = false; },
+        [](Case &c) { c.trace.otherEntry = false; },
         [](Case &c) { c.trace.firstDestroyed = false; },
         [](Case &c) { c.trace.unusedStage = false; },
         [](Case &c) { c.trace.launch.command = Launch::Direct; },
@@ -438,8 +439,8 @@ void simplifyPlans(Attempts &attempts)
         [](Case &c) { c.trace.dynamicStackSize = false; },
     };
     for (size_t i = 0; i < attempts.best().steps.size(); ++i) {
-        for (bool Step::*const flag : {&Step::outOfPlace, &Step::relocated, &Step::mirrored, &Step::exact,
-                                       &Step::update, &Step::inPlace, &Step::deferred, &Step::host})
+        for (bool Step::*const flag : {&Step::outOfPlace, &Step::structureFirst, &Step::relocated, &Step::mirrored,
+                                       &Step::exact, &Step::update, &Step::inPlace, &Step::deferred, &Step::host})
             edits.emplace_back([i, flag](Case &c) { c.steps[i].*flag = false; });
         edits.emplace_back([i](Case &c) { c.steps[i].other = 0; });
         if (targetOf(attempts.best().steps[i].kind) == Target::Top)
@@ -465,7 +466,7 @@ void simplifyPlans(Attempts &attempts)
             if (attempts.attempt([&](Case &c) {
                     c.steps[i].kind = kind;
                     c.steps[i].other = 0;
-                    c.steps[i].relocated = c.steps[i].mirrored = false;
+                    c.steps[i].relocated = c.steps[i].structureFirst = c.steps[i].mirrored = false;
                     c.steps[i].instances.clear();
                 }))
                 break;
