@@ -216,9 +216,7 @@ Found wrongPool(const Query &c)
 {
     return when(
         c.pool.known && c.pool.type != c.query.type,
-        [&] {
-            return "it was created with type " + nameOf(c.pool.type) + ", not " + nameOf(c.query.type);
-        },
+        [&] { return "it was created with type " + nameOf(c.pool.type) + ", not " + nameOf(c.query.type); },
         !c.query.khr && isMicromapQuery(c.pool.type) ? Tolerate : Reject);
 }
 Found outsidePool(const Query &c)
