@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Does `vellum check` find the planted faults? Runs it once with each fault of the tests' faulty driver, a layer above
-Vellum's (tests/layer/faults), and prints how many it finds and how soon.
+Vellum's (tests/layer/faulty_driver), and prints how many it finds and how soon.
 
   faults.py --build build/release                       each fault with vellum check --quick
   faults.py --build build/release --fault index-stride --fault base-twice --seed 7

@@ -11,7 +11,7 @@
 
 #include "bake/budget.h"
 #include "bake/classify.h"
-#include "bake/options.h"
+#include "bake/option_ranges.h"
 #include "bake/packed.h"
 #include "core/curve.h"
 #include "core/hash.h"

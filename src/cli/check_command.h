@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "gpu/instance.h"
+#include "gpu/device_selection.h"
 
 namespace vellum::cli
 {

@@ -2,7 +2,7 @@
 // A Vulkan device, buffers and command submission.
 #pragma once
 
-#include "gpu/instance.h"
+#include "gpu/device_selection.h"
 #include "gpu/known_faults.h"
 #include "gpu/memory_pool.h"
 #include "vellum/vulkan_opacity_micromap.h"

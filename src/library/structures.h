@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "bake/options.h"
+#include "bake/option_ranges.h"
 #include "vellum/vellum.h"
 
 namespace vellum::library

@@ -2,7 +2,7 @@
 // Which device --device takes, with devices that are made up.
 #include <gtest/gtest.h>
 
-#include "gpu/instance.h"
+#include "gpu/device_selection.h"
 
 using namespace vellum::gpu;
 

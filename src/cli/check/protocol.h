@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "check/groups/group.h"
-#include "gpu/instance.h"
+#include "gpu/device_selection.h"
 
 namespace vellum::cli
 {

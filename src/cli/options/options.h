@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "bake/options.h"
+#include "bake/option_ranges.h"
 #include "cli/base/exit_code.h"
 #include "cli/options/cli11.h"
-#include "gpu/instance.h"
+#include "gpu/device_selection.h"
 
 namespace vellum::cli
 {

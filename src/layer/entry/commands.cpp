@@ -7,7 +7,7 @@
 
 #include "layer/command_buffer/synchronization.h"
 #include "layer/entry/command.h"
-#include "layer/entry/debug_messages.h"
+#include "layer/entry/application_messages.h"
 #include "layer/memory/buffers.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"

@@ -45,7 +45,7 @@ struct Options {
     bool oldValidation = true; // also a validation layer older than VK_KHR_opacity_micromap
     bool spy = true;           // layers/spy.cpp: what must not reach the driver
     std::string quirks = {};   // of the mock driver (layers/quirks.cpp), with commas; and those of VELLUM_TEST_QUIRKS
-    std::string fault = {};    // of the faulty driver (faults/faults.cpp), of which Vellum's layer is a part
+    std::string fault = {};    // of the faulty driver (faulty_driver/faults.cpp), of which Vellum's layer is a part
     std::string absentGpu{};   // a GPU that its driver compiles for though it is not there (drivers/compiled.h)
     bool micromaps = true;     // enable opacity micromaps on the device
     Api api = apiOfTests();    // by this extension

@@ -41,7 +41,7 @@ enum class Level {
     Replay,
     IndirectBuilds,
     Garbage,
-    // of the faulty driver (faults/faults.h)
+    // of the faulty driver (faulty_driver/faults.h)
     Process,
     Shaders,
     Instances,
@@ -99,7 +99,7 @@ struct NamedLevel {
     LevelRows rows;
     bool always = false; // also where no chosen quirk belongs to it
 };
-// What the layer is made of: the mock driver in quirks.cpp, the faulty driver in faults/faults.cpp.
+// What the layer is made of: the mock driver in quirks.cpp, the faulty driver in faulty_driver/faults.cpp.
 std::span<const Quirk> allQuirks();
 std::span<const NamedLevel> allLevels();
 // The environment variable with the names of the chosen quirks.

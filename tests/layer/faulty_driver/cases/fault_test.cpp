@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The faulty driver: each fault changes what an application sees, in a scene that is right without it.
-#include "faults/cases/cases.h"
+#include "faulty_driver/cases/cases.h"
 
 #include "harness/mock_driver.h"
 #include "harness/program/labels.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults in shaders: the driver compiles other SPIR-V than the application's.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <deque>
 

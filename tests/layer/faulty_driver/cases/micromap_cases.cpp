@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults of micromaps.cpp.
-#include "faults/cases/cases.h"
+#include "faulty_driver/cases/cases.h"
 
 #include "command_buffer/state_scene.h"
 

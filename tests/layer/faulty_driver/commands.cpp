@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults in how commands are executed: hit tables, queues, and indirect builds.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <array>
 #include <map>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults in instances: builds of top-level structures read changed copies of them.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <deque>
 #include <map>

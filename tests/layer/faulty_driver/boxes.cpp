@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Boxes that are larger or smaller than those that were given: builds of bottom-level structures read changed copies.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <deque>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "layer/entry/debug_messages.h"
+#include "layer/entry/application_messages.h"
 
 #include <vector>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "faults/micromap_input.h"
+#include "faulty_driver/micromap_input.h"
 
 namespace faults
 {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults of instances.cpp.
 #include "gpu/copies.h"
-#include "faults/cases/cases.h"
+#include "faulty_driver/cases/cases.h"
 
 namespace faults
 {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults in copies, serialized data, and queries of sizes.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <map>
 #include <set>

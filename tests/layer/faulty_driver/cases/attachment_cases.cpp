@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults of attachments.cpp.
-#include "faults/cases/cases.h"
+#include "faulty_driver/cases/cases.h"
 
 namespace faults
 {

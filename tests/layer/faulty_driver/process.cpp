@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Drivers that hang, die, lose the device or do nothing, from a submission on: the environment variable
 // VELLUM_TEST_FAULT_AFTER says after how many of the device; without it after 20.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <chrono>
 #include <cstdlib>

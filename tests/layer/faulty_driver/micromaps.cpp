@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults in builds of micromaps: their inputs, and when they are executed.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <map>
 #include <memory>
 #include <optional>
 #include <set>
 
-#include "faults/micromap_input.h"
+#include "faulty_driver/micromap_input.h"
 
 namespace faults
 {

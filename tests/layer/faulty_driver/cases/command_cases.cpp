@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults of shaders.cpp, commands.cpp, state.cpp and process.cpp.
-#include "faults/cases/cases.h"
+#include "faulty_driver/cases/cases.h"
 
 #include "gpu/execution_mode.h"
 #include "gpu/programs/pipeline_libraries.h"

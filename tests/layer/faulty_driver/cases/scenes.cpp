@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "faults/cases/cases.h"
+#include "faulty_driver/cases/cases.h"
 
 namespace faults
 {

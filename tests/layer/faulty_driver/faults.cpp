@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // All faults and freedoms, and the levels of the faulty driver.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <array>
 

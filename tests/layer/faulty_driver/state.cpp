@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults in what commands leave to those that follow, and in the parameters that the device reads.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <map>
 #include <set>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A fault in acceleration structures of type GENERIC, whose size is an upper bound.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <map>
 

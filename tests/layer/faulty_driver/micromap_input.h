@@ -2,7 +2,7 @@
 // What a micromap build reads, by either API.
 #pragma once
 
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <array>
 

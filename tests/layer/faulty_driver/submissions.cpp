@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Memory of the faulty driver, and functions that are called before and after command buffers are executed.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <deque>
 #include <map>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faults in how bottom-level structures use micromaps: VkAccelerationStructureTrianglesOpacityMicromapEXT and -KHR.
-#include "faults/faults.h"
+#include "faulty_driver/faults.h"
 
 #include <algorithm>
 #include <deque>

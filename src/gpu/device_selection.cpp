@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gpu/device_selection.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <stdexcept>
+
+#include "vellum/vulkan_opacity_micromap.h"
+#include "vk/vk_init.h"
+
+namespace vellum::gpu
+{
+namespace
+{
+
+std::set<std::string> extensionsOf(VkPhysicalDevice device)
+{
+    uint32_t count = 0;
+    CHECK_VK(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, nullptr));
+    std::vector<VkExtensionProperties> extensions(count);
+    CHECK_VK(vkEnumerateDeviceExtensionProperties(device, nullptr, &count, extensions.data()));
+    std::set<std::string> names;
+    for (const VkExtensionProperties &e : extensions)
+        names.insert(e.extensionName);
+    return names;
+}
+
+// Who implements the extensions: the layer reports itself as a tool, with what it does for the device.
+std::string describeImplementation(VkPhysicalDevice device, uint32_t version)
+{
+    uint32_t count = 0;
+    std::vector<VkPhysicalDeviceToolProperties> tools;
+    if (version >= VK_API_VERSION_1_3 && vkGetPhysicalDeviceToolProperties(device, &count, nullptr) == VK_SUCCESS) {
+        tools.resize(count, {VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TOOL_PROPERTIES, nullptr, {}, {}, 0, {}, {}});
+        vkGetPhysicalDeviceToolProperties(device, &count, tools.data());
+    }
+    for (const VkPhysicalDeviceToolProperties &tool : tools) {
+        if (std::strcmp(tool.layer, kLayerName) != 0)
+            continue;
+        if (std::strcmp(tool.description, "emulated") == 0)
+            return std::string("emulated by the layer ") + kLayerName;
+        if (std::strcmp(tool.description, "translated") == 0)
+            return std::string("the driver's VK_EXT_opacity_micromap, to which the layer ") + kLayerName +
+                   " translates VK_KHR_opacity_micromap";
+        return std::string("the driver's (the layer ") + kLayerName + " passes it through)";
+    }
+    return "the driver's";
+}
+
+DeviceInfo describe(VkPhysicalDevice device)
+{
+    VkPhysicalDeviceProperties properties;
+    vkGetPhysicalDeviceProperties(device, &properties);
+    DeviceInfo info;
+    info.handle = device;
+    info.name = properties.deviceName;
+    info.type = properties.deviceType;
+    info.extensions = extensionsOf(device);
+    const std::set<std::string> &extensions = info.extensions;
+    if (properties.apiVersion < VK_API_VERSION_1_3 || !extensions.contains(VK_KHR_RAY_QUERY_EXTENSION_NAME) ||
+        !extensions.contains(VK_KHR_ACCELERATION_STRUCTURE_EXTENSION_NAME))
+        return info;
+    auto addressCommands = vkInit<VkPhysicalDeviceDeviceAddressCommandsFeaturesKHR>();
+    auto khrMicromap = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesKHR>();
+    auto extMicromap = vkInit<VkPhysicalDeviceOpacityMicromapFeaturesEXT>();
+    auto pipelines = vkInit<VkPhysicalDeviceRayTracingPipelineFeaturesKHR>();
+    auto rayQuery = vkInit<VkPhysicalDeviceRayQueryFeaturesKHR>();
+    const auto ask = [&](auto &feature, const char *extension) {
+        if (extensions.contains(extension))
+            feature.pNext = std::exchange(rayQuery.pNext, &feature);
+    };
+    ask(addressCommands, VK_KHR_DEVICE_ADDRESS_COMMANDS_EXTENSION_NAME);
+    ask(khrMicromap, VK_KHR_OPACITY_MICROMAP_EXTENSION_NAME);
+    ask(extMicromap, VK_EXT_OPACITY_MICROMAP_EXTENSION_NAME);
+    ask(pipelines, VK_KHR_RAY_TRACING_PIPELINE_EXTENSION_NAME);
+    auto features = vkInit<VkPhysicalDeviceFeatures2>({.pNext = &rayQuery});
+    vkGetPhysicalDeviceFeatures2(device, &features);
+    info.rayQuery = rayQuery.rayQuery == VK_TRUE;
+    info.rayTracingPipelines = pipelines.rayTracingPipeline == VK_TRUE;
+    info.khrMicromaps = khrMicromap.micromap == VK_TRUE && addressCommands.deviceAddressCommands == VK_TRUE;
+    info.extMicromaps = extMicromap.micromap == VK_TRUE;
+    info.implementation =
+        info.khrMicromaps || info.extMicromaps ? describeImplementation(device, properties.apiVersion) : "none";
+    return info;
+}
+
+bool contains(std::string text, std::string part)
+{
+    const auto lower = [](std::string &s) {
+        std::transform(s.begin(), s.end(), s.begin(),
+                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    };
+    lower(text);
+    lower(part);
+    return text.find(part) != std::string::npos;
+}
+
+// "0 (llvmpipe), 1 (Radeon)"
+std::string listOf(std::span<const DeviceInfo> devices)
+{
+    std::string list;
+    for (const DeviceInfo &device : devices)
+        list += (list.empty() ? "" : ", ") + std::to_string(device.number) + " (" + device.name + ")";
+    return list;
+}
+
+int rank(VkPhysicalDeviceType type)
+{
+    switch (type) {
+    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU: return 4;
+    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU: return 3;
+    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU: return 2;
+    case VK_PHYSICAL_DEVICE_TYPE_CPU: return 1;
+    default: return 0;
+    }
+}
+
+} // namespace
+
+void requireMicromaps(const DeviceInfo &device, Api api, bool layer)
+{
+    if (device.has(api))
+        return;
+    std::string text = device.name + " has no " + extensionOf(api);
+    const Api other = api == Api::Khr ? Api::Ext : Api::Khr;
+    if (device.has(other))
+        text += std::string(", but ") + extensionOf(other) + ": --api " + (other == Api::Khr ? "khr" : "ext");
+    else if (!layer)
+        text += ", and the layer that brings it is not turned on";
+    throw std::runtime_error(text);
+}
+
+std::vector<DeviceInfo> listDevices(const Instance &instance)
+{
+    uint32_t count = 0;
+    // Without any driver some loaders fail here instead of at the instance's creation.
+    if (vkEnumeratePhysicalDevices(instance.handle(), &count, nullptr) != VK_SUCCESS)
+        count = 0;
+    std::vector<VkPhysicalDevice> handles(count);
+    if (count != 0)
+        CHECK_VK(vkEnumeratePhysicalDevices(instance.handle(), &count, handles.data()));
+    std::vector<DeviceInfo> devices;
+    for (const VkPhysicalDevice handle : handles) {
+        DeviceInfo &device = devices.emplace_back(describe(handle));
+        device.instance = &instance;
+        device.number = static_cast<uint32_t>(devices.size() - 1);
+    }
+    return devices;
+}
+
+std::optional<uint32_t> DeviceSelection::number() const
+{
+    uint32_t number = 0;
+    if (!text_ || std::from_chars(text_->data(), text_->data() + text_->size(), number).ec != std::errc() ||
+        std::to_string(number) != *text_)
+        return std::nullopt;
+    return number;
+}
+
+DeviceInfo DeviceSelection::from(std::span<const DeviceInfo> devices) const
+{
+    if (devices.empty())
+        throw std::runtime_error("there is no Vulkan device");
+    const DeviceInfo *named = nullptr;
+    const DeviceInfo *best = nullptr;
+    // Digits are a number even where they are a part of a name.
+    const bool byNumber = text_ && text_->find_first_not_of("0123456789") == std::string::npos;
+    for (const DeviceInfo &d : devices) {
+        if (text_ && !(byNumber ? number() == d.number : contains(d.name, *text_)))
+            continue;
+        named = named != nullptr ? named : &d;
+        if (d.rayQuery && (best == nullptr || rank(d.type) > rank(best->type)))
+            best = &d;
+    }
+    if (best != nullptr)
+        return *best;
+    if (!text_)
+        throw std::runtime_error("no Vulkan device has ray queries (VK_KHR_ray_query and Vulkan 1.3); there is " +
+                                 listOf(devices));
+    if (named == nullptr)
+        throw std::runtime_error("--device " + *text_ +
+                                 " is neither the number of a Vulkan device nor a part of the name of one; " +
+                                 "there is " + listOf(devices));
+    throw std::runtime_error("the Vulkan device " + named->name + " has no ray queries");
+}
+
+} // namespace vellum::gpu

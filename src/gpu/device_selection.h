@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The physical devices of an instance, and which of these is used (--device).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gpu/instance.h"
+
+namespace vellum::gpu
+{
+
+struct DeviceInfo {
+    const Instance *instance = nullptr;
+    VkPhysicalDevice handle = VK_NULL_HANDLE;
+    uint32_t number = 0; // in Vulkan's list
+    std::string name;
+    std::set<std::string> extensions;
+    VkPhysicalDeviceType type = VK_PHYSICAL_DEVICE_TYPE_OTHER;
+    bool rayQuery = false; // with Vulkan 1.3 and acceleration structures
+    bool rayTracingPipelines = false;
+    bool khrMicromaps = false; // of the driver or a layer
+    bool extMicromaps = false;
+    std::string implementation; // of micromaps, in words
+
+    [[nodiscard]] bool has(Api api) const { return api == Api::Khr ? khrMicromaps : extMicromaps; }
+};
+
+// `instance` must outlive what is made of them.
+std::vector<DeviceInfo> listDevices(const Instance &instance);
+
+// Selects a device, as --device does: a text of digits is a number in Vulkan's list and nothing else, any other text a
+// part of a name. Of several, and without a text of all, the most powerful kind that has ray queries, and the first of
+// these.
+class DeviceSelection
+{
+public:
+    DeviceSelection() = default;
+    explicit DeviceSelection(std::optional<std::string> text) : text_(std::move(text)) {}
+
+    // Throws std::runtime_error where there is none.
+    [[nodiscard]] DeviceInfo from(std::span<const DeviceInfo> devices) const;
+    [[nodiscard]] DeviceInfo from(const Instance &instance) const { return from(listDevices(instance)); }
+    // Nothing where it does not select by number.
+    [[nodiscard]] std::optional<uint32_t> number() const;
+    // For the command line of another process.
+    [[nodiscard]] const std::optional<std::string> &text() const { return text_; }
+
+private:
+    std::optional<std::string> text_;
+};
+
+// Throws std::runtime_error where the device lacks the extension. `layer`: the layer was enabled.
+void requireMicromaps(const DeviceInfo &device, Api api, bool layer);
+
+} // namespace vellum::gpu
