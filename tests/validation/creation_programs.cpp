@@ -90,6 +90,28 @@ void createdWithoutFeature(Gpu &gpu, bool wrong)
         destroyMicromap(gpu, createMicromap(gpu, buffer.handle(), buffer.address(), 0, 4096));
 }
 
+void micromapDestroyedTwice(Gpu &gpu, bool wrong)
+{
+    const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
+    const auto info = vkInit<VkMicromapCreateInfoEXT>(
+        {.buffer = buffer.handle(), .size = 4096, .type = VK_MICROMAP_TYPE_OPACITY_MICROMAP_EXT});
+    VkMicromapEXT micromap = VK_NULL_HANDLE;
+    VT_CHECK(gpu.vk().CreateMicromapEXT(gpu.device(), &info, nullptr, &micromap));
+    for (int i = 0; i < (wrong ? 2 : 1); ++i)
+        gpu.vk().DestroyMicromapEXT(gpu.device(), micromap, nullptr);
+}
+
+void structureDestroyedTwice(Gpu &gpu, bool wrong)
+{
+    const Buffer buffer(gpu, 65536, micromapStorageUsage(gpu));
+    const auto info = vkInit<VkAccelerationStructureCreateInfoKHR>(
+        {.buffer = buffer.handle(), .size = 4096, .type = VK_ACCELERATION_STRUCTURE_TYPE_BOTTOM_LEVEL_KHR});
+    VkAccelerationStructureKHR structure = VK_NULL_HANDLE;
+    VT_CHECK(gpu.vk().CreateAccelerationStructureKHR(gpu.device(), &info, nullptr, &structure));
+    for (int i = 0; i < (wrong ? 2 : 1); ++i)
+        gpu.vk().DestroyAccelerationStructureKHR(gpu.device(), structure, nullptr);
+}
+
 void destroyedWithoutFeature(Gpu &gpu, bool wrong)
 {
     if (wrong)
@@ -268,6 +290,7 @@ const WrongProgram kPrograms[] = {
      extCreation<EXT_CHANGE(info.createFlags = VK_MICROMAP_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_EXT)>},
     {"VUID-vkDestroyMicromapEXT-micromap-07442", Api::Ext, kNeedsNothing, extAllocator<true>},
     {"VUID-vkDestroyMicromapEXT-micromap-07443", Api::Ext, kNeedsNothing, extAllocator<false>},
+    {"VUID-vkDestroyMicromapEXT-micromap-parameter", Api::Ext, kNeedsNothing, micromapDestroyedTwice},
     {"VUID-VkMicromapCreateInfoEXT-buffer-07436", Api::Ext, kNeedsNothing, sparse},
     {"VUID-vkCreateMicromapEXT-micromap-11615", Api::Ext, kNeedsNoFeature, createdWithoutFeature, "",
      "VUID-vkDestroyMicromapEXT-micromap-11619"},
@@ -290,6 +313,8 @@ const WrongProgram kPrograms[] = {
     {"VUID-VkAccelerationStructureCreateInfo2KHR-addressRange-11604", Api::Khr, kNeedsNothing, sparse},
     {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02443", Api::Khr, kNeedsNothing, withAllocator},
     {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02444", Api::Khr, kNeedsNothing, withoutAllocator},
+    {"VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-parameter", Api::Khr, kNeedsNothing,
+     structureDestroyedTwice},
     {"VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-11607", Api::Khr, kNeedsFewFeatures,
      khrCreation<KHR_CHANGE(info.createFlags = VK_ACCELERATION_STRUCTURE_CREATE_DEVICE_ADDRESS_CAPTURE_REPLAY_BIT_KHR)>,
      "", "VUID-VkAccelerationStructureCreateInfo2KHR-createFlags-03613"},

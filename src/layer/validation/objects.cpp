@@ -76,6 +76,18 @@ void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStruc
         device.records.setReference(address, *structure->record);
 }
 
+// An object must not be destroyed twice; reports the second time. Implementations would free its memory again.
+bool isDestroyed(DeviceValidation &device, ObjectHandle object, const char *command, const char *member,
+                 const char *vuid)
+{
+    const bool destroyed =
+        device.checks.core && !device.objects.structureOf(object) && device.objects.destroyed.contains(object);
+    const Place place(command);
+    if (destroyed)
+        device.fault(place.member(member), vuid, "it was destroyed", object);
+    return destroyed;
+}
+
 } // namespace
 
 void getDeviceQueue(DeviceValidation &device, VkDevice handle, uint32_t family, uint32_t index, VkQueue *queue)
@@ -213,6 +225,9 @@ VkResult createAccelerationStructure2(DeviceValidation &device, VkDevice handle,
 void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkAccelerationStructureKHR structure,
                                   const VkAllocationCallbacks *allocator)
 {
+    if (isDestroyed(device, structure, "vkDestroyAccelerationStructureKHR", "accelerationStructure",
+                    "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-parameter"))
+        return;
     const auto known = device.objects.structures.take(structure);
     if (device.checks.core)
         checkDestruction(device, known.get(), allocator != nullptr);
@@ -254,6 +269,9 @@ VkResult createMicromap(DeviceValidation &device, VkDevice handle, const VkMicro
 void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT micromap,
                      const VkAllocationCallbacks *allocator)
 {
+    if (isDestroyed(device, micromap, "vkDestroyMicromapEXT", "micromap",
+                    "VUID-vkDestroyMicromapEXT-micromap-parameter"))
+        return;
     const auto known = device.objects.micromaps.take(micromap);
     if (device.checks.core) {
         checkMicromapDestruction(device);
