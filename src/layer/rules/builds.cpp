@@ -48,9 +48,7 @@ Found unknownFormat(const Usage &c)
 {
     return when(
         !c.isTwoState() && !c.isFourState(),
-        [&] {
-            return nameOf(static_cast<VkOpacityMicromapFormatEXT>(c.usage.format)) + " is neither 2-state nor 4-state";
-        },
+        [&] { return nameOfFormat(c.usage.format) + " is neither 2-state nor 4-state"; },
         !c.support || c.support->takesUnknownFormats ? Tolerate : Reject);
 }
 

@@ -13,7 +13,7 @@ namespace vellum::layer
 namespace
 {
 
-std::string nameIn(std::span<const EnumName> names, int32_t value)
+std::string nameIn(std::span<const EnumName> names, int64_t value)
 {
     const auto found = std::ranges::find(names, value, &EnumName::value);
     return found == names.end() ? std::to_string(value) : found->name;
@@ -49,7 +49,7 @@ std::string nameOf(VkMicromapTypeEXT type)
     return nameIn(kMicromapTypeEXTNames, type);
 }
 
-std::string nameOf(VkOpacityMicromapFormatEXT format)
+std::string nameOfFormat(uint32_t format)
 {
     return nameIn(kOpacityMicromapFormatEXTNames, format);
 }

@@ -106,7 +106,7 @@ std::string nameOf(VkStructureType type);
 std::string nameOf(VkQueryType type);
 std::string nameOf(VkIndexType type);
 std::string nameOf(VkMicromapTypeEXT type);
-std::string nameOf(VkOpacityMicromapFormatEXT format);
+std::string nameOfFormat(uint32_t format); // VkOpacityMicromapFormatEXT, as usage counts have it
 
 // --- violations of rules that several commands have ---
 Found lacksHostCommands(const RuleDevice &device);

@@ -269,7 +269,7 @@ std::string wrongUsages(const StructureContents &micromap, const std::vector<VkM
         });
         if (usage.count > 0 && !known)
             return "the usage counts state triangles of level " + std::to_string(usage.subdivisionLevel) +
-                   " and format " + std::to_string(usage.format) + "; the micromap has none";
+                   " and format " + nameOfFormat(usage.format) + "; the micromap has none";
     }
     return sum > triangles ? "the usage counts add up to " + std::to_string(sum) + " triangles; the geometry has " +
                                  std::to_string(triangles)
