@@ -27,7 +27,7 @@ constexpr rlim_t kMostMemory = rlim_t{4} << 30;
 constexpr rlim_t kMostSeconds = 60;
 #else
 constexpr rlim_t kMostMemory = rlim_t{1} << 30;
-constexpr rlim_t kMostSeconds = 10;
+constexpr rlim_t kMostSeconds = 30;
 #endif
 
 // The first error of reading everything in `path`, by a process that has these limits.
