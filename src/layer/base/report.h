@@ -57,8 +57,7 @@ public:
     // Reports a command that the layer rejects, because carrying it out in part would be silently wrong.
     void notAvailable(const std::string &what)
     {
-        send(VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT, "VELLUM-not-available",
-             what + " is not available in this version of the layer", VK_OBJECT_TYPE_UNKNOWN, 0);
+        error("VELLUM-not-available", what + " is not available in this version of the layer");
     }
     void warning(const char *id, std::string_view text, VkObjectType type = VK_OBJECT_TYPE_UNKNOWN, uint64_t object = 0)
     {

@@ -38,8 +38,7 @@ void addRangeBarriers(const DeviceCommandBuffers &device, VkCommandBuffer comman
                       const VkMemoryRangeBarriersInfoKHR &info, std::vector<VkMemoryBarrier2> &memory,
                       std::vector<VkBufferMemoryBarrier2> &buffers)
 {
-    const bool isReported =
-        input::Checked<input::CheckedRanges>::take(commandBuffer, [] { return input::CheckedRanges{}; }).reported;
+    const bool isReported = input::areRangesReported(commandBuffer);
     for (uint32_t i = 0; i < info.memoryRangeBarrierCount; ++i) {
         const VkMemoryRangeBarrierKHR &range = info.pMemoryRangeBarriers[i];
         const bool transfer = range.srcQueueFamilyIndex != range.dstQueueFamilyIndex;

@@ -14,8 +14,7 @@ namespace vellum::layer
 AddressLookup::AddressLookup(const DeviceAddresses &device, VkCommandBuffer commandBuffer, const char *command,
                              const char *otherwise)
     : device_(device), commandBuffer_(commandBuffer), command_(command), otherwise_(otherwise),
-      isReported_(
-          input::Checked<input::CheckedRanges>::take(commandBuffer, [] { return input::CheckedRanges{}; }).reported)
+      isReported_(input::areRangesReported(commandBuffer))
 {
 }
 

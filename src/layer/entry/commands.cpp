@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "layer/command_buffer/synchronization.h"
-#include "layer/entry/command.h"
 #include "layer/entry/application_messages.h"
+#include "layer/entry/command.h"
 #include "layer/memory/buffers.h"
 #include "layer/micromaps/micromap.h"
 #include "layer/micromaps/micromap_build.h"

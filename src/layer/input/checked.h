@@ -5,6 +5,8 @@
 
 #include <utility>
 
+#include <vulkan/vulkan.h>
+
 namespace vellum::layer::input
 {
 
@@ -38,5 +40,10 @@ private:
 struct CheckedRanges {
     bool reported = false; // a violation
 };
+// Returns whether validation has reported a violation by the ranges of the command that is being recorded.
+inline bool areRangesReported(VkCommandBuffer commandBuffer)
+{
+    return Checked<CheckedRanges>::take(commandBuffer, [] { return CheckedRanges{}; }).reported;
+}
 
 } // namespace vellum::layer::input

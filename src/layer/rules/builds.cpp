@@ -274,7 +274,7 @@ Found notBound(const Build &c)
 }
 
 constexpr const char *kNull = "the address is null";
-// An address that is not accessed may be any but null; one of the host is not known.
+// An address that the build does not access only must not be null. Host addresses cannot be checked.
 Found isInvalid(const Build &c, VkDeviceAddress address)
 {
     return c.triangles == 0 || c.build.host ? when(address == 0, kNull, c.ifRead(Reject))

@@ -91,7 +91,7 @@ uint32_t unitsOf(VkDeviceSize bytes);
 
 // Reports errors that shaders have found in copies since the last call, unless validation does.
 void reportGpuErrors(DeviceState &device);
-// Reports them all but those in `known`, one bit for each kGpuError*.
+// Reports all except those whose bit is set in `known` (one bit for each kGpuError*).
 void reportGpuErrors(DeviceState &device, uint32_t known);
 
 // --- structures that are or hold micromaps (VK_KHR_opacity_micromap) ---

@@ -80,12 +80,19 @@ void setReference(DeviceValidation &device, const std::shared_ptr<ValidatedStruc
 bool isDestroyed(DeviceValidation &device, ObjectHandle object, const char *command, const char *member,
                  const char *vuid)
 {
-    const bool destroyed =
-        device.checks.core && !device.objects.structureOf(object) && device.objects.destroyed.contains(object);
+    const bool destroyed = device.checks.core && device.objects.destroyed.contains(object);
     const Place place(command);
     if (destroyed)
         device.fault(place.member(member), vuid, "it was destroyed", object);
     return destroyed;
+}
+
+void setDestroyed(DeviceValidation &device, ValidatedStructure &structure)
+{
+    structure.destroyed = true;
+    remember(device.objects, [&] { device.objects.destroyed.add(structure.handle); });
+    if (structure.record)
+        remember(device.objects, [&] { device.records.setDestroyed(*structure.record); });
 }
 
 } // namespace
@@ -233,12 +240,8 @@ void destroyAccelerationStructure(DeviceValidation &device, VkDevice handle, VkA
         checkDestruction(device, known.get(), allocator != nullptr);
     sync::checkDestruction(device.sync, "vkDestroyAccelerationStructureKHR",
                            "VUID-vkDestroyAccelerationStructureKHR-accelerationStructure-02442", known.get());
-    if (known) {
-        known->destroyed = true;
-        remember(device.objects, [&] { device.objects.destroyed.add(structure); });
-    }
-    if (known && known->record)
-        remember(device.objects, [&] { device.records.setDestroyed(*known->record); });
+    if (known)
+        setDestroyed(device, *known);
     device.next.DestroyAccelerationStructureKHR(handle, structure, allocator);
 }
 
@@ -279,10 +282,8 @@ void destroyMicromap(DeviceValidation &device, VkDevice handle, VkMicromapEXT mi
     }
     sync::checkDestruction(device.sync, "vkDestroyMicromapEXT", "VUID-vkDestroyMicromapEXT-micromap-07441",
                            known.get());
-    if (known) {
-        known->destroyed = true;
-        remember(device.objects, [&] { device.objects.destroyed.add(micromap); });
-    }
+    if (known)
+        setDestroyed(device, *known);
     device.next.DestroyMicromapEXT(handle, micromap, allocator);
 }
 

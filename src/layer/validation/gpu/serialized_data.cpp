@@ -57,9 +57,10 @@ struct Command {
     DeviceModel &device;
     const std::string &place;
     const ValidatedStructure &structure;
-    uint32_t &found; // what an emulation finds as well, one bit for each kGpuError*
+    uint32_t &found; // one bit for each kGpuError* that an emulation reports for the same fault
 
-    // `error`: of an emulation, which has another one for micromaps.
+    // `error`, `ofMicromaps`: the kGpuError* that an emulation reports for the same fault of a structure, of a
+    // micromap.
     void fault(const char *vuid, const std::string &text, uint32_t error, uint32_t ofMicromaps) const
     {
         device.fault(place, vuid, text, structure.handle);
@@ -249,7 +250,7 @@ void addWhenExecuted(GpuChecks &gpu, const RuleCheck &check, PendingChecks::Chec
     });
 }
 
-// The size of `source` is at most `most`. `error`: of an emulation.
+// The size of `source` is at most `most`. `error`: the kGpuError* that an emulation reports for the same fault.
 void checkSize(GpuChecks &gpu, const RuleCheck &check, const std::shared_ptr<ValidatedStructure> &source,
                VkQueryType type, const char *vuid, VkDeviceSize most, const std::string &text, uint32_t error)
 {
@@ -308,6 +309,8 @@ void PendingChecks::add(Check check)
 
 void PendingChecks::report(DeviceModel &device)
 {
+    if (!any_ && !device.reportGpuErrors)
+        return;
     const HeldMessages held;
     if (any_) {
         const std::lock_guard submissions(device.logs.submissions); // change what structures hold

@@ -50,18 +50,19 @@ private:
 class PendingChecks
 {
 public:
-    // Returns whether it is done. Adds to `found` what the shaders of an emulation find as well, one bit for each
-    // kGpuError*.
+    // Returns whether it is done. If it reports a fault, it sets the bit of `found` for each kGpuError* by which an
+    // emulation reports the same fault.
     using Check = std::function<bool(uint32_t &found)>;
     void add(Check check);
-    // Reports what checks have found, and when none waits, what else the shaders of an emulation have found.
+    // Evaluates the checks. When all are done, reports the errors of the emulation's shaders that no check has
+    // reported.
     void report(DeviceModel &device);
 
 private:
     std::atomic<bool> any_ = false; // read without the mutex
     std::mutex mutex_;
     std::vector<Check> checks_;
-    uint32_t found_ = 0; // by checks, of what an emulation finds
+    uint32_t found_ = 0; // one bit for each kGpuError* that checks have reported
 };
 
 // Checks data that is deserialized, before the command is recorded. Returns its header; null if it is not known.

@@ -35,8 +35,8 @@ struct DeviceModel {
                              GpuBuffer::Content::Undefined};
     StructureRecords records{}; // without the check `gpu` it has none
 
-    // Reports what the shaders of an emulation have found, but for `known`, one bit for each kGpuError*. Null: there is
-    // no emulation, or it reports that itself.
+    // Reports the errors that the emulation's shaders have found, except those whose bit is set in `known` (one bit for
+    // each kGpuError*). Null if micromaps are not emulated, or if the emulation reports these errors itself.
     std::function<void(uint32_t known)> reportGpuErrors{};
 
     ValidatedObjects objects{};

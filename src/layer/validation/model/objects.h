@@ -141,7 +141,7 @@ struct ValidatedMemory {
     std::shared_ptr<BuffersOfMemory> buffers{};
 };
 
-// Handles of micromaps and structures that were destroyed, until others get them. Not of all in a long time.
+// Handles of destroyed micromaps and structures that no new object has. Beyond kMost, all are forgotten.
 class DestroyedHandles
 {
 public:

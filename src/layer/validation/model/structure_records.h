@@ -45,8 +45,8 @@ public:
     std::shared_ptr<Owner> take();
     // States that instances name a structure by that address.
     void setReference(VkDeviceAddress reference, const Owner &record);
-    // The structure is destroyed: another one may get the address. Until then shaders find that it was destroyed, of
-    // the last of many structures.
+    // The structure is destroyed. Until another one gets its address, shaders find that it was destroyed; the oldest of
+    // many addresses are forgotten.
     void setDestroyed(const Owner &record);
     void removeReference(const Owner &record);
 

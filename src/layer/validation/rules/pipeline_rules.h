@@ -13,7 +13,7 @@ namespace vellum::layer
 
 struct DeviceModel;
 
-// Check them when they are created.
+// Check the create infos. The results state which objects may be created.
 input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkComputePipelineCreateInfo *);
 input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkGraphicsPipelineCreateInfo *);
 input::Pipelines checkPipelines(DeviceModel &, uint32_t count, const VkRayTracingPipelineCreateInfoKHR *);

@@ -31,13 +31,12 @@ public:
     void fault(const char *vuid, const std::string &text) const
     {
         if (vuid)
-            device_.driver.report().error(vuid, place_.text() + ": " + text, object_.type, object_.handle);
+            device_.fault(place_, vuid, text, object_);
     }
     void fault(const char *member, const char *vuid, const std::string &text) const
     {
         if (vuid)
-            device_.driver.report().error(vuid, place_.member(member).text() + ": " + text, object_.type,
-                                          object_.handle);
+            device_.fault(place_.member(member), vuid, text, object_);
     }
     // Returns `kept`.
     bool require(bool kept, const char *member, const char *vuid, const char *found) const
