@@ -8,6 +8,8 @@ target_compile_options(vellum_warnings INTERFACE
   -Wno-missing-field-initializers
   # GCC's optimizer finds these in strings of its own library where that comes from a precompiled header.
   $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds;-Wno-restrict;-Wno-stringop-overflow;-Wno-stringop-overread>
+  # Code that a sanitizer has added hides from GCC that a value is set.
+  $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${VELLUM_SANITIZE}>>:-Wno-maybe-uninitialized>
   # A batch includes .cpp files one after the other: a local name may hide one of another file's anonymous namespace, and a
   # class of one file may have members of such a type.
   $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${CMAKE_UNITY_BUILD}>>:-Wno-shadow;-Wno-subobject-linkage>)
